@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef DDXCTL_H
+#define DDXCTL_H
+
+#include <stdbool.h>
+
+#include "ddx.h"
+
+/* What the command line asked for. */
+struct request {
+    const char *item;
+    bool json;
+    int port;
+    unsigned count; /* watch: so many frames, then end; 0: until interrupted */
+    double every;   /* repeat, seconds between; 0: once */
+};
+
+/* One file each; they return the exit status. */
+int command_list(DDX_STORE_ID *id, const struct request *request);
+int command_show(DDX_STORE_ID *id, const struct request *request);
+int command_watch(DDX_STORE_ID *id, const struct request *request);
+int command_stats(DDX_STORE_ID *id, const struct request *request);
+
+/* "ddxctl: item: text" on stderr; returns 1. */
+int complain(const char *item, int error);
+
+/* Print `text` as a JSON string, with its quotes; `length` bytes or up to a NUL. */
+void json_string(const char *text, size_t length);
+
+/* Bytes as people read them: "152K". */
+const char *readable_bytes(uint64_t bytes, char text[16]);
+
+/* A frame's fields, one by one: name = value, or the members of a JSON object. */
+void print_fields(const DDX_STORE_ITEM *item, const void *data, bool json);
+
+#endif

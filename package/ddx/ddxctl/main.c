@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* ddxctl: look at the store from a shell. */
+#include "ddxctl.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#define STORE_WAIT 1.0 /* s */
+
+static const char usage[] = "usage: ddxctl COMMAND [options]\n"
+                            "\n"
+                            "  list          all items: type, memory, readers, writer, age\n"
+                            "  show ITEM     the item's newest value, field by field\n"
+                            "  watch ITEM    a line for each write: number, time, what was missed\n"
+                            "  stats         counters of all programs: frames in, out, lost, latency\n"
+                            "\n"
+                            "  -json         for programs: one JSON object a line\n"
+                            "  -every S      list, show, stats: again every S seconds\n"
+                            "  -count N      end after N writes (watch) or repetitions\n"
+                            "  -port N       the store's port; default 2005\n"
+                            "  -help         this text\n"
+                            "\n"
+                            "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
+
+static const struct {
+    const char *name;
+    bool needs_item;
+    int (*run)(DDX_STORE_ID *id, const struct request *request);
+} commands[] = {
+    {"list", false, command_list},
+    {"show", true, command_show},
+    {"watch", true, command_watch},
+    {"stats", false, command_stats},
+};
+
+int complain(const char *item, int error) {
+    if (item)
+        fprintf(stderr, "ddxctl: %s: %s\n", item, ddx_error_text(error));
+    else
+        fprintf(stderr, "ddxctl: %s\n", ddx_error_text(error));
+    return 1;
+}
+
+static int bad_usage(const char *word, const char *problem) {
+    fprintf(stderr, "ddxctl: %s: %s; see ddxctl -help\n", word, problem);
+    return 2;
+}
+
+static bool number(const char *text, double least, double most, double *value) {
+    char *end;
+
+    *value = strtod(text, &end);
+    return end != text && !*end && *value >= least && *value <= most;
+}
+
+static int repeat(size_t command, DDX_STORE_ID *id, const struct request *request) {
+    struct timespec pause = {(time_t)request->every, (long)((request->every - (double)(time_t)request->every) * 1e9)};
+    int status = commands[command].run(id, request);
+
+    if (request->every <= 0 || commands[command].run == command_watch)
+        return status;
+    for (unsigned i = 1; request->count == 0 || i < request->count; i++) {
+        nanosleep(&pause, NULL);
+        status = commands[command].run(id, request);
+        fflush(stdout);
+    }
+    return status;
+}
+
+int main(int argc, char **argv) {
+    static const struct option options[] = {{"json", no_argument, NULL, 'j'},     {"every", required_argument, NULL, 'e'},
+                                            {"count", required_argument, NULL, 'c'}, {"port", required_argument, NULL, 'p'},
+                                            {"help", no_argument, NULL, 'h'},     {NULL, 0, NULL, 0}};
+    struct request request = {.port = DDX_STORE_PORT};
+    double value;
+    int option;
+
+    opterr = 0;
+    while ((option = getopt_long_only(argc, argv, ":", options, NULL)) != -1) {
+        switch (option) {
+        case 'j': request.json = true; break;
+        case 'e':
+            if (!number(optarg, 0.01, 86400, &request.every))
+                return bad_usage(optarg, "-every takes seconds from 0.01 to 86400");
+            break;
+        case 'c':
+            if (!number(optarg, 1, 1e9, &value))
+                return bad_usage(optarg, "-count takes a number from 1");
+            request.count = (unsigned)value;
+            break;
+        case 'p':
+            if (!number(optarg, 1, 65535, &value))
+                return bad_usage(optarg, "-port takes a number from 1 to 65535");
+            request.port = (int)value;
+            break;
+        case 'h': fputs(usage, stdout); return 0;
+        case ':': return bad_usage(argv[optind - 1], "needs a value");
+        default: return bad_usage(argv[optind - 1], "unknown option");
+        }
+    }
+    if (optind >= argc) {
+        fputs(usage, stderr);
+        return 2;
+    }
+    size_t command = 0, count = sizeof commands / sizeof commands[0];
+    while (command < count && strcmp(argv[optind], commands[command].name) != 0)
+        command++;
+    if (command == count)
+        return bad_usage(argv[optind], "unknown command (list, show, watch, stats)");
+    int words = argc - optind - 1;
+    if (words < commands[command].needs_item)
+        return bad_usage(commands[command].name, "needs the name of an item");
+    if (words > commands[command].needs_item)
+        return bad_usage(argv[argc - 1], "unexpected");
+    request.item = commands[command].needs_item ? argv[optind + 1] : NULL;
+
+    DDX_STORE_ID *id = ddx_store_open(NULL, request.port, STORE_WAIT);
+    if (!id)
+        return complain(NULL, errno);
+    int status = repeat(command, id, &request);
+    ddx_store_close(id);
+    return status;
+}

@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * ddx_stats: what a program did with its frames, in numbers that add up.
+ *
+ * Every program of this family keeps one book: frames in, frames out, frames lost (by named reason), a histogram of
+ * latencies, how often it was started. The book lives in the store as item `<instance>.stats` of type DDX_STATS, so
+ * that anybody can read it, and a program that was restarted goes on with the totals of the one before. At all
+ * times
+ *
+ *     in = out + waiting + sum(lost)
+ *
+ * where `waiting` is computed, not kept: frames that came in and have not been accounted for yet.
+ *
+ *     static const char *const reasons[] = {"store", "ring", NULL};
+ *     DDX_STATS_BOOK *book = ddx_stats_open("ddxvideosave", reasons);
+ *     ddx_stats_attach(book, id, "video");            // optional: without a store the book only counts
+ *     for each frame:
+ *         ddx_stats_in(book, 1, frame.sequence);
+ *         ddx_stats_out(book, 1, ddx_time_now() - frame.time);      // or ddx_stats_lost(book, REASON_RING, 1)
+ *         ddx_stats_write(book);                      // cheap: a 4 KB copy; also the program's sign of life
+ *     ddx_stats_print(book, stdout);
+ *     ddx_stats_close(book);                          // a clean stop
+ *
+ * Threads: all functions on a book may be called by several threads; none waits for anything but a memory copy, except
+ * ddx_stats_attach(), which waits for the store's answer (5 s at most).
+ */
+#ifndef DDX_STATS_H
+#define DDX_STATS_H
+
+#include <stdio.h>
+
+#include "ddx.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define DDX_STATS_VERSION 1
+#define DDX_STATS_REASONS 8     /* reasons of loss, "restart" among them */
+#define DDX_STATS_REASON_MAX 15 /* longest name of a reason, in bytes */
+
+/*
+ * Latency buckets, in µs: below 32 each number has its own; above, each power of two is cut into 32 equal parts, so a
+ * bucket's middle is at most 1.6 % off. The last one ends at 2^27 µs (134 s) and also takes what is longer.
+ */
+#define DDX_STATS_BUCKETS 736
+
+/* The value of an item `<instance>.stats`. The layout is the same for 32-bit and 64-bit programs. */
+DDX_STORE_TYPE(DDX_STATS, struct {
+    uint32_t version; /* DDX_STATS_VERSION */
+    uint32_t running; /* 1; 0 after a clean stop. A dead program leaves 1 */
+    uint32_t starts;
+    uint32_t reasons; /* entries of `lost` in use */
+    uint64_t in;
+    uint64_t out;
+    uint64_t waiting;
+    uint64_t sequence;    /* last sequence number seen of the source item, 0 if none */
+    int64_t first;        /* time of the first frame out, ns of CLOCK_MONOTONIC, 0 if none */
+    int64_t last;         /* time of the last frame out */
+    uint64_t latency_max; /* µs */
+    char source[64];      /* item that the frames come from, "" if none */
+    struct {
+        char name[16];
+        uint64_t frames;
+    } lost[DDX_STATS_REASONS];
+    uint32_t latency[DDX_STATS_BUCKETS]; /* frames out, by latency */
+});
+
+typedef struct ddx_stats_book DDX_STATS_BOOK;
+
+/*
+ * A new book. `reasons` ends with NULL: at most DDX_STATS_REASONS - 1 names of at most DDX_STATS_REASON_MAX bytes;
+ * "restart" is added behind them. Strings are copied. NULL and errno (EINVAL, ENOMEM) on failure. The book is the
+ * caller's, until ddx_stats_close().
+ */
+DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons);
+
+/*
+ * Keep the book in the store, as item `<instance>.stats`, and take over what a former program of this instance left
+ * there: its totals are added, `starts` goes on, and if it died (no clean stop), what was waiting in it becomes
+ * lost "restart". `source`: name of the item that the frames come from, or NULL; see ddx_stats_resume(). The
+ * connection stays the caller's and must outlive the book. Errors: -EEXIST (a living program is this instance),
+ * else as ddx_store_create(). On failure the book goes on counting, without the store. At most once per book.
+ */
+int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
+
+/*
+ * To be asked with the first frame of a start, before it is counted; `sequence` is its number in the source item. If a
+ * former program died recording this source: how many frames went by unseen since; they are now counted as in and as lost
+ * "restart". -EALREADY: the former program has counted this very frame; do not count it again, ask with the next one.
+ * -ENOENT: there was none, or it was stopped cleanly (nobody wanted the frames since), or the numbers started anew.
+ */
+int64_t ddx_stats_resume(DDX_STATS_BOOK *book, uint64_t sequence);
+
+/* Frames that came in; `sequence` of the last of them in the source item, 0 if it has none. */
+void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence);
+
+/* Frames that went out now, each with this latency (ns; negative counts as 0). */
+void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency);
+
+/* Frames lost for the reason of this number in the `reasons` given to ddx_stats_open(). */
+void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames);
+
+/* Write the book into the store; 0 when it is not attached. Errors as ddx_store_write(). */
+int ddx_stats_write(DDX_STATS_BOOK *book);
+
+/* A consistent copy. */
+void ddx_stats_get(DDX_STATS_BOOK *book, DDX_STATS *stats);
+
+/* The JSON line of the book, with a line feed, flushed. */
+void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file);
+
+/*
+ * A clean stop: written a last time with running = 0, given back, freed. NULL is allowed. The caller has counted every
+ * frame as out or lost. Call it before ddx_store_close().
+ */
+void ddx_stats_close(DDX_STATS_BOOK *book);
+
+/* ---- For who reads the item ---- */
+
+/*
+ * The JSON line, without line feed, into line[size], always terminated; returns its length, as snprintf() does.
+ * Does not trust *stats. DDX_STATS_LINE_MAX bytes are always enough for names of at most DDX_NAME_MAX bytes.
+ *
+ *   {"instance":"ddxvideosave","in":500,"out":500,"waiting":0,"lost":{"store":0,"ring":0,"write":0,"restart":0},
+ *    "latency_us":{"p50":120,"p99":900,"max":2100},"starts":1,"first_ns":1234567890,"last_ns":2234567890}
+ */
+#define DDX_STATS_LINE_MAX 2048
+int ddx_stats_json(const DDX_STATS *stats, const char *instance, char *line, size_t size);
+
+/* The latency in µs below or at which `share` (0 to 1) of the frames are; 0 if there are none. */
+uint64_t ddx_stats_percentile(const DDX_STATS *stats, double share);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

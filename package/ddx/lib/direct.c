@@ -1,0 +1,123 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * The paper's stable pointer over a ring of slots: the pages of the pinned slot are moved into a window whose address
+ * never changes, and home again when the next frame comes. Moving page tables costs microseconds where copying or
+ * mapping anew costs hundreds.
+ */
+#include <errno.h>
+#include <string.h>
+#include <sys/mman.h>
+
+#include "item.h"
+
+static int make_window(DDX_STORE_ITEM *item) {
+    struct ddx_reader_role *reader = &item->reader;
+    const struct ddx_layout *shown = item->own ? item->own : item->layout;
+    struct ddx_runs runs = {.span_bytes = ddx_page_round(shown->size)};
+
+    reader->window = ddx_slot_reserve(&runs);
+    if (!reader->window)
+        return -errno;
+    reader->window_bytes = runs.span_bytes;
+    return 0;
+}
+
+void *ddx_store_var_pointer(DDX_STORE_ITEM *item) {
+    int result = -EINVAL;
+
+    if (item) {
+        pthread_mutex_lock(&item->lock);
+        result = item->reader.window ? 0 : make_window(item);
+        pthread_mutex_unlock(&item->lock);
+    }
+    if (!result)
+        return item->reader.window;
+    errno = -result;
+    return NULL;
+}
+
+/* Only the runs that lie within the window: the caller may know a leading part of the struct only. */
+static void runs_within(const struct ddx_term *term, uint64_t bytes, struct ddx_runs *runs) {
+    *runs = term->runs;
+    while (runs->count && runs->run[runs->count - 1].place >= bytes)
+        runs->count--;
+    if (runs->count && runs->run[runs->count - 1].place + runs->run[runs->count - 1].bytes > bytes)
+        runs->run[runs->count - 1].bytes = bytes - runs->run[runs->count - 1].place;
+}
+
+void ddx_direct_withdraw(struct ddx_reader_role *reader) {
+    struct ddx_term *term = reader->shown_term;
+
+    if (!term)
+        return;
+    struct ddx_runs runs;
+    runs_within(term, reader->window_bytes, &runs);
+    ddx_slot_move(reader->window, term->base[reader->shown], &runs, term->fd[reader->shown]);
+    if (term != reader->term)
+        ddx_term_free(term); /* its epoch has ended, and this was its last frame in use */
+    reader->shown_term = NULL;
+    reader->shown = -1;
+}
+
+/* Is the caller's struct the item's, but for a shorter end? Then its pages can be shown as they are. */
+static bool same_places(const struct ddx_term *term) {
+    for (unsigned i = 0; i < term->span_count; i++)
+        if (term->spans[i].item != term->spans[i].own)
+            return false;
+    return true;
+}
+
+static int show_copy(struct ddx_reader_role *reader, const struct ddx_term *term, unsigned slot) {
+    if (!reader->window_copied && mmap(reader->window, (size_t)reader->window_bytes, PROT_READ | PROT_WRITE,
+                                       MAP_PRIVATE | MAP_ANONYMOUS | MAP_FIXED, -1, 0) == MAP_FAILED)
+        return -errno;
+    reader->window_copied = true;
+    for (unsigned i = 0; i < term->span_count; i++)
+        memcpy((char *)reader->window + term->spans[i].own, (char *)term->base[slot] + term->spans[i].item,
+               (size_t)term->spans[i].bytes);
+    return 0;
+}
+
+static int show(DDX_STORE_ITEM *item, unsigned slot) {
+    struct ddx_reader_role *reader = &item->reader;
+    struct ddx_term *term = reader->term;
+    struct ddx_runs runs;
+
+    if (term->mismatch)
+        return term->mismatch;
+    for (unsigned i = 0; i < term->span_count; i++)
+        if (term->spans[i].own + term->spans[i].bytes > reader->window_bytes)
+            return -EMSGSIZE; /* grew since the window was made */
+    ddx_direct_withdraw(reader);
+    if (!same_places(term))
+        return show_copy(reader, term, slot);
+    runs_within(term, reader->window_bytes, &runs);
+    int result = ddx_slot_move(term->base[slot], reader->window, &runs, term->fd[slot]);
+    if (result)
+        return result;
+    reader->window_copied = false;
+    reader->shown_term = term;
+    reader->shown = (int)slot;
+    return 0;
+}
+
+int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, int tail) {
+    struct ddx_ring_frame found;
+    uint64_t missed;
+
+    if (!item)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    int result = item->reader.window ? 0 : make_window(item);
+    if (!result)
+        result = ddx_reader_take(item, DDX_PIN_DIRECT, &found, &missed, timeout, tail);
+    if (!result) {
+        result = show(item, found.slot);
+        if (result || item->reader.shown < 0)
+            ddx_ring_unpin(&item->reader.page->pin[DDX_PIN_DIRECT]);
+        if (!result && ts)
+            *ts = found.time;
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}

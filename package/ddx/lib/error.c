@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "ddx.h"
+
+const char *ddx_error_text(int error) {
+    switch (abs(error)) {
+    case 0: return "no error";
+    case ECONNREFUSED: return "no store runs here; start one with: store -m 8M";
+    case ENOENT: return "the store has no item of this name; see: ddxctl list";
+    case EPROTOTYPE: return "the item has another type";
+    case EMSGSIZE: return "wrong size: the item's value does not fit the program's struct";
+    case EEXIST: return "another program writes this item already";
+    case ENOSPC: return "the store's memory budget is used up; give it more with: store -m";
+    case EBUSY: return "no memory left for one reader more, or a frame is still held";
+    case ETIMEDOUT: return "nothing was written within the timeout";
+    case EINVAL: return "bad argument, or a type that cannot be shared";
+    case EOPNOTSUPP: return "only the store of this machine can be opened";
+    case ENOMEM: return "out of memory";
+    default: return strerror(abs(error));
+    }
+}

@@ -1,0 +1,239 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Opening and closing: the store, and handles on items. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "item.h"
+
+#define OPEN_STEP 20000000 /* ns between attempts to reach the store */
+
+DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout) {
+    int64_t deadline = timeout < 0 || timeout > 1e9 ? DDX_FOREVER : ddx_time_now() + (int64_t)(timeout * 1e9);
+    DDX_STORE_ID *id;
+    int probe;
+
+    if (host && strcmp(host, "localhost") != 0) {
+        errno = EOPNOTSUPP; /* other machines are the catalog's business */
+        return NULL;
+    }
+    if (port < 0 || port > 65535) {
+        errno = EINVAL;
+        return NULL;
+    }
+    while ((probe = ddx_connect(port ? port : DDX_STORE_PORT)) < 0) {
+        struct timespec step = {0, OPEN_STEP};
+
+        if (ddx_time_now() >= deadline) {
+            errno = -probe;
+            return NULL;
+        }
+        nanosleep(&step, NULL);
+    }
+    close(probe);
+    id = calloc(1, sizeof *id);
+    if (id)
+        id->port = port ? port : DDX_STORE_PORT;
+    return id;
+}
+
+static void item_free(DDX_STORE_ITEM *item) {
+    ddx_writer_end(item);
+    ddx_reader_end(item);
+    if (item->socket >= 0) {
+        /* The keeper may be polling it, which keeps it open; the store must know at once that this handle is gone. */
+        shutdown(item->socket, SHUT_RDWR);
+        close(item->socket);
+    }
+    pthread_mutex_destroy(&item->lock);
+    free(item->packet);
+    free(item->layout);
+    free(item->own);
+    free(item->fields);
+    free(item);
+}
+
+static bool name_ok(const char *name) {
+    size_t length = name ? strlen(name) : 0;
+
+    if (length < 1 || length > DDX_NAME_MAX)
+        return false;
+    for (size_t i = 0; i < length; i++)
+        if ((unsigned char)name[i] <= ' ' || name[i] == 127 || name[i] == '/')
+            return false;
+    return true;
+}
+
+/* A handle that the store does not know of yet. Takes `own`, also on failure. */
+static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct ddx_layout *own,
+                    DDX_STORE_ITEM **result) {
+    DDX_STORE_ITEM *item = calloc(1, sizeof *item);
+    pthread_mutexattr_t attributes;
+
+    if (!item || !(item->packet = malloc(sizeof *item->packet))) {
+        free(item);
+        free(own);
+        return -ENOMEM;
+    }
+    item->id = id;
+    strcpy(item->name, name);
+    strcpy(item->type, type);
+    item->own = own;
+    item->socket = -1;
+    item->reader.keep = 1;
+    item->reader.pin_fd = item->reader.hold_fd = item->reader.held = item->reader.shown = -1;
+    item->writer.loaned = item->writer.notice_fd = item->writer.hold_fd = -1;
+    /* A recorder with real-time priority must not wait for a keeper that was preempted while it held the lock. */
+    pthread_mutexattr_init(&attributes);
+    pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+    pthread_mutex_init(&item->lock, &attributes);
+    pthread_mutexattr_destroy(&attributes);
+    *result = item;
+    return 0;
+}
+
+/* Introduce the handle to the store. */
+static int item_open(DDX_STORE_ITEM *item, uint32_t flags) {
+    struct ddx_message message;
+
+    item->socket = ddx_connect(item->id->port);
+    if (item->socket < 0)
+        return item->socket;
+    ddx_message_init(&message, DDX_OPEN, item);
+    message.flags = flags;
+    return ddx_item_request(item, &message, item->own, DDX_OPENED);
+}
+
+/* Does the item that the store has agree with what the caller wants to see in it? */
+static int agrees(DDX_STORE_ITEM *item, const char *type) {
+    struct ddx_span *spans;
+    unsigned count;
+    int result;
+
+    if (*type && strcmp(type, item->type) != 0)
+        return -EPROTOTYPE;
+    if (!item->own) {
+        result = ddx_layout_of(item->type, &item->own);
+        if (result == -ENOENT)
+            return 0; /* a type that this program knows nothing of: it gets the item's own struct */
+        if (result)
+            return result;
+    }
+    result = ddx_layout_match(item->layout, item->own, &spans, &count);
+    if (!result)
+        free(spans);
+    /* Too large for this program's arrays is no reason to refuse: acquire reads it all the same. */
+    return result == -EMSGSIZE && item->layout->field_count && item->own->field_count &&
+                   item->layout->size > item->own->size && ddx_layout_extents(item->layout)
+               ? 0
+               : result;
+}
+
+static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size, DDX_STORE_ITEM **item) {
+    struct ddx_layout *own = NULL;
+    int result = 0;
+
+    if (!id || !name_ok(name) || (type && !name_ok(type) && !strchr(type, ' ')) || (type && strlen(type) > DDX_NAME_MAX) ||
+        (!type && size) || size < 0)
+        return -EINVAL;
+    if (type) {
+        result = ddx_layout_of(type, &own);
+        if (result == -ENOENT && size > 0)
+            result = (own = ddx_layout_opaque((uint64_t)size)) ? 0 : -ENOMEM;
+        if (!result && size > 0 && own->size != (uint64_t)size)
+            result = -EMSGSIZE;
+        if (result) {
+            if (result != -ENOENT)
+                free(result == -EMSGSIZE ? own : NULL);
+            return result == -ENOENT ? -EINVAL : result;
+        }
+    }
+    result = item_new(id, name, type ? type : "", own, item);
+    if (result)
+        return result;
+    result = item_open(*item, type ? DDX_FLAG_CREATE : 0);
+    if (!result)
+        result = agrees(*item, type ? type : "");
+    if (!result)
+        result = ddx_keeper_add(*item);
+    if (result)
+        item_free(*item);
+    return result;
+}
+
+DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size) {
+    DDX_STORE_ITEM *item;
+    int result = lookup(id, name, type, size, &item);
+
+    if (!result)
+        return item;
+    errno = -result;
+    return NULL;
+}
+
+static int spec_layout(const struct ddx_item_spec *spec, struct ddx_layout **layout) {
+    int result = spec->declaration ? ddx_layout_parse(spec->declaration, layout) : ddx_layout_of(spec->type, layout);
+
+    if (result)
+        return result == -ENOENT ? -EINVAL : result;
+    if (spec->size && spec->size != (*layout)->size)
+        result = -EMSGSIZE;
+    for (unsigned i = 0; i < spec->extent_count && !result; i++)
+        result = ddx_layout_use(*layout, spec->extents[i].field, spec->extents[i].bytes);
+    if (result)
+        free(*layout);
+    return result;
+}
+
+int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STORE_ITEM **item) {
+    struct ddx_layout *layout;
+
+    if (!id || !spec || !item || !name_ok(spec->name) || !spec->type || !*spec->type ||
+        strlen(spec->type) > DDX_NAME_MAX)
+        return -EINVAL;
+    int result = spec_layout(spec, &layout);
+    if (result)
+        return result;
+    DDX_STORE_ITEM *made;
+    result = item_new(id, spec->name, spec->type, layout, &made);
+    if (result)
+        return result;
+    result = item_open(made, DDX_FLAG_CREATE | DDX_FLAG_WRITER);
+    if (!result && strcmp(made->type, spec->type) != 0)
+        result = -EPROTOTYPE;
+    if (!result) {
+        /* What the store has may have other extents; ours is what we want to write. */
+        free(made->layout);
+        made->layout = ddx_layout_copy(layout);
+        pthread_mutex_lock(&made->lock);
+        result = made->layout ? ddx_writer_claim(made) : -ENOMEM;
+        pthread_mutex_unlock(&made->lock);
+    }
+    if (!result)
+        result = ddx_keeper_add(made);
+    if (result)
+        item_free(made);
+    else
+        *item = made;
+    return result;
+}
+
+int ddx_store_done_item(DDX_STORE_ITEM *item) {
+    if (item) {
+        ddx_keeper_remove(item);
+        item_free(item);
+    }
+    return 0;
+}
+
+int ddx_store_close(DDX_STORE_ID *id) {
+    if (!id)
+        return 0;
+    while (id->items)
+        ddx_store_done_item(id->items);
+    free(id);
+    return 0;
+}

@@ -1,0 +1,126 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* What a handle is made of, for the files of this library. */
+#ifndef DDX_ITEM_H
+#define DDX_ITEM_H
+
+#include <pthread.h>
+
+#include "futex.h"
+#include "memory.h"
+#include "ring.h"
+#include "wire.h"
+
+#define DDX_ANSWER_WAIT 5000000000 /* ns that the store may take to answer */
+
+struct ddx_store_id {
+    int port;
+    DDX_STORE_ITEM *items; /* under ddx_keeper_lock() */
+};
+
+/* One epoch as this handle has it mapped, for one of its roles. */
+struct ddx_term {
+    uint32_t epoch;
+    bool writable;
+    struct ddx_layout *layout;
+    struct ddx_runs runs;
+    int control_fd;
+    struct ddx_control *control;
+    int fd[DDX_SLOTS_MAX];
+    void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
+    struct ddx_span *spans;    /* between the item's layout and the caller's */
+    unsigned span_count;
+    int mismatch; /* -errno if the caller's type cannot take the item's values */
+};
+
+struct ddx_reader_role {
+    struct ddx_term *term, *coming; /* `coming` waits for the frame that is held in `term` */
+    int pin_fd, hold_fd;            /* -1: not attached */
+    struct ddx_pin_page *page;
+    unsigned keep;
+    uint64_t seen, missed;
+    int held;     /* slot that ddx_store_acquire() gave, or -1 */
+    bool waiting; /* ddx_reader_take() sleeps, unlocked */
+    bool both;    /* memory for both of its pins at once */
+    /* ddx_store_read_direct() */
+    void *window;
+    uint64_t window_bytes;
+    bool window_copied; /* holds copies, since the caller's layout is not the item's */
+    struct ddx_term *shown_term;
+    int shown; /* slot whose pages are in the window, or -1 */
+};
+
+struct ddx_writer_role {
+    struct ddx_term *term;
+    int notice_fd, hold_fd;
+    struct ddx_notice *notice;
+    struct ddx_ring_writer ring;
+    int pin_fd[DDX_READERS_MAX]; /* parallel to ring.reader */
+    bool confirmed[DDX_READERS_MAX];
+    int loaned;     /* slot, or -1 */
+    bool superseded; /* another writer took over while no store could tell us */
+};
+
+struct ddx_store_item {
+    DDX_STORE_ID *id;
+    DDX_STORE_ITEM *next, *next_of_id;
+    char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
+    struct ddx_layout *layout; /* as the store last told, or as wanted */
+    struct ddx_layout *own;    /* the caller's struct, NULL if it knows none */
+    struct ddx_field *fields;  /* of the layout, for ddx_store_field() */
+
+    /* Under `lock`: all below. The keeper thread and the caller both take messages in. */
+    pthread_mutex_t lock;
+    int socket;        /* -1: the store is gone; the keeper tries again */
+    int64_t retry;     /* when */
+    ddx_word changed;  /* counts messages taken in; readers sleep on it */
+    struct ddx_packet *packet;
+    uint32_t answer;   /* operation that a request waits for, and what came */
+    bool answered;
+    struct ddx_message reply;
+    struct ddx_reader_role reader;
+    struct ddx_writer_role writer;
+};
+
+/* term.c: mapping and unmapping. Both take ownership of control_fd, also on failure. */
+int ddx_term_new(struct ddx_term **term, uint32_t epoch, const struct ddx_layout *layout, const struct ddx_layout *own,
+                 int control_fd, bool writable);
+int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd);
+void ddx_term_free(struct ddx_term *term);
+
+/* service.c: take in what the store said. With `lock` held. 0 or -EPIPE when the store is gone. */
+int ddx_item_service(DDX_STORE_ITEM *item);
+/* Send, then wait for `answer`. With `lock` held. 0, the answer's status, -ECONNREFUSED. */
+int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                     uint32_t answer);
+void ddx_item_disconnect(DDX_STORE_ITEM *item);
+
+/* offer.c: after the store came back. With `lock` held. */
+int ddx_item_offer(DDX_STORE_ITEM *item);
+
+/* reader.c */
+int ddx_reader_attach(DDX_STORE_ITEM *item);
+/*
+ * Wait for a frame as `tail` says and pin it with pin number `pin`. With `lock` held (given up while sleeping). On
+ * success frame->slot is pinned in item->reader.term. What the pin held before stays held until then.
+ */
+int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
+                    int tail);
+void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
+void ddx_reader_end(DDX_STORE_ITEM *item);
+
+/* direct.c: the window's pages go home. */
+void ddx_direct_withdraw(struct ddx_reader_role *reader);
+
+/* writer.c */
+int ddx_writer_claim(DDX_STORE_ITEM *item);
+void ddx_writer_end(DDX_STORE_ITEM *item);
+
+/* keeper.c: the thread that listens to the store for all items of this process. */
+void ddx_keeper_lock(void);
+void ddx_keeper_unlock(void);
+int ddx_keeper_add(DDX_STORE_ITEM *item);     /* takes its own lock */
+void ddx_keeper_remove(DDX_STORE_ITEM *item); /* afterwards the keeper does not touch it */
+
+void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);
+
+#endif

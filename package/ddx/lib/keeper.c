@@ -1,0 +1,159 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * One thread per process listens to the store on behalf of all items: it takes in new slots, readers and epochs before
+ * the frame path needs them, and offers everything anew after the store was restarted, even if the program itself sleeps.
+ */
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdlib.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "item.h"
+
+#define RETRY 50000000 /* ns between attempts to find the store again */
+#define SOON 5         /* ms until an item is looked at again that its owner is busy with */
+
+static struct {
+    pthread_mutex_t lock;
+    DDX_STORE_ITEM *items;
+    unsigned count;
+    int wake; /* eventfd */
+    bool running;
+} keeper = {.lock = PTHREAD_MUTEX_INITIALIZER, .wake = -1};
+
+void ddx_keeper_lock(void) { pthread_mutex_lock(&keeper.lock); }
+void ddx_keeper_unlock(void) { pthread_mutex_unlock(&keeper.lock); }
+
+/* Look after one item; the time in ms after which to do so again, -1 if it will be heard. */
+static int look_after(DDX_STORE_ITEM *item) {
+    int again = -1;
+
+    /* Never wait here: the owner may hold the lock while it waits for the store's answer. */
+    if (pthread_mutex_trylock(&item->lock))
+        return SOON;
+    if (item->socket >= 0)
+        ddx_item_service(item);
+    if (item->socket < 0) {
+        int64_t now = ddx_time_now();
+
+        if (now >= item->retry && ddx_item_offer(item))
+            item->retry = now + RETRY;
+        again = item->socket < 0 ? RETRY / 1000000 : -1;
+    }
+    pthread_mutex_unlock(&item->lock);
+    return again;
+}
+
+/* The sockets to listen on, behind the eventfd. The caller frees. NULL: no memory, try again later. */
+static struct pollfd *listen_list(unsigned *count) {
+    struct pollfd *list = calloc(keeper.count + 1, sizeof *list);
+
+    *count = 0;
+    if (!list)
+        return NULL;
+    list[(*count)++] = (struct pollfd){.fd = keeper.wake, .events = POLLIN};
+    for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next)
+        list[(*count)++] = (struct pollfd){.fd = __atomic_load_n(&item->socket, __ATOMIC_RELAXED), .events = POLLIN};
+    return list;
+}
+
+static void *run(void *unused) {
+    (void)unused;
+    for (;;) {
+        int wait = -1;
+        unsigned count;
+
+        pthread_mutex_lock(&keeper.lock);
+        if (!keeper.items) {
+            close(keeper.wake);
+            keeper.wake = -1;
+            keeper.running = false;
+            pthread_mutex_unlock(&keeper.lock);
+            return NULL;
+        }
+        for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next) {
+            int again = look_after(item);
+
+            if (again >= 0 && (wait < 0 || again < wait))
+                wait = again;
+        }
+        struct pollfd *list = listen_list(&count);
+        pthread_mutex_unlock(&keeper.lock);
+        poll(list, count, list ? wait : SOON);
+        uint64_t ignored;
+        if (list && list[0].revents & POLLIN && read(list[0].fd, &ignored, sizeof ignored) < 0) {
+            /* somebody else's descriptor by now: the keeper was about to end */
+        }
+        free(list);
+    }
+}
+
+static void wake(void) {
+    uint64_t one = 1;
+
+    if (write(keeper.wake, &one, sizeof one) < 0) {
+        /* the counter is full, so it wakes anyway */
+    }
+}
+
+static int start(void) {
+    sigset_t all, before;
+    pthread_t thread;
+
+    keeper.wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (keeper.wake < 0)
+        return -errno;
+    /* Signals are the program's, not ours. */
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    int result = pthread_create(&thread, NULL, run, NULL);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    if (result) {
+        close(keeper.wake);
+        return -result;
+    }
+    pthread_setname_np(thread, "ddx-keeper");
+    pthread_detach(thread);
+    keeper.running = true;
+    return 0;
+}
+
+int ddx_keeper_add(DDX_STORE_ITEM *item) {
+    int result = 0;
+
+    ddx_keeper_lock();
+    item->next = keeper.items;
+    keeper.items = item;
+    keeper.count++;
+    if (!keeper.running)
+        result = start();
+    else
+        wake();
+    if (result) {
+        keeper.items = item->next;
+        keeper.count--;
+    } else {
+        item->next_of_id = item->id->items;
+        item->id->items = item;
+    }
+    ddx_keeper_unlock();
+    return result;
+}
+
+static void unlink_item(DDX_STORE_ITEM **link, DDX_STORE_ITEM *item, size_t next) {
+    while (*link && *link != item)
+        link = (DDX_STORE_ITEM **)(void *)((char *)*link + next);
+    if (*link)
+        *link = *(DDX_STORE_ITEM **)(void *)((char *)item + next);
+}
+
+void ddx_keeper_remove(DDX_STORE_ITEM *item) {
+    ddx_keeper_lock();
+    unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
+    unlink_item(&item->id->items, item, offsetof(DDX_STORE_ITEM, next_of_id));
+    keeper.count--;
+    wake();
+    ddx_keeper_unlock();
+}

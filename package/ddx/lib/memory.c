@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "memory.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#define FIXED_SIZE (F_SEAL_SHRINK | F_SEAL_GROW)
+#define HUGE ((uint64_t)2 << 20) /* what one page-table page spans: moves of whole ones are cheap */
+
+static uint64_t page_size(void) { return (uint64_t)sysconf(_SC_PAGESIZE); }
+
+uint64_t ddx_page_round(uint64_t bytes) { return (bytes + page_size() - 1) / page_size() * page_size(); }
+
+static void add_run(struct ddx_runs *runs, uint64_t begin, uint64_t end) {
+    struct ddx_run *last = runs->count ? &runs->run[runs->count - 1] : NULL;
+
+    begin = begin / page_size() * page_size();
+    end = ddx_page_round(end);
+    if (last && begin <= last->place + last->bytes) {
+        if (end > last->place + last->bytes) {
+            runs->file_bytes += end - last->place - last->bytes;
+            last->bytes = end - last->place;
+        }
+        return;
+    }
+    runs->run[runs->count++] = (struct ddx_run){begin, runs->file_bytes, end - begin};
+    runs->file_bytes += end - begin;
+}
+
+void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs) {
+    runs->count = 0;
+    runs->file_bytes = 0;
+    runs->span_bytes = ddx_page_round(layout->size);
+    if (!ddx_layout_extents(layout))
+        add_run(runs, 0, layout->size);
+    else
+        for (unsigned i = 0; i < layout->field_count; i = ddx_layout_after(layout, i))
+            add_run(runs, layout->field[i].offset, layout->field[i].offset + layout->field[i].used);
+}
+
+int ddx_memory_create(const char *name, uint64_t bytes) {
+    int fd = memfd_create(name, MFD_CLOEXEC | MFD_ALLOW_SEALING);
+
+    if (fd < 0)
+        return -errno;
+    /* Allocate now: what was promised must not be missing when a frame is written. */
+    if (fallocate(fd, 0, 0, (off_t)bytes) || fcntl(fd, F_ADD_SEALS, FIXED_SIZE)) {
+        int error = errno;
+
+        close(fd);
+        return -error;
+    }
+    return fd;
+}
+
+int ddx_memory_freeze(int fd) {
+    return fcntl(fd, F_ADD_SEALS, F_SEAL_FUTURE_WRITE | F_SEAL_SEAL) ? -errno : 0;
+}
+
+bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen) {
+    int required = FIXED_SIZE | (frozen ? F_SEAL_FUTURE_WRITE : 0);
+    int seals = fcntl(fd, F_GET_SEALS);
+    struct stat status;
+
+    return seals >= 0 && (seals & required) == required && !fstat(fd, &status) && (uint64_t)status.st_size == bytes;
+}
+
+int ddx_memory_hold(int fd) {
+    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+    char path[32];
+
+    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+    int own = open(path, O_RDWR | O_CLOEXEC);
+    if (own >= 0 && fcntl(own, F_OFD_SETLK, &lock)) {
+        close(own);
+        own = -1;
+    }
+    return own;
+}
+
+bool ddx_memory_held(int fd) {
+    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+
+    return !fcntl(fd, F_OFD_GETLK, &lock) && lock.l_type != F_UNLCK;
+}
+
+bool ddx_memory_same(int a, int b) {
+    struct stat x, y;
+
+    return !fstat(a, &x) && !fstat(b, &y) && x.st_ino == y.st_ino && x.st_dev == y.st_dev;
+}
+
+void *ddx_memory_map(int fd, size_t bytes, bool writable) {
+    int protection = PROT_READ | (writable ? PROT_WRITE : 0);
+    void *address = mmap(NULL, bytes, protection, MAP_SHARED | MAP_POPULATE, fd, 0);
+
+    return address == MAP_FAILED ? NULL : address;
+}
+
+void *ddx_slot_reserve(const struct ddx_runs *runs) {
+    uint64_t alignment = runs->span_bytes >= HUGE ? HUGE : page_size();
+    size_t size = (size_t)(runs->span_bytes + alignment);
+    char *address = mmap(NULL, size, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+
+    if (address == MAP_FAILED)
+        return NULL;
+    size_t before = (size_t)((alignment - (uintptr_t)address % alignment) % alignment);
+    if (before)
+        munmap(address, before);
+    munmap(address + before + runs->span_bytes, size - before - (size_t)runs->span_bytes);
+    return address + before;
+}
+
+int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable) {
+    int protection = PROT_READ | (writable ? PROT_WRITE : 0);
+
+    for (unsigned i = 0; i < runs->count; i++) {
+        const struct ddx_run *run = &runs->run[i];
+
+        if (mmap((char *)base + run->place, (size_t)run->bytes, protection, MAP_SHARED | MAP_FIXED | MAP_POPULATE, fd,
+                 (off_t)run->file) == MAP_FAILED)
+            return -errno;
+    }
+    return 0;
+}
+
+int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, int fd) {
+    for (unsigned i = 0; i < runs->count; i++) {
+        const struct ddx_run *run = &runs->run[i];
+        size_t bytes = (size_t)run->bytes;
+        char *source = (char *)from + run->place, *target = (char *)to + run->place;
+
+        /* DONTUNMAP leaves the source mapped, though empty: nobody else's mmap() can slip into the hole. */
+        if (mremap(source, bytes, bytes, MREMAP_MAYMOVE | MREMAP_FIXED | MREMAP_DONTUNMAP, target) != MAP_FAILED)
+            continue;
+        /* Kernels before 5.13 cannot do it for shared memory; a new mapping serves too, at the price of page faults. */
+        if (mmap(target, bytes, PROT_READ, MAP_SHARED | MAP_FIXED | MAP_POPULATE, fd, (off_t)run->file) == MAP_FAILED)
+            return -errno;
+    }
+    return 0;
+}
+
+void ddx_slot_unmap(void *base, const struct ddx_runs *runs) {
+    if (base)
+        munmap(base, (size_t)runs->span_bytes);
+}

@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Memory files: how an item's struct lies in a slot file, mapping it, sealing it. */
+#ifndef DDX_MEMORY_H
+#define DDX_MEMORY_H
+
+#include <stdbool.h>
+#include <sys/types.h>
+
+#include "type.h"
+
+/* A stretch of pages: `place` in the struct, `file` in the slot file; bytes, multiples of the page size. */
+struct ddx_run {
+    uint64_t place, file, bytes;
+};
+
+/* The pages of a struct that are in use. A slot file holds these and no others, so it is no larger than its content. */
+struct ddx_runs {
+    uint64_t file_bytes; /* of a slot file */
+    uint64_t span_bytes; /* of address space */
+    unsigned count;
+    struct ddx_run run[DDX_FIELDS_MAX];
+};
+
+void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs);
+
+uint64_t ddx_page_round(uint64_t bytes);
+
+/* A memory file of `bytes` bytes, all of them backed by memory, of a fixed size. Descriptor, -ENOSPC, -ENOMEM. */
+int ddx_memory_create(const char *name, uint64_t bytes);
+
+/* Forbid any further writable mapping; those that exist stay. */
+int ddx_memory_freeze(int fd);
+
+/* Is this a memory file of this size that nobody can resize (and, if `frozen`, nobody can newly map writable)? */
+bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen);
+
+/*
+ * A sign of life that other processes can see: hold a lock on the file through a description of our own, which dies with
+ * this process at once (also as a zombie, also if its descriptors were passed on). Descriptor to close, or -1.
+ */
+int ddx_memory_hold(int fd);
+bool ddx_memory_held(int fd);
+
+/* The same memory file? (inode numbers) */
+bool ddx_memory_same(int a, int b);
+
+/* Map a whole small file. NULL and errno on failure. */
+void *ddx_memory_map(int fd, size_t bytes, bool writable);
+
+/* Address space for one slot, aligned so that the kernel can move whole page tables. Reads as zeros. NULL and errno. */
+void *ddx_slot_reserve(const struct ddx_runs *runs);
+
+/* Lay a slot file into reserved address space, prefaulted. 0, -errno. */
+int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable);
+
+/* Move the pages of a mapped slot from one address to another without copying; both stay mapped. 0, -errno. */
+int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, int fd);
+
+void ddx_slot_unmap(void *base, const struct ddx_runs *runs);
+
+#endif

@@ -1,0 +1,90 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * After the store was restarted it knows nothing. Whoever holds an item offers its memory files, so that the new store
+ * learns of the item and frames flow on; they never stopped.
+ */
+#include <errno.h>
+#include <poll.h>
+#include <unistd.h>
+
+#include "item.h"
+
+#define FULL_WAIT 1000 /* ms that the store may need to make room in the socket */
+
+static int send_all(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                    const int *fds, unsigned count) {
+    int result;
+
+    while ((result = ddx_send(item->socket, message, layout, fds, count)) == -EAGAIN) {
+        struct pollfd wait = {.fd = item->socket, .events = POLLOUT};
+
+        if (poll(&wait, 1, FULL_WAIT) <= 0)
+            return -EPIPE;
+    }
+    return result;
+}
+
+static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_t flags) {
+    int fds[2] = {term->control_fd, item->writer.notice_fd};
+    struct ddx_message message;
+    int result;
+
+    ddx_message_init(&message, DDX_OFFER, item);
+    message.flags = flags;
+    message.epoch = term->epoch;
+    message.sequence = flags & DDX_FLAG_WRITER ? item->writer.ring.sequence : item->reader.seen;
+    result = send_all(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
+    for (unsigned i = 0; i < DDX_SLOTS_MAX && !result; i++) {
+        if (!term->base[i])
+            continue;
+        ddx_message_init(&message, DDX_OFFER_SLOT, item);
+        message.epoch = term->epoch;
+        message.index = i;
+        result = send_all(item, &message, NULL, &term->fd[i], 1);
+    }
+    return result;
+}
+
+static int offer(DDX_STORE_ITEM *item) {
+    const struct ddx_reader_role *reader = &item->reader;
+    const struct ddx_term *term = item->writer.term;
+    struct ddx_message message;
+    uint32_t flags = reader->page ? DDX_FLAG_READER : 0;
+    int result;
+
+    if (term && !item->writer.superseded)
+        flags |= DDX_FLAG_WRITER;
+    else
+        term = reader->coming ? reader->coming : reader->term;
+    if (!flags || !term) {
+        ddx_message_init(&message, flags ? DDX_OFFER : DDX_OPEN, item);
+        message.flags = flags | DDX_FLAG_CREATE;
+        result = send_all(item, &message, item->layout, NULL, 0);
+    } else
+        result = offer_term(item, term, flags);
+    if (!result && reader->page) {
+        ddx_message_init(&message, DDX_OFFER_PIN, item);
+        message.frames = reader->keep + reader->both;
+        message.sequence = reader->seen;
+        result = send_all(item, &message, NULL, &reader->pin_fd, 1);
+    }
+    if (!result && flags) {
+        ddx_message_init(&message, DDX_OFFER_END, item);
+        message.flags = flags;
+        result = send_all(item, &message, NULL, NULL, 0);
+    }
+    return result;
+}
+
+int ddx_item_offer(DDX_STORE_ITEM *item) {
+    int fd = ddx_connect(item->id->port);
+
+    if (fd < 0)
+        return fd;
+    item->socket = fd;
+    if (offer(item)) {
+        ddx_item_disconnect(item);
+        return -EPIPE;
+    }
+    return 0;
+}

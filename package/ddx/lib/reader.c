@@ -1,0 +1,240 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Reading: wait for a frame, pin it, copy it or hand it out. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "item.h"
+
+#define AGAIN_WAIT 10000000 /* ns between requests to be let in */
+#define UNMAPPED_WAIT 10000000 /* ns; a slot that was just added is announced by the store within this time */
+
+int ddx_reader_attach(DDX_STORE_ITEM *item) {
+    struct ddx_message message;
+
+    if (item->reader.page)
+        return 0;
+    ddx_message_init(&message, DDX_ATTACH, item);
+    message.frames = item->reader.keep;
+    int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
+    int result;
+    /* -EAGAIN: the store was restarted and the item's writer has not reported back yet. */
+    while ((result = ddx_item_request(item, &message, NULL, DDX_ATTACHED)) == -EAGAIN && ddx_time_now() < deadline) {
+        struct timespec step = {0, AGAIN_WAIT};
+
+        nanosleep(&step, NULL);
+    }
+    if (result)
+        return result == -EAGAIN ? -EBUSY : result;
+    return item->reader.page ? 0 : -EMFILE; /* each handle has a descriptor for each frame */
+}
+
+void ddx_reader_follow(DDX_STORE_ITEM *item) {
+    struct ddx_reader_role *reader = &item->reader;
+
+    if (!reader->coming || reader->held >= 0)
+        return;
+    /* A frame in the window stays until the next one is there: nobody writes into an epoch that has ended. */
+    if (reader->term != reader->shown_term)
+        ddx_term_free(reader->term);
+    reader->term = reader->coming;
+    reader->coming = NULL;
+}
+
+/* How far the newest frame is ahead of what was seen; negative: behind. Numbers are compared in their low 23 bits. */
+static int32_t ahead(uint32_t latest, uint64_t seen) {
+    return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) << 9) >> 9;
+}
+
+/* Try to pin what `tail` asks for: 0, -ENODATA if it is not there yet, -EAGAIN if it was overtaken or is not mapped. */
+static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest, struct ddx_ring_frame *frame) {
+    struct ddx_reader_role *reader = &item->reader;
+    struct ddx_control *control = reader->term->control;
+    uint32_t generation = DDX_EMPTY;
+    unsigned slot;
+
+    if (tail == DDX_IN_ORDER)
+        slot = ddx_ring_next(control, reader->seen, &generation);
+    else if (tail == DDX_CURRENT || ahead(latest, reader->seen) >= tail)
+        slot = DDX_LATEST_SLOT(latest);
+    else
+        slot = DDX_NO_SLOT;
+    if (slot >= DDX_SLOTS_MAX)
+        return -ENODATA;
+    if (!reader->term->base[slot]) {
+        int64_t until = ddx_time_now() + UNMAPPED_WAIT;
+        uint32_t changed = atomic_load(&item->changed);
+
+        ddx_item_service(item);
+        if (reader->term->base[slot])
+            return -EAGAIN;
+        reader->waiting = true;
+        pthread_mutex_unlock(&item->lock);
+        ddx_futex_wait(NULL, 0, &item->changed, changed, until);
+        pthread_mutex_lock(&item->lock);
+        reader->waiting = false;
+        return -EAGAIN;
+    }
+    return ddx_ring_pin(control, &reader->page->pin[pin], slot, generation, frame);
+}
+
+static int64_t deadline_of(double timeout) {
+    if (timeout < 0)
+        return DDX_FOREVER;
+    return timeout > 1e9 ? DDX_FOREVER : ddx_time_now() + (int64_t)(timeout * 1e9);
+}
+
+static void count_missed(struct ddx_reader_role *reader, uint64_t sequence, uint64_t *missed) {
+    *missed = sequence > reader->seen + 1 ? sequence - reader->seen - 1 : 0;
+    reader->seen = sequence;
+    if (!*missed)
+        return;
+    reader->missed += *missed;
+    atomic_store_explicit(&reader->page->missed_low, (uint32_t)reader->missed, memory_order_relaxed);
+    atomic_store_explicit(&reader->page->missed_high, (uint32_t)(reader->missed >> 32), memory_order_relaxed);
+}
+
+/* A handle that reads while a frame is in its window holds two frames, so it takes a second one's share of memory. */
+static int need_both(DDX_STORE_ITEM *item, unsigned pin) {
+    struct ddx_message message;
+
+    if (item->reader.both || atomic_load(&item->reader.page->pin[!pin]) == 0)
+        return 0;
+    ddx_message_init(&message, DDX_ATTACH, item);
+    message.frames = 1;
+    int result = ddx_item_request(item, &message, NULL, DDX_ATTACHED);
+    item->reader.both = !result;
+    return result;
+}
+
+int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
+                    int tail) {
+    struct ddx_reader_role *reader = &item->reader;
+    int64_t deadline = deadline_of(timeout);
+    bool asked = false;
+    int result;
+
+    if (tail < DDX_IN_ORDER)
+        return -EINVAL;
+    if (pin == DDX_PIN_READ && reader->held >= 0)
+        return -EBUSY;
+    if ((result = ddx_reader_attach(item)) || (result = need_both(item, pin)))
+        return result;
+    for (;;) {
+        uint32_t changed = atomic_load(&item->changed), latest = 0;
+
+        ddx_reader_follow(item);
+        result = -ENODATA;
+        if (reader->term) {
+            ddx_ring_newest(reader->term->control, &latest);
+            result = pin_wanted(item, pin, tail, latest, frame);
+        }
+        if (!result) {
+            count_missed(reader, frame->sequence, missed);
+            return 0;
+        }
+        if (ddx_time_now() >= deadline) {
+            if (asked)
+                return -ETIMEDOUT;
+            asked = true; /* the keeper may not have got round to the news; who does not wait must see it all the same */
+            ddx_item_service(item);
+            continue;
+        }
+        if (result == -EAGAIN)
+            continue;
+        const ddx_word *word = reader->term ? &reader->term->control->latest : NULL;
+        /* Unlocked, so that the keeper can take in a new epoch; `waiting` keeps it from unmapping the word. */
+        reader->waiting = true;
+        pthread_mutex_unlock(&item->lock);
+        ddx_futex_wait(word, latest, &item->changed, changed, deadline);
+        pthread_mutex_lock(&item->lock);
+        reader->waiting = false;
+    }
+}
+
+int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail) {
+    struct ddx_ring_frame found;
+    uint64_t missed;
+
+    if (!item || !frame)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    int result = ddx_reader_take(item, DDX_PIN_READ, &found, &missed, timeout, tail);
+    if (!result) {
+        item->reader.held = (int)found.slot;
+        *frame = (struct ddx_frame){item->reader.term->base[found.slot], found.time, found.sequence, missed};
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+int ddx_store_release(DDX_STORE_ITEM *item) {
+    if (!item)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    int result = item->reader.held < 0 ? -EINVAL : 0;
+    if (!result) {
+        ddx_ring_unpin(&item->reader.page->pin[DDX_PIN_READ]);
+        item->reader.held = -1;
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeout, int tail) {
+    struct ddx_ring_frame found;
+    uint64_t missed;
+
+    if (!item || !data)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    struct ddx_reader_role *reader = &item->reader;
+    int result = ddx_reader_take(item, DDX_PIN_READ, &found, &missed, timeout, tail);
+    if (!result) {
+        const struct ddx_term *term = reader->term;
+        const char *base = term->base[found.slot];
+
+        result = term->mismatch;
+        for (unsigned i = 0; i < term->span_count && !result; i++)
+            memcpy((char *)data + term->spans[i].own, base + term->spans[i].item, (size_t)term->spans[i].bytes);
+        if (!result && ts)
+            *ts = found.time;
+        ddx_ring_unpin(&reader->page->pin[DDX_PIN_READ]);
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames) {
+    if (!item || frames < 1 || frames > DDX_READERS_MAX)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    int result = item->reader.page ? -EBUSY : 0;
+    if (!result)
+        item->reader.keep = frames;
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) { return item ? item->reader.missed : 0; }
+
+void ddx_reader_end(DDX_STORE_ITEM *item) {
+    struct ddx_reader_role *reader = &item->reader;
+
+    ddx_direct_withdraw(reader);
+    if (reader->page) {
+        for (unsigned pin = 0; pin < DDX_PINS; pin++)
+            ddx_ring_unpin(&reader->page->pin[pin]);
+        munmap(reader->page, sizeof(struct ddx_pin_page));
+        close(reader->pin_fd);
+        if (reader->hold_fd >= 0)
+            close(reader->hold_fd);
+    }
+    ddx_term_free(reader->coming);
+    ddx_term_free(reader->term);
+    if (reader->window)
+        munmap(reader->window, (size_t)reader->window_bytes);
+}

@@ -1,0 +1,191 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "ring.h"
+
+#include <errno.h>
+#include <string.h>
+
+static uint64_t join(const ddx_word *low, const ddx_word *high) {
+    return (uint64_t)atomic_load_explicit(high, memory_order_relaxed) << 32 |
+           atomic_load_explicit(low, memory_order_relaxed);
+}
+
+static void split(ddx_word *low, ddx_word *high, uint64_t value) {
+    atomic_store_explicit(low, (uint32_t)value, memory_order_relaxed);
+    atomic_store_explicit(high, (uint32_t)(value >> 32), memory_order_relaxed);
+}
+
+static uint64_t sequence_of(const struct ddx_slot_state *state) {
+    return join(&state->sequence_low, &state->sequence_high);
+}
+
+/* The pinning reader's index, or -1. */
+static int pinned_by(const struct ddx_ring_writer *writer, unsigned slot) {
+    uint32_t pin = DDX_PIN(writer->epoch, slot);
+
+#ifdef DDX_FAULT_BLIND_WRITER
+    return -1; /* for the test that must fail without the look at the pins */
+#endif
+    for (unsigned i = 0; i < writer->reader_count; i++)
+        for (unsigned k = 0; k < DDX_PINS && !writer->reader[i].ignored; k++)
+            if (atomic_load(&writer->reader[i].page->pin[k]) == pin)
+                return (int)i;
+    return -1;
+}
+
+/* Oldest first, so that readers who are late find as many frames as there are spare slots. */
+static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, const bool *tried) {
+    unsigned best = DDX_NO_SLOT;
+    uint64_t best_sequence = UINT64_MAX;
+
+    for (unsigned i = 0; i < writer->slot_count; i++) {
+        unsigned slot = writer->slot[i];
+        uint64_t sequence = sequence_of(&writer->control->slot[slot]);
+
+        if (slot != newest && !tried[slot] && sequence < best_sequence) {
+            best = slot;
+            best_sequence = sequence;
+        }
+    }
+    return best;
+}
+
+int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
+    unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&writer->control->latest, memory_order_relaxed));
+    unsigned blocked[DDX_READERS_MAX];
+    bool tried[DDX_SLOTS_MAX] = {false};
+    bool collided = false;
+
+    /* Leave out what is pinned without touching it: WRITING, even for a moment, hides a frame from readers in order. */
+    for (unsigned i = 0; i < writer->slot_count; i++)
+        collided |= tried[writer->slot[i]] = pinned_by(writer, writer->slot[i]) >= 0;
+    memset(blocked, 0, sizeof blocked);
+    for (;;) {
+        unsigned slot = oldest(writer, newest, tried);
+
+        if (slot == DDX_NO_SLOT) {
+            if (!collided)
+                return -ENOBUFS;
+            /* Every slot was pinned when it was looked at; readers move on, so look again. This ends: see below. */
+            memset(tried, 0, sizeof tried);
+            continue;
+        }
+        ddx_word *generation = &writer->control->slot[slot].generation;
+        uint32_t before = atomic_load_explicit(generation, memory_order_relaxed);
+
+        /* W2 before W3 and W4, sequentially consistent: see ring.h. */
+        atomic_store(generation, DDX_WRITING);
+        if ((int32_t)(atomic_load(&writer->notice->version) - writer->notice_seen) > 0) {
+            atomic_store_explicit(generation, before, memory_order_release);
+            return -EAGAIN;
+        }
+        int reader = pinned_by(writer, slot);
+        if (reader < 0) {
+            *chosen = slot;
+            return 0;
+        }
+        atomic_store_explicit(generation, before, memory_order_release);
+        tried[slot] = true;
+        collided = true;
+        /*
+         * A reader pins ever newer frames while this loop runs, and none newer than `newest`: it can stand in the way
+         * once per slot with each of its pins. One that does so more often lies, and from now on harms only itself.
+         */
+        if (++blocked[reader] > DDX_PINS * (writer->slot_count + 1))
+            writer->reader[reader].ignored = true;
+    }
+}
+
+void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time) {
+    struct ddx_slot_state *state = &writer->control->slot[slot];
+    uint64_t sequence = ++writer->sequence;
+
+    split(&state->sequence_low, &state->sequence_high, sequence);
+    split(&state->time_low, &state->time_high, (uint64_t)time);
+    /* Release: who finds the generation even finds the whole frame. Before `latest`, or a reader that was told of the
+     * frame would find it unreadable and try in vain until the next one. */
+    atomic_store_explicit(&state->generation, (uint32_t)sequence << 1, memory_order_release);
+    atomic_store_explicit(&writer->control->latest, DDX_LATEST(sequence, slot), memory_order_release);
+}
+
+void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot) {
+    struct ddx_slot_state *state = &writer->control->slot[slot];
+
+    split(&state->sequence_low, &state->sequence_high, 0);
+    atomic_store_explicit(&state->generation, DDX_EMPTY, memory_order_release);
+}
+
+unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest) {
+    *latest = atomic_load_explicit(&control->latest, memory_order_acquire);
+    return DDX_LATEST_SLOT(*latest);
+}
+
+unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation) {
+    unsigned slots = atomic_load_explicit(&control->slots, memory_order_acquire);
+    unsigned best = DDX_NO_SLOT;
+
+    if (slots > DDX_SLOTS_MAX)
+        slots = DDX_SLOTS_MAX;
+    /* A writer that tries a slot and finds it pinned hides it for a moment: before skipping a frame, look again. */
+    for (int attempt = 0; attempt < 16; attempt++) {
+        uint32_t best_ahead = 0x40000000u;
+        bool hidden = false;
+
+        for (unsigned slot = 0; slot < slots; slot++) {
+            uint32_t found = atomic_load_explicit(&control->slot[slot].generation, memory_order_acquire);
+            uint32_t ahead = ((found >> 1) - (uint32_t)seen) & 0x7fffffffu; /* modulo 2^31; far ahead means behind */
+
+            hidden |= found == DDX_WRITING;
+            if (!(found & 1) && ahead != 0 && ahead < best_ahead) {
+                best = slot;
+                best_ahead = ahead;
+                *generation = found;
+            }
+        }
+        if (best_ahead == 1 || best == DDX_NO_SLOT || !hidden)
+            break;
+    }
+    return best;
+}
+
+int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
+                 struct ddx_ring_frame *frame) {
+    const struct ddx_slot_state *state = &control->slot[slot];
+
+    /* R2 before R3, sequentially consistent: see ring.h. */
+    atomic_store(pin, DDX_PIN(control->epoch, slot));
+    uint32_t found = atomic_load(&state->generation);
+
+    if ((found & 1) || (generation != DDX_EMPTY && found != generation)) {
+        ddx_ring_unpin(pin);
+        return -EAGAIN;
+    }
+    frame->slot = slot;
+    frame->sequence = sequence_of(state);
+    frame->time = (int64_t)join(&state->time_low, &state->time_high);
+    return 0;
+}
+
+void ddx_ring_unpin(ddx_word *pin) {
+    /* Release: the writer that finds the slot free must not overtake our last reads of it. */
+    atomic_store_explicit(pin, 0, memory_order_release);
+}
+
+bool ddx_ring_peek(const struct ddx_control *control, struct ddx_ring_frame *frame) {
+    for (int attempt = 0; attempt < 100; attempt++) {
+        uint32_t latest;
+        unsigned slot = ddx_ring_newest(control, &latest);
+
+        if (slot >= DDX_SLOTS_MAX)
+            return false;
+        const struct ddx_slot_state *state = &control->slot[slot];
+        uint32_t before = atomic_load_explicit(&state->generation, memory_order_acquire);
+        frame->slot = slot;
+        frame->sequence = sequence_of(state);
+        frame->time = (int64_t)join(&state->time_low, &state->time_high);
+        /* The words are atomics, so this is no data race; the sequence number itself tells whether they belong together. */
+        if (!(before & 1) && before == (uint32_t)frame->sequence << 1 &&
+            before == atomic_load_explicit(&state->generation, memory_order_acquire))
+            return true;
+    }
+    return false;
+}

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * The slot protocol: how one writer and many readers share frames without waiting for each other. Pure memory operations
+ * on structures of layout.h, no system calls, so that a test may run it under ThreadSanitizer with threads as parties.
+ *
+ * Writer, for each frame:                        Reader, for each frame:
+ *   W1 choose a slot that is not the newest         R1 choose a slot (the newest, or the next in order)
+ *   W2 generation := WRITING                        R2 pin := slot
+ *   W3 notice version unchanged? else undo          R3 generation even (and the expected one)? else unpin, again
+ *   W4 read every pin; pinned? undo, next slot      R4 use the frame
+ *   W5 write the frame, its number, its time        R5 pin := none
+ *   W6 generation := even
+ *   W7 latest := slot, wake
+ *
+ * W2 before W4 and R2 before R3 need a full store-load barrier each (sequentially consistent operations here): with
+ * anything weaker both sides can miss each other, and a pinned frame is overwritten. One of them always sees the other.
+ */
+#ifndef DDX_RING_H
+#define DDX_RING_H
+
+#include <stdbool.h>
+
+#include "layout.h"
+
+struct ddx_ring_reader {
+    const struct ddx_pin_page *page; /* as the writer maps it */
+    uint32_t id;
+    bool ignored; /* broke the protocol: its pins count no more */
+};
+
+struct ddx_ring_writer {
+    struct ddx_control *control;
+    const struct ddx_notice *notice;
+    uint32_t epoch;
+    uint32_t notice_seen; /* version up to which `reader` is complete */
+    uint64_t sequence;    /* of the newest frame */
+    unsigned slot_count, reader_count;
+    uint8_t slot[DDX_SLOTS_MAX]; /* slots that may be used */
+    struct ddx_ring_reader reader[DDX_READERS_MAX];
+};
+
+/* What a reader learns about the frame it pinned. */
+struct ddx_ring_frame {
+    unsigned slot;
+    uint64_t sequence;
+    int64_t time;
+};
+
+/*
+ * W1-W4: *slot is the writer's until ddx_ring_publish() or ddx_ring_cancel().
+ * -EAGAIN: readers were added: take the news in, then call again. -ENOBUFS: every slot is pinned, which at least
+ * reader_count + 2 slots exclude.
+ */
+int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *slot);
+
+/* W6-W7 but for the wake-up, which is the caller's. */
+void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time);
+
+/* The frame in the slot is spoilt; nobody sees it. */
+void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot);
+
+/* The slot of the newest frame, or DDX_NO_SLOT. `latest` is the word read, to sleep on. */
+unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest);
+
+/*
+ * The slot with the smallest sequence number above `seen`, or DDX_NO_SLOT; *generation is what ddx_ring_pin() must find.
+ */
+unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
+
+/*
+ * R2-R3. `generation` is the expected one, or DDX_EMPTY for any whole frame. -EAGAIN: overtaken, nothing is pinned. A slot that the word
+ * held before is let go of.
+ */
+int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
+                 struct ddx_ring_frame *frame);
+
+/* R5. */
+void ddx_ring_unpin(ddx_word *pin);
+
+/* Number and time of the newest frame for onlookers without a pin; false if there is none. */
+bool ddx_ring_peek(const struct ddx_control *control, struct ddx_ring_frame *frame);
+
+#endif

@@ -1,0 +1,249 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Taking in what the store says: answers to requests, and news. */
+#include <errno.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "item.h"
+
+void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item) {
+    memset(message, 0, sizeof *message);
+    message->operation = operation;
+    message->pid = (int32_t)getpid();
+    strcpy(message->name, item->name);
+    strcpy(message->type, item->type);
+}
+
+void ddx_item_disconnect(DDX_STORE_ITEM *item) {
+    if (item->socket >= 0)
+        close(item->socket);
+    item->socket = -1;
+    item->retry = ddx_time_now();
+    /* Readers that the store tells us of again are confirmed; the others may have died meanwhile. */
+    memset(item->writer.confirmed, 0, sizeof item->writer.confirmed);
+    ddx_futex_change(&item->changed);
+}
+
+static int set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
+    if (item->layout && layout->field_count == item->layout->field_count &&
+        !memcmp(layout, item->layout, ddx_layout_bytes(layout->field_count)))
+        return 0;
+    struct ddx_layout *copy = ddx_layout_copy(layout);
+    if (!copy)
+        return -ENOMEM;
+    free(item->layout);
+    free(item->fields);
+    item->layout = copy;
+    item->fields = NULL;
+    return 0;
+}
+
+static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot) {
+    struct ddx_message message;
+
+    ddx_message_init(&message, DDX_READY, item);
+    message.epoch = epoch;
+    message.index = slot;
+    ddx_send(item->socket, &message, NULL, NULL, 0);
+}
+
+/* This handle's claim was granted: its term as the writer begins. */
+static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    struct ddx_writer_role *writer = &item->writer;
+    const struct ddx_message *m = &packet->message;
+    const struct ddx_layout *layout = ddx_packet_layout(packet);
+    struct ddx_term *term;
+
+    if (writer->term || !layout || packet->fd[1] < 0 ||
+        ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true))
+        return;
+    writer->notice = ddx_memory_map(packet->fd[1], sizeof(struct ddx_notice), false);
+    if (!writer->notice || set_layout(item, layout)) {
+        ddx_term_free(term);
+        return;
+    }
+    writer->notice_fd = ddx_packet_take(packet, 1);
+    writer->hold_fd = ddx_memory_hold(term->control_fd);
+    writer->term = term;
+    writer->loaned = -1;
+    writer->superseded = false;
+    memset(&writer->ring, 0, sizeof writer->ring);
+    writer->ring.control = term->control;
+    writer->ring.notice = writer->notice;
+    writer->ring.epoch = m->epoch;
+    writer->ring.sequence = m->sequence;
+    /* Not what the notice says now: news about readers may already stand behind this message. */
+    writer->ring.notice_seen = m->index;
+    send_ready(item, m->epoch, DDX_NO_SLOT);
+}
+
+static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    const struct ddx_layout *layout = ddx_packet_layout(packet);
+    struct ddx_reader_role *reader = &item->reader;
+    struct ddx_term *term;
+
+    if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
+        return;
+    /* Numbers begin anew only if store and writer were both lost; then what was seen means nothing. */
+    if (packet->message.sequence < reader->seen)
+        reader->seen = 0;
+    ddx_term_free(reader->coming);
+    reader->coming = term;
+    if (!reader->waiting) /* else the sleeper follows */
+        ddx_reader_follow(item);
+}
+
+static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    const struct ddx_message *m = &packet->message;
+
+    if (m->flags & DDX_FLAG_WRITER) {
+        struct ddx_ring_writer *ring = &item->writer.ring;
+        struct ddx_term *term = item->writer.term;
+
+        if (!term || term->epoch != m->epoch || ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
+            return;
+        ring->slot[ring->slot_count++] = (uint8_t)m->index;
+        if (m->index >= atomic_load_explicit(&ring->control->slots, memory_order_relaxed))
+            atomic_store_explicit(&ring->control->slots, m->index + 1, memory_order_release);
+        send_ready(item, m->epoch, m->index);
+        return;
+    }
+    struct ddx_term *term = item->reader.coming ? item->reader.coming : item->reader.term;
+    if (term && term->epoch == m->epoch)
+        ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0));
+}
+
+static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    struct ddx_writer_role *writer = &item->writer;
+    struct ddx_ring_writer *ring = &writer->ring;
+    unsigned i = 0;
+
+    ring->notice_seen = packet->message.sequence ? (uint32_t)packet->message.sequence : ring->notice_seen;
+    if (packet->fd[0] < 0 || !ddx_memory_sound(packet->fd[0], ddx_page_round(1), false))
+        return;
+    while (i < ring->reader_count && !ddx_memory_same(writer->pin_fd[i], packet->fd[0]))
+        i++;
+    if (i == ring->reader_count) {
+        const void *page = i < DDX_READERS_MAX ? ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false) : NULL;
+
+        if (!page)
+            return;
+        writer->pin_fd[i] = ddx_packet_take(packet, 0);
+        ring->reader[i] = (struct ddx_ring_reader){.page = page};
+        ring->reader_count++;
+    }
+    ring->reader[i].id = packet->message.index;
+    writer->confirmed[i] = true;
+}
+
+static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
+    struct ddx_ring_writer *ring = &writer->ring;
+    unsigned last = --ring->reader_count;
+
+    munmap((void *)(uintptr_t)ring->reader[i].page, sizeof(struct ddx_pin_page));
+    close(writer->pin_fd[i]);
+    ring->reader[i] = ring->reader[last];
+    writer->pin_fd[i] = writer->pin_fd[last];
+    writer->confirmed[i] = writer->confirmed[last];
+}
+
+/* A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. */
+static void on_reader_gone(DDX_STORE_ITEM *item, const struct ddx_message *m) {
+    struct ddx_writer_role *writer = &item->writer;
+
+    for (unsigned i = writer->ring.reader_count; i-- > 0;)
+        if (m->flags & DDX_FLAG_CREATE ? !writer->confirmed[i] && !ddx_memory_held(writer->pin_fd[i])
+                                       : writer->ring.reader[i].id == m->index)
+            drop_reader(writer, i);
+}
+
+static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    struct ddx_reader_role *reader = &item->reader;
+
+    if (packet->message.status || reader->page || packet->fd[0] < 0)
+        return;
+    reader->page = ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), true);
+    if (!reader->page)
+        return;
+    reader->pin_fd = ddx_packet_take(packet, 0);
+    reader->hold_fd = ddx_memory_hold(reader->pin_fd);
+    /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
+    reader->seen = packet->message.sequence;
+}
+
+static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    struct ddx_message *m = &packet->message;
+    const struct ddx_layout *layout;
+
+    switch (m->operation) {
+    case DDX_OPENED:
+        if ((layout = ddx_packet_layout(packet)) && set_layout(item, layout))
+            m->status = -ENOMEM;
+        if (!m->status)
+            strcpy(item->type, m->type);
+        break;
+    case DDX_CLAIMED: on_claimed(item, packet); break;
+    case DDX_EPOCH: on_epoch(item, packet); break;
+    case DDX_SLOT: on_slot(item, packet); break;
+    case DDX_READER: on_reader(item, packet); break;
+    case DDX_READER_GONE: on_reader_gone(item, m); break;
+    case DDX_ATTACHED: on_attached(item, packet); break;
+    case DDX_OFFERED:
+        if (m->status == -EEXIST)
+            item->writer.superseded = true;
+        break;
+    default: break;
+    }
+    if (m->operation == item->answer) {
+        item->reply = *m;
+        item->answered = true;
+    }
+    ddx_packet_close(packet);
+}
+
+int ddx_item_service(DDX_STORE_ITEM *item) {
+    bool any = false;
+    int result;
+
+    if (item->socket < 0)
+        return -EPIPE;
+    while ((result = ddx_receive(item->socket, item->packet)) > 0) {
+        handle(item, item->packet);
+        any = true;
+    }
+    if (any)
+        ddx_futex_change(&item->changed);
+    if (result < 0)
+        ddx_item_disconnect(item);
+    return result < 0 ? -EPIPE : 0;
+}
+
+int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                     uint32_t answer) {
+    int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
+
+    if (item->socket < 0 && ddx_item_offer(item))
+        return -ECONNREFUSED;
+    item->answer = answer;
+    item->answered = false;
+    int result = ddx_send(item->socket, message, layout, NULL, 0);
+    while (!result && !item->answered) {
+        struct pollfd wait = {.fd = item->socket, .events = POLLIN};
+        int64_t left = deadline - ddx_time_now();
+
+        if (left <= 0)
+            result = -ETIMEDOUT;
+        else {
+            poll(&wait, 1, (int)(left / 1000000) + 1);
+            result = ddx_item_service(item);
+        }
+    }
+    item->answer = 0;
+    if (item->answered)
+        return item->reply.status;
+    ddx_item_disconnect(item);
+    return -ECONNREFUSED;
+}

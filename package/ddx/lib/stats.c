@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Counters of frames, and their item in the store. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "stats_book.h"
+
+/* 32-bit and 64-bit programs share this item. */
+_Static_assert(offsetof(DDX_STATS, in) == 16, "layout");
+_Static_assert(offsetof(DDX_STATS, first) == 48, "layout");
+_Static_assert(offsetof(DDX_STATS, source) == 72, "layout");
+_Static_assert(offsetof(DDX_STATS, lost) == 136, "layout");
+_Static_assert(offsetof(DDX_STATS, latency) == 328, "layout");
+_Static_assert(sizeof(DDX_STATS) == 328 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
+
+static const char restart_reason[] = "restart";
+
+DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons) {
+    size_t count = 0;
+    while (reasons[count]) {
+        if (!*reasons[count] || strlen(reasons[count]) > DDX_STATS_REASON_MAX || count == DDX_STATS_REASONS - 1) {
+            errno = EINVAL;
+            return NULL;
+        }
+        count++;
+    }
+    if (!*instance || strlen(instance) + strlen(DDX_STATS_SUFFIX) > DDX_NAME_MAX) {
+        errno = EINVAL;
+        return NULL;
+    }
+    DDX_STATS_BOOK *book = calloc(1, sizeof(*book));
+    if (!book)
+        return NULL;
+    pthread_mutex_init(&book->lock, NULL);
+    strcpy(book->instance, instance);
+    for (size_t i = 0; i < count; i++)
+        strcpy(book->stats.lost[i].name, reasons[i]);
+    strcpy(book->stats.lost[count].name, restart_reason);
+    book->restart = (unsigned)count;
+    book->stats.reasons = (uint32_t)count + 1;
+    book->stats.version = DDX_STATS_VERSION;
+    book->stats.running = 1;
+    book->stats.starts = 1;
+    return book;
+}
+
+/* The value that a former program left in the item. Its own handle, so that the reader's share is given back at
+ * once. */
+static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+    if (!item)
+        return -errno;
+    int error = ddx_store_read(item, former, NULL, 0, DDX_CURRENT);
+    ddx_store_done_item(item);
+    return error;
+}
+
+int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
+    char name[DDX_NAME_MAX + 1];
+    size_t length = strlen(book->instance);
+    memcpy(name, book->instance, length);
+    memcpy(name + length, DDX_STATS_SUFFIX, sizeof(DDX_STATS_SUFFIX));
+
+    /* First the writer's role, then the value: nobody can change it in between. */
+    struct ddx_item_spec spec = {.name = name, .type = "DDX_STATS", .size = sizeof(DDX_STATS)};
+    DDX_STORE_ITEM *item;
+    int error = ddx_store_create(id, &spec, &item);
+    if (error)
+        return error;
+    DDX_STATS former;
+    int unread = read_former(id, name, &former);
+
+    pthread_mutex_lock(&book->lock);
+    if (source && strlen(source) < sizeof(book->stats.source))
+        strcpy(book->stats.source, source);
+    if (!unread)
+        ddx_stats_take_over(book, &former);
+    book->item = item;
+    pthread_mutex_unlock(&book->lock);
+    return ddx_stats_write(book);
+}
+
+void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.in += frames;
+    if (sequence)
+        book->stats.sequence = sequence;
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency) {
+    int64_t now = ddx_time_now();
+    pthread_mutex_lock(&book->lock);
+    book->stats.out += frames;
+    if (!book->stats.first)
+        book->stats.first = now;
+    book->stats.last = now;
+    ddx_stats_histogram_add(&book->stats, frames, latency);
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.lost[reason < book->restart ? reason : book->restart].frames += frames;
+    pthread_mutex_unlock(&book->lock);
+}
+
+static void compute_waiting(DDX_STATS *stats) {
+    uint64_t accounted = stats->out;
+    for (unsigned i = 0; i < stats->reasons; i++)
+        accounted += stats->lost[i].frames;
+    stats->waiting = stats->in > accounted ? stats->in - accounted : 0;
+}
+
+int ddx_stats_write(DDX_STATS_BOOK *book) {
+    int error = 0;
+    pthread_mutex_lock(&book->lock);
+    compute_waiting(&book->stats);
+    if (book->item)
+        error = ddx_store_write(book->item, &book->stats, NULL);
+    pthread_mutex_unlock(&book->lock);
+    return error;
+}
+
+void ddx_stats_get(DDX_STATS_BOOK *book, DDX_STATS *stats) {
+    pthread_mutex_lock(&book->lock);
+    compute_waiting(&book->stats);
+    *stats = book->stats;
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file) {
+    DDX_STATS stats;
+    char line[DDX_STATS_LINE_MAX];
+    ddx_stats_get(book, &stats);
+    ddx_stats_json(&stats, book->instance, line, sizeof(line));
+    fprintf(file, "%s\n", line);
+    fflush(file);
+}
+
+void ddx_stats_close(DDX_STATS_BOOK *book) {
+    if (!book)
+        return;
+    book->stats.running = 0;
+    ddx_stats_write(book);
+    ddx_store_done_item(book->item);
+    pthread_mutex_destroy(&book->lock);
+    free(book);
+}

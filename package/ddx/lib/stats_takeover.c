@@ -1,0 +1,69 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* A restarted program continues the totals of the one before, so that in = out + lost holds across restarts. */
+#include <errno.h>
+#include <string.h>
+
+#include "stats_book.h"
+
+/* The number of a reason of this name; a new one if there is room; else "restart", so that no loss is ever
+ * forgotten. */
+static unsigned reason_named(struct ddx_stats_book *book, const char *name) {
+    DDX_STATS *stats = &book->stats;
+    for (unsigned i = 0; i < stats->reasons; i++)
+        if (!strncmp(stats->lost[i].name, name, sizeof(stats->lost[i].name)))
+            return i;
+    if (stats->reasons == DDX_STATS_REASONS || !*name)
+        return book->restart;
+    memcpy(stats->lost[stats->reasons].name, name, sizeof(stats->lost[0].name));
+    return stats->reasons++;
+}
+
+void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
+    DDX_STATS *stats = &book->stats;
+    if (former->version != DDX_STATS_VERSION)
+        return;
+    unsigned reasons = former->reasons < DDX_STATS_REASONS ? former->reasons : DDX_STATS_REASONS;
+    uint64_t accounted = former->out;
+    for (unsigned i = 0; i < reasons; i++) {
+        char name[sizeof(former->lost[i].name)];
+        memcpy(name, former->lost[i].name, sizeof(name));
+        name[sizeof(name) - 1] = 0;
+        stats->lost[reason_named(book, name)].frames += former->lost[i].frames;
+        accounted += former->lost[i].frames;
+    }
+    if (former->in > accounted) /* died with these in its ring */
+        stats->lost[book->restart].frames += former->in - accounted;
+    stats->in += former->in;
+    stats->out += former->out;
+    stats->starts += former->starts;
+    if (former->first)
+        stats->first = former->first;
+    if (!stats->last)
+        stats->last = former->last;
+    ddx_stats_histogram_merge(stats, former);
+    book->former_died = former->running != 0;
+    if (*stats->source && !strncmp(stats->source, former->source, sizeof(stats->source))) {
+        book->resume_from = former->sequence;
+        if (!stats->sequence)
+            stats->sequence = former->sequence;
+    }
+}
+
+int64_t ddx_stats_resume(DDX_STATS_BOOK *book, uint64_t sequence) {
+    int64_t result = -ENOENT;
+    pthread_mutex_lock(&book->lock);
+    uint64_t from = book->resume_from;
+    if (from && sequence == from) {
+        result = -EALREADY;
+    } else {
+        book->resume_from = 0;
+        if (from && sequence > from && book->former_died) {
+            uint64_t gap = sequence - from - 1;
+            book->stats.in += gap;
+            book->stats.lost[book->restart].frames += gap;
+            result = (int64_t)gap;
+        }
+    }
+    pthread_mutex_unlock(&book->lock);
+    return result;
+}

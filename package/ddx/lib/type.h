@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* The layout of an item's struct: parsed from C text, compared, sent between programs. */
+#ifndef DDX_TYPE_H
+#define DDX_TYPE_H
+
+#include <stdbool.h>
+
+#include "ddx.h"
+
+#define DDX_FIELDS_MAX 200u
+#define DDX_SIZE_MAX ((uint64_t)1 << 30)
+
+/* As it travels in messages: fixed width. Outermost fields come in the order of their offsets. */
+struct ddx_layout_field {
+    char name[DDX_NAME_MAX + 1];
+    uint8_t kind;   /* enum ddx_kind */
+    uint8_t extent; /* `used` was given: the array bound is no part of the type */
+    uint16_t children;
+    uint32_t bytes, count;
+    uint32_t unused;
+    uint64_t offset, used;
+};
+
+/* No fields: an opaque type, of which only name and size are known. */
+struct ddx_layout {
+    uint64_t size;
+    uint32_t field_count;
+    uint32_t unused;
+    struct ddx_layout_field field[];
+};
+
+/* Memory of a layout with so many fields, in bytes. */
+static inline size_t ddx_layout_bytes(unsigned fields) {
+    return sizeof(struct ddx_layout) + fields * sizeof(struct ddx_layout_field);
+}
+
+/*
+ * Parse "struct { int a; char b[64]; }" or "int" by this program's own ABI. The result is the caller's, to free().
+ * -EINVAL: not understood or not to be shared; -ENOMEM.
+ */
+int ddx_layout_parse(const char *text, struct ddx_layout **layout);
+
+/*
+ * The layout of the type that this program knows by `name`: declared by DDX_STORE_TYPE, or a plain C type ("int").
+ * -ENOENT: neither; -EPROTOTYPE: declared twice and differently; else as ddx_layout_parse().
+ */
+int ddx_layout_of(const char *name, struct ddx_layout **layout);
+
+/* A layout of which only the size is known. NULL: no memory. */
+struct ddx_layout *ddx_layout_opaque(uint64_t size);
+
+struct ddx_layout *ddx_layout_copy(const struct ddx_layout *layout);
+
+/* Use only the first `bytes` of an outermost field. -EINVAL: no such field, or longer than the field. */
+int ddx_layout_use(struct ddx_layout *layout, const char *field, uint64_t bytes);
+
+/* Has any field an extent? */
+bool ddx_layout_extents(const struct ddx_layout *layout);
+
+/* Is this, received in `bytes` bytes, a layout that cannot lead anybody astray? */
+bool ddx_layout_valid(const struct ddx_layout *layout, size_t bytes);
+
+/* Equal to the last extent: then a value of one is a value of the other, byte for byte. */
+bool ddx_layout_same(const struct ddx_layout *a, const struct ddx_layout *b);
+
+/* The i-th outermost field's index, given the one before; field_count at the end. */
+static inline unsigned ddx_layout_after(const struct ddx_layout *layout, unsigned i) {
+    return i + 1u + layout->field[i].children;
+}
+
+/* One stretch of bytes that a value has in the item and in the caller's struct. */
+struct ddx_span {
+    uint64_t item, own, bytes;
+};
+
+/*
+ * How a value of the item's layout is laid out in a program's `own` struct: spans (to free()) and their count. 0, or
+ * -EPROTOTYPE: other types; -EMSGSIZE: same type but other size, or what is in use does not fit.
+ */
+int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own, struct ddx_span **spans,
+                     unsigned *count);
+
+/* May an item of layout `old` become one of layout `fresh`? Extents and their bounds may differ, nothing else. */
+int ddx_layout_may_become(const struct ddx_layout *old, const struct ddx_layout *fresh);
+
+#endif

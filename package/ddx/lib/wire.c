@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "wire.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+union control_buffer {
+    char bytes[CMSG_SPACE(DDX_FDS_MAX * sizeof(int))];
+    struct cmsghdr align;
+};
+
+int ddx_send(int socket, const struct ddx_message *message, const struct ddx_layout *layout, const int *fds,
+             unsigned fd_count) {
+    struct ddx_message header = *message;
+    union control_buffer control;
+    struct iovec part[2] = {{&header, sizeof header}, {(void *)(uintptr_t)layout, 0}};
+    struct msghdr envelope = {.msg_iov = part, .msg_iovlen = 2};
+
+    header.version = DDX_WIRE_VERSION;
+    if (layout)
+        part[1].iov_len = ddx_layout_bytes(layout->field_count);
+    header.layout_bytes = (uint32_t)part[1].iov_len;
+    if (fd_count) {
+        memset(&control, 0, sizeof control);
+        envelope.msg_control = control.bytes;
+        envelope.msg_controllen = CMSG_SPACE(fd_count * sizeof(int));
+        struct cmsghdr *rights = CMSG_FIRSTHDR(&envelope);
+        rights->cmsg_level = SOL_SOCKET;
+        rights->cmsg_type = SCM_RIGHTS;
+        rights->cmsg_len = CMSG_LEN(fd_count * sizeof(int));
+        memcpy(CMSG_DATA(rights), fds, fd_count * sizeof(int));
+    }
+    ssize_t sent;
+    do
+        sent = sendmsg(socket, &envelope, MSG_NOSIGNAL | MSG_DONTWAIT);
+    while (sent < 0 && errno == EINTR);
+    if (sent >= 0)
+        return 0;
+    return errno == EAGAIN || errno == ENOBUFS ? -EAGAIN : -EPIPE;
+}
+
+static void take_descriptors(struct msghdr *envelope, struct ddx_packet *packet) {
+    unsigned taken = 0;
+
+    for (struct cmsghdr *c = CMSG_FIRSTHDR(envelope); c; c = CMSG_NXTHDR(envelope, c)) {
+        if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS)
+            continue;
+        size_t count = (c->cmsg_len - CMSG_LEN(0)) / sizeof(int);
+        for (size_t i = 0; i < count; i++) {
+            int fd;
+
+            memcpy(&fd, CMSG_DATA(c) + i * sizeof fd, sizeof fd);
+            if (taken < DDX_FDS_MAX)
+                packet->fd[taken++] = fd;
+            else
+                close(fd);
+        }
+    }
+}
+
+int ddx_receive(int socket, struct ddx_packet *packet) {
+    union control_buffer control;
+    struct iovec part[2] = {{&packet->message, sizeof packet->message}, {packet->layout, sizeof packet->layout}};
+    struct msghdr envelope = {
+        .msg_iov = part, .msg_iovlen = 2, .msg_control = control.bytes, .msg_controllen = sizeof control.bytes};
+
+    for (unsigned i = 0; i < DDX_FDS_MAX; i++)
+        packet->fd[i] = -1;
+    ssize_t got;
+    do
+        got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    while (got < 0 && errno == EINTR);
+    if (got < 0)
+        return errno == EAGAIN ? 0 : -EPIPE;
+    if (got == 0)
+        return -EPIPE;
+    take_descriptors(&envelope, packet);
+    struct ddx_message *m = &packet->message;
+    if ((size_t)got < sizeof *m || (envelope.msg_flags & MSG_TRUNC) || m->version != DDX_WIRE_VERSION ||
+        m->layout_bytes != (size_t)got - sizeof *m || !memchr(m->name, 0, sizeof m->name) ||
+        !memchr(m->type, 0, sizeof m->type)) {
+        ddx_packet_close(packet);
+        return -EPROTO;
+    }
+    return 1;
+}
+
+const struct ddx_layout *ddx_packet_layout(const struct ddx_packet *packet) {
+    const struct ddx_layout *layout = (const struct ddx_layout *)(const void *)packet->layout;
+
+    return ddx_layout_valid(layout, packet->message.layout_bytes) ? layout : NULL;
+}
+
+int ddx_packet_take(struct ddx_packet *packet, unsigned i) {
+    int fd = packet->fd[i];
+
+    packet->fd[i] = -1;
+    return fd;
+}
+
+void ddx_packet_close(struct ddx_packet *packet) {
+    for (unsigned i = 0; i < DDX_FDS_MAX; i++)
+        if (packet->fd[i] >= 0)
+            close(ddx_packet_take(packet, i));
+}
+
+bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes) {
+    const char *chosen = getenv("DDX_DIR"), *session = getenv("XDG_RUNTIME_DIR");
+    char folder[64];
+
+    if (chosen) {
+        /* Tests and several stores side by side: this folder and no other. */
+        return i == 0 && snprintf(path, bytes, "%s/store-%d", chosen, port) < (int)bytes;
+    }
+    snprintf(folder, sizeof folder, "/tmp/ddx-%u", (unsigned)getuid());
+    switch (i) {
+    case 0: return snprintf(path, bytes, "/run/ddx/store-%d", port) < (int)bytes;
+    case 1: return snprintf(path, bytes, "%s%s/store-%d", session ? session : folder, session ? "/ddx" : "", port) < (int)bytes;
+    case 2: return session && snprintf(path, bytes, "%s/store-%d", folder, port) < (int)bytes;
+    default: return false;
+    }
+}
+
+int ddx_connect(int port) {
+    struct sockaddr_un address = {.sun_family = AF_UNIX};
+
+    for (unsigned i = 0; ddx_socket_path(i, port, address.sun_path, sizeof address.sun_path); i++) {
+        int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+
+        if (fd < 0)
+            return -errno;
+        if (!connect(fd, (struct sockaddr *)&address, sizeof address))
+            return fd;
+        close(fd);
+    }
+    return -ECONNREFUSED;
+}

@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * Messages between programs and the store: SOCK_SEQPACKET, one connection per item handle, memory files as SCM_RIGHTS.
+ * Nothing of this is on the frame path.
+ *
+ * A handle's life:
+ *   OPEN                            -> OPENED (layout) or an error
+ *   CLAIM (layout)                  -> CLAIMED (control, notice), SLOT..., READER...           become the writer
+ *   READY (slot)                    one for each slot mapped and sealed, the control file as slot DDX_NO_SLOT
+ *                                   -> DONE when all are, and the readers were told
+ *   ATTACH (frames to keep)         -> ATTACHED (pin), then as below                           become a reader
+ * and unasked from the store:
+ *   EPOCH (layout, control), SLOT...   to a reader: a writer's term begins (or is going on)
+ *   SLOT                               one slot more
+ *   READER (pin), READER_GONE          to the writer; the notice's version changes after READER is queued
+ * After the store was restarted, instead of OPEN:
+ *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
+ */
+#ifndef DDX_WIRE_H
+#define DDX_WIRE_H
+
+#include <assert.h>
+#include <stdbool.h>
+
+#include "type.h"
+
+#define DDX_WIRE_VERSION 1u
+
+enum ddx_operation {
+    DDX_OPEN = 1,
+    DDX_OPENED,
+    DDX_CLAIM,
+    DDX_CLAIMED,
+    DDX_READY,
+    DDX_ATTACH,
+    DDX_ATTACHED,
+    DDX_EPOCH,
+    DDX_SLOT,
+    DDX_READER,
+    DDX_READER_GONE,
+    DDX_DONE,
+    DDX_OFFER,
+    DDX_OFFER_SLOT,
+    DDX_OFFER_PIN,
+    DDX_OFFER_END,
+    DDX_OFFERED,
+    DDX_INFO,
+    DDX_LIST,
+    DDX_ITEM,
+    DDX_LISTED,
+};
+
+/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for. */
+#define DDX_FLAG_CREATE 1u
+#define DDX_FLAG_WRITER 2u
+#define DDX_FLAG_READER 4u
+
+struct ddx_message {
+    uint32_t operation;
+    int32_t status; /* 0 or -errno, in replies */
+    uint32_t version, flags;
+    uint32_t epoch;
+    uint32_t index;  /* slot, or reader */
+    uint32_t frames; /* slots to come; frames to keep */
+    uint32_t readers;
+    int32_t pid;
+    uint32_t layout_bytes; /* of the layout behind this header */
+    uint64_t sequence;
+    uint64_t size, frame_bytes, bytes, reserved, missed;
+    int64_t time;
+    char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
+};
+
+static_assert(sizeof(struct ddx_message) == 224, "the same for i386 and x86_64");
+static_assert(sizeof(struct ddx_layout_field) == 96 && sizeof(struct ddx_layout) == 16, "likewise");
+
+#define DDX_FDS_MAX 2u
+
+/* A message with room for all that may come with it. */
+struct ddx_packet {
+    struct ddx_message message;
+    _Alignas(8) char layout[sizeof(struct ddx_layout) + DDX_FIELDS_MAX * sizeof(struct ddx_layout_field)];
+    int fd[DDX_FDS_MAX]; /* received; the receiver's to close; -1 where none */
+};
+
+/*
+ * Send without waiting; layout may be NULL; descriptors stay the caller's. 0, -EAGAIN (the other side does not read),
+ * -EPIPE (it is gone).
+ */
+int ddx_send(int socket, const struct ddx_message *message, const struct ddx_layout *layout, const int *fds,
+             unsigned fd_count);
+
+/* Receive without waiting. 1: got one; 0: none; -EPIPE: the other side is gone; -EPROTO: it sent nonsense. */
+int ddx_receive(int socket, struct ddx_packet *packet);
+
+/* The layout in a received packet, or NULL if there is none or it is not sound. */
+const struct ddx_layout *ddx_packet_layout(const struct ddx_packet *packet);
+
+/* Take descriptor i out of a packet; -1 if there is none. */
+int ddx_packet_take(struct ddx_packet *packet, unsigned i);
+
+/* Close what nobody took. */
+void ddx_packet_close(struct ddx_packet *packet);
+
+/* Paths that the store's socket may have, best first: false when i is past the last. */
+bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes);
+
+/* Connect to the store. Socket or -ECONNREFUSED. Does not wait. */
+int ddx_connect(int port);
+
+#endif

@@ -1,0 +1,129 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Writing: claim the item once, then loan, fill, publish. */
+#include <errno.h>
+#include <poll.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "item.h"
+
+int ddx_writer_claim(DDX_STORE_ITEM *item) {
+    struct ddx_message message;
+
+    if (item->writer.superseded)
+        return -EEXIST;
+    if (item->writer.term)
+        return 0;
+    ddx_message_init(&message, DDX_CLAIM, item);
+    int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
+    if (result)
+        return result;
+    return item->writer.term && item->writer.ring.slot_count >= 2 ? 0 : -EMFILE;
+}
+
+static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
+    struct ddx_writer_role *writer = &item->writer;
+    int result;
+
+    while ((result = ddx_ring_choose(&writer->ring, slot)) == -EAGAIN) {
+        uint32_t version = atomic_load(&writer->notice->version);
+
+        /* The store queued the news before it changed the notice, so they are here: this does not wait. */
+        if (ddx_item_service(item))
+            /* The store died meanwhile: then nobody has let the new reader in. */
+            writer->ring.notice_seen = version;
+    }
+    return result;
+}
+
+int ddx_store_loan(DDX_STORE_ITEM *item, void **data) {
+    unsigned slot;
+
+    if (!item || !data)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    int result = ddx_writer_claim(item);
+    if (!result && item->writer.loaned >= 0)
+        result = -EBUSY;
+    if (!result)
+        result = choose(item, &slot);
+    if (!result) {
+        item->writer.loaned = (int)slot;
+        *data = item->writer.term->base[slot];
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts) {
+    if (!item)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    struct ddx_writer_role *writer = &item->writer;
+    int result = writer->loaned < 0 ? -EINVAL : 0;
+    if (!result) {
+        ddx_ring_publish(&writer->ring, (unsigned)writer->loaned, ts ? *ts : ddx_time_now());
+        writer->loaned = -1;
+        ddx_futex_wake(&writer->term->control->latest);
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+int ddx_store_cancel(DDX_STORE_ITEM *item) {
+    if (!item)
+        return -EINVAL;
+    pthread_mutex_lock(&item->lock);
+    struct ddx_writer_role *writer = &item->writer;
+    int result = writer->loaned < 0 ? -EINVAL : 0;
+    if (!result) {
+        ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
+        writer->loaned = -1;
+    }
+    pthread_mutex_unlock(&item->lock);
+    return result;
+}
+
+int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts) {
+    void *frame;
+
+    if (!item || !data)
+        return -EINVAL;
+    int result = ddx_store_loan(item, &frame);
+    if (result)
+        return result;
+    const struct ddx_term *term = item->writer.term;
+    if (term->mismatch) {
+        ddx_store_cancel(item);
+        return term->mismatch;
+    }
+    for (unsigned i = 0; i < term->span_count; i++)
+        memcpy((char *)frame + term->spans[i].item, (const char *)data + term->spans[i].own,
+               (size_t)term->spans[i].bytes);
+    return ddx_store_publish(item, ts);
+}
+
+int ddx_store_readers(const DDX_STORE_ITEM *item) {
+    if (!item || !item->writer.notice)
+        return -EINVAL;
+    return (int)atomic_load(&item->writer.notice->readers);
+}
+
+void ddx_writer_end(DDX_STORE_ITEM *item) {
+    struct ddx_writer_role *writer = &item->writer;
+
+    if (!writer->term)
+        return;
+    if (writer->loaned >= 0)
+        ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
+    for (unsigned i = 0; i < writer->ring.reader_count; i++) {
+        munmap((void *)(uintptr_t)writer->ring.reader[i].page, sizeof(struct ddx_pin_page));
+        close(writer->pin_fd[i]);
+    }
+    munmap(writer->notice, sizeof(struct ddx_notice));
+    close(writer->notice_fd);
+    if (writer->hold_fd >= 0)
+        close(writer->hold_fd);
+    ddx_term_free(writer->term);
+}

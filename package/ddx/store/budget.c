@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The budget is a promise: what is reserved is never more than -m. An item reserves its memory and, since a new writer
+ * needs files of its own while readers still look at the old ones, the same again for a change of writer.
+ */
+#include "server.h"
+
+uint64_t budget_used(void) {
+    uint64_t sum = 0;
+
+    for (const struct item *item = store.items; item; item = item->next)
+        sum += item_bytes(item);
+    return sum;
+}
+
+uint64_t budget_reserved(void) {
+    uint64_t sum = 0;
+
+    for (const struct item *item = store.items; item; item = item->next)
+        sum += item_reserved(item);
+    return sum;
+}
+
+/* The item that was written longest ago among those that nobody has open. */
+static struct item *least_wanted(const struct item *except) {
+    struct item *found = NULL;
+    int64_t oldest = INT64_MAX;
+
+    for (struct item *item = store.items; item; item = item->next) {
+        struct ddx_ring_frame frame = {.time = 0};
+
+        if (item->handles || item == except)
+            continue;
+        if (item->epoch)
+            ddx_ring_peek(item->epoch->control, &frame);
+        if (frame.time < oldest) {
+            oldest = frame.time;
+            found = item;
+        }
+    }
+    return found;
+}
+
+bool budget_allows(struct item *item, uint64_t reserved) {
+    for (;;) {
+        uint64_t others = budget_reserved() - item_reserved(item);
+
+        if (others + reserved <= store.budget)
+            return true;
+        clients_reap();
+        if (budget_reserved() - item_reserved(item) < others)
+            continue;
+        struct item *victim = least_wanted(item);
+        if (!victim)
+            return false;
+        note("%s: dropped, nobody has it open and its memory is needed for %s", victim->name, item->name);
+        epoch_free(victim->epoch);
+        victim->epoch = NULL;
+        item_drop_if_unused(victim);
+    }
+}

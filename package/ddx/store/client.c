@@ -1,0 +1,118 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include <errno.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "server.h"
+
+#define GRACE 250000000     /* ns after a restart in which only living holders are heard */
+#define MESSAGES_AT_ONCE 64 /* then the others get their turn */
+
+struct client *client_add(int socket) {
+    struct client *client = calloc(1, sizeof *client);
+    struct ucred who = {0};
+    socklen_t length = sizeof who;
+
+    if (!client) {
+        close(socket);
+        return NULL;
+    }
+    getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
+    client->pid = who.pid;
+    client->socket = socket;
+    client->pin_fd = client->offered_notice_fd = client->offered_pin_fd = -1;
+    client->next = store.clients;
+    store.clients = client;
+    return client;
+}
+
+void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
+                 const int *fds, unsigned count) {
+    if (!client->gone && ddx_send(client->socket, message, layout, fds, count)) {
+        /* It is gone, or stopped and its socket is full. It connects again when it goes on, and learns all anew. */
+        note("%d does not listen; closing its connection", (int)client->pid);
+        client->gone = true;
+    }
+}
+
+void client_reply(struct client *client, uint32_t operation, int status) {
+    struct ddx_message message = {.operation = operation, .status = status};
+
+    client_send(client, &message, NULL, NULL, 0);
+}
+
+/* After a restart, newcomers wait until living holders have reported, or they would find items missing. */
+static bool too_early(struct client *client) {
+    uint32_t operation = 0;
+
+    if (!store.restarted || client->item || ddx_time_now() - store.started >= GRACE)
+        return false;
+    ssize_t got = recv(client->socket, &operation, sizeof operation, MSG_PEEK | MSG_DONTWAIT);
+    return got > 0 && (operation == DDX_OPEN || operation == DDX_LIST);
+}
+
+void client_receive(struct client *client) {
+    static struct ddx_packet packet;
+
+    for (int i = 0; i < MESSAGES_AT_ONCE && !client->gone; i++) {
+        if (too_early(client))
+            return;
+        int result = ddx_receive(client->socket, &packet);
+        if (result == 0)
+            return;
+        if (result < 0) {
+            if (result == -EPROTO)
+                note("%d sent nonsense; closing its connection", (int)client->pid);
+            client->gone = true;
+            return;
+        }
+        store.current = client;
+        request_handle(client, &packet);
+        store.current = NULL;
+        ddx_packet_close(&packet);
+    }
+}
+
+/* What it held is free again. */
+static void detach(struct client *client) {
+    struct item *item = client->item;
+
+    client->gone = true;
+    if (!item)
+        return;
+    writer_left(client);
+    reader_left(client);
+    client->item = NULL;
+    item->handles--;
+    item_drop_if_unused(item);
+}
+
+void clients_reap(void) {
+    for (struct client *client = store.clients; client; client = client->next) {
+        struct pollfd look = {.fd = client->socket};
+
+        if (client != store.current && (client->gone || (poll(&look, 1, 0) > 0 && look.revents & (POLLHUP | POLLERR))))
+            detach(client);
+    }
+}
+
+void clients_sweep(void) {
+    struct client **link = &store.clients;
+
+    while (*link) {
+        struct client *client = *link;
+
+        if (client->gone) {
+            *link = client->next;
+            detach(client);
+            offer_abandon(client);
+            close(client->socket);
+            free(client);
+            link = &store.clients; /* forgetting one may have found out that another is gone, too */
+        } else
+            link = &client->next;
+    }
+}

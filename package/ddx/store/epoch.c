@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "server.h"
+
+struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
+    struct epoch *epoch = calloc(1, sizeof *epoch);
+
+    if (!epoch || !(epoch->layout = ddx_layout_copy(layout))) {
+        free(epoch);
+        return NULL;
+    }
+    epoch->number = number;
+    ddx_runs_of(layout, &epoch->runs);
+    epoch->control_fd = -1;
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        epoch->slot_fd[i] = -1;
+    return epoch;
+}
+
+int epoch_create_control(struct epoch *epoch, const char *name) {
+    epoch->control_fd = ddx_memory_create(name, ddx_page_round(sizeof(struct ddx_control)));
+    if (epoch->control_fd < 0)
+        return epoch->control_fd;
+    epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), true);
+    if (!epoch->control)
+        return -errno;
+    epoch->control->magic = DDX_CONTROL_MAGIC;
+    epoch->control->version = DDX_LAYOUT_VERSION;
+    epoch->control->epoch = epoch->number;
+    atomic_store(&epoch->control->latest, DDX_LATEST(0, DDX_NO_SLOT));
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        atomic_store(&epoch->control->slot[i].generation, DDX_EMPTY);
+    return 0;
+}
+
+int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
+    unsigned before = epoch->slots;
+
+    for (unsigned i = 0; i < DDX_SLOTS_MAX && count; i++) {
+        if (epoch->slot_fd[i] >= 0)
+            continue;
+        int fd = ddx_memory_create(name, epoch->runs.file_bytes);
+        if (fd < 0)
+            break;
+        epoch->slot_fd[i] = fd;
+        epoch->slots++;
+        count--;
+    }
+    if (!count)
+        return 0;
+    /* All or none. New ones lie behind those that the writer uses. */
+    for (unsigned i = DDX_SLOTS_MAX; i-- > 0 && epoch->slots > before;)
+        if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i]) {
+            close(epoch->slot_fd[i]);
+            epoch->slot_fd[i] = -1;
+            epoch->slots--;
+        }
+    return -ENOSPC;
+}
+
+bool epoch_ready(const struct epoch *epoch) {
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i])
+            return false;
+    return epoch->control_ready;
+}
+
+/* The last whole frame of a writer that is gone becomes the first one of its successor, so that it stays readable. */
+void epoch_carry_over(struct epoch *from, struct epoch *to) {
+    struct ddx_ring_frame frame;
+    size_t bytes = (size_t)to->runs.file_bytes;
+
+    if (!ddx_ring_peek(from->control, &frame) || from->slot_fd[frame.slot] < 0 || !ddx_layout_same(from->layout, to->layout))
+        return;
+    void *old = ddx_memory_map(from->slot_fd[frame.slot], bytes, false);
+    void *fresh = ddx_memory_map(to->slot_fd[0], bytes, true);
+    if (old && fresh) {
+        struct ddx_ring_writer writer = {.control = to->control, .sequence = frame.sequence - 1};
+
+        memcpy(fresh, old, bytes);
+        atomic_store(&to->control->slots, 1);
+        ddx_ring_publish(&writer, 0, frame.time);
+    }
+    if (old)
+        munmap(old, bytes);
+    if (fresh)
+        munmap(fresh, bytes);
+}
+
+void epoch_free(struct epoch *epoch) {
+    if (!epoch)
+        return;
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        if (epoch->slot_fd[i] >= 0)
+            close(epoch->slot_fd[i]);
+    if (epoch->control)
+        munmap(epoch->control, sizeof(struct ddx_control));
+    if (epoch->control_fd >= 0)
+        close(epoch->control_fd);
+    free(epoch->layout);
+    free(epoch);
+}

@@ -1,0 +1,166 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * After a restart, items come back from those who hold them: first come, first known; a writer's word counts more than a
+ * reader's. Nothing of an offer is believed before its memory files were looked at.
+ */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "server.h"
+
+void offer_abandon(struct client *client) {
+    epoch_free(client->offered);
+    client->offered = NULL;
+    if (client->offered_notice_fd >= 0)
+        close(client->offered_notice_fd);
+    if (client->offered_pin_fd >= 0)
+        close(client->offered_pin_fd);
+    client->offered_notice_fd = client->offered_pin_fd = -1;
+}
+
+static void take_control(struct client *client, struct ddx_packet *packet, const struct ddx_layout *layout) {
+    struct epoch *epoch = epoch_new(layout, packet->message.epoch);
+
+    if (!epoch)
+        return;
+    client->offered = epoch;
+    epoch->control_fd = ddx_packet_take(packet, 0);
+    if (ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true))
+        epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), false);
+    epoch->control_ready = epoch->control && epoch->control->magic == DDX_CONTROL_MAGIC &&
+                           epoch->control->version == DDX_LAYOUT_VERSION && epoch->control->epoch == epoch->number;
+    client->offered_notice_fd = ddx_packet_take(packet, 1);
+}
+
+static void take_slot(struct client *client, struct ddx_packet *packet) {
+    struct epoch *epoch = client->offered;
+    unsigned slot = packet->message.index;
+
+    if (!epoch || slot >= DDX_SLOTS_MAX || epoch->slot_fd[slot] >= 0 ||
+        !ddx_memory_sound(packet->fd[0], epoch->runs.file_bytes, true))
+        return;
+    epoch->slot_fd[slot] = ddx_packet_take(packet, 0);
+    epoch->slot_told[slot] = epoch->slot_ready[slot] = true;
+    epoch->slots++;
+}
+
+/* Slots that the store does not know yet, from another holder of the same epoch. */
+static void merge(struct epoch *known, struct epoch *offered) {
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++) {
+        if (known->slot_fd[i] >= 0 || offered->slot_fd[i] < 0)
+            continue;
+        known->slot_fd[i] = offered->slot_fd[i];
+        known->slot_told[i] = known->slot_ready[i] = true;
+        known->slots++;
+        offered->slot_fd[i] = -1;
+    }
+}
+
+static void adopt_epoch(struct item *item, struct client *client, bool writes) {
+    struct epoch *epoch = client->offered;
+
+    if (!epoch || !epoch->control_ready)
+        return;
+    if (item->epoch && ddx_memory_same(item->epoch->control_fd, epoch->control_fd)) {
+        merge(item->epoch, epoch);
+        return;
+    }
+    if (item->epoch && !writes)
+        return; /* an older one; this reader is told the current one */
+    epoch_free(item->epoch);
+    item->epoch = epoch;
+    item->epochs = epoch->number;
+    item->adopted = true;
+    client->offered = NULL;
+    free(item->layout);
+    item->layout = ddx_layout_copy(epoch->layout);
+    store.adopted++;
+    note("%s: taken back from %d", item->name, (int)client->pid);
+}
+
+static int adopt_writer(struct item *item, struct client *client) {
+    if (item->writer || item->pending)
+        return -EEXIST;
+    if (!item->epoch || !ddx_memory_sound(client->offered_notice_fd, ddx_page_round(1), false))
+        return -EINVAL;
+    struct ddx_notice *notice = ddx_memory_map(client->offered_notice_fd, sizeof *notice, true);
+    if (!notice)
+        return -ENOMEM;
+    if (item->notice)
+        munmap(item->notice, sizeof *item->notice);
+    if (item->notice_fd >= 0)
+        close(item->notice_fd);
+    item->notice = notice;
+    item->notice_fd = client->offered_notice_fd;
+    client->offered_notice_fd = -1;
+    item->writer = client;
+    item->adopted = false;
+    atomic_store(&notice->readers, item->readers);
+    for (struct client *c = store.clients; c; c = c->next)
+        if (c->item == item && c->id && !c->gone)
+            item_announce(item, c);
+    return 0;
+}
+
+static int adopt_reader(struct item *item, struct client *client) {
+    if (client->id || client->offered_keep < 1 || client->offered_keep > DDX_READERS_MAX ||
+        !ddx_memory_sound(client->offered_pin_fd, ddx_page_round(1), false))
+        return -EINVAL;
+    int fd = client->offered_pin_fd;
+    client->offered_pin_fd = -1;
+    int result = reader_register(client, fd, client->offered_keep);
+    if (!result && item->epoch)
+        item_send_epoch(item, client);
+    return result;
+}
+
+static void finish(struct client *client, uint32_t flags) {
+    struct item *item = client->item;
+    int result = 0;
+
+    adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer);
+    if (flags & DDX_FLAG_WRITER)
+        result = adopt_writer(item, client);
+    if (flags & DDX_FLAG_READER)
+        adopt_reader(item, client);
+    offer_abandon(client);
+    client_reply(client, DDX_OFFERED, result);
+}
+
+void offer_message(struct client *client, struct ddx_packet *packet) {
+    const struct ddx_message *m = &packet->message;
+
+    switch (m->operation) {
+    case DDX_OFFER: {
+        const struct ddx_layout *layout = ddx_packet_layout(packet);
+
+        if (client->item || !layout || !*m->name)
+            return;
+        struct item *item = item_find(m->name);
+        if (item && strcmp(item->type, m->type) != 0) {
+            client->gone = true; /* the name went to something else meanwhile */
+            return;
+        }
+        client->item = item ? item : item_add(m->name, m->type, layout);
+        if (!client->item)
+            return;
+        client->item->handles++;
+        if (packet->fd[0] >= 0)
+            take_control(client, packet, layout);
+        break;
+    }
+    case DDX_OFFER_SLOT: take_slot(client, packet); break;
+    case DDX_OFFER_PIN:
+        if (client->offered_pin_fd < 0)
+            client->offered_pin_fd = ddx_packet_take(packet, 0);
+        client->offered_keep = m->frames;
+        break;
+    default:
+        if (client->item)
+            finish(client, m->flags);
+        break;
+    }
+}

@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include <errno.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "server.h"
+
+/* Give the writer as many slots as there are pins, plus the newest and the one being written. */
+static int add_slots(struct item *item, unsigned keep, unsigned pages) {
+    struct epoch *epoch = item->pending ? item->pending : item->epoch;
+    unsigned wanted = 2 + item->kept + keep;
+
+    if (wanted > DDX_SLOTS_MAX || item->readers + pages > DDX_READERS_MAX)
+        return -EBUSY;
+    if (!epoch)
+        return 0;
+    unsigned more = item->writer && wanted > epoch->slots ? wanted - epoch->slots : 0;
+    uint64_t cost = (more + keep) * epoch->runs.file_bytes + pages * ddx_page_round(1);
+    if (!budget_allows(item, item_reserved(item) + cost))
+        return -EBUSY;
+    if (!more)
+        return 0;
+    if (epoch_add_slots(epoch, item->name, more))
+        return -EBUSY;
+    item_send_new_slots(item, epoch, item->writer);
+    return 0;
+}
+
+int reader_register(struct client *client, int pin_fd, unsigned keep) {
+    struct item *item = client->item;
+    const void *pin = ddx_memory_map(pin_fd, sizeof(struct ddx_pin_page), false);
+
+    if (!pin) {
+        close(pin_fd);
+        return -ENOMEM;
+    }
+    client->pin_fd = pin_fd;
+    client->pin = pin;
+    client->id = ++store.next_reader;
+    if (item->writer && !item_announce(item, client)) {
+        /* The writer is stopped and its socket is full of news: nobody else is let in until it goes on. */
+        munmap((void *)(uintptr_t)client->pin, sizeof *client->pin);
+        close(pin_fd);
+        client->id = 0;
+        return -EBUSY;
+    }
+    client->keep = keep;
+    item->kept += keep;
+    item->readers++;
+    if (item->notice)
+        atomic_store(&item->notice->readers, item->readers);
+    return 0;
+}
+
+static int attach(struct client *client, unsigned keep) {
+    struct item *item = client->item;
+
+    if (keep < 1 || keep > DDX_READERS_MAX)
+        return -EINVAL;
+    if (item->adopted && !item->writer && ddx_memory_held(item->epoch->control_fd))
+        return -EAGAIN; /* its writer lives but has not reported since we started: it would not look at the new pins */
+    int result = add_slots(item, keep, client->id ? 0 : 1);
+    if (result) {
+        clients_reap();
+        result = add_slots(item, keep, client->id ? 0 : 1);
+    }
+    if (result)
+        return result;
+    if (client->id) {
+        client->keep += keep;
+        item->kept += keep;
+        /* The writer must have the new slots before it meets the new pins, or it runs out of free ones. */
+        return item->writer && !item_announce(item, client) ? -EBUSY : 0;
+    }
+    int fd = ddx_memory_create(item->name, ddx_page_round(1));
+    return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
+}
+
+void reader_attach(struct client *client, unsigned keep) {
+    struct item *item = client->item;
+    struct ddx_message message = {.operation = DDX_ATTACHED};
+    struct ddx_ring_frame frame;
+    bool before = client->id != 0;
+
+    /* Before the writer hears of the reader: what is written from then on must count as not yet seen. */
+    message.sequence = item->epoch && ddx_ring_peek(item->epoch->control, &frame) ? frame.sequence : item->sequence;
+    message.status = attach(client, keep);
+    strcpy(message.name, item->name);
+    if (message.status || before) {
+        client_send(client, &message, NULL, NULL, 0);
+        return;
+    }
+    if (item->epoch)
+        item_send_epoch(item, client);
+    client_send(client, &message, NULL, &client->pin_fd, 1);
+}
+
+void reader_left(struct client *client) {
+    struct item *item = client->item;
+    struct ddx_message message = {.operation = DDX_READER_GONE, .index = client->id};
+
+    if (!client->id)
+        return;
+    munmap((void *)(uintptr_t)client->pin, sizeof *client->pin);
+    close(client->pin_fd);
+    client->id = 0;
+    item->readers--;
+    item->kept -= client->keep;
+    if (item->notice)
+        atomic_store(&item->notice->readers, item->readers);
+    if (item->writer && !item->writer->gone)
+        client_send(item->writer, &message, NULL, NULL, 0);
+}

@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include <errno.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "server.h"
+
+static void open_item(struct client *client, struct ddx_packet *packet) {
+    const struct ddx_message *m = &packet->message;
+    const struct ddx_layout *layout = ddx_packet_layout(packet);
+    struct ddx_message reply = {.operation = DDX_OPENED};
+    struct item *item = item_find(m->name);
+
+    if (client->item || !*m->name)
+        reply.status = -EINVAL;
+    else if (!item && !(m->flags & DDX_FLAG_CREATE))
+        reply.status = -ENOENT;
+    else if (!item && (!layout || !*m->type))
+        reply.status = -EINVAL;
+    else if (!item && !(item = item_add(m->name, m->type, layout)))
+        reply.status = -ENOMEM;
+    if (reply.status) {
+        client_send(client, &reply, NULL, NULL, 0);
+        return;
+    }
+    /* Another type than before: allowed to who wants to write, when nobody has the item open. */
+    if (m->flags & DDX_FLAG_WRITER && !item->handles && layout &&
+        (strcmp(item->type, m->type) || ddx_layout_may_become(item->layout, layout))) {
+        epoch_free(item->epoch);
+        item->epoch = NULL;
+        item_drop_if_unused(item);
+        if (!(item = item_add(m->name, m->type, layout))) {
+            client_reply(client, DDX_OPENED, -ENOMEM);
+            return;
+        }
+    }
+    client->item = item;
+    item->handles++;
+    strcpy(reply.name, item->name);
+    strcpy(reply.type, item->type);
+    client_send(client, &reply, item->layout, NULL, 0);
+}
+
+/* As many as the socket takes now; the rest when it takes more. */
+void list_continue(struct client *client) {
+    struct ddx_message m;
+
+    for (struct item *item = store.items; item; item = item->next) {
+        if (strcmp(item->name, client->listed) <= 0)
+            continue;
+        item_describe(item, &m);
+        int result = ddx_send(client->socket, &m, NULL, NULL, 0);
+        if (result == -EAGAIN)
+            return;
+        if (result) {
+            client->gone = true;
+            return;
+        }
+        strcpy(client->listed, item->name);
+    }
+    memset(&m, 0, sizeof m);
+    m.operation = DDX_LISTED;
+    m.size = store.budget;
+    m.bytes = budget_used();
+    m.reserved = budget_reserved();
+    m.pid = (int32_t)getpid();
+    m.index = store.adopted;
+    for (const struct client *c = store.clients; c; c = c->next)
+        m.readers += c->item != NULL;
+    if (!ddx_send(client->socket, &m, NULL, NULL, 0))
+        client->listing = false;
+}
+
+void request_handle(struct client *client, struct ddx_packet *packet) {
+    const struct ddx_message *m = &packet->message;
+
+    if (client->pid == 0)
+        client->pid = m->pid; /* another pid name space cannot be seen from here; its own word has to do */
+    if (!client->item && m->operation != DDX_OPEN && m->operation != DDX_LIST && m->operation != DDX_OFFER) {
+        client->gone = true;
+        return;
+    }
+    switch (m->operation) {
+    case DDX_OPEN: open_item(client, packet); break;
+    case DDX_CLAIM: writer_claim(client, ddx_packet_layout(packet)); break;
+    case DDX_READY: writer_ready(client, m); break;
+    case DDX_ATTACH: reader_attach(client, m->frames); break;
+    case DDX_INFO: {
+        struct ddx_message reply;
+
+        item_describe(client->item, &reply);
+        client_send(client, &reply, NULL, NULL, 0);
+        break;
+    }
+    case DDX_LIST:
+        client->listing = true;
+        client->listed[0] = 0;
+        list_continue(client);
+        break;
+    case DDX_OFFER:
+    case DDX_OFFER_SLOT:
+    case DDX_OFFER_PIN:
+    case DDX_OFFER_END: offer_message(client, packet); break;
+    default: client->gone = true; break;
+    }
+}

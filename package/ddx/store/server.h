@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The store: who has which item, and how much memory that takes. One thread, nothing here is on the frame path. */
+#ifndef STORE_SERVER_H
+#define STORE_SERVER_H
+
+#include "../lib/memory.h"
+#include "../lib/ring.h"
+#include "../lib/wire.h"
+
+/* The memory files of one writer's term. */
+struct epoch {
+    uint32_t number;
+    struct ddx_layout *layout;
+    struct ddx_runs runs;
+    int control_fd;
+    struct ddx_control *control;
+    bool control_ready; /* the writer has mapped and sealed it: readers may have it */
+    unsigned slots;
+    int slot_fd[DDX_SLOTS_MAX]; /* -1: does not exist */
+    bool slot_told[DDX_SLOTS_MAX];  /* the writer knows of it */
+    bool slot_ready[DDX_SLOTS_MAX]; /* and has mapped and sealed it */
+};
+
+struct client {
+    struct client *next;
+    int socket;
+    int32_t pid;
+    bool gone;
+    struct item *item;
+    /* as a reader: */
+    uint32_t id; /* 0: does not read */
+    unsigned keep;
+    int pin_fd;
+    const struct ddx_pin_page *pin;
+    /* what it offers after our restart, until OFFER_END */
+    struct epoch *offered;
+    int offered_notice_fd, offered_pin_fd;
+    unsigned offered_keep;
+    /* in the middle of LIST: the last item it was told of */
+    bool listing;
+    char listed[DDX_NAME_MAX + 1];
+};
+
+struct item {
+    struct item *next; /* sorted by name */
+    char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
+    struct ddx_layout *layout; /* as wanted by whoever asked first, then as written */
+    struct epoch *epoch;       /* readers see this one */
+    struct epoch *pending;     /* a new writer prepares this one */
+    struct client *writer;
+    bool adopted; /* known from an offer after a restart; its writer may live without having reported */
+    uint32_t epochs, handles, readers, kept;
+    int notice_fd;
+    struct ddx_notice *notice;
+    uint64_t sequence; /* of the last epoch's last frame */
+};
+
+struct store {
+    int port;
+    int listener;
+    uint64_t budget;
+    struct item *items;
+    struct client *clients;
+    struct client *current; /* whose request is being handled */
+    uint32_t next_reader, adopted;
+    int64_t started;
+    bool restarted; /* a store ran here before: living holders will report */
+    bool settled;   /* they have had time to */
+};
+extern struct store store;
+
+void note(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+/* item.c */
+struct item *item_find(const char *name);
+struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout); /* NULL: no memory */
+void item_drop_if_unused(struct item *item);
+uint64_t item_bytes(const struct item *item);
+uint64_t item_reserved(const struct item *item);
+void item_describe(const struct item *item, struct ddx_message *message);
+void item_send_epoch(const struct item *item, struct client *reader);
+void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to, uint32_t flags);
+void item_send_new_slots(const struct item *item, struct epoch *epoch, struct client *writer);
+bool item_announce(struct item *item, struct client *reader); /* to the writer; false: it does not listen */
+
+/* epoch.c */
+struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number);
+int epoch_create_control(struct epoch *epoch, const char *name);
+int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count);
+bool epoch_ready(const struct epoch *epoch);
+void epoch_carry_over(struct epoch *from, struct epoch *to);
+void epoch_free(struct epoch *epoch);
+
+/* budget.c */
+uint64_t budget_used(void);
+uint64_t budget_reserved(void);
+/* May this item's reservation become `reserved`? Makes room by dropping items that nobody holds, oldest first. */
+bool budget_allows(struct item *item, uint64_t reserved);
+
+/* request.c: one message of a client. */
+void request_handle(struct client *client, struct ddx_packet *packet);
+void list_continue(struct client *client);
+
+/* writer.c: terms of writing. */
+void writer_claim(struct client *client, const struct ddx_layout *layout);
+void writer_ready(struct client *client, const struct ddx_message *message);
+void writer_left(struct client *client);
+
+/* reader.c */
+void reader_attach(struct client *client, unsigned keep);
+int reader_register(struct client *client, int pin_fd, unsigned keep);
+void reader_left(struct client *client);
+
+/* offer.c */
+void offer_message(struct client *client, struct ddx_packet *packet);
+void offer_abandon(struct client *client);
+
+/* client.c */
+struct client *client_add(int socket);
+void client_receive(struct client *client);
+void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
+                 const int *fds, unsigned count); /* a client that does not read is dropped */
+void client_reply(struct client *client, uint32_t operation, int status);
+/*
+ * Take back what those hold who hung up but whose last messages were not read yet: who asks for a thing after another
+ * gave it back must get it. To be called before anything is refused.
+ */
+void clients_reap(void);
+void clients_sweep(void); /* forget those who are gone */
+
+#endif

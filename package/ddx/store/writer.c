@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A writer's term: claim, get ready, go live, end. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "server.h"
+
+/* May this client write this layout? */
+static int permitted(struct client *client, const struct ddx_layout *layout) {
+    struct item *item = client->item;
+
+    if (item->writer)
+        return item->writer == client ? -EINVAL : -EEXIST;
+    if (item->adopted && ddx_memory_held(item->epoch->control_fd))
+        return -EEXIST; /* its writer outlived our predecessor and will report */
+    if (item->readers)
+        return ddx_layout_may_become(item->epoch ? item->epoch->layout : item->layout, layout);
+    return 0;
+}
+
+static int new_notice(struct item *item) {
+    int fd = ddx_memory_create(item->name, ddx_page_round(1));
+
+    if (fd < 0)
+        return fd;
+    struct ddx_notice *notice = ddx_memory_map(fd, sizeof *notice, true);
+    if (!notice) {
+        close(fd);
+        return -ENOMEM;
+    }
+    if (item->notice)
+        munmap(item->notice, sizeof *item->notice);
+    if (item->notice_fd >= 0)
+        close(item->notice_fd);
+    item->notice = notice;
+    item->notice_fd = fd;
+    atomic_store(&notice->readers, item->readers);
+    return 0;
+}
+
+static int prepare(struct item *item, const struct ddx_layout *layout) {
+    struct epoch *epoch = epoch_new(layout, item->epochs + 1);
+    unsigned slots = 2 + item->kept;
+    int result;
+
+    if (!epoch)
+        return -ENOMEM;
+    uint64_t one = ddx_page_round(sizeof(struct ddx_control)) + slots * epoch->runs.file_bytes + ddx_page_round(1);
+    uint64_t pins = item->readers * ddx_page_round(1);
+    uint64_t old = item->epoch ? item_bytes(item) - pins : 0;
+    /* Now the old and the new files; afterwards the new ones and the room for the next. */
+    uint64_t most = (old > one ? old : one) + one + pins;
+    if (slots > DDX_SLOTS_MAX || !budget_allows(item, most))
+        result = -ENOSPC;
+    else if (!(result = epoch_create_control(epoch, item->name)) &&
+             !(result = epoch_add_slots(epoch, item->name, slots)))
+        result = new_notice(item);
+    if (result) {
+        epoch_free(epoch);
+        return result;
+    }
+    if (item->epoch)
+        epoch_carry_over(item->epoch, epoch);
+    item->pending = epoch;
+    return 0;
+}
+
+static void tell_all(struct client *client) {
+    struct item *item = client->item;
+    struct epoch *epoch = item->pending;
+    struct ddx_message message = {.operation = DDX_CLAIMED, .epoch = epoch->number, .sequence = item->sequence};
+    int fds[2] = {epoch->control_fd, item->notice_fd};
+
+    client_send(client, &message, epoch->layout, fds, 2);
+    item_send_new_slots(item, epoch, client);
+    for (struct client *c = store.clients; c; c = c->next)
+        if (c->item == item && c->id && !c->gone) {
+            struct ddx_message reader = {.operation = DDX_READER, .index = c->id};
+
+            client_send(client, &reader, NULL, &c->pin_fd, 1);
+        }
+}
+
+void writer_claim(struct client *client, const struct ddx_layout *layout) {
+    struct item *item = client->item;
+    struct ddx_ring_frame frame;
+    int result = layout ? permitted(client, layout) : -EINVAL;
+
+    if (result) {
+        clients_reap();
+        result = layout ? permitted(client, layout) : -EINVAL;
+    }
+    if (!result && item->epoch && ddx_ring_peek(item->epoch->control, &frame))
+        item->sequence = frame.sequence;
+    if (!result)
+        result = prepare(item, layout);
+    if (result) {
+        client_reply(client, DDX_DONE, result);
+        return;
+    }
+    item->writer = client;
+    item->adopted = false;
+    tell_all(client); /* DONE follows when it is ready */
+}
+
+static void go_live(struct item *item) {
+    epoch_free(item->epoch);
+    item->epoch = item->pending;
+    item->pending = NULL;
+    item->epochs = item->epoch->number;
+    free(item->layout);
+    item->layout = ddx_layout_copy(item->epoch->layout);
+    for (struct client *c = store.clients; c; c = c->next)
+        if (c->item == item && c->id && !c->gone)
+            item_send_epoch(item, c);
+    /* After the readers were told: what is written when the claim returns, they can see. */
+    client_reply(item->writer, DDX_DONE, 0);
+    note("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
+         (unsigned long long)item->epoch->runs.file_bytes);
+}
+
+void writer_ready(struct client *client, const struct ddx_message *m) {
+    struct item *item = client->item;
+
+    if (!item || item->writer != client)
+        return;
+    struct epoch *epoch = item->pending ? item->pending : item->epoch;
+    if (!epoch || m->epoch != epoch->number)
+        return;
+    /* Its word is not enough: readers get nothing that anybody could map writable. */
+    if (m->index == DDX_NO_SLOT)
+        epoch->control_ready = ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true);
+    else if (m->index < DDX_SLOTS_MAX && epoch->slot_fd[m->index] >= 0 && !epoch->slot_ready[m->index] &&
+             ddx_memory_sound(epoch->slot_fd[m->index], epoch->runs.file_bytes, true)) {
+        epoch->slot_ready[m->index] = true;
+        for (struct client *c = store.clients; c && epoch == item->epoch; c = c->next)
+            if (c->item == item && c->id && !c->gone)
+                item_send_slot(item, epoch, m->index, c, DDX_FLAG_READER);
+    }
+    if (epoch == item->pending && epoch_ready(epoch))
+        go_live(item);
+}
+
+void writer_left(struct client *client) {
+    struct item *item = client->item;
+
+    if (!item || item->writer != client)
+        return;
+    note("%s: its writer %d is gone; the last frame stays", item->name, (int)client->pid);
+    item->writer = NULL;
+    epoch_free(item->pending);
+    item->pending = NULL;
+}

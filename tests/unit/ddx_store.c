@@ -1,0 +1,311 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The library against a real store: what the header promises, call by call. */
+#include <errno.h>
+#include <stdbool.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <time.h>
+
+#include "store_process.h"
+
+DDX_STORE_TYPE(POSITION, struct { int number; double x, y; });
+DDX_STORE_TYPE(OTHER, struct { float a; });
+DDX_STORE_TYPE(BLOCK, struct { int number; char bytes[1000000]; });
+
+static DDX_STORE_ID *id;
+
+static void nap(double seconds) {
+    struct timespec time = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
+
+    nanosleep(&time, NULL);
+}
+
+static DDX_STORE_ITEM *lookup(const char *name, const char *type, size_t size) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, type, (int)size);
+
+    if (!item) {
+        fprintf(stderr, "%s: %s\n", name, ddx_error_text(errno));
+        exit(1);
+    }
+    return item;
+}
+
+static void test_errors(void) {
+    DDX_STORE_ITEM *item = lookup("errors", "POSITION", sizeof(POSITION)), *second;
+    POSITION value = {1, 2, 3};
+    OTHER other;
+
+    errno = 0;
+    CHECK(!ddx_store_lookup_item(id, "nothing", NULL, 0));
+    CHECK_EQUAL(errno, ENOENT);
+    CHECK(!ddx_store_lookup_item(id, "errors", "OTHER", sizeof other));
+    CHECK_EQUAL(errno, EPROTOTYPE);
+    CHECK(!ddx_store_lookup_item(id, "errors", "POSITION", 7));
+    CHECK_EQUAL(errno, EMSGSIZE);
+    CHECK(!ddx_store_lookup_item(id, "", "int", 4));
+    CHECK_EQUAL(errno, EINVAL);
+    CHECK(!ddx_store_lookup_item(id, "has space", "int", 4));
+    CHECK_EQUAL(errno, EINVAL);
+    CHECK_EQUAL(ddx_store_read(item, &value, NULL, 0, 0), -ETIMEDOUT);
+    CHECK_EQUAL(ddx_store_write(item, &value, NULL), 0);
+    second = lookup("errors", "POSITION", sizeof(POSITION));
+    CHECK_EQUAL(ddx_store_write(second, &value, NULL), -EEXIST);
+    ddx_store_done_item(item);
+    CHECK_EQUAL(ddx_store_write(second, &value, NULL), 0); /* the role was given back */
+    CHECK_EQUAL(ddx_store_publish(second, NULL), -EINVAL);
+    CHECK_EQUAL(ddx_store_release(second), -EINVAL);
+    ddx_store_done_item(second);
+    CHECK(!ddx_store_open("elsewhere", 0, 0));
+    CHECK_EQUAL(errno, EOPNOTSUPP);
+    CHECK(!ddx_store_open(NULL, 2006, 0.1));
+    CHECK_EQUAL(errno, ECONNREFUSED);
+}
+
+static void test_tail(void) {
+    DDX_STORE_ITEM *out = lookup("tail", "POSITION", sizeof(POSITION)), *in = lookup("tail", NULL, 0);
+    POSITION value = {0};
+    DDX_TIME ts = 0, when = 123456789;
+    struct ddx_frame frame;
+
+    CHECK_EQUAL(ddx_store_keep(in, 6), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, &ts, 0, DDX_CURRENT), -ETIMEDOUT);
+    CHECK_EQUAL(ddx_store_keep(in, 6), -EBUSY);
+    for (value.number = 1; value.number <= 3; value.number++)
+        CHECK_EQUAL(ddx_store_write(out, &value, value.number == 3 ? &when : NULL), 0);
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_IN_ORDER), 0);
+    CHECK_EQUAL(frame.sequence, 1);
+    CHECK_EQUAL(frame.missed, 0);
+    CHECK_EQUAL(((const POSITION *)frame.data)->number, 1);
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_IN_ORDER), -EBUSY);
+    CHECK_EQUAL(ddx_store_release(in), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, &ts, 0, DDX_NEXT), 0);
+    CHECK_EQUAL(value.number, 3);
+    CHECK_EQUAL(ts, when);
+    CHECK_EQUAL(ddx_store_missed(in), 1);
+    CHECK_EQUAL(ddx_store_read(in, &value, &ts, 0.01, DDX_NEXT), -ETIMEDOUT);
+    CHECK_EQUAL(ddx_store_read(in, &value, &ts, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(value.number, 3);
+    for (value.number = 4; value.number <= 100; value.number++)
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, &ts, 0, 97), 0);
+    CHECK_EQUAL(value.number, 100);
+    CHECK_EQUAL(ddx_store_read(in, &value, &ts, 0.01, 2), -ETIMEDOUT);
+    CHECK_EQUAL(ddx_store_missed(in), 97);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+/* What a reader holds stays as it is while the writer goes on. */
+static void test_hold(void) {
+    DDX_STORE_ITEM *out = lookup("hold", "BLOCK", sizeof(BLOCK)), *in = lookup("hold", NULL, 0);
+    static BLOCK value, copy;
+    const BLOCK *live = ddx_store_var_pointer(in);
+    struct ddx_frame frame;
+
+    CHECK(live);
+    CHECK_EQUAL(live->number, 0); /* readable before the first frame */
+    for (int i = 1; i <= 50; i++) {
+        value.number = i;
+        memset(value.bytes, i, sizeof value.bytes);
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+        if (i == 1)
+            CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_CURRENT), 0);
+        if (i == 10)
+            CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0, DDX_CURRENT), 0);
+    }
+    CHECK_EQUAL(((const BLOCK *)frame.data)->number, 1);
+    CHECK_EQUAL(((const BLOCK *)frame.data)->bytes[999999], 1);
+    CHECK_EQUAL(live->number, 10);
+    CHECK_EQUAL(live->bytes[999999], 10);
+    CHECK_EQUAL(ddx_store_release(in), 0);
+    CHECK_EQUAL(ddx_store_read(in, &copy, NULL, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(copy.number, 50);
+    CHECK_EQUAL(live->number, 10);
+    CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0, DDX_NEXT), -ETIMEDOUT);
+    CHECK_EQUAL(live->number, 10);
+    CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(live->number, 50);
+    CHECK_EQUAL(live->bytes[999999], 50);
+    CHECK(live == ddx_store_var_pointer(in));
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+static void test_loan(void) {
+    DDX_STORE_ITEM *out = lookup("loan", "POSITION", sizeof(POSITION)), *in = lookup("loan", NULL, 0);
+    void *data, *again;
+    POSITION value;
+
+    CHECK_EQUAL(ddx_store_loan(out, &data), 0);
+    CHECK_EQUAL(ddx_store_loan(out, &again), -EBUSY);
+    ((POSITION *)data)->number = 77;
+    CHECK_EQUAL(ddx_store_cancel(out), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_CURRENT), -ETIMEDOUT);
+    CHECK_EQUAL(ddx_store_loan(out, &data), 0);
+    ((POSITION *)data)->number = 78;
+    CHECK_EQUAL(ddx_store_publish(out, NULL), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(value.number, 78);
+    CHECK_EQUAL(ddx_store_readers(out), 1);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+static int create_picture(const char *name, int luma, int bound, DDX_STORE_ITEM **item) {
+    char text[128];
+    struct ddx_extent extents[] = {{"y", (size_t)luma}, {"u", (size_t)luma / 4}};
+    struct ddx_item_spec spec = {.name = name, .type = "PICTURE", .declaration = text, .extents = extents, .extent_count = 2};
+
+    snprintf(text, sizeof text, "struct { int number; char y[%d]; char u[%d]; long long time; }", bound, bound / 4);
+    return ddx_store_create(id, &spec, item);
+}
+
+/* A picture may change its size; a reader that is not told in advance follows. 4K included. */
+static void test_pictures(void) {
+    DDX_STORE_ITEM *out, *in;
+    struct ddx_frame frame;
+    struct ddx_item_info info;
+    void *data;
+
+    CHECK_EQUAL(create_picture("picture", 64 * 48, 2073600, &out), 0);
+    in = lookup("picture", NULL, 0);
+    CHECK_EQUAL(ddx_store_loan(out, &data), 0);
+    *(int *)data = 1;
+    memset((char *)data + 4, 9, 64 * 48);
+    CHECK_EQUAL(ddx_store_publish(out, NULL), 0);
+    CHECK_EQUAL(ddx_store_item_info(out, &info), 0);
+    CHECK(info.frame_bytes <= 4 * 4096); /* not the 2.6 MB that the struct declares */
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 1, DDX_CURRENT), 0);
+    CHECK_EQUAL(((const char *)frame.data)[4 + 64 * 48 - 1], 9);
+    CHECK_EQUAL(ddx_store_release(in), 0);
+    ddx_store_done_item(out);
+    CHECK_EQUAL(create_picture("picture", 3840 * 2160, 3840 * 2160, &out), 0);
+    CHECK_EQUAL(ddx_store_loan(out, &data), 0);
+    memset((char *)data + 4, 5, 3840 * 2160);
+    CHECK_EQUAL(ddx_store_publish(out, NULL), 0);
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 1, DDX_NEXT), 0);
+    CHECK_EQUAL(frame.sequence, 2);
+    CHECK_EQUAL(ddx_store_field_named(in, "y")->used, 3840 * 2160);
+    CHECK_EQUAL(((const char *)frame.data)[4 + 3840 * 2160 - 1], 5);
+    CHECK_EQUAL(ddx_store_release(in), 0);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+/* Memory that the store holds, counted by the kernel. */
+static uint64_t backed_memory(void) {
+    uint64_t sum = 0;
+
+    for (int fd = 0; fd < 4096; fd++) {
+        char path[64], target[64] = "";
+        struct stat status;
+
+        snprintf(path, sizeof path, "/proc/%d/fd/%d", (int)store_pid, fd);
+        if (readlink(path, target, sizeof target - 1) > 0 && strstr(target, "memfd:") && !stat(path, &status))
+            sum += (uint64_t)status.st_blocks * 512;
+    }
+    return sum;
+}
+
+static void test_budget(void) {
+    struct ddx_item_info before, with_readers, *items;
+    struct ddx_store_info after;
+    unsigned count;
+    DDX_STORE_ITEM *out = lookup("budget", "BLOCK", sizeof(BLOCK)), *in[400];
+    static BLOCK value;
+    int readers = 0, result = 0;
+
+    CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+    CHECK_EQUAL(ddx_store_item_info(out, &before), 0);
+    while (readers < 400 && !result) {
+        in[readers] = lookup("budget", NULL, 0);
+        result = ddx_store_read(in[readers++], &value, NULL, 0, DDX_CURRENT);
+    }
+    CHECK_EQUAL(result, -EBUSY);
+    CHECK_EQUAL(ddx_store_list(id, &after, &items, &count), 0);
+    free(items);
+    CHECK_EQUAL(ddx_store_item_info(out, &with_readers), 0);
+    CHECK(after.reserved <= after.budget);
+    CHECK(after.budget - after.reserved < 3 * 1003520); /* used up, but for less than one reader more */
+    CHECK_EQUAL(with_readers.bytes - before.bytes, (uint64_t)(readers - 1) * (1003520 + 4096));
+    CHECK_EQUAL(after.bytes, backed_memory());
+    CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0); /* the writer does not notice */
+    DDX_STORE_ITEM *more = lookup("too.much", "BLOCK", sizeof(BLOCK));
+    CHECK_EQUAL(ddx_store_write(more, &value, NULL), -ENOSPC);
+    ddx_store_done_item(more);
+    while (readers)
+        ddx_store_done_item(in[--readers]);
+    ddx_store_done_item(out);
+}
+
+/* The store dies; frames flow on; items that anybody holds are back in its successor, even if their program sleeps. */
+static void test_restart(void) {
+    DDX_STORE_ITEM *out = lookup("restart", "POSITION", sizeof(POSITION)), *in = lookup("restart", NULL, 0), *late;
+    DDX_STORE_ITEM *idle = lookup("idle", "int", sizeof(int)), *only_reader;
+    POSITION value = {0};
+    int number = 41;
+
+    CHECK_EQUAL(ddx_store_write(idle, &number, NULL), 0);
+    only_reader = lookup("idle", NULL, 0);
+    CHECK_EQUAL(ddx_store_read(only_reader, &number, NULL, 0, DDX_CURRENT), 0);
+    ddx_store_done_item(idle); /* now it has no writer, but a reader that holds it */
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_CURRENT), -ETIMEDOUT);
+    for (value.number = 1; value.number <= 20; value.number++) {
+        POSITION got;
+
+        if (value.number == 5)
+            store_stop(SIGKILL);
+        if (value.number == 10)
+            store_start("64M");
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+        CHECK_EQUAL(ddx_store_read(in, &got, NULL, 0.5, DDX_NEXT), 0);
+        CHECK_EQUAL(got.number, value.number);
+        nap(0.02);
+    }
+    nap(0.3);
+    late = lookup("restart", NULL, 0); /* a newcomer finds the item */
+    CHECK_EQUAL(ddx_store_read(late, &value, NULL, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(value.number, 20);
+    idle = lookup("idle", NULL, 0);
+    number = 0;
+    CHECK_EQUAL(ddx_store_read(idle, &number, NULL, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(number, 41);
+    CHECK_EQUAL(ddx_store_write(idle, &number, NULL), 0); /* nobody wrote it any more */
+    /* The newcomer's pin counts for the writer that was there before the restart. */
+    struct ddx_frame frame;
+    CHECK_EQUAL(ddx_store_acquire(late, &frame, 0, DDX_CURRENT), 0);
+    for (value.number = 21; value.number <= 60; value.number++)
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+    CHECK_EQUAL(((const POSITION *)frame.data)->number, 20);
+    ddx_store_done_item(late);
+    ddx_store_done_item(idle);
+    ddx_store_done_item(only_reader);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+int main(void) {
+    struct rlimit limit;
+
+    CHECK_EQUAL(getrlimit(RLIMIT_NOFILE, &limit), 0);
+    limit.rlim_cur = limit.rlim_max; /* dozens of readers in one process */
+    CHECK_EQUAL(setrlimit(RLIMIT_NOFILE, &limit), 0);
+    CHECK(!ddx_store_open(NULL, 0, 0));
+    store_folder_make();
+    CHECK(!ddx_store_open(NULL, 0, 0));
+    CHECK_EQUAL(errno, ECONNREFUSED);
+    store_start("64M"); /* room for one 4K picture */
+    id = ddx_store_open(NULL, 0, 2);
+    CHECK(id);
+    test_errors();
+    test_tail();
+    test_hold();
+    test_loan();
+    test_pictures();
+    test_budget();
+    test_restart();
+    ddx_store_close(id);
+    store_stop(SIGTERM);
+    store_folder_remove();
+    return 0;
+}

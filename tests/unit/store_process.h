@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A store of the test's own, in a folder of its own. */
+#ifndef STORE_PROCESS_H
+#define STORE_PROCESS_H
+
+#include <signal.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "check.h"
+#include "ddx.h"
+
+static char store_folder[] = "/tmp/ddx-test-XXXXXX";
+static pid_t store_pid;
+
+static inline void store_folder_make(void) {
+    CHECK(mkdtemp(store_folder));
+    CHECK_EQUAL(setenv("DDX_DIR", store_folder, 1), 0);
+}
+
+/* The program under test is named by the environment, as meson sets it. */
+static inline void store_start(const char *budget) {
+    const char *program = getenv("DDX_STORE_PROGRAM");
+
+    CHECK(program);
+    store_pid = fork();
+    CHECK(store_pid >= 0);
+    if (store_pid == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL); /* also when a check fails */
+        execl(program, program, "-m", budget, (char *)NULL);
+        _exit(127);
+    }
+}
+
+static inline void store_stop(int number) {
+    CHECK_EQUAL(kill(store_pid, number), 0);
+    CHECK_EQUAL(waitpid(store_pid, NULL, 0), store_pid);
+}
+
+static inline void store_folder_remove(void) {
+    static const char *const names[] = {"store-2005", "store-2005.lock"};
+    char path[64];
+
+    for (int i = 0; i < 2; i++) {
+        snprintf(path, sizeof path, "%s/%s", store_folder, names[i]);
+        unlink(path);
+    }
+    rmdir(store_folder);
+}
+
+#endif
