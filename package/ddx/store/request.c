@@ -88,11 +88,13 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
     case DDX_INFO: {
         struct ddx_message reply;
 
+        clients_reap(); /* the dead are not counted */
         item_describe(client->item, &reply);
         client_send(client, &reply, NULL, NULL, 0);
         break;
     }
     case DDX_LIST:
+        clients_reap();
         client->listing = true;
         client->listed[0] = 0;
         list_continue(client);

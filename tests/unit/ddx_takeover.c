@@ -1,0 +1,99 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Writers and readers that die at the worst moment, each a process of its own. */
+#include <errno.h>
+#include <stdbool.h>
+#include <time.h>
+
+#include "store_process.h"
+
+#define ROUNDS 50
+DDX_STORE_TYPE(BLOCK, struct { int number; int fill[5000]; });
+
+static void fill(BLOCK *block, int number) {
+    block->number = number;
+    for (int i = 0; i < 5000; i++)
+        block->fill[i] = number;
+}
+
+/* Publishes `argument` frames, then dies while it writes the next one. */
+static int play_writer(int count) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, "block", "BLOCK", sizeof(BLOCK));
+    void *data;
+
+    CHECK(item);
+    for (int i = 1; i <= count; i++) {
+        CHECK_EQUAL(ddx_store_loan(item, &data), 0);
+        fill(data, i);
+        CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
+    }
+    CHECK_EQUAL(ddx_store_loan(item, &data), 0);
+    ((BLOCK *)data)->number = -1;
+    raise(SIGKILL);
+    return 1;
+}
+
+/* Dies while it holds a frame. */
+static int play_reader(void) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, "block", NULL, 0);
+    struct ddx_frame frame;
+
+    CHECK(item);
+    CHECK_EQUAL(ddx_store_acquire(item, &frame, 2, DDX_CURRENT), 0);
+    raise(SIGKILL);
+    return 1;
+}
+
+static void run(const char *program, const char *role, const char *count) {
+    int status;
+    pid_t pid = fork();
+
+    CHECK(pid >= 0);
+    if (pid == 0) {
+        execl(program, program, role, count, (char *)NULL);
+        _exit(127);
+    }
+    CHECK_EQUAL(waitpid(pid, &status, 0), pid);
+    CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+}
+
+int main(int argc, char **argv) {
+    if (argc > 1)
+        return argv[1][0] == 'w' ? play_writer(atoi(argv[2])) : play_reader();
+    store_folder_make();
+    store_start("8M");
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
+    DDX_STORE_ITEM *in = NULL;
+    struct ddx_item_info info;
+    uint64_t seen = 0;
+
+    for (int round = 0; round < ROUNDS; round++) {
+        struct ddx_frame frame;
+
+        run(argv[0], "w", "7");
+        if (!in)
+            in = ddx_store_lookup_item(id, "block", NULL, 0);
+        CHECK(in);
+        /* The last whole frame, not the one that its writer died over; and numbers go on across writers. */
+        CHECK_EQUAL(ddx_store_acquire(in, &frame, 1, DDX_CURRENT), 0);
+        CHECK_EQUAL(frame.sequence, 7 * (uint64_t)(round + 1));
+        const BLOCK *block = frame.data;
+        CHECK_EQUAL(block->number, 7);
+        for (int i = 0; i < 5000; i++)
+            CHECK_EQUAL(block->fill[i], 7);
+        CHECK_EQUAL(ddx_store_release(in), 0);
+        /* Seen and missed add up to all that was written since it first looked. */
+        seen++;
+        CHECK_EQUAL(seen + ddx_store_missed(in), frame.sequence - 6);
+        run(argv[0], "r", "");
+        CHECK_EQUAL(ddx_store_item_info(in, &info), 0);
+        CHECK_EQUAL(info.readers, 1); /* the dead reader's share was given back */
+        CHECK_EQUAL(info.epoch, round + 1);
+    }
+    CHECK(info.frames <= 4);
+    ddx_store_close(id);
+    store_stop(SIGTERM);
+    store_folder_remove();
+    return 0;
+}
