@@ -6,23 +6,23 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#define CHECK(condition)                                                                                                   \
-    do {                                                                                                                   \
-        if (!(condition)) {                                                                                                \
-            fprintf(stderr, "%s:%d: not true: %s\n", __FILE__, __LINE__, #condition);                                      \
-            exit(1);                                                                                                       \
-        }                                                                                                                  \
+#define CHECK(condition)                                                              \
+    do {                                                                              \
+        if (!(condition)) {                                                           \
+            fprintf(stderr, "%s:%d: not true: %s\n", __FILE__, __LINE__, #condition); \
+            exit(1);                                                                  \
+        }                                                                             \
     } while (0)
 
 /* Compare two integers and show both. */
-#define CHECK_EQUAL(actual, expected)                                                                                      \
-    do {                                                                                                                   \
-        long long actual_ = (long long)(actual), expected_ = (long long)(expected);                                        \
-        if (actual_ != expected_) {                                                                                        \
-            fprintf(stderr, "%s:%d: %s is %lld, not %lld (%s)\n", __FILE__, __LINE__, #actual, actual_, expected_,         \
-                    #expected);                                                                                            \
-            exit(1);                                                                                                       \
-        }                                                                                                                  \
+#define CHECK_EQUAL(actual, expected)                                                                              \
+    do {                                                                                                           \
+        long long actual_ = (long long)(actual), expected_ = (long long)(expected);                                \
+        if (actual_ != expected_) {                                                                                \
+            fprintf(stderr, "%s:%d: %s is %lld, not %lld (%s)\n", __FILE__, __LINE__, #actual, actual_, expected_, \
+                    #expected);                                                                                    \
+            exit(1);                                                                                               \
+        }                                                                                                          \
     } while (0)
 
 #endif

@@ -10,7 +10,11 @@
 
 #include "ddx.h"
 
-DDX_STORE_TYPE(POSITION, struct { int number; double x, y; });
+DDX_STORE_TYPE(
+    POSITION, struct {
+        int number;
+        double x, y;
+    });
 
 static int write_positions(DDX_STORE_ID *id) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, "position", "POSITION", sizeof(POSITION));
@@ -36,7 +40,7 @@ static int read_positions(DDX_STORE_ID *id) {
     DDX_TIME ts;
 
     while (!(item = ddx_store_lookup_item(id, "position", NULL, 0)))
-        usleep(1000); /* the writer is not there yet */
+        usleep(1000);                             /* the writer is not there yet */
     if (ddx_store_read(item, &copy, &ts, 1.0, 1)) /* copies; waits up to 1.0 s for the next write */
         return 1;
     printf("%d: %.1f %.1f\n", copy.number, copy.x, copy.y);

@@ -28,7 +28,9 @@ static uint64_t slot_data[SLOTS][WORDS];
 static atomic_bool finished;
 static atomic_uint torn, backwards;
 
-static uint64_t content(uint64_t sequence, unsigned word) { return sequence * 0x9e3779b97f4a7c15u + word; }
+static uint64_t content(uint64_t sequence, unsigned word) {
+    return sequence * 0x9e3779b97f4a7c15u + word;
+}
 
 static void nap(long nanoseconds) {
     struct timespec time = {0, nanoseconds};
@@ -49,8 +51,8 @@ static void *reader(void *argument) {
     while (!atomic_load_explicit(&finished, memory_order_relaxed)) {
         struct ddx_ring_frame frame;
         uint32_t generation = DDX_EMPTY, latest;
-        unsigned slot = party->number % 2 ? ddx_ring_next(&control, party->last, &generation)
-                                          : ddx_ring_newest(&control, &latest);
+        unsigned slot =
+            party->number % 2 ? ddx_ring_next(&control, party->last, &generation) : ddx_ring_newest(&control, &latest);
 
         if (slot == DDX_NO_SLOT || ddx_ring_pin(&control, pin, slot, generation, &frame))
             continue;

@@ -8,9 +8,18 @@
 
 #include "store_process.h"
 
-DDX_STORE_TYPE(POSITION, struct { int number; double x, y; });
-DDX_STORE_TYPE(OTHER, struct { float a; });
-DDX_STORE_TYPE(BLOCK, struct { int number; char bytes[1000000]; });
+DDX_STORE_TYPE(
+    POSITION, struct {
+        int number;
+        double x, y;
+    });
+DDX_STORE_TYPE(
+    OTHER, struct { float a; });
+DDX_STORE_TYPE(
+    BLOCK, struct {
+        int number;
+        char bytes[1000000];
+    });
 
 static DDX_STORE_ID *id;
 
@@ -154,7 +163,8 @@ static void test_loan(void) {
 static int create_picture(const char *name, int luma, int bound, DDX_STORE_ITEM **item) {
     char text[128];
     struct ddx_extent extents[] = {{"y", (size_t)luma}, {"u", (size_t)luma / 4}};
-    struct ddx_item_spec spec = {.name = name, .type = "PICTURE", .declaration = text, .extents = extents, .extent_count = 2};
+    struct ddx_item_spec spec = {
+        .name = name, .type = "PICTURE", .declaration = text, .extents = extents, .extent_count = 2};
 
     snprintf(text, sizeof text, "struct { int number; char y[%d]; char u[%d]; long long time; }", bound, bound / 4);
     return ddx_store_create(id, &spec, item);

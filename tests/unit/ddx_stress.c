@@ -18,7 +18,11 @@
 #define FRAMES 100000
 #endif
 
-DDX_STORE_TYPE(FRAME, struct { uint64_t number; uint64_t word[WORDS]; });
+DDX_STORE_TYPE(
+    FRAME, struct {
+        uint64_t number;
+        uint64_t word[WORDS];
+    });
 
 static void nap(double seconds) {
     struct timespec time = {(time_t)seconds, (long)((seconds - (double)(time_t)seconds) * 1e9)};
@@ -77,12 +81,13 @@ static int play_reader(char kind) {
     while (last < FRAMES) {
         struct ddx_frame frame = {0};
         int tail = kind == 'n' || kind == 'd' ? DDX_NEXT : DDX_IN_ORDER;
-        int result = kind == 'd' ? ddx_store_read_direct(item, NULL, 20, tail)
-                                 : ddx_store_acquire(item, &frame, 20, tail);
+        int result =
+            kind == 'd' ? ddx_store_read_direct(item, NULL, 20, tail) : ddx_store_acquire(item, &frame, 20, tail);
 
         CHECK_EQUAL(result, 0);
         if (kind == 'd') {
-            frame = (struct ddx_frame){.data = live, .sequence = live->number, .missed = last ? live->number - last - 1 : 0};
+            frame = (struct ddx_frame){
+                .data = live, .sequence = live->number, .missed = last ? live->number - last - 1 : 0};
         }
         check_frame(&frame);
         CHECK(frame.sequence > last);

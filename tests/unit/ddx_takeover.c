@@ -7,7 +7,11 @@
 #include "store_process.h"
 
 #define ROUNDS 50
-DDX_STORE_TYPE(BLOCK, struct { int number; int fill[5000]; });
+DDX_STORE_TYPE(
+    BLOCK, struct {
+        int number;
+        int fill[5000];
+    });
 
 static void fill(BLOCK *block, int number) {
     block->number = number;

@@ -10,19 +10,24 @@
 #include "check.h"
 
 #define WIDE (4 * (2 + 1))
-DDX_STORE_TYPE(POSE, struct { double x, y; float heading; });
-DDX_STORE_TYPE(ROBOT, struct {
-    char name[WIDE];
-    short gears[2][3];
-    POSE pose;
-    struct {
-        unsigned char id;
-        long long ticks;
-    } wheel[WIDE / 3];
-    int64_t time;
-    _Bool armed;
-    const unsigned long int serial;
-});
+DDX_STORE_TYPE(
+    POSE, struct {
+        double x, y;
+        float heading;
+    });
+DDX_STORE_TYPE(
+    ROBOT, struct {
+        char name[WIDE];
+        short gears[2][3];
+        POSE pose;
+        struct {
+            unsigned char id;
+            long long ticks;
+        } wheel[WIDE / 3];
+        int64_t time;
+        _Bool armed;
+        const unsigned long int serial;
+    });
 
 static const struct ddx_layout_field *find(const struct ddx_layout *layout, const char *name) {
     for (unsigned i = 0; i < layout->field_count; i++)
@@ -32,13 +37,13 @@ static const struct ddx_layout_field *find(const struct ddx_layout *layout, cons
     exit(1);
 }
 
-#define CHECK_FIELD(member, a_kind, elements)                                                                              \
-    do {                                                                                                                   \
-        const struct ddx_layout_field *f = find(layout, #member);                                                          \
-        CHECK_EQUAL(f->offset, offsetof(ROBOT, member));                                                                   \
-        CHECK_EQUAL(f->kind, a_kind);                                                                                      \
-        CHECK_EQUAL(f->count, elements);                                                                                   \
-        CHECK_EQUAL(f->bytes *(uint64_t)f->count, sizeof(((ROBOT *)0)->member));                                           \
+#define CHECK_FIELD(member, a_kind, elements)                                    \
+    do {                                                                         \
+        const struct ddx_layout_field *f = find(layout, #member);                \
+        CHECK_EQUAL(f->offset, offsetof(ROBOT, member));                         \
+        CHECK_EQUAL(f->kind, a_kind);                                            \
+        CHECK_EQUAL(f->count, elements);                                         \
+        CHECK_EQUAL(f->bytes *(uint64_t)f->count, sizeof(((ROBOT *)0)->member)); \
     } while (0)
 
 static void test_parse(void) {
@@ -79,7 +84,8 @@ static void test_refused(void) {
         "struct { int a; ",
         "struct { int a; } trailing",
         "struct { int a[9223372036854775807 + 1]; }",
-        "struct { struct { struct { struct { struct { struct { struct { struct { struct { int a; } b; } c; } d; } e; } f; } "
+        "struct { struct { struct { struct { struct { struct { struct { struct { struct { int a; } b; } c; } d; } e; } "
+        "f; } "
         "g; } h; } i; }",
     };
     struct ddx_layout *layout;
@@ -96,9 +102,18 @@ static void test_expressions(void) {
     static const struct {
         const char *text;
         int64_t value;
-    } cases[] = {{"1920*1080", 2073600}, {"(1920*1080)/4", 518400}, {"1+2*3", 7}, {"(1+2)*3", 9}, {"1<<4|3", 19},
-                 {"0x10", 16},           {"10UL", 10},              {"-3+5", 2},  {"~0+2", 1},   {"100/7%5", 4},
-                 {"7-2-1", 4},           {"010", 8}};
+    } cases[] = {{"1920*1080", 2073600},
+                 {"(1920*1080)/4", 518400},
+                 {"1+2*3", 7},
+                 {"(1+2)*3", 9},
+                 {"1<<4|3", 19},
+                 {"0x10", 16},
+                 {"10UL", 10},
+                 {"-3+5", 2},
+                 {"~0+2", 1},
+                 {"100/7%5", 4},
+                 {"7-2-1", 4},
+                 {"010", 8}};
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const char *text = cases[i].text;
         int64_t value;

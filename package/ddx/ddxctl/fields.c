@@ -69,7 +69,8 @@ static void print_array(const struct ddx_field *field, const char *at, bool json
     printf("[");
     for (uint64_t i = 0; i < count && i < SHOWN; i++) {
         printf(i ? (json ? "," : ", ") : "");
-        print_number(field->kind == DDX_KIND_CHAR ? DDX_KIND_UNSIGNED : field->kind, at + i * field->bytes, field->bytes);
+        print_number(field->kind == DDX_KIND_CHAR ? DDX_KIND_UNSIGNED : field->kind, at + i * field->bytes,
+                     field->bytes);
     }
     if (count > SHOWN && !json)
         printf(", ... %llu in all", (unsigned long long)count);

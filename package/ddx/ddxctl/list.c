@@ -8,8 +8,8 @@
 static void print_table(const struct ddx_store_info *store, const struct ddx_item_info *items, unsigned count) {
     char size[16], bytes[16], reserved[16];
 
-    printf("%-24s %-14s %7s %7s %8s %6s %7s %7s %10s %8s\n", "ITEM", "TYPE", "SIZE", "MEMORY", "RESERVED", "FRAMES", "READERS",
-           "WRITER", "WRITES", "AGE");
+    printf("%-24s %-14s %7s %7s %8s %6s %7s %7s %10s %8s\n", "ITEM", "TYPE", "SIZE", "MEMORY", "RESERVED", "FRAMES",
+           "READERS", "WRITER", "WRITES", "AGE");
     for (unsigned i = 0; i < count; i++) {
         const struct ddx_item_info *item = &items[i];
         char writer[16] = "-", age[16] = "-";
@@ -18,9 +18,10 @@ static void print_table(const struct ddx_store_info *store, const struct ddx_ite
             snprintf(writer, sizeof writer, "%d", (int)item->writer_pid);
         if (item->sequence)
             snprintf(age, sizeof age, "%.2fs", (double)(ddx_time_now() - item->time) / 1e9);
-        printf("%-24s %-14s %7s %7s %8s %6u %7u %7s %10llu %8s\n", item->name, item->type, readable_bytes(item->size, size),
-               readable_bytes(item->bytes, bytes), readable_bytes(item->reserved, reserved), (unsigned)item->frames,
-               (unsigned)item->readers, writer, (unsigned long long)item->sequence, age);
+        printf("%-24s %-14s %7s %7s %8s %6u %7u %7s %10llu %8s\n", item->name, item->type,
+               readable_bytes(item->size, size), readable_bytes(item->bytes, bytes),
+               readable_bytes(item->reserved, reserved), (unsigned)item->frames, (unsigned)item->readers, writer,
+               (unsigned long long)item->sequence, age);
     }
     printf("%u items, %s used, %s reserved of %s\n", count, readable_bytes(store->bytes, bytes),
            readable_bytes(store->reserved, reserved), readable_bytes(store->budget, size));

@@ -72,9 +72,10 @@ static int repeat(size_t command, DDX_STORE_ID *id, const struct request *reques
 }
 
 int main(int argc, char **argv) {
-    static const struct option options[] = {{"json", no_argument, NULL, 'j'},     {"every", required_argument, NULL, 'e'},
-                                            {"count", required_argument, NULL, 'c'}, {"port", required_argument, NULL, 'p'},
-                                            {"help", no_argument, NULL, 'h'},     {NULL, 0, NULL, 0}};
+    static const struct option options[] = {
+        {"json", no_argument, NULL, 'j'},        {"every", required_argument, NULL, 'e'},
+        {"count", required_argument, NULL, 'c'}, {"port", required_argument, NULL, 'p'},
+        {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
     struct request request = {.port = DDX_STORE_PORT};
     double value;
     int option;

@@ -56,12 +56,12 @@ typedef int64_t DDX_TIME;                     /* ns, CLOCK_MONOTONIC */
  * do not matter. (Variadic, since the declaration may hold commas; expanded before it is turned into text.)
  */
 #define DDX_STORE_TYPE(name, ...) DDX_STORE_TYPE_EXPANDED_(name, __VA_ARGS__)
-#define DDX_STORE_TYPE_EXPANDED_(name, ...)                                                                                \
-    typedef __VA_ARGS__ name;                                                                                              \
-    static struct ddx_type_declaration_ ddx_type_declaration_##name##_ = {#name, #__VA_ARGS__, sizeof(name), 0};           \
-    __attribute__((constructor)) static void ddx_type_declare_##name##_(void) {                                            \
-        ddx_type_declare_(&ddx_type_declaration_##name##_);                                                                \
-    }                                                                                                                      \
+#define DDX_STORE_TYPE_EXPANDED_(name, ...)                                                                      \
+    typedef __VA_ARGS__ name;                                                                                    \
+    static struct ddx_type_declaration_ ddx_type_declaration_##name##_ = {#name, #__VA_ARGS__, sizeof(name), 0}; \
+    __attribute__((constructor)) static void ddx_type_declare_##name##_(void) {                                  \
+        ddx_type_declare_(&ddx_type_declaration_##name##_);                                                      \
+    }                                                                                                            \
     struct ddx_type_declaration_
 
 struct ddx_type_declaration_ {
@@ -144,10 +144,10 @@ struct ddx_extent {
 
 /* What ddx_store_create() makes. */
 struct ddx_item_spec {
-    const char *name;                 /* of the item */
-    const char *type;                 /* of the type: 1 to DDX_NAME_MAX bytes */
-    const char *declaration;          /* C text such as "struct { int a; char b[64]; }"; NULL: the DDX_STORE_TYPE of `type` */
-    size_t size;                      /* sizeof the struct; checked against the declaration; 0: not checked */
+    const char *name;        /* of the item */
+    const char *type;        /* of the type: 1 to DDX_NAME_MAX bytes */
+    const char *declaration; /* C text such as "struct { int a; char b[64]; }"; NULL: the DDX_STORE_TYPE of `type` */
+    size_t size;             /* sizeof the struct; checked against the declaration; 0: not checked */
     const struct ddx_extent *extents; /* fields that are used in part; memory is taken for the used part only */
     unsigned extent_count;
 };
@@ -162,7 +162,8 @@ int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STO
 
 /* A value held by a reader. */
 struct ddx_frame {
-    const void *data;  /* the item's struct (its own layout, see ddx_store_field); bytes beyond a field's extent are not mapped */
+    const void *
+        data; /* the item's struct (its own layout, see ddx_store_field); bytes beyond a field's extent are not mapped */
     DDX_TIME time;     /* of the write */
     uint64_t sequence; /* number of the write, from 1, without gaps, across writers */
     uint64_t missed;   /* writes between the one seen before and this one, not delivered to this handle */
@@ -240,7 +241,8 @@ enum ddx_kind { DDX_KIND_INT = 1, DDX_KIND_UNSIGNED, DDX_KIND_FLOAT, DDX_KIND_CH
 
 /* One field of an item's type, in the item's own layout. */
 struct ddx_field {
-    const char *name;  /* "y"; for nested ones the full path: "pose.x"; arrays of structs are listed once: "wheel.speed" */
+    const char
+        *name; /* "y"; for nested ones the full path: "pose.x"; arrays of structs are listed once: "wheel.speed" */
     enum ddx_kind kind;
     uint32_t bytes;    /* of one element */
     uint32_t count;    /* elements (array bound), 1 for a single one */

@@ -46,25 +46,26 @@ extern "C" {
 #define DDX_STATS_BUCKETS 736
 
 /* The value of an item `<instance>.stats`. The layout is the same for 32-bit and 64-bit programs. */
-DDX_STORE_TYPE(DDX_STATS, struct {
-    uint32_t version; /* DDX_STATS_VERSION */
-    uint32_t running; /* 1; 0 after a clean stop. A dead program leaves 1 */
-    uint32_t starts;
-    uint32_t reasons; /* entries of `lost` in use */
-    uint64_t in;
-    uint64_t out;
-    uint64_t waiting;
-    uint64_t sequence;    /* last sequence number seen of the source item, 0 if none */
-    int64_t first;        /* time of the first frame out, ns of CLOCK_MONOTONIC, 0 if none */
-    int64_t last;         /* time of the last frame out */
-    uint64_t latency_max; /* µs */
-    char source[64];      /* item that the frames come from, "" if none */
-    struct {
-        char name[16];
-        uint64_t frames;
-    } lost[DDX_STATS_REASONS];
-    uint32_t latency[DDX_STATS_BUCKETS]; /* frames out, by latency */
-});
+DDX_STORE_TYPE(
+    DDX_STATS, struct {
+        uint32_t version; /* DDX_STATS_VERSION */
+        uint32_t running; /* 1; 0 after a clean stop. A dead program leaves 1 */
+        uint32_t starts;
+        uint32_t reasons; /* entries of `lost` in use */
+        uint64_t in;
+        uint64_t out;
+        uint64_t waiting;
+        uint64_t sequence;    /* last sequence number seen of the source item, 0 if none */
+        int64_t first;        /* time of the first frame out, ns of CLOCK_MONOTONIC, 0 if none */
+        int64_t last;         /* time of the last frame out */
+        uint64_t latency_max; /* µs */
+        char source[64];      /* item that the frames come from, "" if none */
+        struct {
+            char name[16];
+            uint64_t frames;
+        } lost[DDX_STATS_REASONS];
+        uint32_t latency[DDX_STATS_BUCKETS]; /* frames out, by latency */
+    });
 
 typedef struct ddx_stats_book DDX_STATS_BOOK;
 

@@ -106,4 +106,6 @@ static int binary(const char **text, int level, int depth, int64_t *value) {
     return result;
 }
 
-int ddx_expression(const char **text, int64_t *value) { return binary(text, 1, 0, value); }
+int ddx_expression(const char **text, int64_t *value) {
+    return binary(text, 1, 0, value);
+}

@@ -48,8 +48,8 @@ void ddx_futex_wait(const ddx_word *shared, uint32_t shared_value, const ddx_wor
     struct kernel_time time = {deadline / SECOND, deadline % SECOND};
 
     if (!__atomic_load_n(&missing, __ATOMIC_RELAXED)) {
-        long result = syscall(SYS_futex_waitv, words, shared ? 2 : 1, 0, deadline == DDX_FOREVER ? NULL : &time,
-                              CLOCK_MONOTONIC);
+        long result =
+            syscall(SYS_futex_waitv, words, shared ? 2 : 1, 0, deadline == DDX_FOREVER ? NULL : &time, CLOCK_MONOTONIC);
 
         if (result >= 0 || errno != ENOSYS)
             return;
@@ -61,7 +61,9 @@ void ddx_futex_wait(const ddx_word *shared, uint32_t shared_value, const ddx_wor
         wait_one(own, own_value, deadline);
 }
 
-void ddx_futex_wake(const ddx_word *shared) { syscall(SYS_futex, shared, FUTEX_WAKE, INT_MAX, NULL, NULL, 0); }
+void ddx_futex_wake(const ddx_word *shared) {
+    syscall(SYS_futex, shared, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
+}
 
 void ddx_futex_change(ddx_word *own) {
     atomic_fetch_add(own, 1);

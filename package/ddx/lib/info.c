@@ -19,8 +19,8 @@ static int make_fields(DDX_STORE_ITEM *item) {
     for (unsigned i = 0; i < layout->field_count; i++) {
         const struct ddx_layout_field *f = &layout->field[i];
 
-        item->fields[i] = (struct ddx_field){f->name, (enum ddx_kind)f->kind, f->bytes, f->count, f->offset, f->used,
-                                             f->children};
+        item->fields[i] =
+            (struct ddx_field){f->name, (enum ddx_kind)f->kind, f->bytes, f->count, f->offset, f->used, f->children};
     }
     return 0;
 }
@@ -65,8 +65,12 @@ const struct ddx_field *ddx_store_field_named(const DDX_STORE_ITEM *item, const 
     return NULL;
 }
 
-const char *ddx_store_item_name(const DDX_STORE_ITEM *item) { return item ? item->name : NULL; }
-const char *ddx_store_item_type(const DDX_STORE_ITEM *item) { return item ? item->type : NULL; }
+const char *ddx_store_item_name(const DDX_STORE_ITEM *item) {
+    return item ? item->name : NULL;
+}
+const char *ddx_store_item_type(const DDX_STORE_ITEM *item) {
+    return item ? item->type : NULL;
+}
 
 static void fill(struct ddx_item_info *info, const struct ddx_message *m) {
     memset(info, 0, sizeof *info);

@@ -136,8 +136,8 @@ static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size
     struct ddx_layout *own = NULL;
     int result = 0;
 
-    if (!id || !name_ok(name) || (type && !name_ok(type) && !strchr(type, ' ')) || (type && strlen(type) > DDX_NAME_MAX) ||
-        (!type && size) || size < 0)
+    if (!id || !name_ok(name) || (type && !name_ok(type) && !strchr(type, ' ')) ||
+        (type && strlen(type) > DDX_NAME_MAX) || (!type && size) || size < 0)
         return -EINVAL;
     if (type) {
         result = ddx_layout_of(type, &own);

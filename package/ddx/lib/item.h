@@ -56,7 +56,7 @@ struct ddx_writer_role {
     struct ddx_ring_writer ring;
     int pin_fd[DDX_READERS_MAX]; /* parallel to ring.reader */
     bool confirmed[DDX_READERS_MAX];
-    int loaned;     /* slot, or -1 */
+    int loaned;      /* slot, or -1 */
     bool superseded; /* another writer took over while no store could tell us */
 };
 
@@ -70,11 +70,11 @@ struct ddx_store_item {
 
     /* Under `lock`: all below. The keeper thread and the caller both take messages in. */
     pthread_mutex_t lock;
-    int socket;        /* -1: the store is gone; the keeper tries again */
-    int64_t retry;     /* when */
-    ddx_word changed;  /* counts messages taken in; readers sleep on it */
+    int socket;       /* -1: the store is gone; the keeper tries again */
+    int64_t retry;    /* when */
+    ddx_word changed; /* counts messages taken in; readers sleep on it */
     struct ddx_packet *packet;
-    uint32_t answer;   /* operation that a request waits for, and what came */
+    uint32_t answer; /* operation that a request waits for, and what came */
     bool answered;
     struct ddx_message reply;
     struct ddx_reader_role reader;

@@ -23,8 +23,12 @@ static struct {
     bool running;
 } keeper = {.lock = PTHREAD_MUTEX_INITIALIZER, .wake = -1};
 
-void ddx_keeper_lock(void) { pthread_mutex_lock(&keeper.lock); }
-void ddx_keeper_unlock(void) { pthread_mutex_unlock(&keeper.lock); }
+void ddx_keeper_lock(void) {
+    pthread_mutex_lock(&keeper.lock);
+}
+void ddx_keeper_unlock(void) {
+    pthread_mutex_unlock(&keeper.lock);
+}
 
 /* Look after one item; the time in ms after which to do so again, -1 if it will be heard. */
 static int look_after(DDX_STORE_ITEM *item) {

@@ -11,9 +11,13 @@
 #define FIXED_SIZE (F_SEAL_SHRINK | F_SEAL_GROW)
 #define HUGE ((uint64_t)2 << 20) /* what one page-table page spans: moves of whole ones are cheap */
 
-static uint64_t page_size(void) { return (uint64_t)sysconf(_SC_PAGESIZE); }
+static uint64_t page_size(void) {
+    return (uint64_t)sysconf(_SC_PAGESIZE);
+}
 
-uint64_t ddx_page_round(uint64_t bytes) { return (bytes + page_size() - 1) / page_size() * page_size(); }
+uint64_t ddx_page_round(uint64_t bytes) {
+    return (bytes + page_size() - 1) / page_size() * page_size();
+}
 
 static void add_run(struct ddx_runs *runs, uint64_t begin, uint64_t end) {
     struct ddx_run *last = runs->count ? &runs->run[runs->count - 1] : NULL;

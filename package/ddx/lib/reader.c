@@ -9,7 +9,7 @@
 
 #include "item.h"
 
-#define AGAIN_WAIT 10000000 /* ns between requests to be let in */
+#define AGAIN_WAIT 10000000    /* ns between requests to be let in */
 #define UNMAPPED_WAIT 10000000 /* ns; a slot that was just added is announced by the store within this time */
 
 int ddx_reader_attach(DDX_STORE_ITEM *item) {
@@ -144,7 +144,8 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         if (ddx_time_now() >= deadline) {
             if (asked)
                 return -ETIMEDOUT;
-            asked = true; /* the keeper may not have got round to the news; who does not wait must see it all the same */
+            asked =
+                true; /* the keeper may not have got round to the news; who does not wait must see it all the same */
             ddx_item_service(item);
             continue;
         }
@@ -224,7 +225,9 @@ int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames) {
     return result;
 }
 
-uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) { return item ? item->reader.missed : 0; }
+uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) {
+    return item ? item->reader.missed : 0;
+}
 
 void ddx_reader_end(DDX_STORE_ITEM *item) {
     struct ddx_reader_role *reader = &item->reader;

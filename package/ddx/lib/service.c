@@ -127,7 +127,8 @@ static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     while (i < ring->reader_count && !ddx_memory_same(writer->pin_fd[i], packet->fd[0]))
         i++;
     if (i == ring->reader_count) {
-        const void *page = i < DDX_READERS_MAX ? ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false) : NULL;
+        const void *page =
+            i < DDX_READERS_MAX ? ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false) : NULL;
 
         if (!page)
             return;

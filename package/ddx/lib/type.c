@@ -144,8 +144,7 @@ int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own
     if (!*spans)
         return -ENOMEM;
     /* With extents, a program may know a leading part of the fields only, and bounds of its own. */
-    for (; i < item->field_count && j < own->field_count;
-         i = ddx_layout_after(item, i), j = ddx_layout_after(own, j)) {
+    for (; i < item->field_count && j < own->field_count; i = ddx_layout_after(item, i), j = ddx_layout_after(own, j)) {
         const struct ddx_layout_field *x = &item->field[i], *y = &own->field[j];
 
         if (!alike(item, i, own, j, x->extent) || (!open && x->offset != y->offset))

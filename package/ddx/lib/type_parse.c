@@ -26,23 +26,26 @@ struct base {
     unsigned alignment;
 };
 
-#define ALIGNMENT(type)                                                                                                    \
-    offsetof(                                                                                                              \
-        struct {                                                                                                           \
-            char before;                                                                                                   \
-            type it;                                                                                                       \
-        },                                                                                                                 \
+#define ALIGNMENT(type)  \
+    offsetof(            \
+        struct {         \
+            char before; \
+            type it;     \
+        },               \
         it)
-#define BASE(kind, type) {DDX_KIND_##kind, sizeof(type), ALIGNMENT(type)}
+#define BASE(kind, type) \
+    { DDX_KIND_##kind, sizeof(type), ALIGNMENT(type) }
 
 static const struct {
     const char *name;
     struct base base;
 } named[] = {
-    {"int8_t", BASE(INT, int8_t)},    {"uint8_t", BASE(UNSIGNED, uint8_t)},   {"int16_t", BASE(INT, int16_t)},
-    {"uint16_t", BASE(UNSIGNED, uint16_t)}, {"int32_t", BASE(INT, int32_t)},  {"uint32_t", BASE(UNSIGNED, uint32_t)},
-    {"int64_t", BASE(INT, int64_t)},  {"uint64_t", BASE(UNSIGNED, uint64_t)}, {"size_t", BASE(UNSIGNED, size_t)},
-    {"DDX_TIME", BASE(INT, DDX_TIME)}, {"_Bool", BASE(UNSIGNED, _Bool)},      {"bool", BASE(UNSIGNED, _Bool)},
+    {"int8_t", BASE(INT, int8_t)},      {"uint8_t", BASE(UNSIGNED, uint8_t)},
+    {"int16_t", BASE(INT, int16_t)},    {"uint16_t", BASE(UNSIGNED, uint16_t)},
+    {"int32_t", BASE(INT, int32_t)},    {"uint32_t", BASE(UNSIGNED, uint32_t)},
+    {"int64_t", BASE(INT, int64_t)},    {"uint64_t", BASE(UNSIGNED, uint64_t)},
+    {"size_t", BASE(UNSIGNED, size_t)}, {"DDX_TIME", BASE(INT, DDX_TIME)},
+    {"_Bool", BASE(UNSIGNED, _Bool)},   {"bool", BASE(UNSIGNED, _Bool)},
     {"float", BASE(FLOAT, float)},
 };
 

@@ -121,7 +121,9 @@ bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes) {
     snprintf(folder, sizeof folder, "/tmp/ddx-%u", (unsigned)getuid());
     switch (i) {
     case 0: return snprintf(path, bytes, "/run/ddx/store-%d", port) < (int)bytes;
-    case 1: return snprintf(path, bytes, "%s%s/store-%d", session ? session : folder, session ? "/ddx" : "", port) < (int)bytes;
+    case 1:
+        return snprintf(path, bytes, "%s%s/store-%d", session ? session : folder, session ? "/ddx" : "", port) <
+               (int)bytes;
     case 2: return session && snprintf(path, bytes, "%s/store-%d", folder, port) < (int)bytes;
     default: return false;
     }

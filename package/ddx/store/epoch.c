@@ -75,7 +75,8 @@ void epoch_carry_over(struct epoch *from, struct epoch *to) {
     struct ddx_ring_frame frame;
     size_t bytes = (size_t)to->runs.file_bytes;
 
-    if (!ddx_ring_peek(from->control, &frame) || from->slot_fd[frame.slot] < 0 || !ddx_layout_same(from->layout, to->layout))
+    if (!ddx_ring_peek(from->control, &frame) || from->slot_fd[frame.slot] < 0 ||
+        !ddx_layout_same(from->layout, to->layout))
         return;
     void *old = ddx_memory_map(from->slot_fd[frame.slot], bytes, false);
     void *fresh = ddx_memory_map(to->slot_fd[0], bytes, true);

@@ -46,7 +46,9 @@ void item_drop_if_unused(struct item *item) {
     free(item);
 }
 
-static uint64_t control_bytes(void) { return ddx_page_round(sizeof(struct ddx_control)); }
+static uint64_t control_bytes(void) {
+    return ddx_page_round(sizeof(struct ddx_control));
+}
 
 static uint64_t epoch_bytes(const struct epoch *epoch) {
     return epoch ? control_bytes() + epoch->slots * epoch->runs.file_bytes : 0;
@@ -96,7 +98,8 @@ void item_describe(const struct item *item, struct ddx_message *m) {
         }
 }
 
-void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to, uint32_t flags) {
+void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
+                    uint32_t flags) {
     struct ddx_message message = {.operation = DDX_SLOT, .epoch = epoch->number, .index = slot, .flags = flags};
 
     strcpy(message.name, item->name);

@@ -41,16 +41,15 @@ void note(const char *format, ...) {
     va_end(arguments);
 }
 
-static const char usage[] =
-    "usage: store [-m SIZE] [-port N]\n"
-    "\n"
-    "Keeps the names of items in shared memory, and their memory.\n"
-    "\n"
-    "  -m SIZE    memory for all items together, for example 8M (the default), 512K, 1G\n"
-    "  -port N    several stores on one machine are told apart by this number; default 2005\n"
-    "  -help      this text\n"
-    "\n"
-    "The store runs until it gets TERM or INT; USR1 prints one line of JSON.\n";
+static const char usage[] = "usage: store [-m SIZE] [-port N]\n"
+                            "\n"
+                            "Keeps the names of items in shared memory, and their memory.\n"
+                            "\n"
+                            "  -m SIZE    memory for all items together, for example 8M (the default), 512K, 1G\n"
+                            "  -port N    several stores on one machine are told apart by this number; default 2005\n"
+                            "  -help      this text\n"
+                            "\n"
+                            "The store runs until it gets TERM or INT; USR1 prints one line of JSON.\n";
 
 static bool parse_size(const char *text, uint64_t *bytes) {
     char *end;
@@ -59,9 +58,12 @@ static bool parse_size(const char *text, uint64_t *bytes) {
     unsigned long long value = strtoull(text, &end, 10);
     unsigned shift = 0;
     switch (*end) {
-    case 'k': case 'K': shift = 10; break;
-    case 'm': case 'M': shift = 20; break;
-    case 'g': case 'G': shift = 30; break;
+    case 'k':
+    case 'K': shift = 10; break;
+    case 'm':
+    case 'M': shift = 20; break;
+    case 'g':
+    case 'G': shift = 30; break;
     default: break;
     }
     if (shift)
@@ -115,8 +117,8 @@ static void print_json(void) {
         items++;
     for (const struct client *client = store.clients; client; client = client->next)
         clients++;
-    printf("{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,\"budget\":%llu}\n", items,
-           clients, (unsigned long long)budget_used(), (unsigned long long)budget_reserved(),
+    printf("{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,\"budget\":%llu}\n",
+           items, clients, (unsigned long long)budget_used(), (unsigned long long)budget_reserved(),
            (unsigned long long)store.budget);
     fflush(stdout);
 }

@@ -16,7 +16,7 @@ struct epoch {
     struct ddx_control *control;
     bool control_ready; /* the writer has mapped and sealed it: readers may have it */
     unsigned slots;
-    int slot_fd[DDX_SLOTS_MAX]; /* -1: does not exist */
+    int slot_fd[DDX_SLOTS_MAX];     /* -1: does not exist */
     bool slot_told[DDX_SLOTS_MAX];  /* the writer knows of it */
     bool slot_ready[DDX_SLOTS_MAX]; /* and has mapped and sealed it */
 };
@@ -79,7 +79,8 @@ uint64_t item_bytes(const struct item *item);
 uint64_t item_reserved(const struct item *item);
 void item_describe(const struct item *item, struct ddx_message *message);
 void item_send_epoch(const struct item *item, struct client *reader);
-void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to, uint32_t flags);
+void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
+                    uint32_t flags);
 void item_send_new_slots(const struct item *item, struct epoch *epoch, struct client *writer);
 bool item_announce(struct item *item, struct client *reader); /* to the writer; false: it does not listen */
 
