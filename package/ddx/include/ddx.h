@@ -11,8 +11,8 @@
  * that follows under "Beyond the paper" are defined here.
  *
  * Common rules
- *   errors     int functions return 0, or -errno; functions that return a pointer return NULL and set errno. The meanings
- *              are the same everywhere and ddx_error_text() has one clear line for each:
+ *   errors     int functions return 0, or -errno; functions that return a pointer return NULL and set errno. The
+ *              meanings are the same everywhere, and ddx_error_text() has one clear line for each:
  *                -ECONNREFUSED  no store runs on this machine (at this port)
  *                -ENOENT        the store has no item of this name
  *                -EPROTOTYPE    the item has another type than the caller's
@@ -52,8 +52,8 @@ typedef int64_t DDX_TIME;                     /* ns, CLOCK_MONOTONIC */
  *     DDX_STORE_TYPE(WHEELS, struct { int left; int right; float speed[4]; });
  *
  * At file scope. Integers, floats, char arrays, nested structs and fixed arrays of them; array bounds may be macros and
- * constant expressions. Two programs agree on a type when offset, size and kind of each field are equal; names of fields
- * do not matter. (Variadic, since the declaration may hold commas; expanded before it is turned into text.)
+ * constant expressions. Two programs agree on a type when offset, size and kind of each field are equal; names of
+ * fields do not matter. (Variadic, since the declaration may hold commas; expanded before it is turned into text.)
  */
 #define DDX_STORE_TYPE(name, ...) DDX_STORE_TYPE_EXPANDED_(name, __VA_ARGS__)
 #define DDX_STORE_TYPE_EXPANDED_(name, ...)                                                                      \
@@ -86,12 +86,12 @@ DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout);
 int ddx_store_close(DDX_STORE_ID *id);
 
 /*
- * A handle on the item `name`. With type NULL and size 0 the item must exist, and if this program declared a type of the
- * item's type name (DDX_STORE_TYPE), the declared struct must agree with it. With a type and its size the item is created
- * when missing. Neither reads nor writes yet: the first write makes the handle the item's writer, the first read takes
- * one reader's share of memory (one frame). Does not wait longer than the store needs to answer (5 s at most).
- * NULL and errno: ENOENT, EPROTOTYPE, EMSGSIZE, ENOSPC, ECONNREFUSED, EINVAL.
- * The handle is the caller's, until ddx_store_done_item() or ddx_store_close().
+ * A handle on the item `name`. With type NULL and size 0 the item must exist, and if this program declared a type of
+ * the item's type name (DDX_STORE_TYPE), the declared struct must agree with it. With a type and its size the item is
+ * created when missing. Neither reads nor writes yet: the first write makes the handle the item's writer, the first
+ * read takes one reader's share of memory (one frame). Does not wait longer than the store needs to answer (5 s at
+ * most). NULL and errno: ENOENT, EPROTOTYPE, EMSGSIZE, ENOSPC, ECONNREFUSED, EINVAL. The handle is the caller's, until
+ * ddx_store_done_item() or ddx_store_close().
  */
 DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size);
 
@@ -102,9 +102,9 @@ DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const 
 int ddx_store_done_item(DDX_STORE_ITEM *item);
 
 /*
- * Copy a value into *data (the caller's struct, in the layout that the caller declared) and its time of writing into *ts
- * (NULL allowed). The copy is never torn. Errors: -ETIMEDOUT, -EMSGSIZE, -EPROTOTYPE, -EBUSY, -ENOSPC; on failure *data
- * and *ts are as before.
+ * Copy a value into *data (the caller's struct, in the layout that the caller declared) and its time of writing into
+ * *ts (NULL allowed). The copy is never torn. Errors: -ETIMEDOUT, -EMSGSIZE, -EPROTOTYPE, -EBUSY, -ENOSPC; on failure
+ * *data and *ts are as before.
  */
 int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeout, int tail);
 
@@ -122,7 +122,7 @@ int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, in
 
 /* ---- Beyond the paper ---- */
 
-/* Which write a read waits for. "Seen" means: delivered to this handle. Numbers above 1 wait for the n-th next write. */
+/* Which write a read waits for. "Seen" means: delivered to this handle. Numbers above 1: the n-th next write. */
 enum ddx_tail {
     DDX_CURRENT = 0,  /* the newest value, now; waits only when nothing was ever written */
     DDX_NEXT = 1,     /* the newest value not yet seen; waits for the next write if there is none */
@@ -153,17 +153,17 @@ struct ddx_item_spec {
 };
 
 /*
- * Create the item, or take it over from a writer that is gone, and become its writer at once. The last whole value stays
- * readable when the layout stays the same; sequence numbers go on. Fields that have an extent may get another bound or
- * extent than before (a camera that changes its format); all else must agree with what the item was, unless nobody uses
- * the item. On success *item is the caller's. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMSGSIZE, -EINVAL, -ECONNREFUSED.
+ * Create the item, or take it over from a writer that is gone, and become its writer at once. The last whole value
+ * stays readable when the layout stays the same; sequence numbers go on. Fields that have an extent may get another
+ * bound or extent than before (a camera that changes its format); all else must agree with what the item was, unless
+ * nobody uses the item. On success *item is the caller's. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMSGSIZE, -EINVAL,
+ * -ECONNREFUSED.
  */
 int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STORE_ITEM **item);
 
 /* A value held by a reader. */
 struct ddx_frame {
-    const void *
-        data; /* the item's struct (its own layout, see ddx_store_field); bytes beyond a field's extent are not mapped */
+    const void *data;  /* the item's struct, in its own layout (ddx_store_field); beyond a field's extent is nothing */
     DDX_TIME time;     /* of the write */
     uint64_t sequence; /* number of the write, from 1, without gaps, across writers */
     uint64_t missed;   /* writes between the one seen before and this one, not delivered to this handle */
@@ -176,18 +176,18 @@ struct ddx_frame {
  */
 int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail);
 
-/* Let go of the value that ddx_store_acquire() gave; frame->data is invalid afterwards. Returns 0, -EINVAL if none is held. */
+/* Let go of the value that ddx_store_acquire() gave; frame->data is invalid afterwards. 0, -EINVAL if none is held. */
 int ddx_store_release(DDX_STORE_ITEM *item);
 
 /*
- * Keep `frames` frames for this handle instead of one, so that DDX_IN_ORDER finds older ones when the reader comes late.
- * Each costs one frame of memory. Before the first read. Errors: -EBUSY (budget, or it already reads), -EINVAL.
+ * Keep `frames` frames for this handle instead of one, so that DDX_IN_ORDER finds older ones when the reader comes
+ * late. Each costs one frame of memory. Before the first read. Errors: -EBUSY (budget, or it already reads), -EINVAL.
  */
 int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames);
 
 /*
- * A free frame to write in place, in the item's own layout: *data. Its content is undefined (an older frame). Then either
- * ddx_store_publish() or ddx_store_cancel(). Never waits. Errors: -EEXIST, -ENOSPC, -EBUSY (already loaned).
+ * A free frame to write in place, in the item's own layout: *data. Its content is undefined (an older frame). Then
+ * either ddx_store_publish() or ddx_store_cancel(). Never waits. Errors: -EEXIST, -ENOSPC, -EBUSY (already loaned).
  */
 int ddx_store_loan(DDX_STORE_ITEM *item, void **data);
 
@@ -217,7 +217,7 @@ struct ddx_item_info {
 /* Facts about this handle's item. Waits for the store to answer, at most 5 s. 0, -ECONNREFUSED. */
 int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info);
 
-/* How many readers the item of this (writing) handle has now; from shared memory, does not wait. -EINVAL if not the writer. */
+/* How many readers the item of this writing handle has now. Does not wait. -EINVAL if the handle does not write. */
 int ddx_store_readers(const DDX_STORE_ITEM *item);
 
 /* Facts about the store as a whole. */
@@ -252,8 +252,8 @@ struct ddx_field {
 };
 
 /*
- * The i-th field of the item's type, from 0, or NULL past the last. A field named "" is an item that is no struct. Valid
- * until the next call that reads, acquires or loans this item (a new writer may change it).
+ * The i-th field of the item's type, from 0, or NULL past the last. A field named "" is an item that is no struct.
+ * Valid until the next call that reads, acquires or loans this item (a new writer may change it).
  */
 const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned index);
 

@@ -87,9 +87,10 @@ int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source)
 
 /*
  * To be asked with the first frame of a start, before it is counted; `sequence` is its number in the source item. If a
- * former program died recording this source: how many frames went by unseen since; they are now counted as in and as lost
- * "restart". -EALREADY: the former program has counted this very frame; do not count it again, ask with the next one.
- * -ENOENT: there was none, or it was stopped cleanly (nobody wanted the frames since), or the numbers started anew.
+ * former program died recording this source: how many frames went by unseen since; they are now counted as in and as
+ * lost "restart". -EALREADY: the former program has counted this very frame; do not count it again, ask with the next
+ * one. -ENOENT: there was none, or it was stopped cleanly (nobody wanted the frames since), or the numbers started
+ * anew.
  */
 int64_t ddx_stats_resume(DDX_STATS_BOOK *book, uint64_t sequence);
 

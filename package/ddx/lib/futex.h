@@ -8,8 +8,9 @@
 #define DDX_FOREVER INT64_MAX
 
 /*
- * Sleep until `shared` is no longer `shared_value`, or `own` (a word of this process) no longer `own_value`, or somebody
- * wakes one of them, or the deadline (ns, CLOCK_MONOTONIC). `shared` may be NULL. May return early: the caller looks.
+ * Sleep until `shared` is no longer `shared_value`, or `own` (a word of this process) no longer `own_value`, or
+ * somebody wakes one of them, or the deadline (ns, CLOCK_MONOTONIC). `shared` may be NULL. May return early: the caller
+ * looks.
  */
 void ddx_futex_wait(const ddx_word *shared, uint32_t shared_value, const ddx_word *own, uint32_t own_value,
                     int64_t deadline);

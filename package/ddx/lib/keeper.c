@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
  * One thread per process listens to the store on behalf of all items: it takes in new slots, readers and epochs before
- * the frame path needs them, and offers everything anew after the store was restarted, even if the program itself sleeps.
+ * the frame path needs them, and offers everything anew after the store was restarted, even if the program itself
+ * sleeps.
  */
 #include <errno.h>
 #include <poll.h>

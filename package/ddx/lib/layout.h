@@ -42,7 +42,7 @@ struct ddx_slot_state {
     uint32_t unused[3];
 };
 
-/* `latest`: low 23 bits of the sequence number of the newest frame, and its slot. It is the word that readers sleep on. */
+/* `latest`: low 23 bits of the sequence number of the newest frame, and its slot. The word that readers sleep on. */
 #define DDX_LATEST(sequence, slot) (((uint32_t)(sequence)&0x7fffffu) << 8 | (uint32_t)(slot))
 #define DDX_LATEST_SLOT(latest) ((latest)&0xffu)
 #define DDX_LATEST_SEQUENCE(latest) ((latest) >> 8 & 0x7fffffu)

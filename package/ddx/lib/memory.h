@@ -35,8 +35,8 @@ int ddx_memory_freeze(int fd);
 bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen);
 
 /*
- * A sign of life that other processes can see: hold a lock on the file through a description of our own, which dies with
- * this process at once (also as a zombie, also if its descriptors were passed on). Descriptor to close, or -1.
+ * A sign of life that other processes can see: hold a lock on the file through a description of our own, which dies
+ * with this process at once (also as a zombie, also if its descriptors were passed on). Descriptor to close, or -1.
  */
 int ddx_memory_hold(int fd);
 bool ddx_memory_held(int fd);

@@ -182,7 +182,7 @@ bool ddx_ring_peek(const struct ddx_control *control, struct ddx_ring_frame *fra
         frame->slot = slot;
         frame->sequence = sequence_of(state);
         frame->time = (int64_t)join(&state->time_low, &state->time_high);
-        /* The words are atomics, so this is no data race; the sequence number itself tells whether they belong together. */
+        /* The words are atomics, so this is no data race; the number itself tells whether they belong together. */
         if (!(before & 1) && before == (uint32_t)frame->sequence << 1 &&
             before == atomic_load_explicit(&state->generation, memory_order_acquire))
             return true;

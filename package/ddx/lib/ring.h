@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * The slot protocol: how one writer and many readers share frames without waiting for each other. Pure memory operations
- * on structures of layout.h, no system calls, so that a test may run it under ThreadSanitizer with threads as parties.
+ * The slot protocol: how one writer and many readers share frames without waiting for each other. Pure memory
+ * operations on structures of layout.h, no system calls, so that a test may run it under ThreadSanitizer with threads
+ * as parties.
  *
  * Writer, for each frame:                        Reader, for each frame:
  *   W1 choose a slot that is not the newest         R1 choose a slot (the newest, or the next in order)
@@ -63,13 +64,14 @@ void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot);
 unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest);
 
 /*
- * The slot with the smallest sequence number above `seen`, or DDX_NO_SLOT; *generation is what ddx_ring_pin() must find.
+ * The slot with the smallest sequence number above `seen`, or DDX_NO_SLOT; *generation is what ddx_ring_pin() must
+ * find.
  */
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
 
 /*
- * R2-R3. `generation` is the expected one, or DDX_EMPTY for any whole frame. -EAGAIN: overtaken, nothing is pinned. A slot that the word
- * held before is let go of.
+ * R2-R3. `generation` is the expected one, or DDX_EMPTY for any whole frame. -EAGAIN: overtaken, nothing is pinned. A
+ * slot that the word held before is let go of.
  */
 int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
                  struct ddx_ring_frame *frame);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
  * A C declaration becomes a table of fields: enough of C's grammar for structs of numbers, characters, nested structs
- * and arrays. Sizes and alignments are those of the compiler that built this library, hence of the calling program's ABI.
+ * and arrays. Sizes and alignments are those of the compiler that built this library, hence of the calling program's
+ * ABI.
  */
 #include <ctype.h>
 #include <errno.h>
@@ -189,8 +190,8 @@ static int full_name(char out[DDX_NAME_MAX + 1], const char *prefix, const char 
 }
 
 /*
- * The declarators of one line: "a, b[3];". The type's nested fields, if any, were parsed before its first name was known,
- * so they are parsed again for each name: `line` is where the type begins.
+ * The declarators of one line: "a, b[3];". The type's nested fields, if any, were parsed before its first name was
+ * known, so they are parsed again for each name: `line` is where the type begins.
  */
 static int declarators(struct parser *p, const char *line, const char *prefix, uint64_t start, uint64_t *end,
                        unsigned *alignment) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * After a restart, items come back from those who hold them: first come, first known; a writer's word counts more than a
- * reader's. Nothing of an offer is believed before its memory files were looked at.
+ * After a restart, items come back from those who hold them: first come, first known; a writer's word counts more than
+ * a reader's. Nothing of an offer is believed before its memory files were looked at.
  */
 #include <errno.h>
 #include <stdlib.h>
