@@ -57,12 +57,18 @@ const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned ind
 }
 
 const struct ddx_field *ddx_store_field_named(const DDX_STORE_ITEM *item, const char *name) {
-    const struct ddx_field *field;
+    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
+    const struct ddx_field *field = NULL;
 
-    for (unsigned i = 0; name && (field = ddx_store_field(item, i)); i++)
-        if (!strcmp(field->name, name))
-            return field;
-    return NULL;
+    if (!handle || !name)
+        return NULL;
+    pthread_mutex_lock(&handle->lock);
+    if (!refresh(handle))
+        for (unsigned i = 0; i < handle->layout->field_count && !field; i++)
+            if (!strcmp(handle->fields[i].name, name))
+                field = &handle->fields[i];
+    pthread_mutex_unlock(&handle->lock);
+    return field;
 }
 
 const char *ddx_store_item_name(const DDX_STORE_ITEM *item) {

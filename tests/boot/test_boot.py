@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""How the machine comes up."""
+import time
+
+from qemu import Guest
+from recording import Partition
+
+
+def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
+    words = guest.sh("cat /proc/cmdline").split()
+    assert "BOOT_IMAGE=/boot/vmlinuz" in words and "ddx.loader=grub" in words and "ddx.slot=A" in words
+    assert "root=PARTUUID=dd5601de-02" in words
+
+
+def test_grub_counts_the_boots_of_a_slot_on_trial(closed: Guest) -> None:
+    deadline = time.monotonic() + 60
+    while b"Starting base" not in closed.log.read_bytes():
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+    assert closed.environment() == {"left": "2"}
+
+
+def test_root_is_a_read_only_squashfs(guest: Guest) -> None:
+    assert [line for line in guest.sh("mount").splitlines() if " on / type squashfs (ro" in line]
+    status, _ = guest.shell().run("touch /etc/x || touch /usr/x")
+    assert status != 0
+
+
+def test_kernel_is_6_12(guest: Guest) -> None:
+    assert guest.sh("uname -r").startswith("6.12.")
+
+
+def test_recordings_have_no_journal_data_has_one(guest: Guest) -> None:
+    assert "has_journal" not in Partition(guest.disk, 6).features()
+    assert "has_journal" in Partition(guest.disk, 5).features()
+    assert " on /rec type ext4 (rw" in guest.sh("mount")
+
+
+def test_checksums_and_large_files_on_recordings(guest: Guest) -> None:
+    assert {"metadata_csum", "flex_bg", "large_file"} <= set(Partition(guest.disk, 6).features())
+
+
+def test_nothing_can_be_written_below_an_empty_mount_point(guest: Guest) -> None:
+    guest.sh("mkdir /tmp/bare && mount -o bind / /tmp/bare")  # the root without what is mounted on it
+    for folder in ["data", "rec", "test"]:
+        assert guest.shell().run(f"touch /tmp/bare/{folder}/x")[0] != 0, folder
+    guest.sh("umount /tmp/bare")
+
+
+def test_settings_and_recordings_are_mounted(guest: Guest) -> None:
+    for folder in ["/data", "/rec"]:
+        guest.sh(f"mountpoint -q {folder}")
+    assert guest.sh("stat -c '%U %G %a' /rec") == "ddxsave ddx 2775"
+
+
+def test_every_start_is_short_and_none_failed(guest: Guest) -> None:
+    for line in guest.sh("cat /run/log/boot").splitlines():
+        begin, end, status, name = line.split()
+        assert status == "0", name
+        if name[1:3] >= "20":
+            assert float(end) - float(begin) <= 1.0, name

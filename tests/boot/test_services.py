@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Services: they run, as their own users, and come back."""
+import time
+
+import session
+from qemu import Guest
+
+USERS = {"store": "ddxstore", "ddxvideosave": "ddxsave"}
+
+
+def status(guest: Guest, program: str) -> tuple[int, dict[str, str]]:
+    code, text = guest.shell().run(f"/etc/init.d/S*{program} status")
+    words = text.split()
+    assert words[0] == program
+    return code, dict(word.split("=", 1) for word in words[1:])
+
+
+def test_run_as_their_own_users(guest: Guest, recorded: session.Result) -> None:
+    for program, user in USERS.items():
+        code, fields = status(guest, program)
+        assert code == 0 and fields["enabled"] == "yes" and fields["state"] == "running", program
+        ids = guest.sh(f"grep -E '^(Uid|Gid|Groups):' /proc/{fields['pid']}/status")
+        assert guest.sh(f"stat -c %U /proc/{fields['pid']}") == user
+        assert "\t0\t" not in ids and "900" in ids
+
+
+def test_none_died_while_recording(guest: Guest, recorded: session.Result) -> None:
+    for program in [*USERS, "ddxvideoload"]:
+        assert status(guest, program)[1]["restarts"] == "0", program
+
+
+def test_loader_is_complete_and_not_started_again(guest: Guest, recorded: session.Result) -> None:
+    code, fields = status(guest, "ddxvideoload")
+    assert (code, fields["state"]) == (3, "complete")
+
+
+def test_stop_and_start(guest: Guest, recorded: session.Result) -> None:
+    guest.sh("/etc/init.d/S*ddxvideosave stop")
+    code, fields = status(guest, "ddxvideosave")
+    assert (code, fields["state"], fields["pid"]) == (3, "stopped", "-")
+    guest.sh("/etc/init.d/S*ddxvideosave start")
+    time.sleep(1)
+    assert status(guest, "ddxvideosave")[0] == 0
+
+
+def test_a_killed_service_is_back_within_a_second_and_counted(guest: Guest, recorded: session.Result) -> None:
+    before = status(guest, "ddxvideosave")[1]
+    guest.sh(f"sleep 10; kill -9 {before['pid']}; sleep 1")
+    code, after = status(guest, "ddxvideosave")
+    assert code == 0 and after["pid"] != before["pid"]
+    assert int(after["restarts"]) == int(before["restarts"]) + 1
+
+
+def test_a_stopped_process_does_not_block_the_stop(guest: Guest, recorded: session.Result) -> None:
+    guest.sh(f"kill -STOP {status(guest, 'ddxvideosave')[1]['pid']}")
+    begin = time.monotonic()
+    guest.sh("/etc/init.d/S*ddxvideosave stop", timeout=20)
+    assert time.monotonic() - begin < 10
+    guest.sh("/etc/init.d/S*ddxvideosave start")
+
+
+def test_settings_of_the_technician_win_and_are_not_sourced(guest: Guest, recorded: session.Result) -> None:
+    evil = "$(touch /tmp/evil)`touch /tmp/evil`;touch /tmp/evil'"
+    file = "/data/ddx/ddxvideosave.conf"
+    guest.sh(f"printf '%s\\n' 'enabled=no' 'touch /tmp/evil' > {file}")
+    assert "SKIP" in guest.sh("/etc/init.d/S*ddxvideosave stop; /etc/init.d/S*ddxvideosave start")
+    assert status(guest, "ddxvideosave")[1]["enabled"] == "no"
+    quoted = "'" + evil.replace("'", "'\\''") + "'"
+    guest.sh(f"printf '%s\\n' name={quoted} > {file}; /etc/init.d/S*ddxvideosave restart; sleep 2")
+    assert guest.shell().run("ls /tmp/evil")[0] != 0
+    guest.sh(f"rm {file}; /etc/init.d/S*ddxvideosave restart")
+
+
+def test_disabled_loader_without_test_disk(closed: Guest) -> None:
+    deadline = time.monotonic() + 60
+    while b"Starting ddxvideosave" not in closed.log.read_bytes():
+        assert time.monotonic() < deadline
+        time.sleep(0.2)
+    assert b"Starting ddxvideoload: SKIP" in closed.log.read_bytes()

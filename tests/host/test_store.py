@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The store's tools, its example, and programs of two word sizes around one store."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import random
+import socket
+import struct
+import subprocess
+
+import pytest
+
+from .programs import TOP, Desk, stop, wait_until
+
+BUILT = TOP / "output"
+
+
+def test_example_of_the_manual(desk: Desk) -> None:
+    example = BUILT / "desk/ddx/tests/test-example"
+    writer = desk.start(example, "write")
+    reader = desk.run(example)
+    assert reader.returncode == 0, reader.stderr
+    first, second = (int(line.split(":")[0]) for line in reader.stdout.splitlines())
+    assert first < second
+    assert writer.wait(10) == 0
+
+
+@pytest.mark.parametrize("writer, readers, store", [("desk", "m32", "desk"), ("m32", "desk", "desk"),
+                                                    ("m32", "desk", "m32")])
+def test_word_sizes_share_a_store(writer: str, readers: str, store: str) -> None:
+    """The stress test: one writer, nine readers, every word of every frame checked; see tests/unit/ddx_stress.c."""
+    program = {name: BUILT / name / "ddx/tests/test-stress" for name in ("desk", "m32")}
+    if not program["m32"].exists():
+        pytest.skip("the 32-bit programs are not built; make test builds them")
+    assert b"ELF 32-bit" in subprocess.run(["file", program["m32"]], capture_output=True, check=True).stdout
+    done = subprocess.run([program[writer]], capture_output=True, text=True, timeout=120, check=False,
+                          env={**os.environ, "DDX_OTHER_PROGRAM": str(program[readers]),
+                               "DDX_STORE_PROGRAM": str(BUILT / store / "ddx/store")})
+    assert done.returncode == 0, done.stderr
+
+
+def test_list_and_show(desk: Desk) -> None:
+    desk.start(BUILT / "desk/ddx/tests/test-example", "write")
+    wait_until(lambda: desk.run("ddxctl", "show", "position").returncode == 0)
+    shown = json.loads(desk.run("ddxctl", "show", "position", "--json").stdout)
+    assert shown["type"] == "POSITION"
+    assert shown["value"]["x"] == 0.5 and shown["value"]["y"] == -0.5
+    assert shown["value"]["number"] == shown["sequence"]
+    assert "x                        0.5" in desk.run("ddxctl", "show", "position").stdout
+    watched = desk.run("ddxctl", "watch", "position", "-count", "3", "-json").stdout.splitlines()
+    numbers = [json.loads(line)["sequence"] for line in watched]
+    assert numbers == list(range(numbers[0], numbers[0] + 3))
+    listed = json.loads(desk.run("ddxctl", "list", "--json").stdout)
+    item = next(item for item in listed["items"] if item["name"] == "position")
+    assert item["bytes"] <= item["reserved"] <= listed["reserved"] <= listed["budget"]
+    assert "position" in desk.run("ddxctl", "list").stdout
+
+
+@pytest.mark.parametrize("arguments, status, text", [
+    (["show", "nothing"], 1, "ddxctl: nothing: the store has no item of this name"),
+    (["show"], 2, "ddxctl: show: needs the name of an item"),
+    (["frobnicate"], 2, "ddxctl: frobnicate: unknown command"),
+    (["list", "-frobnicate"], 2, "ddxctl: -frobnicate: unknown option"),
+    (["list", "-port", "7"], 1, "ddxctl: no store runs here"),
+    (["list", "-port", "x"], 2, "ddxctl: x: -port takes a number"),
+])
+def test_ddxctl_complains_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
+    done = desk.run("ddxctl", *arguments)
+    assert done.returncode == status
+    assert done.stderr.startswith(text) and done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments, status, text", [
+    (["-m", "8Q"], 2, "store: -m 8Q: not a size"),
+    (["-m"], 2, "store: -m: needs a value"),
+    (["--port", "70000"], 2, "store: -port 70000: not a port"),
+    (["nonsense"], 2, "store: nonsense: unexpected"),
+    ([], 1, "store: a store runs at port 2005 already"),
+])
+def test_store_complains_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
+    done = desk.run("store", *arguments)
+    assert done.returncode == status
+    assert done.stderr.startswith(text) and done.stderr.count("\n") == 1
+
+
+def test_store_prints_its_counters(desk: Desk) -> None:
+    status, counters = stop(desk.store)
+    assert status == 0
+    assert counters["instance"] == "store" and counters["budget"] == 64 << 20
+
+
+def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
+    desk = Desk(tmp_path, "16K")
+    try:
+        done = desk.run(BUILT / "desk/ddx/tests/test-example", "write")
+        assert done.returncode == 1
+        assert done.stderr == "position: the store's memory budget is used up; give it more with: store -m\n"
+    finally:
+        desk.end()
+
+
+def test_nonsense_from_clients(desk: Desk) -> None:
+    """Messages of every kind with random fields, descriptors and layouts: the store goes on, other programs too."""
+    path = str(desk.folder / "run/store-2005")
+    writer = desk.start(BUILT / "desk/ddx/tests/test-example", "write")
+    wait_until(lambda: desk.run("ddxctl", "show", "position").returncode == 0)
+    chance = random.Random(2005)
+    for _ in range(200):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link:
+            link.connect(path)
+            link.setblocking(False)
+            for _ in range(chance.randrange(1, 20)):
+                words = [chance.randrange(0, 24), 0, 1, chance.randrange(0, 8), *(chance.choice(
+                    [0, 1, 2, 254, 255, 256, 0xffffffff]) for _ in range(5))]
+                layout = chance.randbytes(chance.choice([0, 0, 15, 16, 112, 208]))
+                name = chance.choice([b"position", b"new", b"", chance.randbytes(64)]).ljust(64, b"\0")
+                fields = struct.pack("<10I", *words, chance.choice([len(layout), 0])) + chance.randbytes(56)
+                message = fields + name + b"int".ljust(64, b"\0") + layout
+                file = os.memfd_create("nonsense")
+                try:
+                    socket.send_fds(link, [message[:chance.choice([1000, 1000, 100])]], [file] * chance.randrange(0, 4))
+                except OSError:
+                    break  # it hung up on us, or does not read as fast as we write
+                finally:
+                    os.close(file)
+    assert desk.store.poll() is None
+    assert desk.run("ddxctl", "list").returncode == 0
+    assert writer.wait(10) == 0
+    wait_until(lambda: json.loads(desk.run("ddxctl", "list", "--json").stdout)["clients"] == 0)

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A shell in the guest over one of QEMU's console sockets: run a command, get its exit status and output."""
+import pathlib
+import re
+import socket
+import time
+
+# The guest's side: reads a line, runs it, marks its end. The quotes keep an echo of this line from looking like a mark.
+SERVER = ("stty -echo -onlcr; while IFS= read -r c; do eval \"$c\" < /dev/null; printf '\\n@E''ND %d@\\n' $?; done")
+END = re.compile(rb"\n?@END (\d+)@\r?\n")
+
+
+class Timeout(Exception):
+    pass
+
+
+class Channel:
+    def __init__(self, path: pathlib.Path) -> None:
+        self.path = path
+        self._socket = socket.socket(socket.AF_UNIX)
+        self._socket.connect(str(path))
+        self._buffer = b""
+
+    def close(self) -> None:
+        self._socket.close()
+
+    def send(self, text: str) -> None:
+        self._socket.sendall(text.encode())
+
+    def _receive(self, deadline: float) -> None:
+        left = deadline - time.monotonic()
+        if left <= 0:
+            raise Timeout(f"{self.path.name}: nothing more came after {self._buffer[-300:]!r}")
+        self._socket.settimeout(left)
+        try:
+            data = self._socket.recv(65536)
+        except TimeoutError:
+            return
+        if not data:
+            raise Timeout(f"{self.path.name}: the guest has gone")
+        self._buffer += data
+
+    def wait(self, pattern: bytes, timeout: float) -> re.Match[bytes]:
+        """Wait for a pattern in what the guest prints; drops everything up to its end."""
+        deadline = time.monotonic() + timeout
+        while not (match := re.search(pattern, self._buffer)):
+            self._receive(deadline)
+        self._buffer = self._buffer[match.end():]
+        return match
+
+    def open_shell(self, timeout: float) -> None:
+        """Wait until a shell answers, and turn it into a server of commands."""
+        deadline = time.monotonic() + timeout
+        while True:
+            self.send("\necho rea''dy\n")
+            try:
+                self.wait(rb"ready\r?\n", 0.3)
+                break
+            except Timeout:
+                if time.monotonic() > deadline:
+                    raise
+        self.send(SERVER + "\n:\n")
+        self.wait(END.pattern, max(5.0, deadline - time.monotonic()))
+        time.sleep(0.1)
+        self.run("echo")  # leftovers of the knocking have been read
+        self._buffer = b""
+
+    def run(self, command: str, timeout: float = 30.0) -> tuple[int, str]:
+        self.send(command.replace("\n", " ") + "\n")
+        deadline = time.monotonic() + timeout
+        while not (match := END.search(self._buffer)):
+            self._receive(deadline)
+        text = self._buffer[:match.start()]
+        self._buffer = self._buffer[match.end():]
+        return int(match[1]), text.replace(b"\r", b"").decode(errors="replace")
+
+    @property
+    def raw(self) -> socket.socket:
+        return self._socket

@@ -1,0 +1,59 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Checks without running anything: scripts (shellcheck), tools (mypy --strict), length of lines, licence lines."""
+import pathlib
+import subprocess
+import sys
+
+from common import TOP, say
+
+SOURCES = ["*.c", "*.h", "*.py", "*.sh", "meson.build"]
+LONGEST = 120
+
+
+def files() -> list[pathlib.Path]:
+    """Everything of the project, committed or not yet."""
+    listed = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=TOP,
+                            capture_output=True, text=True, check=True).stdout
+    return [TOP / name for name in listed.splitlines() if (TOP / name).is_file()]
+
+
+def is_script(path: pathlib.Path) -> bool:
+    with path.open("rb") as file:
+        return file.readline(64).startswith(b"#!/bin/sh")
+
+
+def complaints(paths: list[pathlib.Path]) -> list[str]:
+    found = []
+    for path in paths:
+        script = is_script(path)
+        if not script and not any(path.match(pattern) for pattern in SOURCES):
+            continue
+        lines = path.read_text(errors="replace").splitlines()
+        name = path.relative_to(TOP)
+        found += [f"{name}:{number}: longer than {LONGEST}" for number, line in enumerate(lines, 1)
+                  if len(line.expandtabs(4)) > LONGEST]
+        if path.suffix in (".c", ".h", ".py") and "SPDX-License-Identifier" not in "".join(lines[:3]):
+            found.append(f"{name}: no SPDX-License-Identifier at its top")
+    return found
+
+
+def main() -> int:
+    paths = files()
+    bad = complaints(paths)
+    for text in bad:
+        say(text)
+    failed = bool(bad)
+    scripts = [path for path in paths if is_script(path)]
+    failed |= subprocess.run(["shellcheck", "--shell=sh", *scripts], check=False).returncode != 0
+    folders = [path for path in [TOP / "tools", *sorted((TOP / "tests").glob("*"))] if list(path.glob("*.py"))]
+    for folder in folders:
+        mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={TOP}/output/mypy"]
+        failed |= subprocess.run([*mypy, folder], cwd=TOP, check=False,
+                                 env={"MYPYPATH": str(TOP / "tools"), "PATH": "/usr/bin:/bin"}).returncode != 0
+    say("lint: failed" if failed else f"lint: {len(scripts)} scripts and {len(paths)} files are fine")
+    return 1 if failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

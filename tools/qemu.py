@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The machine to boot in: QEMU with the image's disk, always as flashed, through SeaBIOS, MBR and GRUB."""
+import json
+import os
+import pathlib
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from types import TracebackType
+
+from channel import Channel, Timeout
+from common import OUTPUT, Failed, run, say
+
+BOOT_OFFSET = 2048 * 512  # the boot partition, see board/common/disk.cfg
+PROBE_SECONDS = 10
+TCG = "tcg,thread=multi"
+
+
+class Guest:
+    """One run of the machine on a copy of the image; the copy and everything else is gone afterwards."""
+
+    def __init__(self, image: pathlib.Path, accel: str, *, console: bool = True, provision: str = "",
+                 environment: tuple[str, ...] = (), test_disk: pathlib.Path | None = None, memory: int = 384,
+                 log: pathlib.Path | None = None, extra: tuple[str, ...] = ()) -> None:
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
+        self.disk = self.folder / "disk.img"
+        self.log = log or self.folder / "console.log"
+        self._channels: dict[str, Channel] = {}
+        run(["cp", "--sparse=always", "--reflink=auto", image, self.disk])
+        self._provision(("console=open\n" if console else "") + provision)
+        if environment:
+            self._set_environment(*environment)
+        kvm = accel.startswith("kvm")
+        command = [
+            "qemu-system-x86_64", "-accel", accel, "-machine", "pc", "-cpu", "host" if kvm else "qemu64", "-smp", "2",
+            "-m", str(memory), "-nodefaults", "-no-user-config", "-no-reboot", "-display", "none", "-vga", "std",
+            "-rtc", "base=utc", "-device", "virtio-rng-pci", "-device", "virtio-serial-pci",
+            "-drive", f"file={self.disk},format=raw,if=virtio,cache=unsafe",
+            "-chardev", f"socket,id=ttyS0,path={self.folder}/ttyS0,server=on,wait=off,logfile={self.log}",
+            "-serial", "chardev:ttyS0",
+            "-chardev", f"socket,id=qmp,path={self.folder}/qmp,server=on,wait=off", "-mon", "chardev=qmp,mode=control",
+        ]
+        for name in ["hvc0", "hvc1"]:
+            command += ["-chardev", f"socket,id={name},path={self.folder}/{name},server=on,wait=off",
+                        "-device", f"virtconsole,chardev={name}"]
+        if test_disk:
+            command += ["-drive", f"file={test_disk},format=raw,if=virtio,readonly=on"]
+        self.begin = time.monotonic()
+        self.process = subprocess.Popen([*command, *extra], stdin=subprocess.DEVNULL,
+                                        stderr=(self.folder / "qemu.log").open("w"))
+        deadline = time.monotonic() + 10
+        while not (self.folder / "hvc1").exists():
+            if self.process.poll() is not None or time.monotonic() > deadline:
+                raise Failed("QEMU: " + (self.folder / "qemu.log").read_text().strip())
+            time.sleep(0.02)
+
+    def _provision(self, text: str) -> None:
+        """Write ddx.txt on the boot partition of the copy."""
+        if text:
+            file = self.folder / "ddx.txt"
+            file.write_text(text)
+            run(["mcopy", "-o", "-i", f"{self.disk}@@{BOOT_OFFSET}", file, "::ddx.txt"])
+
+    def environment(self) -> dict[str, str]:
+        """GRUB's variables, as they are on the disk now."""
+        text = run(["mtype", "-i", f"{self.disk}@@{BOOT_OFFSET}", "::grub/grubenv"])
+        return dict(line.split("=", 1) for line in text.splitlines() if "=" in line and not line.startswith("#"))
+
+    def _set_environment(self, *words: str) -> None:
+        """Set GRUB's variables (name=value), for a guest that does not run yet."""
+        file = self.folder / "grubenv"
+        run(["grub-editenv", file, "create"])
+        run(["grub-editenv", file, "set", *words])
+        run(["mcopy", "-o", "-i", f"{self.disk}@@{BOOT_OFFSET}", file, "::grub/grubenv"])
+
+    def __enter__(self) -> "Guest":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.close()
+
+    def channel(self, name: str) -> Channel:
+        """ttyS0, hvc0 or hvc1, as it is."""
+        if name not in self._channels:
+            self._channels[name] = Channel(self.folder / name)
+        return self._channels[name]
+
+    def shell(self, name: str = "hvc0", timeout: float = 90.0) -> Channel:
+        """The channel with a shell behind it; waits for the boot."""
+        if name not in self._channels:
+            try:
+                self.channel(name).open_shell(timeout)
+            except Timeout as error:
+                tail = self.log.read_text(errors="replace")[-1500:] if self.log.exists() else ""
+                raise Failed(f"the guest did not come up: {error}\n{tail}") from None
+        return self._channels[name]
+
+    def sh(self, command: str, timeout: float = 30.0) -> str:
+        """Run a command in the guest that has to succeed."""
+        status, text = self.shell().run(command, timeout)
+        if status != 0:
+            raise Failed(f"in the guest: exit status {status}: {command}\n{text}")
+        return text.strip()
+
+    def monitor(self, command: str, **arguments: object) -> None:
+        """One QMP command."""
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.connect(str(self.folder / "qmp"))
+            file = connection.makefile("rw")
+            for words in [{"execute": "qmp_capabilities"}, {"execute": command, "arguments": arguments}]:
+                file.write(json.dumps(words) + "\n")
+                file.flush()
+                while "event" in (answer := json.loads(file.readline())) or "QMP" in answer:
+                    pass
+                if "error" in answer:
+                    raise Failed(f"QEMU: {command}: {answer['error']}")
+
+    def poweroff(self, timeout: float = 60.0) -> None:
+        """Stop the guest by its own means, so that its file systems are clean."""
+        self.shell().send("poweroff\n")
+        try:
+            self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise Failed("the guest did not power off") from None
+
+    def close(self) -> None:
+        for channel in self._channels.values():
+            channel.close()
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(5)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _reaches_userspace(image: pathlib.Path, accel: str) -> bool:
+    """Boot and wait for the first line of our own scripts."""
+    try:
+        with Guest(image, accel, console=False) as guest:
+            deadline = time.monotonic() + PROBE_SECONDS
+            while time.monotonic() < deadline and guest.process.poll() is None:
+                if guest.log.exists() and b"Starting base" in guest.log.read_bytes():
+                    return True
+                time.sleep(0.1)
+    except Failed:
+        pass
+    return False
+
+
+def acceleration(image: pathlib.Path) -> str:
+    """What to run the guest with: ACCEL=, else KVM if a guest really runs under it, else multi-threaded TCG."""
+    if os.environ.get("ACCEL"):
+        accel = os.environ["ACCEL"]
+        return TCG if accel == "tcg" else accel
+    if not os.access("/dev/kvm", os.R_OK | os.W_OK):
+        return TCG
+    machine = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    cache = OUTPUT / "accel"
+    if cache.exists() and cache.read_text().split()[0] == machine:
+        return cache.read_text().split()[1]
+    say("does KVM work here? ...")
+    accel = "kvm" if _reaches_userspace(image, "kvm") else TCG
+    say(f"does KVM work here? {'yes' if accel == 'kvm' else f'no userspace within {PROBE_SECONDS} s; using TCG'}")
+    cache.write_text(f"{machine} {accel}\n")
+    return accel
