@@ -9,12 +9,13 @@ import y4m
 from common import run
 
 FRAMES = 32  # room in the store for that many frames of the clip
+USUAL = 32   # MiB; what the image gives the store: package/ddx/store/store.default
 
 
 def _budget(clip: pathlib.Path) -> int:
-    """MiB that the store needs for the clip; 8 is what the image gives it."""
+    """MiB that the store needs for the clip."""
     header, _ = y4m.read(clip)
-    return max(8, -(-header.width * header.height * 3 // 2 * FRAMES // 2**20))
+    return max(USUAL, -(-header.width * header.height * 3 // 2 * FRAMES // 2**20))
 
 
 def memory(clip: pathlib.Path) -> int:
@@ -29,7 +30,7 @@ def make(disk: pathlib.Path, clip: pathlib.Path) -> pathlib.Path:
             os.link(clip, folder / "clip.y4m")
         except OSError:
             shutil.copy(clip, folder / "clip.y4m")
-        if _budget(clip) > 8:
+        if _budget(clip) > USUAL:
             (folder / "store.conf").write_text(f"m={_budget(clip)}M\n")
         size = clip.stat().st_size // 1024 + clip.stat().st_size // 50_000 + 8192
         disk.unlink(missing_ok=True)
