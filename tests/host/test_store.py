@@ -128,4 +128,4 @@ def test_nonsense_from_clients(desk: Desk) -> None:
     assert desk.store.poll() is None
     assert desk.run("ddxctl", "list").returncode == 0
     assert writer.wait(10) == 0
-    wait_until(lambda: json.loads(desk.run("ddxctl", "list", "--json").stdout)["clients"] == 0)
+    wait_until(lambda: bool(json.loads(desk.run("ddxctl", "list", "--json").stdout)["clients"] == 0))

@@ -3,8 +3,10 @@
 #ifndef CHECK_H
 #define CHECK_H
 
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #define CHECK(condition)                                                              \
     do {                                                                              \

@@ -25,43 +25,108 @@ static void print_line(const DDX_STATS *stats, const char *instance) {
            (unsigned long long)stats->latency_max, (unsigned)stats->starts, stats->running ? "" : ", stopped");
 }
 
-static int print_one(DDX_STORE_ID *id, const char *name, bool json) {
-    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
-    char instance[DDX_NAME_MAX + 1], line[DDX_STATS_LINE_MAX];
+/* One program's counters. The handle stays open between repetitions: reading again costs a copy, no more. */
+struct book {
+    char name[DDX_NAME_MAX + 1];
+    DDX_STORE_ITEM *item;
     DDX_STATS stats;
+    int result;
+};
+
+static struct book *books;
+static unsigned book_count;
+
+static bool is_book(const struct ddx_item_info *info) {
+    size_t length = strlen(info->name);
+
+    return length > strlen(SUFFIX) && !strcmp(info->name + length - strlen(SUFFIX), SUFFIX) &&
+           !strcmp(info->type, "DDX_STATS");
+}
+
+static struct book *find_book(const char *name) {
+    for (unsigned i = 0; i < book_count; i++)
+        if (!strcmp(books[i].name, name))
+            return &books[i];
+    return NULL;
+}
+
+static int open_book(DDX_STORE_ID *id, const char *name) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+    struct book *more;
 
     if (!item)
-        return errno == ENOENT ? 0 : complain(name, errno); /* gone since the list was made */
-    int result = ddx_store_read(item, &stats, NULL, 0, DDX_CURRENT);
-    ddx_store_done_item(item);
-    if (result == -ETIMEDOUT)
-        return 0; /* its program has only just begun */
-    if (result)
-        return complain(name, result);
-    snprintf(instance, sizeof instance, "%.*s", (int)(strlen(name) - strlen(SUFFIX)), name);
+        return errno == ENOENT ? 0 : -errno; /* gone since the list was made */
+    more = realloc(books, (book_count + 1) * sizeof *books);
+    if (!more)
+        return -ENOMEM;
+    books = more;
+    books[book_count] = (struct book){.item = item};
+    strcpy(books[book_count++].name, name);
+    return 0;
+}
+
+static void close_book(unsigned index) {
+    ddx_store_done_item(books[index].item);
+    memmove(&books[index], &books[index + 1], (--book_count - index) * sizeof *books);
+}
+
+/* Handles on all that the store has, and on nothing else, in the order of their names. */
+static int follow(DDX_STORE_ID *id, const struct ddx_item_info *items, unsigned count) {
+    int result = 0;
+
+    for (unsigned i = book_count; i-- > 0;) {
+        unsigned k = 0;
+
+        while (k < count && strcmp(items[k].name, books[i].name) != 0)
+            k++;
+        if (k == count)
+            close_book(i);
+    }
+    for (unsigned i = 0; i < count && !result; i++)
+        if (is_book(&items[i]) && !find_book(items[i].name))
+            result = open_book(id, items[i].name);
+    return result;
+}
+
+static int by_name(const void *a, const void *b) {
+    return strcmp(((const struct book *)a)->name, ((const struct book *)b)->name);
+}
+
+static void print_book(const struct book *book, bool json) {
+    char instance[DDX_NAME_MAX + 1], line[DDX_STATS_LINE_MAX];
+
+    snprintf(instance, sizeof instance, "%.*s", (int)(strlen(book->name) - strlen(SUFFIX)), book->name);
     if (json) {
-        ddx_stats_json(&stats, instance, line, sizeof line);
+        ddx_stats_json(&book->stats, instance, line, sizeof line);
         puts(line);
     } else
-        print_line(&stats, instance);
-    return 0;
+        print_line(&book->stats, instance);
 }
 
 int command_stats(DDX_STORE_ID *id, const struct request *request) {
     struct ddx_item_info *items;
     unsigned count;
-    int result = ddx_store_list(id, NULL, &items, &count), status = 0;
+    int status = 0, result = ddx_store_list(id, NULL, &items, &count);
 
+    if (!result) {
+        result = follow(id, items, count);
+        free(items);
+    }
     if (result)
         return complain(NULL, result);
-    for (unsigned i = 0; i < count; i++) {
-        size_t length = strlen(items[i].name);
-
-        if (length > strlen(SUFFIX) && !strcmp(items[i].name + length - strlen(SUFFIX), SUFFIX) &&
-            !strcmp(items[i].type, "DDX_STATS") && print_one(id, items[i].name, request->json))
-            status = 1;
+    if (book_count)
+        qsort(books, book_count, sizeof *books, by_name);
+    /* The first time, reading takes a while, since the store lets the handle in. Then all at once, so that the counters
+     * of programs that hand each other frames fit together. */
+    for (int round = 0; round < 2; round++)
+        for (unsigned i = 0; i < book_count; i++)
+            books[i].result = ddx_store_read(books[i].item, &books[i].stats, NULL, 0, DDX_CURRENT);
+    for (unsigned i = 0; i < book_count; i++) {
+        if (!books[i].result)
+            print_book(&books[i], request->json);
+        else if (books[i].result != -ETIMEDOUT) /* else its program has only just begun */
+            status = complain(books[i].name, books[i].result);
     }
     fflush(stdout);
-    free(items);
     return status;
 }

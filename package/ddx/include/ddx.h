@@ -122,7 +122,10 @@ int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, in
 
 /* ---- Beyond the paper ---- */
 
-/* Which write a read waits for. "Seen" means: delivered to this handle. Numbers above 1: the n-th next write. */
+/*
+ * Which write a read waits for. "Seen" means: delivered to this handle, or written before its first read. Numbers above
+ * 1: the n-th next write.
+ */
 enum ddx_tail {
     DDX_CURRENT = 0,  /* the newest value, now; waits only when nothing was ever written */
     DDX_NEXT = 1,     /* the newest value not yet seen; waits for the next write if there is none */

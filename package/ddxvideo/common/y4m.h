@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Y4M (YUV4MPEG2): reading any of its chroma layouts, writing 8-bit 4:2:0.
+ *
+ * Our own parameters: `XDDX_FIELDS=<n>` (stacked fields) in the header; `XTIME=<ns>` on each FRAME line, the time
+ * since the file's first frame; on the first FRAME line also `XDDX_START=<ns>` and `XDDX_WALL=<ns>`, the monotonic
+ * and the wall time of that frame. They are not in the header since players give up on long lines: GStreamer 1.22
+ * above 80 bytes, FFmpeg 5 above 96, and above 80 on FRAME lines.
+ */
+#ifndef DDXVIDEO_Y4M_H
+#define DDXVIDEO_Y4M_H
+
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "ddxvideo.h"
+
+#define Y4M_MAGIC "YUV4MPEG2"
+#define Y4M_LINE_PLAYED 80        /* every player reads lines below this, with their line feed */
+#define Y4M_HEADER_MAX 1024       /* bytes of the first line that we accept */
+#define Y4M_FRAME_LINE_MAX 256    /* bytes of a FRAME line that we accept; we write less than 80 */
+#define Y4M_HEADER_WRITTEN 97     /* room for a header line of ours, also with a frame rate of 20 digits */
+#define Y4M_FRAME_LINE_WRITTEN 80 /* room for a FRAME line of ours, with its line feed */
+#define Y4M_ERROR_MAX 200
+#define Y4M_TIME_MAX INT64_C(1000000000000000000)
+
+/* A chroma layout as a file has it. */
+struct y4m_layout {
+    const char *tag;        /* behind the C */
+    int format;             /* enum ddx_video_format of what it becomes in the store */
+    int bits;               /* of a sample; above 8 they are 16-bit little endian */
+    int chroma_x, chroma_y; /* log2 of the subsampling; -1: no chroma at all */
+    bool alpha;             /* a fourth plane, ignored */
+};
+
+struct y4m_header {
+    struct ddxvideo_geometry geometry; /* as in the store */
+    const struct y4m_layout *layout;
+};
+
+/* Whether the file's planes are those of the store, byte for byte. */
+bool y4m_is_plain(const struct y4m_layout *layout);
+
+/* Bytes of plane 0 to 3 in the file, 0 for a plane that the layout does not have. */
+size_t y4m_plane_bytes(const struct y4m_header *header, int plane);
+
+/*
+ * Parse a header line without its line feed. False and one clear text in error[Y4M_ERROR_MAX] ("what, what to do")
+ * when it cannot be played.
+ */
+bool y4m_parse_header(const char *line, struct y4m_header *header, char *error);
+
+/* Parse a FRAME line without its line feed; *time is its XTIME or -1. False and a text as above. */
+bool y4m_parse_frame(const char *line, int64_t *time, char *error);
+
+/* Header line with line feed; returns its length. */
+size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geometry *geometry);
+
+/* FRAME line with line feed; returns its length. `start` and `wall` are of the first frame; left out where 0 or
+ * less. */
+size_t y4m_write_frame(char line[Y4M_FRAME_LINE_WRITTEN], int64_t time, int64_t start, int64_t wall);
+
+/* ---- Reading a file ---- */
+
+struct y4m_converter;
+
+struct y4m_reader {
+    struct y4m_header header;
+    int64_t frames;            /* whole frames read in this pass */
+    char error[Y4M_ERROR_MAX]; /* of the last failure */
+    /* private: */
+    int fd;
+    bool at_end;
+    size_t ahead_begin, ahead_end; /* bytes of `ahead` not used yet */
+    char ahead[Y4M_HEADER_MAX];
+    unsigned char *scratch; /* a frame in the file's layout, if that is not the store's */
+    struct y4m_converter *converter;
+};
+
+enum y4m_result {
+    Y4M_OK,
+    Y4M_END,  /* no more frames */
+    Y4M_BAD,  /* bad input */
+    Y4M_ERROR /* the system failed us: memory, disk */
+};
+
+/* Open and read the header. Reader is the caller's; y4m_close() in any case. */
+enum y4m_result y4m_open(struct y4m_reader *reader, const char *path);
+void y4m_close(struct y4m_reader *reader);
+
+/*
+ * Read the next frame into planes without padding, of header.geometry; *time is its XTIME or -1. On any other
+ * result than Y4M_OK the planes are undefined. A frame cut short is Y4M_BAD.
+ */
+enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3], int64_t *time);
+
+/* Back to the first frame. Y4M_BAD for what cannot be rewound (a pipe). */
+enum y4m_result y4m_rewind(struct y4m_reader *reader);
+
+/* ---- Conversion to 8-bit 4:2:0 (y4m_convert.c) ---- */
+
+#define Y4M_READ_BEYOND 64 /* readable bytes that a converter's source needs behind its last plane */
+
+struct y4m_converter *y4m_converter_new(const struct y4m_header *header); /* NULL: no memory, or not supported */
+void y4m_converter_free(struct y4m_converter *converter);
+/* `source` holds the file's planes one after the other. False if it failed. */
+bool y4m_convert(struct y4m_converter *converter, const unsigned char *source, unsigned char *const plane[3]);
+
+#endif

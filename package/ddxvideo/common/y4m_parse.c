@@ -1,0 +1,192 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Header and FRAME lines of Y4M: text in, numbers out, and back. Nothing here trusts its input. */
+#include <inttypes.h>
+#include <stdarg.h>
+#include <string.h>
+
+#include "y4m_layout.h"
+
+#define MAGIC Y4M_MAGIC
+
+__attribute__((format(printf, 2, 3))) static bool fail(char *error, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(error, Y4M_ERROR_MAX, format, arguments);
+    va_end(arguments);
+    for (char *c = error; *c; c++) /* the input may hold anything; a message is one line of text */
+        if ((unsigned char)*c < 0x20 || (unsigned char)*c > 0x7e)
+            *c = '?';
+    return false;
+}
+
+/* Decimal digits up to `end` (a character or 0), no sign, no more than `maximum`. */
+static bool number(const char **text, char end, int64_t maximum, int64_t *value) {
+    int64_t result = 0;
+    const char *c = *text;
+    for (; *c >= '0' && *c <= '9'; c++) {
+        if (result > (maximum - (*c - '0')) / 10)
+            return false;
+        result = result * 10 + (*c - '0');
+    }
+    if (c == *text || *c != end)
+        return false;
+    *text = end ? c + 1 : c;
+    *value = result;
+    return true;
+}
+
+static bool single(const char *text, int64_t maximum, int64_t *value) {
+    return number(&text, 0, maximum, value);
+}
+
+/* "num:den", both zero ("unknown") or neither. */
+static bool ratio(const char *text, int *num, int *den) {
+    int64_t a, b;
+    if (!number(&text, ':', INT32_MAX, &a) || !number(&text, 0, INT32_MAX, &b) || !a != !b)
+        return false;
+    *num = (int)a;
+    *den = (int)b;
+    return true;
+}
+
+/* The value of "NAME=value" if it has this name. */
+static const char *named(const char *word, const char *name) {
+    size_t length = strlen(name);
+    return strncmp(word, name, length) || word[length] != '=' ? NULL : word + length + 1;
+}
+
+/* The next word of a line, cut out; NULL at the end. Words are separated by one or more spaces. */
+static char *next_word(char **rest) {
+    char *word = *rest + strspn(*rest, " ");
+    if (!*word)
+        return NULL;
+    char *end = word + strcspn(word, " ");
+    *rest = *end ? end + 1 : end;
+    *end = 0;
+    return word;
+}
+
+static bool side(const char *text, const char *what, int *value, char *error) {
+    int64_t result;
+    if (!single(text, INT32_MAX, &result))
+        return fail(error, "bad header: %s '%.20s' is no size; the file is damaged, or no Y4M", what, text);
+    if (result > DDX_VIDEO_SIDE)
+        return fail(error, "%s %" PRId64 " is too large (limit %dx%d); scale it down: ffmpeg -i FILE -vf scale=...",
+                    what, result, DDX_VIDEO_SIDE, DDX_VIDEO_SIDE);
+    *value = (int)result;
+    return true;
+}
+
+static bool our_parameter(const char *word, struct y4m_header *header, char *error) {
+    struct ddxvideo_geometry *geometry = &header->geometry;
+    const char *value;
+    int64_t result;
+    if ((value = named(word, "XDDX_FIELDS"))) {
+        if (!single(value, DDX_VIDEO_FIELDS, &result) || !result)
+            return fail(error, "bad header: %.40s; from 1 to %d fields can be stacked", word, DDX_VIDEO_FIELDS);
+        geometry->fields = (int)result;
+    } else if ((value = named(word, "XCOLORRANGE"))) {
+        if (!strcmp(value, "FULL"))
+            geometry->range = DDX_VIDEO_RANGE_FULL;
+        else if (!strcmp(value, "LIMITED"))
+            geometry->range = DDX_VIDEO_RANGE_LIMITED;
+    }
+    return true; /* other X parameters are somebody else's */
+}
+
+static bool parameter(const char *word, struct y4m_header *header, char *error) {
+    struct ddxvideo_geometry *geometry = &header->geometry;
+    switch (*word) {
+    case 'W': return side(word + 1, "width", &geometry->width, error);
+    case 'H': return side(word + 1, "height", &geometry->height, error);
+    case 'F':
+        if (!ratio(word + 1, &geometry->rate_num, &geometry->rate_den))
+            return fail(error, "bad header: '%.20s' is no frame rate; write it as F25:1", word);
+        return true;
+    case 'A':
+        if (!ratio(word + 1, &geometry->aspect_num, &geometry->aspect_den))
+            return fail(error, "bad header: '%.20s' is no pixel aspect; write it as A1:1", word);
+        return true;
+    case 'I':
+        if (!word[1] || word[2] || !strchr("?ptbm", word[1]))
+            return fail(error, "bad header: '%.20s' is no interlacing; use one of Ip It Ib Im I?", word);
+        geometry->interlacing = word[1];
+        return true;
+    case 'C':
+        header->layout = y4m_layout_named(word + 1);
+        if (!header->layout)
+            return fail(error, "unknown colourspace '%.20s'; convert it: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m",
+                        word);
+        return true;
+    case 'X': return our_parameter(word, header, error);
+    default: return true; /* parameters that we do not know change nothing that we do */
+    }
+}
+
+bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) {
+    char copy[Y4M_HEADER_MAX + 1];
+    if (strncmp(line, MAGIC, sizeof(MAGIC) - 1) || (line[sizeof(MAGIC) - 1] && line[sizeof(MAGIC) - 1] != ' '))
+        return fail(error, "no Y4M file: it does not begin with " MAGIC "; make one: ffmpeg -i FILE -pix_fmt yuv420p "
+                           "OUT.y4m");
+    if (strlen(line) >= sizeof(copy))
+        return fail(error, "bad header: longer than %d bytes; the file is damaged, or no Y4M", Y4M_HEADER_MAX);
+    strcpy(copy, line);
+    memset(header, 0, sizeof(*header));
+    header->geometry.fields = 1;
+    header->layout = y4m_layout_named("420jpeg"); /* what Y4M means when there is no C */
+
+    char *rest = copy + sizeof(MAGIC) - 1;
+    for (char *word = next_word(&rest); word; word = next_word(&rest))
+        if (!parameter(word, header, error))
+            return false;
+
+    struct ddxvideo_geometry *geometry = &header->geometry;
+    geometry->format = header->layout->format;
+    if (!geometry->width || !geometry->height)
+        return fail(error, "bad header: width or height is missing or zero; the file is damaged");
+    if (geometry->width % 2 || geometry->height % 2)
+        return fail(error, "odd size %dx%d: 4:2:0 needs even sides; crop it: ffmpeg -i FILE -vf crop=%d:%d OUT.y4m",
+                    geometry->width, geometry->height, geometry->width & ~1, geometry->height & ~1);
+    const char *wrong = ddxvideo_geometry_error(geometry);
+    return wrong ? fail(error, "bad header: %s; the file is damaged", wrong) : true;
+}
+
+bool y4m_parse_frame(const char *line, int64_t *time, char *error) {
+    char copy[Y4M_FRAME_LINE_MAX + 1];
+    *time = -1;
+    if (strncmp(line, "FRAME", 5) || (line[5] && line[5] != ' ') || strlen(line) >= sizeof(copy))
+        return fail(error, "no FRAME line where one should be; the file is damaged from there on");
+    strcpy(copy, line);
+    char *rest = copy + 5;
+    for (char *word = next_word(&rest); word; word = next_word(&rest)) {
+        const char *value = named(word, "XTIME");
+        if (value && !single(value, Y4M_TIME_MAX, time))
+            return fail(error, "%.40s is no time; the file is damaged", word);
+    }
+    return true;
+}
+
+size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geometry *g) {
+    /* Players want a frame rate. Where none is known the times on the FRAME lines still tell the truth. */
+    bool known = g->rate_num > 0 && g->rate_den > 0;
+    const char *ranges[] = {"", " XCOLORRANGE=LIMITED", " XCOLORRANGE=FULL"};
+    char main_part[Y4M_HEADER_WRITTEN], fields[24] = "";
+    if (g->fields != 1)
+        snprintf(fields, sizeof(fields), " XDDX_FIELDS=%d", g->fields);
+    int length = snprintf(main_part, sizeof(main_part), MAGIC " W%d H%d F%d:%d I%c A%d:%d C%s%s", g->width, g->height,
+                          known ? g->rate_num : 25, known ? g->rate_den : 1, g->interlacing ? g->interlacing : '?',
+                          g->aspect_num, g->aspect_den, y4m_layout_tag(g->format), fields);
+    /* The range is left out before a player is lost. */
+    const char *range = (size_t)length + strlen(ranges[g->range]) + 1 < Y4M_LINE_PLAYED ? ranges[g->range] : "";
+    return (size_t)snprintf(line, Y4M_HEADER_WRITTEN, "%s%s\n", main_part, range);
+}
+
+size_t y4m_write_frame(char line[Y4M_FRAME_LINE_WRITTEN], int64_t time, int64_t start, int64_t wall) {
+    char first[64] = "";
+    int length = 0;
+    if (start > 0)
+        length = snprintf(first, sizeof(first), " XDDX_START=%" PRId64, start);
+    if (wall > 0)
+        snprintf(first + length, sizeof(first) - (size_t)length, " XDDX_WALL=%" PRId64, wall);
+    return (size_t)snprintf(line, Y4M_FRAME_LINE_WRITTEN, "FRAME XTIME=%" PRId64 "%s\n", time, first);
+}

@@ -1,0 +1,182 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Reading a Y4M file. Frames go straight from the file to where they belong: one readv() per frame fills the planes
+ * and, behind them, `ahead`, which then holds the next FRAME line.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/uio.h>
+#include <unistd.h>
+
+#include "y4m.h"
+
+#define AHEAD_WANTED 64 /* enough for a FRAME line and little enough to copy */
+
+__attribute__((format(printf, 3, 4))) static enum y4m_result fail(struct y4m_reader *reader, enum y4m_result result,
+                                                                  const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(reader->error, sizeof(reader->error), format, arguments);
+    va_end(arguments);
+    return result;
+}
+
+static enum y4m_result fail_errno(struct y4m_reader *reader) {
+    return fail(reader, errno == EISDIR ? Y4M_BAD : Y4M_ERROR, "cannot be read: %s", strerror(errno));
+}
+
+/* A line into line[size], without its line feed. Y4M_END: the file ends before its first byte. */
+static enum y4m_result read_line(struct y4m_reader *reader, char *line, size_t size, const char *what) {
+    size_t length = 0;
+    *line = 0;
+    for (;;) {
+        while (reader->ahead_begin < reader->ahead_end) {
+            char c = reader->ahead[reader->ahead_begin++];
+            line[length] = 0;
+            if (c == '\n')
+                return Y4M_OK;
+            if (!c || length + 1 == size)
+                return fail(reader, Y4M_BAD, "bad %s: %s; the file is damaged, or no Y4M", what,
+                            c ? "the line is too long" : "it holds a zero byte");
+            line[length++] = c;
+        }
+        ssize_t got = reader->at_end ? 0 : read(reader->fd, reader->ahead, AHEAD_WANTED);
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            return fail_errno(reader);
+        if (!got) {
+            reader->at_end = true;
+            line[length] = 0;
+            return length ? fail(reader, Y4M_BAD, "bad %s: the file ends in it; it was cut short", what) : Y4M_END;
+        }
+        reader->ahead_begin = 0;
+        reader->ahead_end = (size_t)got;
+    }
+}
+
+/* Fill the given memory, first from `ahead`, then from the file. */
+static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts, int count) {
+    struct iovec all[5];
+    int used = 0;
+    for (int i = 0; i < count; i++) {
+        size_t ready = reader->ahead_end - reader->ahead_begin;
+        size_t take = ready < parts[i].iov_len ? ready : parts[i].iov_len;
+        memcpy(parts[i].iov_base, reader->ahead + reader->ahead_begin, take);
+        reader->ahead_begin += take;
+        if (take < parts[i].iov_len)
+            all[used++] = (struct iovec){(char *)parts[i].iov_base + take, parts[i].iov_len - take};
+    }
+    if (!used)
+        return Y4M_OK; /* tiny frames: all were in `ahead` */
+    all[used] = (struct iovec){reader->ahead, AHEAD_WANTED};
+    reader->ahead_begin = reader->ahead_end = 0;
+
+    for (int next = 0; next < used;) {
+        ssize_t got = readv(reader->fd, all + next, used - next + 1);
+        if (got < 0 && errno == EINTR)
+            continue;
+        if (got < 0)
+            return fail_errno(reader);
+        if (!got) {
+            reader->at_end = true;
+            return fail(reader, Y4M_BAD, "cut short in frame %lld (from 0); the frames before it are whole",
+                        (long long)reader->frames);
+        }
+        size_t rest = (size_t)got;
+        for (; next < used && rest >= all[next].iov_len; next++)
+            rest -= all[next].iov_len;
+        if (next == used) {
+            reader->ahead_end = rest;
+        } else {
+            all[next].iov_base = (char *)all[next].iov_base + rest;
+            all[next].iov_len -= rest;
+        }
+    }
+    return Y4M_OK;
+}
+
+static enum y4m_result read_header(struct y4m_reader *reader) {
+    char line[Y4M_HEADER_MAX];
+    enum y4m_result result = read_line(reader, line, sizeof(line), "header");
+    if (result == Y4M_END)
+        return fail(reader, Y4M_BAD, "is empty; record or copy it again");
+    bool foreign = result == Y4M_BAD && *line && strncmp(line, Y4M_MAGIC, strlen(Y4M_MAGIC));
+    if (result != Y4M_OK && !foreign) /* else better said by the parser: this is no Y4M at all */
+        return result;
+    return y4m_parse_header(line, &reader->header, reader->error) ? Y4M_OK : Y4M_BAD;
+}
+
+enum y4m_result y4m_open(struct y4m_reader *reader, const char *path) {
+    memset(reader, 0, sizeof(*reader));
+    reader->fd = open(path, O_RDONLY | O_CLOEXEC);
+    if (reader->fd < 0)
+        return fail(reader, Y4M_BAD, "cannot be opened: %s", strerror(errno));
+    enum y4m_result result = read_header(reader);
+    if (result != Y4M_OK || y4m_is_plain(reader->header.layout))
+        return result;
+    size_t bytes = 0;
+    for (int i = 0; i < 4; i++)
+        bytes += y4m_plane_bytes(&reader->header, i);
+    reader->scratch = malloc(bytes + Y4M_READ_BEYOND);
+    reader->converter = y4m_converter_new(&reader->header);
+    if (!reader->scratch || !reader->converter)
+        return fail(reader, Y4M_ERROR, "C%s cannot be converted to 4:2:0: out of memory", reader->header.layout->tag);
+    return Y4M_OK;
+}
+
+void y4m_close(struct y4m_reader *reader) {
+    if (reader->fd >= 0)
+        close(reader->fd);
+    y4m_converter_free(reader->converter);
+    free(reader->scratch);
+    memset(reader, 0, sizeof(*reader));
+    reader->fd = -1;
+}
+
+enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3], int64_t *time) {
+    char line[Y4M_FRAME_LINE_MAX];
+    char error[Y4M_ERROR_MAX];
+    struct iovec parts[4];
+    int count = 0;
+    enum y4m_result result = read_line(reader, line, sizeof(line), "FRAME line");
+    if (result != Y4M_OK)
+        return result;
+    if (!y4m_parse_frame(line, time, error))
+        return fail(reader, Y4M_BAD, "frame %lld: %.150s", (long long)reader->frames, error);
+
+    unsigned char *to = reader->scratch;
+    for (int i = 0; i < 4; i++) {
+        size_t bytes = y4m_plane_bytes(&reader->header, i);
+        if (!bytes)
+            continue;
+        parts[count++] = (struct iovec){to ? to : plane[i], bytes};
+        if (to)
+            to += bytes;
+    }
+    result = read_parts(reader, parts, count);
+    if (result != Y4M_OK)
+        return result;
+    if (reader->converter && !y4m_convert(reader->converter, reader->scratch, plane))
+        return fail(reader, Y4M_ERROR, "frame %lld cannot be converted to 4:2:0", (long long)reader->frames);
+    reader->frames++;
+    return Y4M_OK;
+}
+
+enum y4m_result y4m_rewind(struct y4m_reader *reader) {
+    if (lseek(reader->fd, 0, SEEK_SET))
+        return fail(reader, Y4M_BAD, "cannot be played again: it is no regular file; leave out -loop");
+    reader->at_end = false;
+    reader->ahead_begin = reader->ahead_end = 0;
+    reader->frames = 0;
+    struct y4m_header before = reader->header;
+    enum y4m_result result = read_header(reader);
+    if (result == Y4M_OK &&
+        (!ddxvideo_same_layout(&before.geometry, &reader->header.geometry) || before.layout != reader->header.layout))
+        return fail(reader, Y4M_BAD, "changed while it was played");
+    return result;
+}

@@ -1,0 +1,164 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "player.h"
+
+#include <errno.h>
+
+/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
+enum { LOST_STORE };
+static const char *const reasons[] = {"store", NULL};
+
+#define POLL_NS INT64_C(5000000)
+
+static void report(const struct player *player) {
+    say("%s: %s", player->program.argument, player->file.error);
+}
+
+static int exit_status(enum y4m_result result) {
+    return result == Y4M_BAD ? EXIT_USAGE : EXIT_FAILED;
+}
+
+/* False if told to stop. */
+static bool wait_for_readers(struct player *player) {
+    bool said = false;
+    int64_t begin = ddx_time_now();
+    while (ddx_store_readers(player->video) < player->readers) {
+        if (!said && ddx_time_now() - begin > 200 * POLL_NS) {
+            say("waiting for %ld readers of %s", player->readers, player->name);
+            said = true;
+        }
+        if (!program_sleep_until(ddx_time_now() + POLL_NS, player->book))
+            return false;
+    }
+    return true;
+}
+
+/* Where a frame lies on the monotonic clock: its time in the item, and when it is published. */
+static int64_t due_time(const struct player *player, int64_t offset) {
+    struct schedule_speed speed = player->speed;
+    if (speed.num) /* -rate 0 keeps the recorded steps */
+        offset = schedule_scale(offset, speed.den, speed.num);
+    return offset > INT64_MAX - player->begin ? INT64_MAX : player->begin + offset;
+}
+
+/* Wait until the loaned frame is due, publish it. EXIT_OK, or the program's exit status after a line. */
+static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t recorded) {
+    if (!player->begin) {
+        if (!wait_for_readers(player)) {
+            ddx_store_cancel(player->video);
+            return EXIT_OK;
+        }
+        player->begin = player->published = ddx_time_now();
+    }
+    int64_t due = due_time(player, schedule_next(&player->schedule, recorded));
+    if (player->speed.num && !program_sleep_until(due, player->book)) {
+        ddx_store_cancel(player->video);
+        return EXIT_OK;
+    }
+    frame->stamp = (struct ddxvideo_stamp){.frame = (int)(player->frame & INT32_MAX),
+                                           .time = due,
+                                           .wall_offset = ddxvideo_wall_offset(),
+                                           .source_sequence = (int64_t)player->frame};
+    ddx_stats_in(player->book, 1, 0);
+    int error = ddxvideo_publish(player->video, frame);
+    int64_t now = ddx_time_now();
+    if (error) {
+        ddx_stats_lost(player->book, LOST_STORE, 1);
+        say("%s: %s", player->name, ddx_error_text(error));
+        return EXIT_FAILED;
+    }
+    ddxvideo_counter_write(player->counter, frame->stamp.frame);
+    ddx_stats_out(player->book, 1, now - (player->speed.num ? due : player->published));
+    ddx_stats_write(player->book);
+    program_tick(player->book);
+    player->published = now;
+    player->frame++;
+    return EXIT_OK;
+}
+
+/* One pass through the file, or what is left of it. */
+static enum y4m_result play_pass(struct player *player, int *status) {
+    while (!program_stopping()) {
+        struct ddxvideo_frame frame;
+        int64_t recorded;
+        int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
+        if (error) {
+            say("%s: %s", player->name, ddx_error_text(error));
+            *status = EXIT_FAILED;
+            return Y4M_ERROR;
+        }
+        enum y4m_result result = y4m_read(&player->file, frame.plane, &recorded);
+        if (result != Y4M_OK) {
+            ddx_store_cancel(player->video);
+            if (result != Y4M_END) {
+                report(player);
+                *status = exit_status(result);
+            }
+            return result;
+        }
+        *status = publish(player, &frame, recorded);
+        if (*status)
+            return Y4M_ERROR;
+    }
+    return Y4M_OK;
+}
+
+static int play(struct player *player) {
+    int status = EXIT_OK;
+    const struct ddxvideo_geometry *geometry = &player->file.header.geometry;
+    if (!geometry->rate_num)
+        say("%s: no frame rate in the header, 25 is taken", player->program.argument);
+    schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
+                  geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
+    while (play_pass(player, &status) == Y4M_END && player->loop && player->file.frames) {
+        enum y4m_result result = y4m_rewind(&player->file);
+        if (result != Y4M_OK) {
+            report(player);
+            return exit_status(result);
+        }
+        schedule_loop(&player->schedule);
+    }
+    if (!status && !player->frame && !program_stopping()) {
+        say("%s: holds no frame; record or copy it again", player->program.argument);
+        status = EXIT_USAGE;
+    }
+    return status;
+}
+
+static int open_items(struct player *player, DDX_STORE_ID *id) {
+    if (!program_attach(&player->program, player->book, id, NULL))
+        return EXIT_FAILED;
+    int error = ddxvideo_create(id, player->name, &player->file.header.geometry, &player->video);
+    if (!error)
+        error = ddxvideo_counter_create(id, player->name, &player->counter);
+    if (error)
+        say("%s: %s", player->name, ddx_error_text(error));
+    return error ? EXIT_FAILED : EXIT_OK;
+}
+
+int player_run(struct player *player) {
+    int status;
+    enum y4m_result result = y4m_open(&player->file, player->program.argument);
+    if (result != Y4M_OK) {
+        report(player);
+        status = exit_status(result);
+        y4m_close(&player->file);
+        return status;
+    }
+    player->book = ddx_stats_open(player->program.instance, reasons);
+    if (!player->book) {
+        say("-instance %s: %s", player->program.instance, ddx_error_text(-errno));
+        y4m_close(&player->file);
+        return EXIT_USAGE;
+    }
+    DDX_STORE_ID *id = program_connect(&player->program);
+    status = id ? open_items(player, id) : EXIT_OK;
+    if (id && !status)
+        status = play(player);
+    ddx_stats_print(player->book, stdout);
+    ddx_stats_close(player->book);
+    ddx_store_done_item(player->counter);
+    ddx_store_done_item(player->video);
+    ddx_store_close(id);
+    y4m_close(&player->file);
+    return status;
+}

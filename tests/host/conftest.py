@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+from __future__ import annotations
+
+import os
+import pathlib
+from collections.abc import Iterator
+
+import pytest
+
+import native
+
+from .programs import Compiler, Desk
+
+
+@pytest.fixture(scope="session", autouse=True)
+def programs() -> None:
+    """Whatever is tested is built from this tree as it is now."""
+    if "DDX_ROOT" not in os.environ:
+        native.build()
+
+
+@pytest.fixture
+def desk(tmp_path: pathlib.Path) -> Iterator[Desk]:
+    desk = Desk(tmp_path)
+    yield desk
+    desk.end()
+
+
+@pytest.fixture(scope="session")
+def compile_client(tmp_path_factory: pytest.TempPathFactory) -> Compiler:
+    return Compiler(tmp_path_factory.mktemp("clients"))

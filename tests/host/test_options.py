@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The paper's option style, and what is said about wrong usage: one line, exit 2."""
+from __future__ import annotations
+
+import pathlib
+import subprocess
+
+import pytest
+
+from .programs import ROOT, library_folder
+
+LOADER, SAVER = "ddxvideoload", "ddxvideosave"
+
+
+def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    """Without any store: wrong usage is found before one is asked for."""
+    return subprocess.run([ROOT / "bin" / program, *map(str, arguments)], capture_output=True, text=True, timeout=10,
+                          env={"LD_LIBRARY_PATH": str(library_folder()), "DDX_DIR": "/nonexistent"})
+
+
+@pytest.mark.parametrize("program", [LOADER, SAVER])
+@pytest.mark.parametrize("option", ["-help", "--help"])
+def test_help(program: str, option: str) -> None:
+    result = run(program, option)
+    assert result.returncode == 0 and not result.stderr
+    for word in ("usage: " + program, "-name", "-instance", "-store", "-help", "Exit status"):
+        assert word in result.stdout
+    assert all(len(line) <= 110 for line in result.stdout.splitlines())
+
+
+@pytest.mark.parametrize("program,arguments,text", [
+    (LOADER, [], "FILE is missing"),
+    (LOADER, ["-frobnicate", "x.y4m"], "unknown option -frobnicate"),
+    (LOADER, ["--frobnicate=3", "x.y4m"], "unknown option --frobnicate"),
+    (LOADER, ["x.y4m", "y.y4m"], "unexpected argument y.y4m"),
+    (LOADER, ["x.y4m", "-rate"], "-rate needs a value"),
+    (LOADER, ["x.y4m", "-rate", "fast"], "-rate fast: a number"),
+    (LOADER, ["x.y4m", "-rate", "-1"], "-rate -1: a number"),
+    (LOADER, ["x.y4m", "-readers", "many"], "-readers many: a number"),
+    (LOADER, ["x.y4m", "-store", "99999"], "-store 99999: a number"),
+    (LOADER, ["x.y4m", "-name", ""], "-name is empty"),
+    (SAVER, [], "-output is missing"),
+    (SAVER, ["-output", "x.y4m", "more"], "unexpected argument more"),
+    (SAVER, ["-output", "x.y4m", "-ring", "1"], "-ring 1: a number"),
+    (SAVER, ["-output", "/tmp/x.y4m", "-instance", "n" * 60], "-instance"),
+])
+def test_bad_usage(program: str, arguments: list[str], text: str) -> None:
+    result = run(program, *arguments)
+    assert result.returncode == 2
+    assert result.stderr.startswith(program + ": ") and text in result.stderr
+    assert result.stderr.count("\n") == 1 and not result.stdout
+
+
+@pytest.mark.parametrize("place", ["/nonexistent/out.y4m", "/nonexistent/", "/etc/passwd/out.y4m"])
+def test_place_that_cannot_be_written(place: str) -> None:
+    result = run(SAVER, "-output", place)
+    assert result.returncode == 1 and result.stderr.count("\n") == 1 and place in result.stderr
+
+
+GOOD = "YUV4MPEG2 W64 H48 F25:1 C420jpeg\n"
+
+
+@pytest.mark.parametrize("content,text", [
+    (b"", "is empty"),
+    (b"RIFF....AVI LIST", "no Y4M"),
+    (bytes(range(256)) * 40, "no Y4M"),
+    (b"YUV4MPEG2 " + b"X" * 5000, "too long"),
+    (b"YUV4MPEG2 W64 H48", "cut short"),
+    (b"YUV4MPEG2 W64 H48\0\n", "zero byte"),
+    (b"YUV4MPEG2 F25:1\n", "missing or zero"),
+    (b"YUV4MPEG2 W0 H0\n", "missing or zero"),
+    (b"YUV4MPEG2 W63 H48\n", "odd size 63x48"),
+    (b"YUV4MPEG2 W64 H47\n", "odd size 64x47"),
+    (b"YUV4MPEG2 W16384 H48\n", "too large"),
+    (b"YUV4MPEG2 W999999999999999999999999 H48\n", "no size"),
+    (b"YUV4MPEG2 W64 H48 Cbayer\n", "colourspace 'Cbayer'"),
+    (b"YUV4MPEG2 W64 H48 F25:0\n", "frame rate"),
+])
+def test_bad_clip(tmp_path: pathlib.Path, content: bytes, text: str) -> None:
+    clip = tmp_path / "clip.y4m"
+    clip.write_bytes(content)
+    check_refused(clip, text)
+
+
+def test_no_clip(tmp_path: pathlib.Path) -> None:
+    check_refused(tmp_path / "none.y4m", "cannot be opened")
+    check_refused(tmp_path, "cannot be read")
+
+
+def check_refused(clip: pathlib.Path, text: str) -> None:
+    result = run(LOADER, clip)
+    assert result.returncode == 2
+    assert result.stderr.startswith(f"{LOADER}: {clip}: ") and text in result.stderr
+    assert result.stderr.count("\n") == 1 and result.stderr.isprintable() is False and "\x1b" not in result.stderr

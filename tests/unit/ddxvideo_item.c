@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Geometries that the store takes, and those it does not. Reading and writing items is tested in tests/host. */
+#include "ddxvideo.h"
+#include "check.h"
+
+static void test_geometry(void) {
+    const struct ddxvideo_geometry good = {
+        .width = 352, .height = 288, .fields = 2, .rate_num = 25, .rate_den = 1, .interlacing = 'p'};
+    CHECK(!ddxvideo_geometry_error(&good));
+    static const struct {
+        size_t offset;
+        int value;
+        const char *text;
+    } table[] = {
+#define FIELD(name) offsetof(struct ddxvideo_geometry, name)
+        {FIELD(width), 0, "zero"},
+        {FIELD(height), -2, "zero"},
+        {FIELD(width), 351, "even"},
+        {FIELD(height), 287, "even"},
+        {FIELD(width), 8194, "larger"},
+        {FIELD(height), 2147483646, "larger"},
+        {FIELD(fields), 0, "fields"},
+        {FIELD(fields), 5, "fields"},
+        {FIELD(fields), 17, "fields"},
+        {FIELD(rate_num), 0, "rate"},
+        {FIELD(rate_den), -1, "rate"},
+        {FIELD(aspect_num), 1, "aspect"},
+        {FIELD(format), 4, "format"},
+        {FIELD(format), -1, "format"},
+        {FIELD(interlacing), 'x', "interlacing"},
+        {FIELD(interlacing), -1, "interlacing"},
+        {FIELD(interlacing), 'p' + 256, "interlacing"},
+        {FIELD(range), 3, "range"},
+    };
+    for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
+        struct ddxvideo_geometry bad = good;
+        memcpy((char *)&bad + table[i].offset, &table[i].value, sizeof(int));
+        const char *error = ddxvideo_geometry_error(&bad);
+        CHECK(error && strstr(error, table[i].text));
+    }
+    struct ddxvideo_geometry other = good;
+    other.rate_num = 50;
+    CHECK(ddxvideo_same_layout(&good, &other));
+    other.fields = 1;
+    CHECK(!ddxvideo_same_layout(&good, &other));
+}
+
+static void test_names(void) {
+    char name[DDX_NAME_MAX + 1];
+    DDX_STORE_ITEM *item;
+    memset(name, 'x', DDX_NAME_MAX);
+    name[DDX_NAME_MAX] = 0;
+    CHECK_EQUAL(ddxvideo_counter_create(NULL, name, &item), -22);
+    CHECK_EQUAL(ddxvideo_parameters_create(NULL, name, &item), -22);
+}
+
+int main(void) {
+    test_geometry();
+    test_names();
+    return 0;
+}
