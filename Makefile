@@ -18,7 +18,7 @@ setup-build:
 build: setup-build  ## build the programs and the development image, output/dev/disk.img
 	@$(PYTHON) tools/build.py
 run: setup-build ## a clip through the appliance in QEMU, frame by frame; output/report.json
-	@$(PYTHON) tools/run.py $(CLIP)
+	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## all tests
 	@$(PYTHON) tools/test.py $(T)
 lint: setup      ## check scripts, tools and sources without running them

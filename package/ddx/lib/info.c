@@ -28,19 +28,9 @@ static int make_fields(DDX_STORE_ITEM *item) {
 /* The layout of the frames that this handle sees now. */
 static int refresh(DDX_STORE_ITEM *item) {
     const struct ddx_term *term = item->writer.term ? item->writer.term : item->reader.term;
-    const struct ddx_layout *now = term ? term->layout : item->layout;
+    int result = term ? ddx_item_set_layout(item, term->layout) : 0;
 
-    if (!ddx_layout_same(now, item->layout)) {
-        struct ddx_layout *copy = ddx_layout_copy(now);
-
-        if (!copy)
-            return -ENOMEM;
-        free(item->layout);
-        free(item->fields);
-        item->layout = copy;
-        item->fields = NULL;
-    }
-    return make_fields(item);
+    return result ? result : make_fields(item);
 }
 
 const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned index) {

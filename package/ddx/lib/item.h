@@ -93,6 +93,8 @@ int ddx_item_service(DDX_STORE_ITEM *item);
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                      uint32_t answer);
 void ddx_item_disconnect(DDX_STORE_ITEM *item);
+/* The layout that ddx_store_field() describes; does nothing if it is that already. 0, -ENOMEM. */
+int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);
 
 /* offer.c: after the store came back. With `lock` held. */
 int ddx_item_offer(DDX_STORE_ITEM *item);

@@ -27,7 +27,7 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     ddx_futex_change(&item->changed);
 }
 
-static int set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
+int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
     if (item->layout && layout->field_count == item->layout->field_count &&
         !memcmp(layout, item->layout, ddx_layout_bytes(layout->field_count)))
         return 0;
@@ -61,7 +61,7 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true))
         return;
     writer->notice = ddx_memory_map(packet->fd[1], sizeof(struct ddx_notice), false);
-    if (!writer->notice || set_layout(item, layout)) {
+    if (!writer->notice || ddx_item_set_layout(item, layout)) {
         ddx_term_free(term);
         return;
     }
@@ -181,7 +181,7 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
 
     switch (m->operation) {
     case DDX_OPENED:
-        if ((layout = ddx_packet_layout(packet)) && set_layout(item, layout))
+        if ((layout = ddx_packet_layout(packet)) && ddx_item_set_layout(item, layout))
             m->status = -ENOMEM;
         if (!m->status)
             strcpy(item->type, m->type);

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
+#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -44,6 +45,23 @@ void item_drop_if_unused(struct item *item) {
         close(item->notice_fd);
     free(item->layout);
     free(item);
+}
+
+int item_set_notice(struct item *item, int fd) {
+    struct ddx_notice *notice = ddx_memory_map(fd, sizeof *notice, true);
+
+    if (!notice) {
+        close(fd);
+        return -ENOMEM;
+    }
+    if (item->notice)
+        munmap(item->notice, sizeof *item->notice);
+    if (item->notice_fd >= 0)
+        close(item->notice_fd);
+    item->notice = notice;
+    item->notice_fd = fd;
+    atomic_store(&notice->readers, item->readers);
+    return 0;
 }
 
 static uint64_t control_bytes(void) {

@@ -6,7 +6,6 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include "server.h"
@@ -86,19 +85,12 @@ static int adopt_writer(struct item *item, struct client *client) {
         return -EEXIST;
     if (!item->epoch || !ddx_memory_sound(client->offered_notice_fd, ddx_page_round(1), false))
         return -EINVAL;
-    struct ddx_notice *notice = ddx_memory_map(client->offered_notice_fd, sizeof *notice, true);
-    if (!notice)
-        return -ENOMEM;
-    if (item->notice)
-        munmap(item->notice, sizeof *item->notice);
-    if (item->notice_fd >= 0)
-        close(item->notice_fd);
-    item->notice = notice;
-    item->notice_fd = client->offered_notice_fd;
+    int result = item_set_notice(item, client->offered_notice_fd);
     client->offered_notice_fd = -1;
+    if (result)
+        return result;
     item->writer = client;
     item->adopted = false;
-    atomic_store(&notice->readers, item->readers);
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_announce(item, c);

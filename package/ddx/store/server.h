@@ -75,6 +75,7 @@ void note(const char *format, ...) __attribute__((format(printf, 1, 2)));
 struct item *item_find(const char *name);
 struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout); /* NULL: no memory */
 void item_drop_if_unused(struct item *item);
+int item_set_notice(struct item *item, int fd); /* takes fd, also on failure */
 uint64_t item_bytes(const struct item *item);
 uint64_t item_reserved(const struct item *item);
 void item_describe(const struct item *item, struct ddx_message *message);

@@ -3,7 +3,6 @@
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <unistd.h>
 
 #include "server.h"
@@ -24,21 +23,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
 static int new_notice(struct item *item) {
     int fd = ddx_memory_create(item->name, ddx_page_round(1));
 
-    if (fd < 0)
-        return fd;
-    struct ddx_notice *notice = ddx_memory_map(fd, sizeof *notice, true);
-    if (!notice) {
-        close(fd);
-        return -ENOMEM;
-    }
-    if (item->notice)
-        munmap(item->notice, sizeof *item->notice);
-    if (item->notice_fd >= 0)
-        close(item->notice_fd);
-    item->notice = notice;
-    item->notice_fd = fd;
-    atomic_store(&notice->readers, item->readers);
-    return 0;
+    return fd < 0 ? fd : item_set_notice(item, fd);
 }
 
 static int prepare(struct item *item, const struct ddx_layout *layout) {
