@@ -18,7 +18,8 @@ int main(int argc, char **argv) {
     player.program = (struct program){
         .name = "ddxvideoload",
         .positional = "FILE",
-        .purpose = "Plays a Y4M file into the store, as a video item; its frame numbers go into item `<name>.frame`.\n"
+        .purpose = "Plays a Y4M file into the store, as a video item; its frame numbers go into item `<name>.frame`,\n"
+                   "its settings into `<name>.parameters`.\n"
                    "Each frame is written when it is due: by the times that ddxvideosave recorded, or else by the\n"
                    "frame rate in the file. A late frame is written late; none is left out. Colourspaces other than\n"
                    "8-bit 4:2:0 are converted.",

@@ -2,6 +2,7 @@
 #include "player.h"
 
 #include <errno.h>
+#include <string.h>
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
 enum { LOST_STORE };
@@ -124,12 +125,33 @@ static int play(struct player *player) {
     return status;
 }
 
+/* The settings of this source, as a camera shows its own. A file's cannot be changed. */
+static int show_parameters(struct player *player, DDX_STORE_ID *id) {
+    static const char *const names[] = {"rate_permille", "loop", "readers"};
+    const int values[] = {(int)((int64_t)player->speed.num * 1000 / player->speed.den), player->loop,
+                          (int)player->readers};
+    DDX_VIDEO_PARAMETERS set = {.count = 3};
+    int error = ddxvideo_parameters_create(id, player->name, &player->parameters);
+    if (error)
+        return error;
+    for (int i = 0; i < set.count; i++) {
+        strcpy(set.parameter[i].name, names[i]);
+        set.parameter[i].value = set.parameter[i].minimum = set.parameter[i].maximum = values[i];
+        set.parameter[i].initial = values[i];
+        set.parameter[i].step = 1;
+        set.parameter[i].flags = DDX_VIDEO_PARAMETER_READ_ONLY;
+    }
+    return ddxvideo_parameters_write(player->parameters, &set);
+}
+
 static int open_items(struct player *player, DDX_STORE_ID *id) {
     if (!program_attach(&player->program, player->book, id, NULL))
         return EXIT_FAILED;
     int error = ddxvideo_create(id, player->name, &player->file.header.geometry, &player->video);
     if (!error)
         error = ddxvideo_counter_create(id, player->name, &player->counter);
+    if (!error)
+        error = show_parameters(player, id);
     if (error)
         say("%s: %s", player->name, ddx_error_text(error));
     return error ? EXIT_FAILED : EXIT_OK;
@@ -156,6 +178,7 @@ int player_run(struct player *player) {
         status = play(player);
     ddx_stats_print(player->book, stdout);
     ddx_stats_close(player->book);
+    ddx_store_done_item(player->parameters);
     ddx_store_done_item(player->counter);
     ddx_store_done_item(player->video);
     ddx_store_close(id);

@@ -17,7 +17,7 @@ struct player {
     struct y4m_reader file;
     struct schedule schedule;
     DDX_STATS_BOOK *book;
-    DDX_STORE_ITEM *video, *counter;
+    DDX_STORE_ITEM *video, *counter, *parameters;
     int64_t begin;     /* when the first frame was due, ns */
     uint64_t frame;    /* number of the next frame */
     int64_t published; /* when the last frame was */
