@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A shell in the guest over one of QEMU's console sockets: run a command, get its exit status and output."""
+import contextlib
 import pathlib
 import re
 import socket
@@ -8,6 +9,7 @@ import time
 # The guest's side: reads a line, runs it, marks its end. The quotes keep an echo of this line from looking like a mark.
 SERVER = ("stty -echo -onlcr; while IFS= read -r c; do eval \"$c\" < /dev/null; printf '\\n@E''ND %d@\\n' $?; done")
 END = re.compile(rb"\n?@END (\d+)@\r?\n")
+SEND_SECONDS = 10.0
 
 
 class Timeout(Exception):
@@ -25,7 +27,11 @@ class Channel:
         self._socket.close()
 
     def send(self, text: str) -> None:
-        self._socket.sendall(text.encode())
+        self._socket.settimeout(SEND_SECONDS)  # not what was left for the last wait
+        try:
+            self._socket.sendall(text.encode())
+        except TimeoutError:
+            raise Timeout(f"{self.path.name}: the guest does not read") from None
 
     def _receive(self, deadline: float) -> None:
         left = deadline - time.monotonic()
@@ -52,7 +58,10 @@ class Channel:
         """Wait until a shell answers, and turn it into a server of commands."""
         deadline = time.monotonic() + timeout
         while True:
-            self.send("\necho rea''dy\n")
+            # Whoever knocks at a machine that has not come up yet fills the socket: then a knock less does no harm.
+            self._socket.settimeout(0)
+            with contextlib.suppress(BlockingIOError):
+                self._socket.send(b"\necho rea''dy\n")
             try:
                 self.wait(rb"ready\r?\n", 0.3)
                 break

@@ -8,6 +8,7 @@ import socket
 import subprocess
 import tempfile
 import time
+from collections.abc import Callable
 from types import TracebackType
 
 from channel import Channel, Timeout
@@ -23,7 +24,8 @@ class Guest:
 
     def __init__(self, image: pathlib.Path, accel: str, *, console: bool = True, provision: str = "",
                  environment: tuple[str, ...] = (), test_disk: pathlib.Path | None = None, memory: int = 384,
-                 log: pathlib.Path | None = None, extra: tuple[str, ...] = ()) -> None:
+                 log: pathlib.Path | None = None, extra: tuple[str, ...] = (),
+                 prepare: Callable[[pathlib.Path], None] | None = None) -> None:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
         self.disk = self.folder / "disk.img"
         self.log = log or self.folder / "console.log"
@@ -32,6 +34,8 @@ class Guest:
         self._provision(("console=open\n" if console else "") + provision)
         if environment:
             self._set_environment(*environment)
+        if prepare:
+            prepare(self.disk)
         kvm = accel.startswith("kvm")
         command = [
             "qemu-system-x86_64", "-accel", accel, "-machine", "pc", "-cpu", "host" if kvm else "qemu64", "-smp", "2",
