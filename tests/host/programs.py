@@ -27,12 +27,12 @@ def library_folder() -> pathlib.Path:
 class Desk:
     """A folder with its own store, and the programs that talk to it."""
 
-    def __init__(self, folder: pathlib.Path, memory: str = "64M") -> None:
+    def __init__(self, folder: pathlib.Path, memory: str = "64M", store: str | pathlib.Path = "store") -> None:
         self.folder = folder
         self.environment = {**os.environ, "DDX_DIR": str(folder / "run"), "LD_LIBRARY_PATH": str(library_folder())}
         (folder / "run").mkdir()
         self.processes: list[Process] = []
-        self.store = self.start("store", "-m", memory)
+        self.store = self.start(store, "-m", memory)
         wait_until(lambda: self.run("ddxctl", "list").returncode == 0)
 
     def start(self, program: str | pathlib.Path, *arguments: object, wrapper: tuple[str, ...] = ()) -> Process:

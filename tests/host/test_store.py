@@ -9,6 +9,7 @@ import random
 import socket
 import struct
 import subprocess
+from collections.abc import Iterator
 
 import pytest
 
@@ -101,13 +102,25 @@ def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
         desk.end()
 
 
-def test_nonsense_from_clients(desk: Desk) -> None:
+@pytest.fixture
+def guarded(tmp_path: pathlib.Path) -> Iterator[Desk]:
+    """A store that AddressSanitizer watches."""
+    program = BUILT / "address/ddx/store"
+    if not program.exists():
+        pytest.skip("the store with AddressSanitizer is not built; make test builds it")
+    desk = Desk(tmp_path, store=program)
+    yield desk
+    desk.end()
+
+
+def test_nonsense_from_clients(guarded: Desk) -> None:
     """Messages of every kind with random fields, descriptors and layouts: the store goes on, other programs too."""
+    desk = guarded
     path = str(desk.folder / "run/store-2005")
     writer = desk.start(BUILT / "desk/ddx/tests/test-example", "write")
     wait_until(lambda: desk.run("ddxctl", "show", "position").returncode == 0)
     chance = random.Random(2005)
-    for _ in range(200):
+    for _ in range(1000):
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as link:
             link.connect(path)
             link.setblocking(False)
