@@ -4,10 +4,11 @@
 #   CLIP=my.y4m    the clip for `make run`
 #   ACCEL=tcg|kvm  QEMU's acceleration, instead of finding out what works
 #   T=...          which tests, as pytest's -k expression
+#   BOARD=, DEV=   and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
 
-.PHONY: help setup setup-build build run test lint clean distclean
+.PHONY: help setup setup-build build run test lint flash clean distclean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -21,6 +22,11 @@ run: setup-build ## a clip through the appliance in QEMU, frame by frame; output
 	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## all tests
 	@$(PYTHON) tools/test.py $(T)
+# Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
+FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
+TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
+flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
+	@$(PYTHON) tools/flash.py $(TYPED)
 lint: setup      ## check scripts, tools and sources without running them
 	@$(PYTHON) tools/lint.py
 clean:           ## remove what was built, keep what was downloaded

@@ -4,8 +4,8 @@ import dataclasses
 import hashlib
 import pathlib
 import re
-import struct
 
+import mbr
 import y4m
 from clip import frame_number
 from common import Failed, run
@@ -14,32 +14,11 @@ REC = 6  # the partition, see board/common/disk.cfg
 FULL_420 = ["420", "420jpeg", "420mpeg2", "420paldv"]
 
 
-def partition_offset(disk: pathlib.Path, number: int) -> int:
-    """Where a partition of an MBR disk begins, in bytes."""
-    with disk.open("rb") as file:
-
-        def entries(sector: int) -> list[tuple[int, int]]:
-            file.seek(sector * 512 + 446)
-            table = file.read(66)
-            if table[64:] != b"\x55\xaa":
-                raise Failed(f"{disk}: no partition table in sector {sector}")
-            return [(table[i + 4], struct.unpack_from("<I", table, i + 8)[0]) for i in range(0, 64, 16)]
-
-        primary = entries(0)
-        if number <= 4:
-            return primary[number - 1][1] * 512
-        start = next(first for kind, first in primary if kind in (0x05, 0x0F, 0x85))
-        link = start
-        for _ in range(number - 5):
-            link = start + entries(link)[1][1]
-        return (link + entries(link)[0][1]) * 512
-
-
 class Partition:
     """A file system inside a disk image, through debugfs: needs neither root nor a mount."""
 
     def __init__(self, disk: pathlib.Path, number: int = REC) -> None:
-        self.place = f"{disk}?offset={partition_offset(disk, number)}"
+        self.place = f"{disk}?offset={mbr.partition(disk, number).begin}"
 
     def _debugfs(self, request: str) -> str:
         return run(["debugfs", "-R", request, self.place])
