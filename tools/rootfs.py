@@ -36,7 +36,7 @@ def _add_users(root: pathlib.Path) -> None:
     for line in entries(COMMON / "users.txt"):
         name, uid, group, gid, _password, home, shell, _groups, comment = line.split(None, 8)
         with (etc / "passwd").open("a") as file:
-            file.write(f"{name}:x:{uid}:{gid}:{comment}:{home}:{shell}\n")
+            file.write(f"{name}:x:{uid}:{gid}:{comment}:{'/' if home == '-' else home}:{shell}\n")
         with (etc / "shadow").open("a") as file:
             file.write(f"{name}:*:::::::\n")
         if group not in groups:

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+# Gathers the rooms that lie beside this tree: package/, board/, tools/.
+
+DDXVIDEO_TOP = $(BR2_EXTERNAL_DDXVIDEO_PATH)/..
+
+include $(sort $(wildcard $(DDXVIDEO_TOP)/package/*/*.mk))
+
+# Kconfig drops without a word what depends on something that is off; a camera's driver must not vanish so.
+define DDXVIDEO_LINUX_CHECK_CONFIG
+	$(DDXVIDEO_TOP)/tools/buildroot_fragments.py $(@D)/.config \
+		$(LINUX_KCONFIG_FILE) $(LINUX_KCONFIG_FRAGMENT_FILES)
+endef
+LINUX_POST_CONFIGURE_HOOKS += DDXVIDEO_LINUX_CHECK_CONFIG
+
+# The boot menu, the same for all boards and both slots, knows the kernel by one name.
+define DDXVIDEO_LINUX_INSTALL_KERNEL
+	$(INSTALL) -D -m 0644 $(LINUX_IMAGE_PATH) $(TARGET_DIR)/boot/vmlinuz
+endef
+LINUX_POST_INSTALL_TARGET_HOOKS += DDXVIDEO_LINUX_INSTALL_KERNEL
+
+# GRUB: post-image.sh makes the boot loader out of these; Buildroot's sample menu stays out of the root.
+define DDXVIDEO_GRUB2_INSTALL_MODULES
+	$(foreach tuple,$(GRUB2_TUPLES-y), \
+		mkdir -p $(HOST_DIR)/lib/grub/$(tuple)
+		cp $(addprefix $(@D)/build-$(tuple)/grub-core/,*.img *.lst *.mod) \
+			$(HOST_DIR)/lib/grub/$(tuple)/
+	)
+endef
+GRUB2_POST_INSTALL_IMAGES_HOOKS += DDXVIDEO_GRUB2_INSTALL_MODULES
+GRUB2_CFG_i386-pc = $(BINARIES_DIR)/grub-sample.cfg

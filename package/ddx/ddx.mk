@@ -1,0 +1,14 @@
+################################################################################
+#
+# ddx
+#
+################################################################################
+
+DDX_VERSION = 0.1.0
+DDX_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddx
+DDX_SITE_METHOD = local
+DDX_LICENSE = LGPL-2.1+ (libddx), GPL-2.0+ (programs, scripts)
+DDX_LICENSE_FILES = LICENSE LICENSE.LGPL LICENSE.GPL
+DDX_INSTALL_STAGING = YES
+
+$(eval $(meson-package))

@@ -1,0 +1,15 @@
+################################################################################
+#
+# ddxvideo
+#
+################################################################################
+
+DDXVIDEO_VERSION = 0.1.0
+DDXVIDEO_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxvideo
+DDXVIDEO_SITE_METHOD = local
+DDXVIDEO_LICENSE = GPL-2.0+ (programs), LGPL-2.1+ (libddxvideo)
+DDXVIDEO_LICENSE_FILES = LICENSE LICENSE.GPL LICENSE.LGPL
+DDXVIDEO_INSTALL_STAGING = YES
+DDXVIDEO_DEPENDENCIES = ddx ffmpeg
+
+$(eval $(meson-package))

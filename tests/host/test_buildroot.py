@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The product's tree, as far as it can be looked at without building it."""
+import os
+import pathlib
+import shutil
+import subprocess
+
+import buildroot
+import buildroot_fragments
+import pytest
+from common import TOP
+
+PYTHON = "/usr/bin/python3"
+
+
+def test_every_board_is_whole() -> None:
+    assert len(buildroot.boards()) >= 2
+    for board in buildroot.boards():
+        assert {"title", "qemu", "cpu", "firmware"} <= set(buildroot.meta(board))
+        assert (TOP / "board" / board / "kernel.fragment").is_file()
+
+
+def test_boards_differ_in_nothing_but_the_machine() -> None:
+    """The long lists of the defconfigs cannot drift apart unseen."""
+    machine = ("BR2_x86_", "BR2_i386", "BR2_TARGET_GRUB2_X86_64_EFI", "BR2_LINUX_KERNEL_NEEDS_HOST_LIBELF")
+    texts = {board: [line.replace(f"board/{board}/", "board/BOARD/") for line in
+                     (TOP / f"configs/ddxvideo_{board}_defconfig").read_text().splitlines()[1:]
+                     if line and not line.startswith(machine)] for board in buildroot.boards()}
+    first = next(iter(texts.values()))
+    for board, lines in texts.items():
+        assert lines == first, board
+
+
+def test_every_theme_is_used_and_every_option_named_once() -> None:
+    themes = sorted((TOP / "board/common/kernel").glob("*.fragment"))
+    text = (TOP / "configs/ddxvideo_miniitx_defconfig").read_text()
+    seen: dict[str, pathlib.Path] = {}
+    for path in themes:
+        assert f"board/common/kernel/{path.name}" in text
+        for name in buildroot_fragments.options(path):
+            assert name not in seen, f"{name} is in {path.name} and in {seen[name].name}"
+            seen[name] = path
+
+
+@pytest.mark.parametrize("wanted, have, good", [
+    ("CONFIG_A=y", "CONFIG_A=y", True), ("CONFIG_A=m", "CONFIG_A=y", True), ("CONFIG_A=y", "CONFIG_A=m", False),
+    ("CONFIG_A=m", "# CONFIG_A is not set", False), ("CONFIG_A=m", "", False), ("# CONFIG_A is not set", "", True),
+    ("# CONFIG_A is not set", "CONFIG_A=y", False), ('CONFIG_A="x"', 'CONFIG_A="y"', False)])
+def test_a_dropped_option_is_found(tmp_path: pathlib.Path, wanted: str, have: str, good: bool) -> None:
+    (tmp_path / "fragment").write_text(f"# comment\n{wanted}\n")
+    (tmp_path / "config").write_text(f"{have}\n")
+    done = subprocess.run([PYTHON, "-B", TOP / "tools/buildroot_fragments.py", tmp_path / "config",
+                           tmp_path / "fragment"], capture_output=True, text=True, check=False)
+    assert (done.returncode == 0) == good
+    assert ("CONFIG_A" in done.stderr) == (not good)
+
+
+def test_a_third_board_is_data_only(tmp_path: pathlib.Path) -> None:
+    for folder in ["board", "buildroot-external", "tools"]:
+        shutil.copytree(TOP / folder, tmp_path / folder)
+    shutil.copytree(TOP / "board/pc104", tmp_path / "board/third")
+    configs = tmp_path / "buildroot-external/configs"
+    text = (configs / "ddxvideo_pc104_defconfig").read_text()
+    (configs / "ddxvideo_third_defconfig").write_text(text.replace("board/pc104/", "board/third/"))
+    done = subprocess.run([PYTHON, "-B", tmp_path / "tools/buildroot.py", "boards"], capture_output=True, text=True,
+                          check=True)
+    assert "third" in [line.split()[0] for line in done.stdout.splitlines()]
+    if os.environ.get("BUILDROOT"):
+        shutil.copytree(TOP / "package", tmp_path / "package")
+        env = {**os.environ, "BUILDROOT_OUTPUT": str(tmp_path / "out")}
+        subprocess.run([PYTHON, "-B", tmp_path / "tools/buildroot.py", "make", "third", "-s", "printvars",
+                        "VARS=LINUX_KCONFIG_FRAGMENT_FILES"], env=env, check=True, capture_output=True)

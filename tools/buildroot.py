@@ -1,0 +1,161 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The product's images, by Buildroot.
+
+usage: buildroot.py boards                     the boards there are: configs/ddxvideo_<board>_defconfig
+       buildroot.py image BOARD                build everything, output/<board>/disk.img
+       buildroot.py make BOARD [TARGET|V=...]  any target of Buildroot's: linux-rebuild, legal-info, menuconfig ...
+       buildroot.py check                      Buildroot's check-package on our part of the tree
+
+BUILDROOT=folder         a checkout of Buildroot to use instead of one of our own; it has to be of the pinned commit
+BUILDROOT_URL=url        where to clone it from
+BUILDROOT_OUTPUT=folder  where to build (O=); the same image comes out of the same folder only
+"""
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+import sys
+
+from common import OUTPUT, TOP, Failed, entries, run, say
+
+COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
+URL = "https://git.buildroot.net/buildroot"
+EXTERNAL = TOP / "buildroot-external"
+DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
+
+
+def boards() -> list[str]:
+    names = (DEFCONFIG.fullmatch(path.name) for path in (EXTERNAL / "configs").iterdir())
+    return sorted(name[1] for name in names if name)
+
+
+def meta(board: str) -> dict[str, str]:
+    """What board/<board>/meta says."""
+    return dict(line.split("=", 1) for line in entries(TOP / "board" / board / "meta"))
+
+
+def _own_checkout() -> pathlib.Path:
+    cache = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache")
+    return cache / f"ddxvideo/buildroot-{RELEASE}"
+
+
+def checkout() -> pathlib.Path:
+    """Buildroot at the pinned commit, outside of our tree; cloned when it is missing."""
+    given = os.environ.get("BUILDROOT")
+    folder = pathlib.Path(given).resolve() if given else _own_checkout()
+    if not folder.exists() and not given:
+        url = os.environ.get("BUILDROOT_URL") or URL
+        say(f"Buildroot {RELEASE}: cloning from {url} ...")
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        part = folder.with_suffix(".part")
+        shutil.rmtree(part, ignore_errors=True)
+        run(["git", "clone", "--quiet", "--depth", "1", "--branch", RELEASE, url, part])
+        part.rename(folder)
+    if not (folder / ".git").exists():
+        raise Failed(f"{folder} is no checkout of Buildroot")
+    found = run(["git", "-C", folder, "rev-parse", "HEAD"]).strip()
+    if found != COMMIT:
+        raise Failed(f"{folder} is at commit {found}, we are pinned to {COMMIT} ({RELEASE})")
+    if run(["git", "-C", folder, "status", "--porcelain", "--untracked-files=no"]).strip():
+        raise Failed(f"{folder} has changes of its own")
+    return folder
+
+
+def output(board: str) -> pathlib.Path:
+    given = os.environ.get("BUILDROOT_OUTPUT")
+    return pathlib.Path(given).resolve() if given else OUTPUT / board / "buildroot"
+
+
+def make(board: str, *words: str, show: bool = True) -> None:
+    """Run a target of Buildroot's. Without `show` only its progress lines are seen, all of it goes to a log."""
+    if board not in boards():
+        raise Failed(f"no board {board!r}; there are: {' '.join(boards())}")
+    build = output(board)
+    build.mkdir(parents=True, exist_ok=True)
+    command = ["make", "-C", str(checkout()), f"O={build}", f"BR2_EXTERNAL={EXTERNAL}"]
+    env = dict(os.environ)
+    if os.geteuid() == 0:
+        env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
+    defconfig = EXTERNAL / f"configs/ddxvideo_{board}_defconfig"
+    # As long as the defconfig does not change, menuconfig's changes stay.
+    stamp = build / ".defconfig"
+    if not (build / ".config").exists() or not stamp.exists() or stamp.read_text() != defconfig.read_text():
+        run([*command, defconfig.name], env=env)
+        stamp.write_text(defconfig.read_text())
+    if show:
+        if subprocess.run([*command, *words], env=env, check=False).returncode != 0:
+            raise Failed(f"Buildroot: {' '.join(words) or 'the build'} failed")
+        return
+    log = build / "build.log"
+    say(f"{board}: building in {build}, all messages in {log.name}")
+    with log.open("a") as file, subprocess.Popen([*command, *words], env=env, stdin=subprocess.DEVNULL, text=True,
+                                                 stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                                 errors="replace") as process:
+        assert process.stdout
+        last: list[str] = []
+        for line in process.stdout:
+            file.write(line)
+            last = [*last[-40:], line]
+            if ">>>" in line:
+                say(re.sub(r"\x1b\[\d+m", "", line).strip())
+    if process.returncode != 0:
+        sys.stdout.writelines(last)
+        raise Failed(f"Buildroot failed; more in {log}")
+
+
+def gather(board: str) -> pathlib.Path:
+    """output/<board> in the shape of output/dev, so that the same tests take both."""
+    place, images = OUTPUT / board, output(board) / "images"
+    (place / "kernel/boot").mkdir(parents=True, exist_ok=True)
+    config = [path for path in output(board).glob("build/linux-*/.config") if (path.parent / "Kbuild").exists()
+              and not path.parent.name.startswith("linux-headers")]
+    if len(config) != 1:
+        raise Failed(f"{len(config)} kernels were built in {output(board)}, one was expected")
+    shutil.copy(config[0], place / "kernel/boot/config")
+    for name in ["disk.img", "rootfs.squashfs"]:
+        run(["cp", "--sparse=always", "--reflink=auto", images / name, place / name])
+    shutil.rmtree(place / "root", ignore_errors=True)
+    run(["unsquashfs", "-quiet", "-no-progress", "-dest", place / "root", place / "rootfs.squashfs"])
+    return place / "disk.img"
+
+
+def image(board: str) -> pathlib.Path:
+    make(board, show=False)
+    return gather(board)
+
+
+def check() -> None:
+    """Buildroot's own style checker; shell scripts are shellcheck's."""
+    ours = [path for path in [*EXTERNAL.rglob("*"), *(TOP / "package").glob("*/*")] if path.is_file()]
+    files = [path for path in ours if path.name == "Config.in" or path.suffix in (".mk", ".hash", ".desc")
+             or path.parent.name == "configs"]
+    files += [path for path in (TOP / "package").rglob("S[0-9][0-9]*") if path.is_file()]
+    run(["/usr/bin/python3", checkout() / "utils/check-package", "--br2-external", *sorted(files)])
+    say(f"check-package: {len(files)} files are fine")
+
+
+def main() -> int:
+    match sys.argv[1:]:
+        case ["boards"]:
+            for board in boards():
+                say(f"{board:12} {meta(board)['title']}")
+        case ["image", board]:
+            say(f"image: {image(board).relative_to(TOP)}")
+        case ["make", board, *words]:
+            make(board, *words)
+        case ["check"]:
+            check()
+        case _:
+            print(__doc__, file=sys.stderr)
+            return 2
+    return 0
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main())
+    except Failed as error:
+        say(f"buildroot: {error}")
+        sys.exit(1)
