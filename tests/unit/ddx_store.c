@@ -294,6 +294,35 @@ static void test_restart(void) {
     ddx_store_done_item(out);
 }
 
+/* Every frame once and none missed, while the store goes and comes back and a reader is busy with what it has. */
+static void test_restart_without_a_gap(void) {
+    DDX_STORE_ITEM *out = lookup("gap", "POSITION", sizeof(POSITION)), *in = lookup("gap", NULL, 0);
+    POSITION value = {0};
+    DDX_TIME begin = ddx_time_now(), time;
+    bool stopped = false, started = false;
+
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_IN_ORDER), -ETIMEDOUT);
+    for (uint64_t expected = 1; (time = ddx_time_now() - begin) < 600000000; expected++) {
+        struct ddx_frame frame;
+
+        if (!stopped && time > 50000000) {
+            store_stop(SIGKILL);
+            stopped = true;
+        }
+        if (!started && time > 100000000) {
+            store_start("64M");
+            started = true;
+        }
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+        CHECK_EQUAL(ddx_store_acquire(in, &frame, 0.5, DDX_IN_ORDER), 0);
+        CHECK_EQUAL(frame.sequence, expected);
+        CHECK_EQUAL(frame.missed, 0);
+        CHECK_EQUAL(ddx_store_release(in), 0);
+    }
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
 int main(void) {
     struct rlimit limit;
 
@@ -314,6 +343,7 @@ int main(void) {
     test_pictures();
     test_budget();
     test_restart();
+    test_restart_without_a_gap();
     ddx_store_close(id);
     store_stop(SIGTERM);
     store_folder_remove();

@@ -83,8 +83,12 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
 static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     const struct ddx_layout *layout = ddx_packet_layout(packet);
     struct ddx_reader_role *reader = &item->reader;
-    struct ddx_term *term;
+    struct ddx_term *term = reader->coming ? reader->coming : reader->term;
 
+    /* A store that was restarted tells of the epoch that this handle is in; what it says of numbers is older than what
+     * was seen since. Slots that are missing here follow. */
+    if (term && packet->fd[0] >= 0 && ddx_memory_same(term->control_fd, packet->fd[0]))
+        return;
     if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
         return;
     /* Numbers begin anew only if store and writer were both lost; then what was seen means nothing. */
