@@ -3,25 +3,30 @@
 #
 #   CLIP=my.y4m    the clip for `make run`
 #   ACCEL=tcg|kvm  QEMU's acceleration, instead of finding out what works
+#   BOARD=miniitx  which image, instead of the development image: run, test, image, flash
+#   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
 #   T=...          which tests, as pytest's -k expression
-#   BOARD=, DEV=   and more for `make flash`: docs/flash.md
+#   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
 
-.PHONY: help setup setup-build build run test lint flash clean distclean
+.PHONY: help setup setup-build build run test image lint flash clean distclean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
 setup:           ## install what building and testing need (Debian packages)
-	@tools/setup
+	@tools/setup test
 setup-build:
-	@tools/setup build
+	@tools/setup
 build: setup-build  ## build the programs and the development image, output/dev/disk.img
 	@$(PYTHON) tools/build.py
 run: setup-build ## a clip through the appliance in QEMU, frame by frame; output/report.json
 	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## all tests
-	@$(PYTHON) tools/test.py $(T)
+	@$(PYTHON) tools/test.py $(if $(T),'$(T)')
+image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
+	@tools/setup image
+	@$(PYTHON) tools/buildroot.py image "$(BOARD)"
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))

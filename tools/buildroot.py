@@ -18,22 +18,23 @@ import shutil
 import subprocess
 import sys
 
-from common import OUTPUT, TOP, Failed, entries, run, say
+import machine
+from common import OUTPUT, TOP, Failed, fingerprint, run, say
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
 EXTERNAL = TOP / "buildroot-external"
+# What Buildroot would not notice: the target to make when one of the files has changed since the last build.
+RENEW = [("ddx-rebuild", ["package/ddx"]), ("ddxvideo-rebuild", ["package/ddxvideo", "package/ddx"]),
+         ("ddxgrow-rebuild", ["package/ddxgrow"]),
+         ("busybox-reconfigure", ["board/common/busybox.config"]),
+         ("linux-reconfigure", ["board/common/kernel", "board/{board}/kernel.fragment"])]
 DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
 
 
 def boards() -> list[str]:
     names = (DEFCONFIG.fullmatch(path.name) for path in (EXTERNAL / "configs").iterdir())
     return sorted(name[1] for name in names if name)
-
-
-def meta(board: str) -> dict[str, str]:
-    """What board/<board>/meta says."""
-    return dict(line.split("=", 1) for line in entries(TOP / "board" / board / "meta"))
 
 
 def _own_checkout() -> pathlib.Path:
@@ -122,8 +123,20 @@ def gather(board: str) -> pathlib.Path:
 
 
 def image(board: str) -> pathlib.Path:
-    make(board, show=False)
-    return gather(board)
+    """Build what is missing or has changed."""
+    sources, changed, stamps = machine.sources(board), [], []
+    for target, names in RENEW:
+        stamp = output(board) / f".{target}"
+        key = fingerprint([TOP / name.format(board=board) for name in names])
+        stamps.append((stamp, key))
+        if stamp.exists() and stamp.read_text() != key:
+            changed.append(target)
+    make(board, *changed, "all", show=False)
+    for stamp, key in stamps:
+        stamp.write_text(key)
+    disk = gather(board)
+    (disk.parent / "sources").write_text(sources)
+    return disk
 
 
 def check() -> None:
@@ -140,7 +153,7 @@ def main() -> int:
     match sys.argv[1:]:
         case ["boards"]:
             for board in boards():
-                say(f"{board:12} {meta(board)['title']}")
+                say(f"{board:12} {machine.meta(board)['title']}")
         case ["image", board]:
             say(f"image: {image(board).relative_to(TOP)}")
         case ["make", board, *words]:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from common import OUTPUT, TOP, run, say
 
-PACKAGES = ["ddx", "ddxvideo"]
+PACKAGES = ["ddx", "ddxgrow", "ddxvideo"]
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 

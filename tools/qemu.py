@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The machine to boot in: QEMU with the image's disk, always as flashed, through SeaBIOS, MBR and GRUB."""
+"""A guest: QEMU with the image as it is flashed, booted by the board's firmware and the image's own loader."""
 import json
 import os
 import pathlib
@@ -11,37 +11,45 @@ import time
 from collections.abc import Callable
 from types import TracebackType
 
+import machine as boards
 from channel import Channel, Timeout
 from common import OUTPUT, Failed, run, say
+from disk import BOOT, Disk
+from machine import Machine
 
-BOOT_OFFSET = 2048 * 512  # the boot partition, see board/common/disk.cfg
 PROBE_SECONDS = 10
 TCG = "tcg,thread=multi"
 
 
 class Guest:
-    """One run of the machine on a copy of the image; the copy and everything else is gone afterwards."""
+    """One run of a machine with an image; what it wrote is gone afterwards, the image stays as it was.
 
-    def __init__(self, image: pathlib.Path, accel: str, *, console: bool = True, provision: str = "",
-                 environment: tuple[str, ...] = (), test_disk: pathlib.Path | None = None, memory: int = 384,
-                 log: pathlib.Path | None = None, extra: tuple[str, ...] = (),
-                 prepare: Callable[[pathlib.Path], None] | None = None) -> None:
+    `size` makes the disk larger than the image (bytes), `prepare` changes the disk before the boot, `keep` is a folder
+    that outlives the guest, so that the next one goes on with the same disk."""
+
+    def __init__(self, image: pathlib.Path, accel: str, machine: Machine | None = None, *, console: bool = True,
+                 provision: str = "", environment: tuple[str, ...] = (), test_disk: pathlib.Path | None = None,
+                 memory: int = 384, log: pathlib.Path | None = None, extra: tuple[str, ...] = (), size: int = 0,
+                 prepare: Callable[[Disk], None] | None = None, keep: pathlib.Path | None = None) -> None:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
-        self.disk = self.folder / "disk.img"
+        self.machine = machine or boards.machines(boards.DEV)[0]
         self.log = log or self.folder / "console.log"
         self._channels: dict[str, Channel] = {}
-        run(["cp", "--sparse=always", "--reflink=auto", image, self.disk])
-        self._provision(("console=open\n" if console else "") + provision)
-        if environment:
-            self._set_environment(*environment)
-        if prepare:
-            prepare(self.disk)
-        kvm = accel.startswith("kvm")
+        again = keep is not None and (keep / "disk.qcow2").exists()
+        if again:
+            assert keep
+            disk = keep / "disk.qcow2"
+        else:
+            new = Disk(image, keep or self.folder, size)
+            disk = new.path
+            self._set_boot_files(new, ("console=open\n" if console else "") + provision, environment)
+            if prepare:
+                prepare(new)
         command = [
-            "qemu-system-x86_64", "-accel", accel, "-machine", "pc", "-cpu", "host" if kvm else "qemu64", "-smp", "2",
-            "-m", str(memory), "-nodefaults", "-no-user-config", "-no-reboot", "-display", "none", "-vga", "std",
+            *self.machine.arguments(self.folder), "-accel", accel, "-smp", "2", "-m", str(memory),
+            "-nodefaults", "-no-user-config", "-no-reboot", "-display", "none", "-vga", "std",
             "-rtc", "base=utc", "-device", "virtio-rng-pci", "-device", "virtio-serial-pci",
-            "-drive", f"file={self.disk},format=raw,if=virtio,cache=unsafe",
+            "-drive", f"file={disk},format=qcow2,if=virtio,cache=unsafe,node-name=disk",
             "-chardev", f"socket,id=ttyS0,path={self.folder}/ttyS0,server=on,wait=off,logfile={self.log}",
             "-serial", "chardev:ttyS0",
             "-chardev", f"socket,id=qmp,path={self.folder}/qmp,server=on,wait=off", "-mon", "chardev=qmp,mode=control",
@@ -60,24 +68,35 @@ class Guest:
                 raise Failed("QEMU: " + (self.folder / "qemu.log").read_text().strip())
             time.sleep(0.02)
 
-    def _provision(self, text: str) -> None:
-        """Write ddx.txt on the boot partition of the copy."""
-        if text:
-            file = self.folder / "ddx.txt"
-            file.write_text(text)
-            run(["mcopy", "-o", "-i", f"{self.disk}@@{BOOT_OFFSET}", file, "::ddx.txt"])
+    def _set_boot_files(self, disk: Disk, provision: str, environment: tuple[str, ...]) -> None:
+        """ddx.txt and GRUB's variables (name=value), where the test wants others than the image has."""
+        files = {}
+        if provision:
+            files["ddx.txt"] = self.folder / "ddx.txt"
+            files["ddx.txt"].write_text(provision)
+        if environment:
+            files["grub/grubenv"] = self.folder / "grubenv"
+            run(["grub-editenv", files["grub/grubenv"], "create"])
+            run(["grub-editenv", files["grub/grubenv"], "set", *environment])
+        if files:
+            disk.set_boot_files(files)
+
+    def snapshot(self) -> pathlib.Path:
+        """The disk as it is now, as a plain file; from QEMU itself, so that what it has not written yet counts."""
+        copy, link = self.folder / "snapshot.img", self.folder / "nbd"
+        copy.unlink(missing_ok=True)
+        self.monitor("nbd-server-start", addr={"type": "unix", "data": {"path": str(link)}})
+        try:
+            self.monitor("block-export-add", type="nbd", id="disk", **{"node-name": "disk"})
+            run(["qemu-img", "convert", "-f", "raw", "-O", "raw", f"nbd+unix:///disk?socket={link}", copy])
+        finally:
+            self.monitor("nbd-server-stop")
+        return copy
 
     def environment(self) -> dict[str, str]:
         """GRUB's variables, as they are on the disk now."""
-        text = run(["mtype", "-i", f"{self.disk}@@{BOOT_OFFSET}", "::grub/grubenv"])
+        text = run(["mtype", "-i", f"{self.snapshot()}@@{BOOT}", "::grub/grubenv"])
         return dict(line.split("=", 1) for line in text.splitlines() if "=" in line and not line.startswith("#"))
-
-    def _set_environment(self, *words: str) -> None:
-        """Set GRUB's variables (name=value), for a guest that does not run yet."""
-        file = self.folder / "grubenv"
-        run(["grub-editenv", file, "create"])
-        run(["grub-editenv", file, "set", *words])
-        run(["mcopy", "-o", "-i", f"{self.disk}@@{BOOT_OFFSET}", file, "::grub/grubenv"])
 
     def __enter__(self) -> "Guest":
         return self
@@ -141,6 +160,9 @@ class Guest:
                 self.process.kill()
                 self.process.wait()
         shutil.rmtree(self.folder, ignore_errors=True)
+
+
+Boot = Callable[..., Guest]  # starts a guest of a board that has been chosen: a log's name, and Guest()'s options
 
 
 def _reaches_userspace(image: pathlib.Path, accel: str) -> bool:

@@ -2,18 +2,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make run: a clip through the appliance, frame by frame.
 
-usage: run.py [CLIP.y4m]        ACCEL=tcg|kvm chooses QEMU's acceleration
+usage: run.py [CLIP.y4m]        BOARD=name chooses the board, FIRMWARE=bios|uefi and ACCEL=tcg|kvm how QEMU runs it
 
-Boots the development image, injects the clip, shows a line a second, compares the recording with the clip, writes
-output/report.json. Exit status 1 if a frame was lost or the programs' counters are wrong.
+Boots the image (without BOARD the development image), injects the clip, shows a line a second, compares the recording
+with the clip, writes output/report.json. Exit status 1 if a frame was lost or the programs' counters are wrong.
 """
 import json
+import os
 import pathlib
 import sys
 import time
 
 import build
 import clip as default_clip
+import machine
 import native
 import qemu
 import session
@@ -75,7 +77,9 @@ def table(result: session.Result) -> None:
 
 def main() -> int:
     begin = time.monotonic()
-    image = build.dev([native.build()])
+    board = machine.machines(os.environ.get("BOARD") or machine.DEV)[0]
+    development = build.dev([native.build()])
+    image = development if board.board == machine.DEV else machine.image(board.board)
     WORK.mkdir(parents=True, exist_ok=True)
     if len(sys.argv) > 1 and sys.argv[1]:
         clip = pathlib.Path(sys.argv[1]).resolve()
@@ -91,9 +95,10 @@ def main() -> int:
     count = sum(1 for _ in frames)
     rate = [int(word) for word in (header.value("F") or "25:1").split(":")]
     disk = testdisk.make(WORK / "test.img", clip)
-    accel = qemu.acceleration(image)
-    say(f"booting {image.relative_to(TOP)} ({accel}), console log in {(WORK / 'console.log').relative_to(TOP)} ...")
-    with qemu.Guest(image, accel, test_disk=disk, memory=testdisk.memory(clip),
+    accel = qemu.acceleration(development)
+    say(f"booting {image.relative_to(TOP)} ({board.firmware}, {accel}), "
+        f"console log in {(WORK / 'console.log').relative_to(TOP)} ...")
+    with qemu.Guest(image, accel, board, test_disk=disk, memory=testdisk.memory(clip),
                     log=WORK / "console.log") as guest:
         guest.shell("hvc0")
         say(f"up after {time.monotonic() - guest.begin:.1f} s; {clip.name}: {count} frames")

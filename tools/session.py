@@ -109,7 +109,7 @@ def judge(clip: pathlib.Path, recording: pathlib.Path, load: Counters, save: Cou
 
 def collect(guest: Guest, clip: pathlib.Path, into: pathlib.Path) -> Result:
     """After stop_recorder(): the only recording, compared with the clip."""
-    partition = Partition(guest.disk)
+    partition = Partition(guest.snapshot())
     names = [name for name in partition.names() if name.endswith(".y4m")]
     if len(names) != 1:
         raise Failed(f"one recording was expected, there are {names}")

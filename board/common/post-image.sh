@@ -5,22 +5,36 @@
 set -eu
 
 common=$(dirname "$0")
-grub=${HOST_DIR:+$HOST_DIR/lib/grub/i386-pc}
-[ -n "$grub" ] && [ -d "$grub" ] || grub=/usr/lib/grub/i386-pc
-
-cp "$common/grub.cfg" "$common/ddx.txt" "$grub/boot.img" "$BINARIES_DIR/"
-modules=$(sed 's/#.*//' "$common/grub-modules.txt" | tr '\n' ' ')
-# shellcheck disable=SC2086 # a list of words
-grub-mkimage --format=i386-pc --directory="$grub" --prefix='(,msdos1)/grub' --output="$BINARIES_DIR/core.img" $modules
-
-# An empty environment block: 1024 bytes, to be overwritten in place.
-rm -f "$BINARIES_DIR/grubenv"
-grub-editenv "$BINARIES_DIR/grubenv" create
-
-# genimage wants a root and a scratch folder, both empty.
+grub=${HOST_DIR:-/usr}/lib/grub
 scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
-mkdir "$scratch/root"
+boot=$scratch/root/boot
+
+# TARGET IMAGE MODULE...: GRUB's core, which finds its menu on the first partition of the disk that it came from
+core() {
+	format=$1 image=$2
+	shift 2
+	# shellcheck disable=SC2046 # a list of words
+	grub-mkimage --format="$format" --directory="$grub/$format" --prefix='(,msdos1)/grub' --output="$image" "$@" \
+		$(sed 's/#.*//' "$common/grub-modules.txt")
+}
+
+# Legacy BIOS: MBR and the gap behind it. UEFI, where the board has it: a file that firmware looks for on any disk.
+cp "$grub/i386-pc/boot.img" "$BINARIES_DIR/"
+core i386-pc "$BINARIES_DIR/core.img" biosdisk
+mkdir -p "$boot/grub"
+if [ -d "$grub/x86_64-efi" ]; then
+	mkdir -p "$boot/EFI/BOOT"
+	core x86_64-efi "$boot/EFI/BOOT/BOOTX64.EFI" all_video
+fi
+cp "$common/ddx.txt" "$boot/"
+cp "$common/grub.cfg" "$boot/grub/"
+# An empty environment block: 1024 bytes, to be overwritten in place.
+grub-editenv "$boot/grub/grubenv" create
+
+# The same image from the same sources: no times of this build (BR2_REPRODUCIBLE sets the variable).
+[ -z "${SOURCE_DATE_EPOCH:-}" ] || find "$scratch/root" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +
+
 # mke2fs and mkfs.vfat are in sbin, which is not on everybody's path
 PATH=$PATH:/usr/sbin:/sbin genimage --loglevel=1 --config "$common/disk.cfg" --rootpath "$scratch/root" \
 	--tmppath "$scratch/tmp" --inputpath "$BINARIES_DIR" --outputpath "$BINARIES_DIR"

@@ -1,19 +1,36 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Guests for the boot tests: the development image as flashed, on throw-away copies."""
+"""Guests for the boot tests: the image of BOARD (the development image, if not set), as flashed, with each firmware."""
+import os
 import pathlib
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 import build
 import clip as default_clip
+import disk
+import machine
 import native
 import qemu
 import session
 import testdisk
 from common import OUTPUT
+from machine import Machine
 
-WORK = OUTPUT / "test"
+BOARD = os.environ.get("BOARD") or machine.DEV
+MACHINES = machine.machines(BOARD)
+# The development image differs from the product in kernel and loader: with its second firmware, only these matter.
+OFTEN = ("test_boot.py", "test_slots.py")
+WORK = OUTPUT / "test" / BOARD
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    second = [f"[{one.firmware}" for one in MACHINES[1:]]
+    dropped = [item for item in items if BOARD == machine.DEV and item.path.name not in OFTEN
+               and any(name in item.name for name in second)]
+    config.hook.pytest_deselected(items=dropped)
+    items[:] = [item for item in items if item not in dropped]
 
 
 @pytest.fixture(scope="session")
@@ -23,8 +40,12 @@ def work() -> pathlib.Path:
 
 
 @pytest.fixture(scope="session")
-def image() -> pathlib.Path:
-    return build.dev([native.build()])
+def image() -> Iterator[pathlib.Path]:
+    """The file that is flashed; no test may change it."""
+    path = build.dev([native.build()]) if BOARD == machine.DEV else machine.image(BOARD)
+    before = disk.digest(path)
+    yield path
+    assert disk.digest(path) == before, "the image was changed by the tests"
 
 
 @pytest.fixture(scope="session")
@@ -34,12 +55,28 @@ def root(image: pathlib.Path) -> pathlib.Path:
 
 
 @pytest.fixture(scope="session")
-def accel(image: pathlib.Path) -> str:
-    return qemu.acceleration(image)
+def accel() -> str:
+    return qemu.acceleration(build.dev([native.build()]))
+
+
+@pytest.fixture(scope="session", params=MACHINES, ids=[one.firmware for one in MACHINES])
+def board(request: pytest.FixtureRequest) -> Machine:
+    """The machine to boot in, one after the other with each firmware that the board has to boot with."""
+    found = request.param
+    assert isinstance(found, Machine)
+    return found
 
 
 @pytest.fixture(scope="session")
-def clip(work: pathlib.Path) -> pathlib.Path:
+def boot(image: pathlib.Path, accel: str, board: Machine, work: pathlib.Path) -> qemu.Boot:
+    """Starts a guest: boot("name of its log", ...), and what else Guest() takes."""
+    def start(name: str, **options: Any) -> qemu.Guest:
+        return qemu.Guest(image, accel, board, log=work / f"{name}.{board.firmware}.log", **options)
+    return start
+
+
+@pytest.fixture(scope="session")
+def clip() -> pathlib.Path:
     """20 s of numbered frames."""
     path = OUTPUT / "clip.y4m"
     if not path.exists():
@@ -48,18 +85,17 @@ def clip(work: pathlib.Path) -> pathlib.Path:
 
 
 @pytest.fixture(scope="session")
-def guest(image: pathlib.Path, accel: str, work: pathlib.Path, clip: pathlib.Path) -> Iterator[qemu.Guest]:
+def guest(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[qemu.Guest]:
     """A guest that records the clip, with a shell."""
-    disk = testdisk.make(work / "clip.img", clip)
-    with qemu.Guest(image, accel, test_disk=disk, log=work / "guest.log") as running:
+    with boot("guest", test_disk=testdisk.make(work / "clip.img", clip)) as running:
         running.shell()
         yield running
 
 
 @pytest.fixture(scope="session")
-def closed(image: pathlib.Path, accel: str, work: pathlib.Path) -> Iterator[qemu.Guest]:
+def closed(boot: qemu.Boot) -> Iterator[qemu.Guest]:
     """A guest exactly as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update."""
-    with qemu.Guest(image, accel, console=False, environment=("left=3",), log=work / "closed.log") as running:
+    with boot("closed", console=False, environment=("left=3",)) as running:
         yield running
 
 

@@ -7,6 +7,7 @@ import sys
 import time
 
 from common import SBIN, TOP
+from machine import Machine
 from qemu import Guest
 
 NOISE = 2**20
@@ -35,11 +36,12 @@ def flash(image: pathlib.Path, disk: pathlib.Path) -> None:
             subprocess.run(["losetup", "--detach", device], env={**os.environ, **SBIN}, check=True)
 
 
-def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, accel: str, tmp_path: pathlib.Path) -> None:
+def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, accel: str, board: Machine,
+                                         tmp_path: pathlib.Path) -> None:
     disk = tmp_path / "disk.img"
     flash(image, disk)
     try:
-        with Guest(disk, accel, console=False) as guest:  # nothing but what was flashed tells it anything
+        with Guest(disk, accel, board, console=False) as guest:  # nothing but what was flashed tells it anything
             assert guest.sh("hostname") == "flashed"
             for folder in ["/data", "/rec"]:
                 guest.sh(f"mountpoint -q {folder} && touch {folder}/file")

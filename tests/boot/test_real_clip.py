@@ -29,11 +29,9 @@ def footage(work: pathlib.Path) -> pathlib.Path:
     return clip
 
 
-def test_real_footage_is_recorded_bit_exact(image: pathlib.Path, accel: str, work: pathlib.Path,
-                                            footage: pathlib.Path) -> None:
+def test_real_footage_is_recorded_bit_exact(boot: qemu.Boot, work: pathlib.Path, footage: pathlib.Path) -> None:
     disk = testdisk.make(work / "footage.img", footage)
-    with qemu.Guest(image, accel, test_disk=disk, memory=testdisk.memory(footage),
-                    log=work / "footage.log") as guest:
+    with boot("footage", test_disk=disk, memory=testdisk.memory(footage)) as guest:
         guest.shell()
         session.wait_for_clip(guest, FRAMES)
         session.stop_recorder(guest)

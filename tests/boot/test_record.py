@@ -29,12 +29,12 @@ def test_frames_keep_their_pace(recorded: session.Result, work: pathlib.Path) ->
     assert max(abs(time) for time in late) < 500_000_000
 
 
-def test_a_loss_in_the_guest_is_counted_right(image: pathlib.Path, accel: str, work: pathlib.Path) -> None:
+def test_a_loss_in_the_guest_is_counted_right(boot: qemu.Boot, work: pathlib.Path) -> None:
     """The recorder is frozen for three seconds: what it missed is what its file lacks, and the verdict is bad."""
     clip = work / "short.y4m"
     default_clip.write(clip, 10)
     disk = testdisk.make(work / "short.img", clip)
-    with qemu.Guest(image, accel, test_disk=disk, log=work / "loss.log") as guest:
+    with boot("loss", test_disk=disk) as guest:
         guest.shell()
         guest.sh("until grep -q . /run/service/ddxvideosave/supervise/pid; do sleep 0.1; done")
         guest.sh("until ddxctl stats --json | grep -q 'ddxvideosave.*\"out\":[1-9]'; do sleep 0.2; done")

@@ -1,36 +1,31 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Two roots on the disk: when one cannot be booted, or does not prove itself, the other one is."""
-import pathlib
+from collections.abc import Callable
 
 import pytest
 
-import qemu
+from disk import Disk
+from qemu import Boot
 
 SLOT = {"A": 34816 * 512, "B": 165888 * 512}  # see board/common/disk.cfg
 SLOT_BYTES = 64 << 20
 
 
-def fill_slot_b(disk: pathlib.Path) -> None:
+def fill_slot_b(disk: Disk) -> None:
     """What an update will do: the root of slot A, once more."""
-    with disk.open("r+b") as file:
-        file.seek(SLOT["A"])
-        root = file.read(SLOT_BYTES)
-        file.seek(SLOT["B"])
-        file.write(root)
+    disk.write(SLOT["B"], disk.read(SLOT["A"], SLOT_BYTES))
 
 
-def spoil(disk: pathlib.Path, slot: str) -> None:
-    with disk.open("r+b") as file:
-        file.seek(SLOT[slot])
-        file.write(b"\xff" * 65536)
+def spoil(disk: Disk, slot: str) -> None:
+    disk.write(SLOT[slot], b"\xff" * 65536)
 
 
-def spoilt_a(disk: pathlib.Path) -> None:
+def spoilt_a(disk: Disk) -> None:
     fill_slot_b(disk)
     spoil(disk, "A")
 
 
-def spoilt_b(disk: pathlib.Path) -> None:
+def spoilt_b(disk: Disk) -> None:
     spoil(disk, "B")
 
 
@@ -39,10 +34,9 @@ def spoilt_b(disk: pathlib.Path) -> None:
     (fill_slot_b, ("slot=A", "left=0"), "B"), # it had its chances
     (spoilt_b, ("slot=B", "left=2"), "A"),    # an update that was cut off
 ], ids=["spoilt", "no-boots-left", "bad-update"])
-def test_the_other_slot_is_booted(image: pathlib.Path, accel: str, work: pathlib.Path, prepare: object,
-                                  environment: tuple[str, ...], slot: str) -> None:
-    assert callable(prepare)
-    with qemu.Guest(image, accel, environment=environment, prepare=prepare, log=work / "slots.log") as guest:
+def test_the_other_slot_is_booted(boot: Boot, prepare: Callable[[Disk], None], environment: tuple[str, ...],
+                                  slot: str) -> None:
+    with boot("slots", environment=environment, prepare=prepare) as guest:
         guest.shell()
         words = guest.sh("cat /proc/cmdline").split()
         assert f"ddx.slot={slot}" in words

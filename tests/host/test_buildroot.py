@@ -7,6 +7,7 @@ import subprocess
 
 import buildroot
 import buildroot_fragments
+import machine
 import pytest
 from common import TOP
 
@@ -16,7 +17,7 @@ PYTHON = "/usr/bin/python3"
 def test_every_board_is_whole() -> None:
     assert len(buildroot.boards()) >= 2
     for board in buildroot.boards():
-        assert {"title", "qemu", "cpu", "firmware"} <= set(buildroot.meta(board))
+        assert {"title", "qemu", "cpu", "firmware"} <= set(machine.meta(board))
         assert (TOP / "board" / board / "kernel.fragment").is_file()
 
 
