@@ -1,0 +1,14 @@
+################################################################################
+#
+# ddxgrow
+#
+################################################################################
+
+DDXGROW_VERSION = 0.1.0
+DDXGROW_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxgrow
+DDXGROW_SITE_METHOD = local
+DDXGROW_LICENSE = GPL-2.0+
+DDXGROW_LICENSE_FILES = LICENSE
+DDXGROW_DEPENDENCIES = util-linux
+
+$(eval $(meson-package))

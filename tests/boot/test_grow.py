@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""On a disk that is larger than the image, recordings get the rest of it, while they are being made."""
+import pathlib
+import shutil
+import time
+
+import pytest
+
+import mbr
+import testdisk
+from common import run
+from qemu import Boot, Guest
+from recording import Partition
+
+CARD = 32 << 30  # bytes
+# Seconds after it began: while table and file system grow; while what is new is still on its way to the disk.
+CUTS = [0.5, 5.0]
+
+
+def room(guest: Guest) -> int:
+    """Bytes that the recording file system has."""
+    return int(guest.sh("stat -f -c '%b %S' /rec").split()[0]) * 4096
+
+
+def wait_until_grown(guest: Guest, seconds: float = 60) -> None:
+    deadline = time.monotonic() + seconds
+    while guest.shell().run("pidof resize2fs || pidof ddxgrow")[0] == 0:
+        assert time.monotonic() < deadline, guest.sh("cat /run/log/ddxgrow")
+        time.sleep(0.5)
+
+
+def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pathlib.Path,
+                                       tmp_path: pathlib.Path) -> None:
+    test_disk = testdisk.make(work / "clip.img", clip)
+    with boot("grow", size=CARD, test_disk=test_disk, keep=tmp_path) as guest:
+        guest.shell()
+        took = guest.sh("awk '$4 == \"S16ddxgrow\" { print $2 - $1 }' /run/log/boot")
+        assert float(took) <= 1.0  # nobody waits for it
+        wait_until_grown(guest)
+        assert room(guest) > 0.95 * CARD
+        guest.sh("until ddxctl stats --json | grep -q 'ddxvideosave.*\"out\":[1-9]'; do sleep 0.2; done", 60)
+        guest.sh("/etc/init.d/S*ddxvideosave stop; mount -o remount,ro /rec", 30)
+        snapshot = guest.snapshot()
+        assert mbr.partition(snapshot, 6).end == CARD
+        assert [name for name in Partition(snapshot).names() if name.endswith(".y4m")]
+        guest.poweroff()
+    with boot("grown", keep=tmp_path) as guest:
+        guest.shell()
+        wait_until_grown(guest)
+        said = guest.sh("cat /run/log/ddxgrow")
+        assert "ddxgrow: /dev/vda: nothing to do" in said and "Nothing to do!" in said  # the second one is resize2fs
+        assert room(guest) > 0.95 * CARD
+        assert guest.sh("ls /rec/*.y4m")
+
+
+@pytest.fixture(scope="module")
+def used(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    """A disk that something was recorded on before it was copied to a larger card."""
+    folder = tmp_path_factory.mktemp("used")
+    with boot("used", keep=folder) as guest:
+        guest.shell()
+        guest.sh("echo kept > /rec/kept")
+        guest.poweroff()
+    run(["qemu-img", "resize", "-q", folder / "disk.qcow2", str(CARD)])
+    return folder
+
+
+@pytest.mark.parametrize("seconds", CUTS)
+def test_power_is_cut_while_it_grows(boot: Boot, used: pathlib.Path, tmp_path: pathlib.Path, seconds: float) -> None:
+    """The next boot brings it to its end; what had been recorded is there."""
+    shutil.copy(used / "disk.qcow2", tmp_path)
+    with boot("cut", keep=tmp_path) as guest:
+        deadline = time.monotonic() + 90
+        while b"Starting ddxgrow" not in guest.log.read_bytes():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+        time.sleep(seconds)
+        guest.process.kill()
+        guest.process.wait()
+    with boot("after", keep=tmp_path) as guest:
+        guest.shell()
+        wait_until_grown(guest)
+        assert room(guest) > 0.95 * CARD
+        assert guest.sh("cat /rec/kept") == "kept"
+        assert "EXT4-fs error" not in guest.sh("dmesg")
