@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The product keeps to board/common/budget.txt. What it takes is in output/<board>/budget.json."""
+import json
+import pathlib
+import warnings
+
+import pytest
+
+import budget
+import machine
+from budget import MIB
+from machine import Machine
+from qemu import Guest
+from session import Result
+
+MEMORY = 384  # MiB, what Guest() gives
+
+
+@pytest.fixture(scope="session")
+def items(request: pytest.FixtureRequest, image: pathlib.Path, guest: Guest, recorded: Result,
+          board: Machine) -> list[budget.Item]:
+    found = budget.starts(guest)
+    first_frame = recorded.load.first_ns / 1e9
+    values = {"image": budget.compressed(image) / MIB, "root": (image.parent / "rootfs.squashfs").stat().st_size / MIB,
+              "memory": budget.memory(guest, MEMORY), "first_frame": first_frame,
+              "start": max(took for _, _, took in found)}
+    result = budget.judge(values)
+    with request.config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
+        print(f"\n\n{board.board}, {board.firmware}\n{budget.table(result)}\n\n{budget.path(found, first_frame)}")
+    (image.parent / "budget.json").write_text(json.dumps(
+        {one.name: {"value": one.value, "limit": one.limit, "unit": one.unit, "verdict": one.verdict}
+         for one in result}, indent=2) + "\n")
+    return result
+
+
+def test_the_product_keeps_to_its_budget(items: list[budget.Item], board: Machine) -> None:
+    if board.board == machine.DEV:
+        pytest.skip("the budget is the product's; the development image's figures are in output/dev/budget.json")
+    for one in items:
+        if one.verdict == "near":
+            warnings.warn(f"{one.name}: {one.value} of {one.limit} {one.unit}")
+    assert not [one for one in items if one.verdict == "over"], budget.table(items)
+
+
+def test_the_verdict_itself() -> None:
+    values = {"image": 32.1, "root": 25.3, "memory": 10.0, "first_frame": 6.0, "start": 0.89}
+    verdicts = {one.name: one.verdict for one in budget.judge(values)}
+    assert verdicts == {"image": "over", "root": "near", "memory": "fine", "first_frame": "near", "start": "fine"}
