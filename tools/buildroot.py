@@ -5,7 +5,7 @@
 usage: buildroot.py boards                     the boards there are: configs/ddxvideo_<board>_defconfig
        buildroot.py image BOARD                build everything, output/<board>/disk.img
        buildroot.py make BOARD [TARGET|V=...]  any target of Buildroot's: linux-rebuild, legal-info, menuconfig ...
-       buildroot.py check                      Buildroot's check-package on our part of the tree
+       buildroot.py check                      Buildroot's check-package on our tree
 
 BUILDROOT=folder         a checkout of Buildroot to use instead of one of our own; it has to be of the pinned commit
 BUILDROOT_URL=url        where to clone it from
@@ -18,6 +18,7 @@ import shutil
 import subprocess
 import sys
 
+import lint
 import machine
 from common import OUTPUT, TOP, Failed, fingerprint, run, say
 
@@ -64,6 +65,16 @@ def checkout() -> pathlib.Path:
     return folder
 
 
+def present() -> bool:
+    """Whether a checkout is there, without cloning one."""
+    return bool(os.environ.get("BUILDROOT")) or _own_checkout().exists()
+
+
+def environment() -> dict[str, str]:
+    """For Buildroot: what `make` was told when it ran us is not for it."""
+    return {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKEOVERRIDES", "MFLAGS")}
+
+
 def output(board: str) -> pathlib.Path:
     given = os.environ.get("BUILDROOT_OUTPUT")
     return pathlib.Path(given).resolve() if given else OUTPUT / board / "buildroot"
@@ -76,7 +87,7 @@ def make(board: str, *words: str, show: bool = True) -> None:
     build = output(board)
     build.mkdir(parents=True, exist_ok=True)
     command = ["make", "-C", str(checkout()), f"O={build}", f"BR2_EXTERNAL={EXTERNAL}"]
-    env = dict(os.environ)
+    env = environment()
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = EXTERNAL / f"configs/ddxvideo_{board}_defconfig"
@@ -139,14 +150,14 @@ def image(board: str) -> pathlib.Path:
     return disk
 
 
-def check() -> None:
-    """Buildroot's own style checker; shell scripts are shellcheck's."""
-    ours = [path for path in [*EXTERNAL.rglob("*"), *(TOP / "package").glob("*/*")] if path.is_file()]
-    files = [path for path in ours if path.name == "Config.in" or path.suffix in (".mk", ".hash", ".desc")
-             or path.parent.name == "configs"]
-    files += [path for path in (TOP / "package").rglob("S[0-9][0-9]*") if path.is_file()]
-    run(["/usr/bin/python3", checkout() / "utils/check-package", "--br2-external", *sorted(files)])
-    say(f"check-package: {len(files)} files are fine")
+def check(files: list[pathlib.Path] | None = None) -> int:
+    """Buildroot's own style checker on every file of the tree; how many of them are of a kind that it judges."""
+    # Not Python, of which it takes what libmagic happens to recognise: that is lint's.
+    files = sorted(path for path in files or lint.files() if path.suffix != ".py")
+    command: list[str | pathlib.Path] = ["/usr/bin/python3", "-B", checkout() / "utils/check-package", "--br2-external"]
+    if subprocess.run([*command, "--verbose", "--quiet", *files], check=False).returncode != 0:
+        raise Failed("check-package is not content")
+    return run([*command, "--dry-run", *files]).count(": would run: ")
 
 
 def main() -> int:
@@ -159,7 +170,7 @@ def main() -> int:
         case ["make", board, *words]:
             make(board, *words)
         case ["check"]:
-            check()
+            say(f"check-package: {check()} files are fine")
         case _:
             print(__doc__, file=sys.stderr)
             return 2

@@ -6,7 +6,7 @@ import re
 import shutil
 import subprocess
 
-from common import OUTPUT, TOP, entries, run
+from common import TOP, entries, run
 
 BOARD = TOP / "board/dev"
 COMMON = TOP / "board/common"

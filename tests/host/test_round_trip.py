@@ -14,7 +14,7 @@ MILLISECOND = 1_000_000
 SAME_CONVERSION = ("scale=in_h_chr_pos=0:out_h_chr_pos=0:"
                    "flags=bicubic+accurate_rnd+full_chroma_inp+bitexact")
 PLAIN: dict[str, list[str]] = {"C420jpeg": [], "C420mpeg2": ["-chroma_sample_location", "left"],
-         "C420paldv": ["-chroma_sample_location", "topleft"]}
+                               "C420paldv": ["-chroma_sample_location", "topleft"]}
 CONVERTED = ["yuv411p", "yuv422p", "yuv444p", "gray", "gray9le", "gray10le", "gray12le", "gray16le"] + [
     f"yuv{chroma}p{bits}le" for chroma in (420, 422, 444) for bits in (9, 10, 12, 14, 16)]
 
