@@ -10,7 +10,7 @@
 
 PYTHON = /usr/bin/python3 -B
 
-.PHONY: help setup setup-build build run test image lint flash clean distclean
+.PHONY: help setup setup-build build run test image legal sbom lint flash clean distclean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -32,6 +32,10 @@ FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)
+legal: setup     ## licences and sources of all that is in an image: BOARD=, see docs/licences.md
+	@$(PYTHON) tools/legal.py "$(BOARD)"
+sbom: setup      ## list of all that is in an image (CycloneDX): BOARD=
+	@$(PYTHON) tools/sbom.py "$(BOARD)"
 lint: setup      ## check scripts, tools and sources without running them
 	@$(PYTHON) tools/lint.py
 clean:           ## remove what was built, keep what was downloaded
