@@ -32,9 +32,11 @@ FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)
-legal: setup     ## licences and sources of all that is in an image: BOARD=, see docs/licences.md
+legal:           ## licences and sources of all that is in an image: BOARD=, see docs/licences.md
+	@tools/setup image
 	@$(PYTHON) tools/legal.py "$(BOARD)"
-sbom: setup      ## list of all that is in an image (CycloneDX): BOARD=
+sbom:            ## list of all that is in an image (CycloneDX): BOARD=
+	@tools/setup image
 	@$(PYTHON) tools/sbom.py "$(BOARD)"
 lint: setup      ## check scripts, tools and sources without running them
 	@$(PYTHON) tools/lint.py
