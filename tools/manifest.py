@@ -18,10 +18,12 @@ def _words(kind: str) -> list[str]:
 
 
 def applets(root: pathlib.Path) -> list[str]:
-    """Applets without a link to BusyBox in the root."""
+    """Applets without a link to BusyBox in the root, and links that are not listed."""
     present = {path.name for folder in ["bin", "sbin", "usr/bin", "usr/sbin"] for path in (root / folder).glob("*")
                if path.is_symlink() and path.readlink().name == "busybox"}
-    return sorted(set(_words("applet")) - present)
+    listed = set(_words("applet"))
+    return [*(f"no {name}" for name in sorted(listed - present)),
+            *(f"unlisted {name}" for name in sorted(present - listed))]
 
 
 def programs(root: pathlib.Path) -> list[str]:

@@ -24,6 +24,7 @@ import testdisk
 import y4m
 from common import OUTPUT, TOP, Failed, say
 from counters import Counters
+from disk import digest
 from session import LOAD, SAVE
 
 REPORT = OUTPUT / "report.json"
@@ -98,6 +99,7 @@ def main() -> int:
     accel = qemu.acceleration(development)
     say(f"booting {image.relative_to(TOP)} ({board.firmware}, {accel}), "
         f"console log in {(WORK / 'console.log').relative_to(TOP)} ...")
+    flashed = digest(image)
     with qemu.Guest(image, accel, board, test_disk=disk, memory=testdisk.memory(clip),
                     log=WORK / "console.log") as guest:
         guest.shell("hvc0")
@@ -113,6 +115,8 @@ def main() -> int:
             terminal.attach(guest.channel("ttyS0"))
         else:
             guest.poweroff()
+    if digest(image) != flashed:
+        raise Failed(f"{image.relative_to(TOP)} was changed by the run")
     return 0 if result.good else 1
 
 
