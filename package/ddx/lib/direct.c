@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sys/mman.h>
 
+#include "fault.h"
 #include "item.h"
 
 static int make_window(DDX_STORE_ITEM *item) {
@@ -53,6 +54,7 @@ void ddx_direct_withdraw(struct ddx_reader_role *reader) {
     struct ddx_runs runs;
     runs_within(term, reader->window_bytes, &runs);
     ddx_slot_move(reader->window, term->base[reader->shown], &runs, term->fd[reader->shown]);
+    DDX_PASS(DIRECT_WITHDRAWN);
     if (term != reader->term)
         ddx_term_free(term); /* its epoch has ended, and this was its last frame in use */
     reader->shown_term = NULL;
@@ -98,6 +100,7 @@ static int show(DDX_STORE_ITEM *item, unsigned slot) {
     reader->window_copied = false;
     reader->shown_term = term;
     reader->shown = (int)slot;
+    DDX_PASS(DIRECT_SHOWN);
     return 0;
 }
 
@@ -112,6 +115,7 @@ int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, in
     if (!result)
         result = ddx_reader_take(item, DDX_PIN_DIRECT, &found, &missed, timeout, tail);
     if (!result) {
+        DDX_PASS(DIRECT_TAKEN);
         result = show(item, found.slot);
         if (result || item->reader.shown < 0)
             ddx_ring_unpin(&item->reader.page->pin[DDX_PIN_DIRECT]);

@@ -11,6 +11,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "fault.h"
 #include "item.h"
 
 #define RETRY 50000000 /* ns between attempts to find the store again */
@@ -87,6 +88,7 @@ static void *run(void *unused) {
         struct pollfd *list = listen_list(&count);
         pthread_mutex_unlock(&keeper.lock);
         poll(list, count, list ? wait : SOON);
+        DDX_PASS(KEEPER_HEARD);
         uint64_t ignored;
         if (list && list[0].revents & POLLIN && read(list[0].fd, &ignored, sizeof ignored) < 0) {
             /* somebody else's descriptor by now: the keeper was about to end */

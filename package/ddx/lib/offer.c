@@ -7,6 +7,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include "fault.h"
 #include "item.h"
 
 #define FULL_WAIT 1000 /* ms that the store may need to make room in the socket */
@@ -34,6 +35,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
     message.epoch = term->epoch;
     message.sequence = flags & DDX_FLAG_WRITER ? item->writer.ring.sequence : item->reader.seen;
     result = send_all(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
+    DDX_PASS(KEEPER_OFFERED);
     for (unsigned i = 0; i < DDX_SLOTS_MAX && !result; i++) {
         if (!term->base[i])
             continue;
@@ -41,6 +43,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
         message.epoch = term->epoch;
         message.index = i;
         result = send_all(item, &message, NULL, &term->fd[i], 1);
+        DDX_PASS(KEEPER_SLOT);
     }
     return result;
 }
@@ -67,11 +70,13 @@ static int offer(DDX_STORE_ITEM *item) {
         message.frames = reader->keep + reader->both;
         message.sequence = reader->seen;
         result = send_all(item, &message, NULL, &reader->pin_fd, 1);
+        DDX_PASS(KEEPER_PIN);
     }
     if (!result && flags) {
         ddx_message_init(&message, DDX_OFFER_END, item);
         message.flags = flags;
         result = send_all(item, &message, NULL, NULL, 0);
+        DDX_PASS(KEEPER_END);
     }
     return result;
 }
@@ -82,6 +87,7 @@ int ddx_item_offer(DDX_STORE_ITEM *item) {
     if (fd < 0)
         return fd;
     item->socket = fd;
+    DDX_PASS(KEEPER_FOUND);
     if (offer(item)) {
         ddx_item_disconnect(item);
         return -EPIPE;

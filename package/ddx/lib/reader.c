@@ -7,6 +7,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "fault.h"
 #include "item.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
@@ -42,6 +43,7 @@ void ddx_reader_follow(DDX_STORE_ITEM *item) {
         ddx_term_free(reader->term);
     reader->term = reader->coming;
     reader->coming = NULL;
+    DDX_PASS(ATTACH_FOLLOWED);
 }
 
 /* How far the newest frame is ahead of what was seen; negative: behind. Numbers are compared in their low 23 bits. */
@@ -64,6 +66,7 @@ static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t lat
         slot = DDX_NO_SLOT;
     if (slot >= DDX_SLOTS_MAX)
         return -ENODATA;
+    DDX_PASS(READER_CHOSEN);
     if (!reader->term->base[slot]) {
         int64_t until = ddx_time_now() + UNMAPPED_WAIT;
         uint32_t changed = atomic_load(&item->changed);
@@ -71,6 +74,7 @@ static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t lat
         ddx_item_service(item);
         if (reader->term->base[slot])
             return -EAGAIN;
+        DDX_PASS(READER_UNMAPPED);
         reader->waiting = true;
         pthread_mutex_unlock(&item->lock);
         ddx_futex_wait(NULL, 0, &item->changed, changed, until);
@@ -107,6 +111,8 @@ static int need_both(DDX_STORE_ITEM *item, unsigned pin) {
     message.frames = 1;
     int result = ddx_item_request(item, &message, NULL, DDX_ATTACHED);
     item->reader.both = !result;
+    if (!result)
+        DDX_PASS(ATTACH_BOTH);
     return result;
 }
 
@@ -139,6 +145,7 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         }
         if (!result) {
             count_missed(reader, frame->sequence, missed);
+            DDX_PASS(READER_COUNTED);
             return 0;
         }
         if (ddx_time_now() >= deadline) {
@@ -154,6 +161,7 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         const ddx_word *word = reader->term ? &reader->term->control->latest : NULL;
         /* Unlocked, so that the keeper can take in a new epoch; `waiting` keeps it from unmapping the word. */
         reader->waiting = true;
+        DDX_PASS(READER_WAITS);
         pthread_mutex_unlock(&item->lock);
         ddx_futex_wait(word, latest, &item->changed, changed, deadline);
         pthread_mutex_lock(&item->lock);
@@ -185,6 +193,7 @@ int ddx_store_release(DDX_STORE_ITEM *item) {
     if (!result) {
         ddx_ring_unpin(&item->reader.page->pin[DDX_PIN_READ]);
         item->reader.held = -1;
+        DDX_PASS(READER_RELEASED);
     }
     pthread_mutex_unlock(&item->lock);
     return result;
@@ -208,6 +217,7 @@ int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeou
             memcpy((char *)data + term->spans[i].own, base + term->spans[i].item, (size_t)term->spans[i].bytes);
         if (!result && ts)
             *ts = found.time;
+        DDX_PASS(READER_COPIED);
         ddx_ring_unpin(&reader->page->pin[DDX_PIN_READ]);
     }
     pthread_mutex_unlock(&item->lock);
@@ -245,4 +255,6 @@ void ddx_reader_end(DDX_STORE_ITEM *item) {
     ddx_term_free(reader->term);
     if (reader->window)
         munmap(reader->window, (size_t)reader->window_bytes);
+    if (reader->page)
+        DDX_PASS(ATTACH_ENDED);
 }

@@ -4,6 +4,8 @@
 #include <errno.h>
 #include <string.h>
 
+#include "fault.h"
+
 static uint64_t join(const ddx_word *low, const ddx_word *high) {
     return (uint64_t)atomic_load_explicit(high, memory_order_relaxed) << 32 |
            atomic_load_explicit(low, memory_order_relaxed);
@@ -72,20 +74,26 @@ int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
         ddx_word *generation = &writer->control->slot[slot].generation;
         uint32_t before = atomic_load_explicit(generation, memory_order_relaxed);
 
+        DDX_PASS(WRITER_CHOSEN);
         /* W2 before W3 and W4, sequentially consistent: see ring.h. */
         atomic_store(generation, DDX_WRITING);
+        DDX_PASS(WRITER_MARKED);
         if ((int32_t)(atomic_load(&writer->notice->version) - writer->notice_seen) > 0) {
             atomic_store_explicit(generation, before, memory_order_release);
+            DDX_PASS(WRITER_NEWS);
             return -EAGAIN;
         }
+        DDX_PASS(WRITER_UNCHANGED);
         int reader = pinned_by(writer, slot);
         if (reader < 0) {
             *chosen = slot;
+            DDX_PASS(WRITER_OWNS);
             return 0;
         }
         atomic_store_explicit(generation, before, memory_order_release);
         tried[slot] = true;
         collided = true;
+        DDX_PASS(WRITER_COLLIDED);
         /*
          * A reader pins ever newer frames while this loop runs, and none newer than `newest`: it can stand in the way
          * once per slot with each of its pins. One that does so more often lies, and from now on harms only itself.
@@ -99,12 +107,16 @@ void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t tim
     struct ddx_slot_state *state = &writer->control->slot[slot];
     uint64_t sequence = ++writer->sequence;
 
+    DDX_PASS(WRITER_WRITTEN);
     split(&state->sequence_low, &state->sequence_high, sequence);
     split(&state->time_low, &state->time_high, (uint64_t)time);
+    DDX_PASS(WRITER_NUMBERED);
     /* Release: who finds the generation even finds the whole frame. Before `latest`, or a reader that was told of the
      * frame would find it unreadable and try in vain until the next one. */
     atomic_store_explicit(&state->generation, (uint32_t)sequence << 1, memory_order_release);
+    DDX_PASS(WRITER_WHOLE);
     atomic_store_explicit(&writer->control->latest, DDX_LATEST(sequence, slot), memory_order_release);
+    DDX_PASS(WRITER_PUBLISHED);
 }
 
 void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot) {
@@ -112,6 +124,7 @@ void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot) {
 
     split(&state->sequence_low, &state->sequence_high, 0);
     atomic_store_explicit(&state->generation, DDX_EMPTY, memory_order_release);
+    DDX_PASS(WRITER_CANCELLED);
 }
 
 unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest) {
@@ -153,15 +166,18 @@ int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot
 
     /* R2 before R3, sequentially consistent: see ring.h. */
     atomic_store(pin, DDX_PIN(control->epoch, slot));
+    DDX_PASS(READER_PINNED);
     uint32_t found = atomic_load(&state->generation);
 
     if ((found & 1) || (generation != DDX_EMPTY && found != generation)) {
         ddx_ring_unpin(pin);
+        DDX_PASS(READER_OVERTAKEN);
         return -EAGAIN;
     }
     frame->slot = slot;
     frame->sequence = sequence_of(state);
     frame->time = (int64_t)join(&state->time_low, &state->time_high);
+    DDX_PASS(READER_HOLDS);
     return 0;
 }
 

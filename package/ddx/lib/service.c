@@ -7,6 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "fault.h"
 #include "item.h"
 
 void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item) {
@@ -25,6 +26,7 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     /* Readers that the store tells us of again are confirmed; the others may have died meanwhile. */
     memset(item->writer.confirmed, 0, sizeof item->writer.confirmed);
     ddx_futex_change(&item->changed);
+    DDX_PASS(KEEPER_LOST);
 }
 
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
@@ -48,6 +50,7 @@ static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot) {
     message.epoch = epoch;
     message.index = slot;
     ddx_send(item->socket, &message, NULL, NULL, 0);
+    DDX_PASS(CLAIM_READY);
 }
 
 /* This handle's claim was granted: its term as the writer begins. */
@@ -77,6 +80,7 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     writer->ring.sequence = m->sequence;
     /* Not what the notice says now: news about readers may already stand behind this message. */
     writer->ring.notice_seen = m->index;
+    DDX_PASS(CLAIM_CONTROL);
     send_ready(item, m->epoch, DDX_NO_SLOT);
 }
 
@@ -96,6 +100,7 @@ static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         reader->seen = 0;
     ddx_term_free(reader->coming);
     reader->coming = term;
+    DDX_PASS(ATTACH_EPOCH);
     if (!reader->waiting) /* else the sleeper follows */
         ddx_reader_follow(item);
 }
@@ -112,12 +117,13 @@ static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         ring->slot[ring->slot_count++] = (uint8_t)m->index;
         if (m->index >= atomic_load_explicit(&ring->control->slots, memory_order_relaxed))
             atomic_store_explicit(&ring->control->slots, m->index + 1, memory_order_release);
+        DDX_PASS(CLAIM_SLOT);
         send_ready(item, m->epoch, m->index);
         return;
     }
     struct ddx_term *term = item->reader.coming ? item->reader.coming : item->reader.term;
-    if (term && term->epoch == m->epoch)
-        ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0));
+    if (term && term->epoch == m->epoch && !ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
+        DDX_PASS(ATTACH_SLOT);
 }
 
 static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
@@ -142,6 +148,7 @@ static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     }
     ring->reader[i].id = packet->message.index;
     writer->confirmed[i] = true;
+    DDX_PASS(CLAIM_READER);
 }
 
 static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
@@ -153,6 +160,7 @@ static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
     ring->reader[i] = ring->reader[last];
     writer->pin_fd[i] = writer->pin_fd[last];
     writer->confirmed[i] = writer->confirmed[last];
+    DDX_PASS(CLAIM_READER_GONE);
 }
 
 /* A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. */
@@ -177,6 +185,7 @@ static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     reader->hold_fd = ddx_memory_hold(reader->pin_fd);
     /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
     reader->seen = packet->message.sequence;
+    DDX_PASS(ATTACH_PAGE);
 }
 
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
@@ -197,8 +206,11 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     case DDX_READER_GONE: on_reader_gone(item, m); break;
     case DDX_ATTACHED: on_attached(item, packet); break;
     case DDX_OFFERED:
-        if (m->status == -EEXIST)
+        if (m->status == -EEXIST) {
             item->writer.superseded = true;
+            DDX_PASS(KEEPER_SUPERSEDED);
+        }
+        DDX_PASS(KEEPER_ACCEPTED);
         break;
     default: break;
     }
@@ -235,6 +247,10 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
     item->answer = answer;
     item->answered = false;
     int result = ddx_send(item->socket, message, layout, NULL, 0);
+    if (message->operation == DDX_CLAIM)
+        DDX_PASS(CLAIM_SENT);
+    if (message->operation == DDX_ATTACH)
+        DDX_PASS(ATTACH_SENT);
     while (!result && !item->answered) {
         struct pollfd wait = {.fd = item->socket, .events = POLLIN};
         int64_t left = deadline - ddx_time_now();

@@ -6,6 +6,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "fault.h"
 #include "item.h"
 
 int ddx_writer_claim(DDX_STORE_ITEM *item) {
@@ -19,6 +20,7 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
     if (result)
         return result;
+    DDX_PASS(CLAIM_GRANTED);
     return item->writer.term && item->writer.ring.slot_count >= 2 ? 0 : -EMFILE;
 }
 
@@ -66,6 +68,7 @@ int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts) {
         ddx_ring_publish(&writer->ring, (unsigned)writer->loaned, ts ? *ts : ddx_time_now());
         writer->loaned = -1;
         ddx_futex_wake(&writer->term->control->latest);
+        DDX_PASS(WRITER_WOKE);
     }
     pthread_mutex_unlock(&item->lock);
     return result;
@@ -126,4 +129,5 @@ void ddx_writer_end(DDX_STORE_ITEM *item) {
     if (writer->hold_fd >= 0)
         close(writer->hold_fd);
     ddx_term_free(writer->term);
+    DDX_PASS(CLAIM_ENDED);
 }

@@ -26,6 +26,7 @@ struct client *client_add(int socket) {
     client->pin_fd = client->offered_notice_fd = client->offered_pin_fd = -1;
     client->next = store.clients;
     store.clients = client;
+    DDX_PASS(STORE_CLIENT);
     return client;
 }
 
@@ -83,6 +84,7 @@ static void detach(struct client *client) {
     client->gone = true;
     if (!item)
         return;
+    DDX_PASS(STORE_GONE);
     writer_left(client);
     reader_left(client);
     client->item = NULL;

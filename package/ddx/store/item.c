@@ -28,6 +28,7 @@ struct item *item_add(const char *name, const char *type, const struct ddx_layou
         link = &(*link)->next;
     item->next = *link;
     *link = item;
+    DDX_PASS(STORE_ITEM);
     return item;
 }
 
@@ -45,6 +46,7 @@ void item_drop_if_unused(struct item *item) {
         close(item->notice_fd);
     free(item->layout);
     free(item);
+    DDX_PASS(STORE_DROPPED);
 }
 
 int item_set_notice(struct item *item, int fd) {
@@ -143,6 +145,7 @@ void item_send_epoch(const struct item *item, struct client *reader) {
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         if (epoch->slot_ready[i])
             item_send_slot(item, epoch, i, reader, DDX_FLAG_READER);
+    DDX_PASS(STORE_EPOCH);
 }
 
 bool item_announce(struct item *item, struct client *reader) {
@@ -154,8 +157,10 @@ bool item_announce(struct item *item, struct client *reader) {
     message.sequence = version;
     if (ddx_send(item->writer->socket, &message, NULL, &reader->pin_fd, 1))
         return false;
+    DDX_PASS(STORE_ANNOUNCED);
     /* Only now that the news is queued: a writer that sees the new version finds it without waiting. And before the
      * reader is let in: from its first pin on, the writer looks for it. */
     atomic_store(&item->notice->version, version);
+    DDX_PASS(STORE_NOTICED);
     return true;
 }

@@ -128,6 +128,7 @@ static void settle(void) {
     if (store.settled || !store.restarted || ddx_time_now() - store.started < SETTLE)
         return;
     store.settled = true;
+    DDX_PASS(STORE_SETTLED);
     for (struct item *item = store.items; item; item = item->next) {
         struct ddx_message message = {.operation = DDX_READER_GONE, .flags = DDX_FLAG_CREATE};
 
@@ -220,6 +221,7 @@ int main(int argc, char **argv) {
     signal(SIGPIPE, SIG_IGN);
     sigprocmask(SIG_BLOCK, &blocked, &waiting); /* delivered while ppoll() waits, and only then */
     store.started = ddx_time_now();
+    DDX_PASS(STORE_LISTENS);
     note("%llu bytes at %s", (unsigned long long)store.budget, path);
     while (!stop) {
         turn(&waiting);

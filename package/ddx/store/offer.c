@@ -32,6 +32,7 @@ static void take_control(struct client *client, struct ddx_packet *packet, const
     epoch->control_ready = epoch->control && epoch->control->magic == DDX_CONTROL_MAGIC &&
                            epoch->control->version == DDX_LAYOUT_VERSION && epoch->control->epoch == epoch->number;
     client->offered_notice_fd = ddx_packet_take(packet, 1);
+    DDX_PASS(STORE_TAKEN);
 }
 
 static void take_slot(struct client *client, struct ddx_packet *packet) {
@@ -44,6 +45,7 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
     epoch->slot_fd[slot] = ddx_packet_take(packet, 0);
     epoch->slot_told[slot] = epoch->slot_ready[slot] = true;
     epoch->slots++;
+    DDX_PASS(STORE_TAKEN_SLOT);
 }
 
 /* Slots that the store does not know yet, from another holder of the same epoch. */
@@ -65,6 +67,7 @@ static void adopt_epoch(struct item *item, struct client *client, bool writes) {
         return;
     if (item->epoch && ddx_memory_same(item->epoch->control_fd, epoch->control_fd)) {
         merge(item->epoch, epoch);
+        DDX_PASS(STORE_MERGED);
         return;
     }
     if (item->epoch && !writes)
@@ -77,6 +80,7 @@ static void adopt_epoch(struct item *item, struct client *client, bool writes) {
     free(item->layout);
     item->layout = ddx_layout_copy(epoch->layout);
     store.adopted++;
+    DDX_PASS(STORE_ADOPTED);
     note("%s: taken back from %d", item->name, (int)client->pid);
 }
 
@@ -94,6 +98,7 @@ static int adopt_writer(struct item *item, struct client *client) {
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_announce(item, c);
+    DDX_PASS(STORE_WRITER_BACK);
     return 0;
 }
 
@@ -106,6 +111,7 @@ static int adopt_reader(struct item *item, struct client *client) {
     int result = reader_register(client, fd, client->offered_keep);
     if (!result && item->epoch)
         item_send_epoch(item, client);
+    DDX_PASS(STORE_READER_BACK);
     return result;
 }
 
@@ -120,6 +126,7 @@ static void finish(struct client *client, uint32_t flags) {
         adopt_reader(item, client);
     offer_abandon(client);
     client_reply(client, DDX_OFFERED, result);
+    DDX_PASS(STORE_ACCEPTED);
 }
 
 void offer_message(struct client *client, struct ddx_packet *packet) {

@@ -23,7 +23,9 @@ static int add_slots(struct item *item, unsigned keep, unsigned pages) {
         return 0;
     if (epoch_add_slots(epoch, item->name, more))
         return -EBUSY;
+    DDX_PASS(STORE_ROOM);
     item_send_new_slots(item, epoch, item->writer);
+    DDX_PASS(STORE_ROOM_TOLD);
     return 0;
 }
 
@@ -50,6 +52,7 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     item->readers++;
     if (item->notice)
         atomic_store(&item->notice->readers, item->readers);
+    DDX_PASS(STORE_REGISTERED);
     return 0;
 }
 
@@ -94,6 +97,7 @@ void reader_attach(struct client *client, unsigned keep) {
     if (item->epoch)
         item_send_epoch(item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
+    DDX_PASS(STORE_ATTACHED);
 }
 
 void reader_left(struct client *client) {
@@ -107,8 +111,10 @@ void reader_left(struct client *client) {
     client->id = 0;
     item->readers--;
     item->kept -= client->keep;
+    DDX_PASS(STORE_READER_LEFT);
     if (item->notice)
         atomic_store(&item->notice->readers, item->readers);
     if (item->writer && !item->writer->gone)
         client_send(item->writer, &message, NULL, NULL, 0);
+    DDX_PASS(STORE_READER_TOLD);
 }

@@ -36,6 +36,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     }
     client->item = item;
     item->handles++;
+    DDX_PASS(STORE_OPENED);
     strcpy(reply.name, item->name);
     strcpy(reply.type, item->type);
     client_send(client, &reply, item->layout, NULL, 0);

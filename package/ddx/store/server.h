@@ -3,6 +3,7 @@
 #ifndef STORE_SERVER_H
 #define STORE_SERVER_H
 
+#include "../lib/fault.h"
 #include "../lib/memory.h"
 #include "../lib/ring.h"
 #include "../lib/wire.h"

@@ -41,14 +41,18 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
     if (slots > DDX_SLOTS_MAX || !budget_allows(item, most))
         result = -ENOSPC;
     else if (!(result = epoch_create_control(epoch, item->name)) &&
-             !(result = epoch_add_slots(epoch, item->name, slots)))
+             !(result = epoch_add_slots(epoch, item->name, slots))) {
+        DDX_PASS(STORE_PREPARED);
         result = new_notice(item);
+        DDX_PASS(STORE_NOTICE);
+    }
     if (result) {
         epoch_free(epoch);
         return result;
     }
     if (item->epoch)
         epoch_carry_over(item->epoch, epoch);
+    DDX_PASS(STORE_CARRIED);
     item->pending = epoch;
     return 0;
 }
@@ -60,13 +64,16 @@ static void tell_all(struct client *client) {
     int fds[2] = {epoch->control_fd, item->notice_fd};
 
     client_send(client, &message, epoch->layout, fds, 2);
+    DDX_PASS(STORE_CLAIMED);
     item_send_new_slots(item, epoch, client);
+    DDX_PASS(STORE_SLOTS);
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone) {
             struct ddx_message reader = {.operation = DDX_READER, .index = c->id};
 
             client_send(client, &reader, NULL, &c->pin_fd, 1);
         }
+    DDX_PASS(STORE_READERS);
 }
 
 void writer_claim(struct client *client, const struct ddx_layout *layout) {
@@ -98,11 +105,14 @@ static void go_live(struct item *item) {
     item->epochs = item->epoch->number;
     free(item->layout);
     item->layout = ddx_layout_copy(item->epoch->layout);
+    DDX_PASS(STORE_LIVE);
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_send_epoch(item, c);
+    DDX_PASS(STORE_TOLD);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);
+    DDX_PASS(STORE_GRANTED);
     note("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
          (unsigned long long)item->epoch->runs.file_bytes);
 }
@@ -115,6 +125,7 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
     struct epoch *epoch = item->pending ? item->pending : item->epoch;
     if (!epoch || m->epoch != epoch->number)
         return;
+    DDX_PASS(STORE_READY);
     /* Its word is not enough: readers get nothing that anybody could map writable. */
     if (m->index == DDX_NO_SLOT)
         epoch->control_ready = ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true);
@@ -124,6 +135,8 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
         for (struct client *c = store.clients; c && epoch == item->epoch; c = c->next)
             if (c->item == item && c->id && !c->gone)
                 item_send_slot(item, epoch, m->index, c, DDX_FLAG_READER);
+        if (epoch == item->epoch)
+            DDX_PASS(STORE_SLOT_TOLD);
     }
     if (epoch == item->pending && epoch_ready(epoch))
         go_live(item);
@@ -138,4 +151,5 @@ void writer_left(struct client *client) {
     item->writer = NULL;
     epoch_free(item->pending);
     item->pending = NULL;
+    DDX_PASS(STORE_WRITER_LEFT);
 }

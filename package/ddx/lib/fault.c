@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* Ends or stops the program at a point of fault.h. Part of the tests' copies of library and store only. */
+#include "fault.h"
+
+#include <fcntl.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <time.h>
+#include <unistd.h>
+
+#define SLOW 20000000 /* ns */
+#define PLANS 4
+
+#define NAME(name, text) text,
+const char *const ddx_point_name[DDX_POINT_COUNT] = {DDX_POINTS(NAME)};
+
+static struct plan {
+    enum ddx_point point;
+    uint64_t nth;
+    int signal; /* 0: slow */
+    _Atomic(uint64_t) passed;
+} plans[PLANS];
+static unsigned plan_count;
+static struct ddx_fault_journal *journal;
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+static void refuse(const char *text) {
+    fprintf(stderr, "DDX_FAULT: %s: cannot be understood\n", text);
+    abort();
+}
+
+static void add_plan(const char *text) {
+    char name[32], what[8];
+    unsigned long long nth;
+
+    if (plan_count == PLANS || sscanf(text, "%31[^:]:%llu:%7s", name, &nth, what) != 3)
+        refuse(text);
+    struct plan *plan = &plans[plan_count++];
+    while (plan->point < DDX_POINT_COUNT && strcmp(ddx_point_name[plan->point], name) != 0)
+        plan->point++;
+    plan->nth = nth;
+    plan->signal = !strcmp(what, "kill") ? SIGKILL : !strcmp(what, "stop") ? SIGSTOP : 0;
+    if (plan->point == DDX_POINT_COUNT || (!plan->signal && strcmp(what, "slow") != 0))
+        refuse(text);
+}
+
+static void prepare(void) {
+    const char *path = getenv("DDX_FAULT_JOURNAL"), *wanted = getenv("DDX_FAULT");
+    char *copy = strdup(wanted ? wanted : ""), *rest = copy;
+
+    for (char *text; (text = strsep(&rest, ",")) != NULL;)
+        if (*text)
+            add_plan(text);
+    free(copy);
+    int fd = path ? open(path, O_RDWR | O_CLOEXEC) : -1;
+    if (fd < 0)
+        return;
+    journal = mmap(NULL, sizeof *journal, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
+    if (journal == MAP_FAILED)
+        abort();
+    close(fd);
+}
+
+static void strike(const struct plan *plan) {
+    struct timespec now;
+
+    if (!plan->signal) {
+        now = (struct timespec){0, SLOW};
+        nanosleep(&now, NULL);
+        return;
+    }
+    if (journal) {
+        journal->point = plan->point;
+        journal->pid = (int32_t)getpid();
+        clock_gettime(CLOCK_MONOTONIC, &now);
+        journal->time = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+        journal->struck++;
+    }
+    kill(getpid(), plan->signal);
+}
+
+void ddx_fault_pass(enum ddx_point point) {
+    pthread_once(&once, prepare);
+    if (journal)
+        journal->passed[point]++;
+    for (unsigned i = 0; i < plan_count; i++) {
+        uint64_t count = plans[i].point == point ? ++plans[i].passed : 0;
+
+        if (count && (count == plans[i].nth || (!plans[i].signal && count > plans[i].nth)))
+            strike(&plans[i]);
+    }
+}
+
