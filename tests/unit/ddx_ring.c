@@ -117,6 +117,27 @@ static void test_liar(void) {
 }
 #endif
 
+static void reset(void);
+
+/* A frame counts from `latest` on, for readers in order, too: the writer may die between the two. */
+static void test_published_means_latest(void) {
+    struct ddx_ring_writer writer = {.control = &control, .notice = &notice, .epoch = 7, .slot_count = 3};
+    uint32_t generation;
+    unsigned slot;
+
+    reset();
+    for (unsigned i = 0; i < 3; i++)
+        writer.slot[i] = (uint8_t)i;
+    CHECK_EQUAL(ddx_ring_choose(&writer, &slot), 0);
+    ddx_ring_publish(&writer, slot, 0);
+    uint32_t before = atomic_load(&control.latest);
+    CHECK_EQUAL(ddx_ring_choose(&writer, &slot), 0);
+    ddx_ring_publish(&writer, slot, 0);
+    CHECK_EQUAL(ddx_ring_next(&control, 1, &generation), slot);
+    atomic_store(&control.latest, before); /* as if it had died after W6 */
+    CHECK_EQUAL(ddx_ring_next(&control, 1, &generation), DDX_NO_SLOT);
+}
+
 static void reset(void) {
     memset(&control, 0, sizeof control);
     control.epoch = 7;
@@ -127,6 +148,7 @@ static void reset(void) {
 }
 
 int main(void) {
+    test_published_means_latest();
     pthread_t thread[READERS];
     struct party party[READERS];
 

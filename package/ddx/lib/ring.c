@@ -135,7 +135,10 @@ unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest) {
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation) {
     unsigned slots = atomic_load_explicit(&control->slots, memory_order_acquire);
     unsigned best = DDX_NO_SLOT;
+    uint32_t latest;
 
+    if (ddx_ring_newest(control, &latest) == DDX_NO_SLOT)
+        return DDX_NO_SLOT;
     if (slots > DDX_SLOTS_MAX)
         slots = DDX_SLOTS_MAX;
     /* A writer that tries a slot and finds it pinned hides it for a moment: before skipping a frame, look again. */
@@ -148,7 +151,10 @@ unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_
             uint32_t ahead = ((found >> 1) - (uint32_t)seen) & 0x7fffffffu; /* modulo 2^31; far ahead means behind */
 
             hidden |= found == DDX_WRITING;
-            if (!(found & 1) && ahead != 0 && ahead < best_ahead) {
+            /* Whole, but not published: if its writer dies before W7 this frame never was, and its number is given
+             * to another one. */
+            bool early = ((DDX_LATEST_SEQUENCE(latest) - (found >> 1)) & 0x7fffffu) >= 0x400000u;
+            if (!(found & 1) && ahead != 0 && ahead < best_ahead && !early) {
                 best = slot;
                 best_ahead = ahead;
                 *generation = found;
