@@ -18,8 +18,11 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
         return 0;
     ddx_message_init(&message, DDX_CLAIM, item);
     int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
-    if (result)
+    if (result) {
+        /* Some of it may have come before the store died: readers were not told of it, so it is worth nothing. */
+        ddx_writer_end(item);
         return result;
+    }
     DDX_PASS(CLAIM_GRANTED);
     return item->writer.term && item->writer.ring.slot_count >= 2 ? 0 : -EMFILE;
 }
@@ -120,6 +123,7 @@ void ddx_writer_end(DDX_STORE_ITEM *item) {
         return;
     if (writer->loaned >= 0)
         ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
+    writer->loaned = -1;
     for (unsigned i = 0; i < writer->ring.reader_count; i++) {
         munmap((void *)(uintptr_t)writer->ring.reader[i].page, sizeof(struct ddx_pin_page));
         close(writer->pin_fd[i]);
@@ -129,5 +133,8 @@ void ddx_writer_end(DDX_STORE_ITEM *item) {
     if (writer->hold_fd >= 0)
         close(writer->hold_fd);
     ddx_term_free(writer->term);
+    writer->term = NULL;
+    writer->notice = NULL;
+    writer->notice_fd = writer->hold_fd = -1;
     DDX_PASS(CLAIM_ENDED);
 }
