@@ -13,8 +13,8 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
 
     if (item->writer)
         return item->writer == client ? -EINVAL : -EEXIST;
-    if (item->adopted && ddx_memory_held(item->epoch->control_fd))
-        return -EEXIST; /* its writer outlived our predecessor and will report */
+    if (item->adopted && !store.settled && ddx_memory_held(item->epoch->control_fd))
+        return -EEXIST; /* its writer outlived our predecessor and will report; unless it is stopped */
     if (item->readers)
         return ddx_layout_may_become(item->epoch ? item->epoch->layout : item->layout, layout);
     return 0;
