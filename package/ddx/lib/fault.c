@@ -5,6 +5,7 @@
 #include <fcntl.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -22,6 +23,7 @@ static struct plan {
     enum ddx_point point;
     uint64_t nth;
     int signal; /* 0: slow */
+    bool quiet;
     _Atomic(uint64_t) passed;
 } plans[PLANS];
 static unsigned plan_count;
@@ -43,7 +45,8 @@ static void add_plan(const char *text) {
     while (plan->point < DDX_POINT_COUNT && strcmp(ddx_point_name[plan->point], name) != 0)
         plan->point++;
     plan->nth = nth;
-    plan->signal = !strcmp(what, "kill") ? SIGKILL : !strcmp(what, "stop") ? SIGSTOP : 0;
+    plan->quiet = !strcmp(what, "die");
+    plan->signal = plan->quiet || !strcmp(what, "kill") ? SIGKILL : !strcmp(what, "stop") ? SIGSTOP : 0;
     if (plan->point == DDX_POINT_COUNT || (!plan->signal && strcmp(what, "slow") != 0))
         refuse(text);
 }
@@ -73,7 +76,7 @@ static void strike(const struct plan *plan) {
         nanosleep(&now, NULL);
         return;
     }
-    if (journal) {
+    if (journal && !plan->quiet) {
         journal->point = plan->point;
         journal->pid = (int32_t)getpid();
         clock_gettime(CLOCK_MONOTONIC, &now);

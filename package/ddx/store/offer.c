@@ -60,18 +60,20 @@ static void merge(struct epoch *known, struct epoch *offered) {
     }
 }
 
-static void adopt_epoch(struct item *item, struct client *client, bool writes) {
+/* True if there is news for the readers that reported before. */
+static bool adopt_epoch(struct item *item, struct client *client, bool writes) {
     struct epoch *epoch = client->offered;
 
     if (!epoch || !epoch->control_ready)
-        return;
+        return false;
     if (item->epoch && ddx_memory_same(item->epoch->control_fd, epoch->control_fd)) {
+        unsigned before = item->epoch->slots;
         merge(item->epoch, epoch);
         DDX_PASS(STORE_MERGED);
-        return;
+        return item->epoch->slots != before;
     }
     if (item->epoch && !writes)
-        return; /* an older one; this reader is told the current one */
+        return false; /* an older one; this reader is told the current one */
     epoch_free(item->epoch);
     item->epoch = epoch;
     item->epochs = epoch->number;
@@ -82,6 +84,7 @@ static void adopt_epoch(struct item *item, struct client *client, bool writes) {
     store.adopted++;
     DDX_PASS(STORE_ADOPTED);
     note("%s: taken back from %d", item->name, (int)client->pid);
+    return true;
 }
 
 static int adopt_writer(struct item *item, struct client *client) {
@@ -119,7 +122,10 @@ static void finish(struct client *client, uint32_t flags) {
     struct item *item = client->item;
     int result = 0;
 
-    adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer);
+    if (adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer))
+        for (struct client *c = store.clients; c; c = c->next)
+            if (c->item == item && c->id && !c->gone)
+                item_send_epoch(item, c);
     if (flags & DDX_FLAG_WRITER)
         result = adopt_writer(item, client);
     if (flags & DDX_FLAG_READER)
