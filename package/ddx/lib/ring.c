@@ -35,11 +35,12 @@ static int pinned_by(const struct ddx_ring_writer *writer, unsigned slot) {
 }
 
 /* Oldest first, so that readers who are late find as many frames as there are spare slots. */
-static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, const bool *tried) {
+static unsigned oldest_of(const struct ddx_ring_writer *writer, unsigned begin, unsigned end, unsigned newest,
+                          const bool *tried) {
     unsigned best = DDX_NO_SLOT;
     uint64_t best_sequence = UINT64_MAX;
 
-    for (unsigned i = 0; i < writer->slot_count; i++) {
+    for (unsigned i = begin; i < end; i++) {
         unsigned slot = writer->slot[i];
         uint64_t sequence = sequence_of(&writer->control->slot[slot]);
 
@@ -49,6 +50,13 @@ static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, co
         }
     }
     return best;
+}
+
+/* A slot that readers were not told of yet only if there is no other: should the store stop now, they would miss it. */
+static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, const bool *tried) {
+    unsigned slot = oldest_of(writer, 0, writer->told_count, newest, tried);
+
+    return slot != DDX_NO_SLOT ? slot : oldest_of(writer, writer->told_count, writer->slot_count, newest, tried);
 }
 
 int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {

@@ -35,8 +35,8 @@ struct ddx_ring_writer {
     uint32_t epoch;
     uint32_t notice_seen; /* version up to which `reader` is complete */
     uint64_t sequence;    /* of the newest frame */
-    unsigned slot_count, reader_count;
-    uint8_t slot[DDX_SLOTS_MAX]; /* slots that may be used */
+    unsigned slot_count, told_count, reader_count;
+    uint8_t slot[DDX_SLOTS_MAX]; /* slots that may be used; readers know the first `told_count`, which are preferred */
     struct ddx_ring_reader reader[DDX_READERS_MAX];
 };
 

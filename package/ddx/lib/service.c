@@ -105,9 +105,23 @@ static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         ddx_reader_follow(item);
 }
 
+static void on_slot_told(struct ddx_ring_writer *ring, unsigned slot) {
+    for (unsigned i = ring->told_count; i < ring->slot_count; i++)
+        if (ring->slot[i] == slot) {
+            ring->slot[i] = ring->slot[ring->told_count];
+            ring->slot[ring->told_count++] = (uint8_t)slot;
+            return;
+        }
+}
+
 static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 
+    if ((m->flags & DDX_FLAG_WRITER) && (m->flags & DDX_FLAG_READER)) {
+        if (item->writer.term && item->writer.term->epoch == m->epoch)
+            on_slot_told(&item->writer.ring, m->index);
+        return;
+    }
     if (m->flags & DDX_FLAG_WRITER) {
         struct ddx_ring_writer *ring = &item->writer.ring;
         struct ddx_term *term = item->writer.term;
@@ -205,7 +219,13 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     case DDX_READER: on_reader(item, packet); break;
     case DDX_READER_GONE: on_reader_gone(item, m); break;
     case DDX_ATTACHED: on_attached(item, packet); break;
+    case DDX_DONE:
+        if (!m->status)
+            item->writer.ring.told_count = item->writer.ring.slot_count;
+        break;
     case DDX_OFFERED:
+        if (!m->status)
+            item->writer.ring.told_count = item->writer.ring.slot_count;
         if (m->status == -EEXIST) {
             item->writer.superseded = true;
             DDX_PASS(KEEPER_SUPERSEDED);

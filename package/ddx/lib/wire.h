@@ -11,7 +11,8 @@
  *   ATTACH (frames to keep)         -> ATTACHED (pin), then as below                           become a reader
  * and unasked from the store:
  *   EPOCH (layout, control), SLOT...   to a reader: a writer's term begins (or is going on)
- *   SLOT                               one slot more
+ *   SLOT                               one slot more; to the writer a second time, without the file, when the readers
+ *                                      have been told of it
  *   READER (pin), READER_GONE          to the writer; the notice's version changes after READER is queued
  * After the store was restarted, instead of OPEN:
  *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
@@ -50,7 +51,7 @@ enum ddx_operation {
     DDX_LISTED,
 };
 
-/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for. */
+/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for (both: see above). */
 #define DDX_FLAG_CREATE 1u
 #define DDX_FLAG_WRITER 2u
 #define DDX_FLAG_READER 4u

@@ -135,8 +135,13 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
         for (struct client *c = store.clients; c && epoch == item->epoch; c = c->next)
             if (c->item == item && c->id && !c->gone)
                 item_send_slot(item, epoch, m->index, c, DDX_FLAG_READER);
-        if (epoch == item->epoch)
+        if (epoch == item->epoch) {
+            struct ddx_message told = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
+
             DDX_PASS(STORE_SLOT_TOLD);
+            told.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
+            client_send(client, &told, NULL, NULL, 0);
+        }
     }
     if (epoch == item->pending && epoch_ready(epoch))
         go_live(item);
