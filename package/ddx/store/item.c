@@ -155,7 +155,12 @@ bool item_announce(struct item *item, struct client *reader) {
     if (version == 0)
         version = 1; /* 0 in the message means: no change */
     message.sequence = version;
-    if (ddx_send(item->writer->socket, &message, NULL, &reader->pin_fd, 1))
+    int result = ddx_send(item->writer->socket, &message, NULL, &reader->pin_fd, 1);
+    if (result == -EPIPE) {
+        item->writer->gone = true; /* just died: it looks at no pins any more, and its successor is told of all readers */
+        return true;
+    }
+    if (result)
         return false;
     DDX_PASS(STORE_ANNOUNCED);
     /* Only now that the news is queued: a writer that sees the new version finds it without waiting. And before the

@@ -128,8 +128,10 @@ static void finish(struct client *client, uint32_t flags) {
                 item_send_epoch(item, c);
     if (flags & DDX_FLAG_WRITER)
         result = adopt_writer(item, client);
-    if (flags & DDX_FLAG_READER)
-        adopt_reader(item, client);
+    if (flags & DDX_FLAG_READER && adopt_reader(item, client)) {
+        client->gone = true; /* it tries again; if it believed to be known, it would wait for news in vain */
+        return;
+    }
     offer_abandon(client);
     client_reply(client, DDX_OFFERED, result);
     DDX_PASS(STORE_ACCEPTED);
