@@ -1,0 +1,187 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "director.h"
+
+#include <errno.h>
+#include <stdarg.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+struct party party[ACTORS];
+pid_t store_process;
+unsigned checks;
+static char folder[] = "/tmp/ddx-crash-XXXXXX";
+
+void fail(const char *format, ...) {
+    va_list arguments;
+
+    va_start(arguments, format);
+    vfprintf(stderr, format, arguments);
+    fputc('\n', stderr);
+    va_end(arguments);
+    for (unsigned i = 0; i < ACTORS; i++)
+        if (party[i].pid)
+            fprintf(stderr, "  %c%u pid %d: %llu turns, %llu frames, last %llu of term %llu%s%s\n", party[i].kind, i,
+                    (int)party[i].pid, (unsigned long long)stage->actor[i].beats,
+                    (unsigned long long)stage->actor[i].frames, (unsigned long long)stage->actor[i].last,
+                    (unsigned long long)stage->actor[i].term, stage->actor[i].failed ? ": " : "",
+                    stage->actor[i].failed ? stage->actor[i].failure : "");
+    for (unsigned i = 0; i < STREAMS; i++)
+        fprintf(stderr, "  %s: written %llu in %u terms, by %u\n", stream_name[i],
+                (unsigned long long)stage->stream[i].done, stage->stream[i].terms, stage->stream[i].owner);
+    if (getenv("DDX_CRASH_WAIT"))
+        pause(); /* to look at it with a debugger */
+    exit(1); /* the parties die with us */
+}
+
+void director_begin(void) {
+    char path[64];
+
+    if (!mkdtemp(folder))
+        fail("no folder: %s", strerror(errno));
+    snprintf(path, sizeof path, "%s/stage", folder);
+    setenv("DDX_DIR", folder, 1);
+    setenv("DDX_FAULT_JOURNAL", path, 1);
+    stage_open(true);
+    for (unsigned i = 0; i < STREAMS; i++)
+        stage->stream[i].allowed = ~0u;
+}
+
+static pid_t launch(const char *const *arguments, const char *fault) {
+    pid_t pid = fork();
+
+    if (pid < 0)
+        fail("fork: %s", strerror(errno));
+    if (pid == 0) {
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        if (fault)
+            setenv("DDX_FAULT", fault, 1);
+        execv(arguments[0], (char *const *)(uintptr_t)arguments);
+        _exit(127);
+    }
+    return pid;
+}
+
+void store_begin(const char *fault) {
+    const char *program = getenv("DDX_STORE_PROGRAM");
+    const char *arguments[] = {program, "-m", "64M", NULL};
+
+    if (!program)
+        fail("DDX_STORE_PROGRAM is not set");
+    store_process = launch(arguments, fault);
+}
+
+void store_kill(void) {
+    kill(store_process, SIGKILL);
+    waitpid(store_process, NULL, 0);
+    store_process = 0;
+}
+
+struct actor *actor_of(const struct party *p) {
+    return &stage->actor[p->index];
+}
+
+struct party *party_begin(char kind, unsigned stream, double period, const char *fault) {
+    char text[4][16] = {{kind}};
+    unsigned index = 0;
+
+    while (index < ACTORS && party[index].pid)
+        index++;
+    if (index == ACTORS)
+        fail("too many parties for the stage");
+    snprintf(text[1], sizeof text[1], "%u", stream);
+    snprintf(text[2], sizeof text[2], "%u", index);
+    snprintf(text[3], sizeof text[3], "%g", period);
+    const char *arguments[] = {"/proc/self/exe", "party", text[0], text[1], text[2], text[3], NULL};
+    memset(&stage->actor[index], 0, sizeof stage->actor[index]);
+    party[index] = (struct party){.index = index, .stream = stream, .kind = kind};
+    party[index].pid = launch(arguments, fault);
+    return &party[index];
+}
+
+void party_ended(struct party *p, int number) {
+    int64_t until = ddx_time_now() + (int64_t)(HANG * 1e9);
+    int status;
+    pid_t got;
+
+    while ((got = waitpid(p->pid, &status, WNOHANG)) == 0 && ddx_time_now() < until)
+        nap(0.0002);
+    if (got != p->pid)
+        fail("hang: %c%u does not end", p->kind, p->index);
+    if (number == SIGTERM ? status != 0 : !WIFSIGNALED(status) || WTERMSIG(status) != number)
+        fail("%c%u ended with status %x", p->kind, p->index, (unsigned)status);
+    p->pid = 0;
+}
+
+void party_end(struct party *p, int number) {
+    kill(p->pid, number);
+    party_ended(p, number);
+}
+
+struct party *owner_of(unsigned stream) {
+    struct party *owner = &party[stage->stream[stream].owner];
+
+    return owner->pid && owner->kind == 'w' && owner->stream == stream ? owner : NULL;
+}
+
+void look(void) {
+    if (stage->failures)
+        fail("a party complains");
+}
+
+static bool is_reader(const struct party *p, unsigned stream) {
+    return p->pid && !p->stopped && p->stream == stream && strchr("nodcm", p->kind);
+}
+
+void await_frames(unsigned stream, unsigned frames, uint32_t term, const char *when) {
+    uint64_t before[ACTORS];
+
+    for (unsigned i = 0; i < ACTORS; i++)
+        before[i] = stage->actor[i].frames;
+    for (unsigned i = 0; i < ACTORS; i++)
+        if (is_reader(&party[i], stream))
+            AWAIT(stage->actor[i].frames >= before[i] + frames && stage->actor[i].term >= term,
+                  "%s: %c%u gets no frames", when, party[i].kind, i);
+}
+
+int64_t await_takeover(unsigned stream, uint32_t term, int64_t since, const char *when) {
+    int64_t first = INT64_MAX;
+
+    AWAIT(stage->stream[stream].terms >= term, "%s: nobody takes over", when);
+    await_frames(stream, 1, term, when);
+    for (unsigned i = 0; i < ACTORS; i++)
+        if (is_reader(&party[i], stream) && stage->actor[i].term == term && stage->actor[i].term_time < first)
+            first = stage->actor[i].term_time;
+    return first == INT64_MAX ? 0 : first - since;
+}
+
+int64_t longest_gap(unsigned stream) {
+    int64_t longest = 0;
+
+    for (unsigned i = 0; i < ACTORS; i++)
+        if (is_reader(&party[i], stream)) {
+            int64_t gap = atomic_exchange(&stage->actor[i].longest, 0);
+
+            longest = gap > longest ? gap : longest;
+        }
+    return longest;
+}
+
+void director_end(void) {
+    char path[64];
+
+    for (unsigned i = 0; i < ACTORS; i++)
+        if (party[i].pid)
+            party_end(&party[i], SIGTERM);
+    look();
+    kill(store_process, SIGTERM);
+    waitpid(store_process, NULL, 0);
+    for (unsigned i = 0; i < 3; i++) {
+        static const char *const names[] = {"stage", "store-2005", "store-2005.lock"};
+
+        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        unlink(path);
+    }
+    rmdir(folder);
+}

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Programs that die, stop or lie, and others that must not notice: crash walk [POINT] */
+#include <string.h>
+
+#include "director.h"
+#include "tests.h"
+
+int main(int argc, char **argv) {
+    const char *what = argc > 1 ? argv[1] : "";
+    int result = 2;
+
+    setvbuf(stdout, NULL, _IOLBF, 0);
+    if (!strcmp(what, "party"))
+        return argc == 6 ? actor_main(*argv[2], (unsigned)atoi(argv[3]), (unsigned)atoi(argv[4]), atof(argv[5])) : 2;
+    director_begin();
+    if (!strcmp(what, "walk"))
+        result = test_walk(argc > 2 ? argv[2] : NULL);
+    else
+        fprintf(stderr, "usage: crash walk [POINT]\n");
+    if (!result)
+        director_end();
+    return result;
+}

@@ -1,0 +1,7 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef TESTS_H
+#define TESTS_H
+
+int test_walk(const char *only); /* points whose name contains this, or NULL for all */
+
+#endif

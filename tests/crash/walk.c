@@ -1,0 +1,285 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Walks through all points of fault.h: at each one a party is killed, and another is stopped, while writer, standby and
+ * readers of two items go on. Each frame that anybody gets is checked word by word (actor.c), losses are compared with
+ * what the writers wrote down, and whoever waits for a thing that does not come makes the test fail.
+ */
+#include <string.h>
+#include <sys/wait.h>
+
+#include "director.h"
+#include "tests.h"
+
+#define PERIOD 0.001
+#define PATIENCE 15.0 /* seconds of stimuli until a point counts as never reached */
+#define STOPPED 0.1   /* seconds that a stopped party is watched */
+
+static struct party *victim;
+static const char *at; /* the point's name */
+static char where[64];
+static int64_t worst_takeover, worst_gap, last_takeover;
+static unsigned takeovers;
+
+static bool is(const char *name) {
+    return !strcmp(at, name);
+}
+
+static bool in(const char *group) {
+    return !strncmp(at, group, strlen(group));
+}
+
+static bool struck(unsigned before) {
+    look();
+    return stage->journal.struck != before;
+}
+
+static bool wait_struck(unsigned before, double seconds) {
+    int64_t until = ddx_time_now() + (int64_t)(seconds * 1e9);
+
+    while (!struck(before) && ddx_time_now() < until)
+        nap(0.0002);
+    return struck(before);
+}
+
+/* Somebody comes, gets three frames, and leaves. */
+static void visit(char kind, unsigned before) {
+    struct party *guest = party_begin(kind, 0, 0, NULL);
+
+    for (int i = 0; i < 500 && !struck(before) && actor_of(guest)->frames < 3; i++)
+        nap(0.001);
+    party_end(guest, struck(before) ? SIGKILL : SIGTERM); /* it may be waiting for a stopped store */
+}
+
+static void change_writer(void) {
+    struct party *owner = owner_of(0);
+
+    if (owner && owner != victim) {
+        party_end(owner, SIGKILL);
+        party_begin('w', 0, PERIOD, NULL);
+    }
+}
+
+/* The writer knows of a slot that the store died over, and the victim is slow to hear of it from its successor. */
+static void lose_slot(unsigned before) {
+    struct party *guest = party_begin('o', 0, 0, NULL);
+
+    for (int i = 0; i < 300 && store_process; i++) {
+        nap(0.001);
+        store_process = waitpid(store_process, NULL, WNOHANG) ? 0 : store_process;
+    }
+    if (store_process)
+        store_kill();
+    nap(0.035); /* the writer looks for a store at once and after 50 ms, the victim 20 ms later */
+    store_begin("store.room_told:1:die");
+    wait_struck(before, 0.2);
+    party_end(guest, SIGKILL);
+    if (!struck(before)) /* a new epoch has only as many slots as are needed */
+        change_writer();
+}
+
+/* What makes a party pass the points that it does not pass by itself. */
+static void stimulate(unsigned turn, unsigned before) {
+    if (is("claim.ended") || is("attach.ended"))
+        kill(victim->pid, SIGTERM);
+    else if (is("reader.unmapped"))
+        lose_slot(before);
+    else if (in("keeper.") && !is("keeper.heard")) {
+        store_kill();
+        store_begin(NULL);
+    } else if (in("attach.") || in("store.")) {
+        if (turn % 3 == 0)
+            visit('m', before);
+        else if (turn % 3 == 1)
+            change_writer();
+        else if (in("store."))
+            visit('t', before);
+    } else
+        visit('o', before);
+}
+
+static void fault_text(char *text, size_t bytes, const char *action) {
+    const char *helped = is("writer.news")       ? "keeper.heard:1:slow,"
+                         : is("reader.unmapped") ? "keeper.lost:1:slow,keeper.found:1:slow,"
+                         : is("reader.overtaken")                   ? "reader.chosen:1:slow,"
+                                                                    : "";
+    int nth = is("reader.unmapped") ? 1 : in("writer.") || in("reader.") || in("direct.") ? 3 : 1;
+
+    snprintf(text, bytes, "%s%s:%d:%s", helped, at, nth, action);
+}
+
+/* The victim is on the stage, and with it all that brings it to the point. */
+static void bring(const char *fault, unsigned before) {
+    struct stream *stream = &stage->stream[0];
+
+    if (in("store.")) {
+        store_kill();
+        store_begin(fault);
+        return;
+    }
+    if (in("reader.") || in("direct.") || in("attach.")) {
+        victim = party_begin('m', 0, 0, fault);
+        AWAIT(actor_of(victim)->frames > 5 || struck(before), "%s: the victim does not begin", where);
+        return;
+    }
+    struct party *owner = owner_of(0);
+    stream->allowed = 0;
+    victim = party_begin('w', 0, PERIOD, fault);
+    AWAIT(actor_of(victim)->beats > 1 || struck(before), "%s: the victim does not begin", where);
+    party_end(owner, SIGKILL);
+    stream->allowed = 1u << victim->index;
+    AWAIT(stream->owner == victim->index || struck(before), "%s: the victim does not write", where);
+}
+
+/* Its writer is stopped while the store is restarted, for so long that another one is let in. */
+static void outlast(unsigned before) {
+    uint32_t terms = stage->stream[0].terms;
+
+    victim->stopped = true;
+    kill(victim->pid, SIGSTOP);
+    store_kill();
+    store_begin(NULL);
+    stage->stream[0].allowed = ~0u;
+    await_takeover(0, terms + 1, 0, where);
+    victim->stopped = false;
+    kill(victim->pid, SIGCONT);
+    AWAIT(struck(before), "%s: never learns that it was superseded", where);
+}
+
+static void killed(bool wrote, uint32_t terms) {
+    if (!victim) {
+        uint64_t others = stage->stream[1].done;
+
+        waitpid(store_process, NULL, 0);
+        nap(STOPPED);
+        AWAIT(stage->stream[1].done > others + 20, "%s: no frames without a store", where);
+        await_frames(1, 10, 0, where);
+        store_begin(NULL);
+        return;
+    }
+    party_ended(victim, SIGKILL);
+    if (wrote) {
+        last_takeover = await_takeover(0, terms + 1, stage->journal.time, where);
+        worst_takeover = last_takeover > worst_takeover ? last_takeover : worst_takeover;
+        takeovers++;
+    }
+}
+
+static void stopped(bool wrote) {
+    pid_t pid = victim ? victim->pid : store_process;
+    uint64_t beats = victim ? actor_of(victim)->beats : 0;
+
+    if (victim)
+        victim->stopped = true;
+    longest_gap(1);
+    uint64_t stumbled = stage->journal.passed[DDX_AT_READER_UNMAPPED];
+    nap(STOPPED);
+    if (!victim && stage->journal.passed[DDX_AT_READER_UNMAPPED] != stumbled)
+        fail("%s: the writer uses a slot that the store had no time to tell its readers of", where);
+    await_frames(1, 20, 0, where);
+    if (!wrote && victim)
+        await_frames(0, 20, 0, where);
+    int64_t gap = longest_gap(1);
+    worst_gap = gap > worst_gap ? gap : worst_gap;
+    kill(pid, SIGCONT);
+    if (!victim)
+        return;
+    victim->stopped = false;
+    if (is("claim.ended") || is("attach.ended"))
+        party_ended(victim, SIGTERM);
+    else {
+        AWAIT(actor_of(victim)->beats > beats + 3, "%s: does not go on", where);
+        party_end(victim, SIGKILL);
+    }
+}
+
+static void refill(void) {
+    unsigned writers = 0;
+
+    for (unsigned i = 0; i < ACTORS; i++)
+        writers += party[i].pid && party[i].kind == 'w' && party[i].stream == 0;
+    for (; writers < 2; writers++)
+        party_begin('w', 0, PERIOD, NULL);
+}
+
+/* Some slot is still unknown to some reader: it stumbles over it each time round. */
+static bool stumbles(void) {
+    uint64_t before = stage->journal.passed[DDX_AT_READER_UNMAPPED];
+
+    nap(0.1);
+    return stage->journal.passed[DDX_AT_READER_UNMAPPED] != before;
+}
+
+static void walk_point(unsigned point, const char *action) {
+    struct party *liar = NULL;
+    char fault[96];
+    uint32_t terms;
+
+    at = ddx_point_name[point];
+    snprintf(where, sizeof where, "%s %s", at, action);
+    fault_text(fault, sizeof fault, action);
+    unsigned before = stage->journal.struck;
+    int64_t until = ddx_time_now() + (int64_t)(PATIENCE * 1e9);
+    victim = NULL;
+    if (is("writer.collided"))
+        liar = party_begin('l', 0, 0, NULL);
+    bring(fault, before);
+    if (is("keeper.superseded"))
+        outlast(before);
+    for (unsigned turn = 0; !wait_struck(before, turn ? 0.02 : 0.05); turn++) {
+        if (ddx_time_now() > until)
+            fail("%s: never reached", where);
+        stimulate(turn, before);
+    }
+    if (stage->journal.point != point || stage->journal.pid != (victim ? victim->pid : store_process))
+        fail("%s: somebody else was struck", where);
+    terms = stage->stream[0].terms;
+    bool wrote = victim && victim->kind == 'w' && !is("keeper.superseded");
+    stage->stream[0].allowed = ~0u;
+    if (!strcmp(action, "kill"))
+        killed(wrote, terms);
+    else
+        stopped(wrote);
+    if (liar)
+        party_end(liar, SIGKILL);
+    if (is("reader.unmapped")) { /* this one has a fault yet */
+        store_kill();
+        store_begin(NULL);
+    }
+    refill();
+    /* And all is well again: frames flow, and who comes anew is let in. */
+    await_frames(0, 5, 0, where);
+    if (is("reader.unmapped"))
+        AWAIT(!stumbles(), "%s: a reader is never told of a slot", where);
+    victim = NULL;
+    visit('m', stage->journal.struck);
+    if (waitpid(store_process, NULL, WNOHANG))
+        fail("%s: the store has ended", where);
+    if (wrote && !strcmp(action, "kill"))
+        printf("%-24s takeover %.1f ms\n", where, (double)last_takeover / 1e6);
+    else
+        printf("%s\n", where);
+}
+
+int test_walk(const char *only) {
+    unsigned walked = 0;
+
+    store_begin(NULL);
+    party_begin('w', 0, PERIOD, NULL);
+    AWAIT(stage->stream[0].terms == 1, "nobody writes");
+    party_begin('w', 0, PERIOD, NULL);
+    for (unsigned i = 0; i < 3; i++)
+        party_begin("nod"[i], 0, 0, NULL);
+    party_begin('w', 1, PERIOD, NULL);
+    party_begin('o', 1, 0, NULL);
+    await_frames(0, 10, 1, "at first");
+    await_frames(1, 10, 1, "at first");
+    for (unsigned point = 0; point < DDX_POINT_COUNT; point++)
+        for (unsigned i = 0; i < 2; i++)
+            if (!only || strstr(ddx_point_name[point], only)) {
+                walk_point(point, i ? "stop" : "kill");
+                walked++;
+            }
+    printf("%u points passed, %u takeovers, worst %.1f ms; longest gap of others while one was stopped %.1f ms\n",
+           walked, takeovers, (double)worst_takeover / 1e6, (double)worst_gap / 1e6);
+    return 0;
+}

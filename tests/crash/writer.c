@@ -1,0 +1,114 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A writer that stands by until the item has none, then carries on where the last whole frame is. */
+#include <errno.h>
+#include <string.h>
+
+#include "stage.h"
+
+struct writer {
+    struct stream *stream;
+    struct term *term; /* NULL: stands by */
+    uint32_t number;
+    DDX_STORE_ITEM *item, *look;
+};
+
+/* What its predecessor published last, seen from outside; what that one wrote down must agree. */
+static void begin(struct writer *w, unsigned index) {
+    static FRAME last;
+    int result;
+
+    while ((result = ddx_store_read(w->look, &last, NULL, 0, DDX_CURRENT)) && later(result))
+        nap(0.001);
+    if (result)
+        last.number = 0;
+    if (result && result != -ETIMEDOUT)
+        actor_fail("the new writer cannot read: %s", ddx_error_text(result));
+    w->number = w->stream->terms + 1;
+    if (w->number >= TERMS)
+        actor_fail("too many terms for the stage");
+    const struct term *before = &w->stream->term[w->number - 1];
+    if (last.number < before->done || last.number > before->begun)
+        actor_fail("term %u goes on from %llu, but its predecessor published %llu, perhaps %llu", w->number,
+                   (unsigned long long)last.number, (unsigned long long)before->done,
+                   (unsigned long long)before->begun);
+    w->term = &w->stream->term[w->number];
+    w->term->first = last.number + 1;
+    w->term->begun = w->term->done = last.number;
+    w->stream->owner = index;
+    w->stream->terms = w->number;
+}
+
+static void write_one(struct writer *w, void *data) {
+    FRAME *frame = data;
+    uint64_t number = w->term->done + 1;
+
+    frame->number = number;
+    frame->term = w->number;
+    for (unsigned i = 0; i < WORDS; i++)
+        frame->word[i] = content(number, w->number, i);
+    if (number % 50 == 7 && number != w->term->first) {
+        frame->word[3] = 0;
+        if (ddx_store_cancel(w->item) || ddx_store_loan(w->item, &data))
+            actor_fail("a loaned frame cannot be given back");
+        frame = data;
+        frame->number = number;
+        frame->term = w->number;
+        for (unsigned i = 0; i < WORDS; i++)
+            frame->word[i] = content(number, w->number, i);
+    }
+    w->term->begun = number;
+    w->stream->begun = number;
+    if (number == w->term->first)
+        w->term->time = ddx_time_now();
+    int result = ddx_store_publish(w->item, NULL);
+    if (result)
+        actor_fail("publish: %s", ddx_error_text(result));
+    w->term->done = number;
+    w->stream->done = number;
+}
+
+void play_writer(struct actor *me, unsigned stream, unsigned index, double period) {
+    struct writer w = {.stream = &stage->stream[stream]};
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
+    static FRAME copy;
+    void *data;
+    int result;
+
+    if (!id)
+        actor_fail("no store: %s", ddx_error_text(errno));
+    w.item = actor_lookup(id, stream_name[stream]);
+    w.look = actor_lookup(id, stream_name[stream]);
+    while (!leaving && (result = ddx_store_read(w.look, &copy, NULL, 0, DDX_CURRENT)) && result != -ETIMEDOUT) {
+        if (!later(result))
+            actor_fail("the writer's own reader: %s", ddx_error_text(result));
+        nap(0.002);
+    }
+    for (; !leaving; me->beats++) {
+        if (!w.term && !(w.stream->allowed & 1u << index)) {
+            nap(0.001);
+            continue;
+        }
+        result = ddx_store_loan(w.item, &data);
+        if (result == -EEXIST && w.term) { /* stopped for so long that another took over: begin anew */
+            w.term = NULL;
+            ddx_store_done_item(w.item);
+            w.item = actor_lookup(id, stream_name[stream]);
+            continue;
+        }
+        if (later(result) || result == -EEXIST) {
+            nap(0.002);
+            continue;
+        }
+        if (result)
+            actor_fail("loan: %s", ddx_error_text(result));
+        if (!w.term)
+            begin(&w, index);
+        if (w.stream->terms == w.number)
+            write_one(&w, data);
+        else
+            ddx_store_publish(w.item, NULL); /* nobody looks any more, and we are about to be told */
+        me->frames++;
+        nap(period);
+    }
+    ddx_store_close(id);
+}
