@@ -67,11 +67,11 @@ DDX_STORE_ITEM *actor_lookup(DDX_STORE_ID *id, const char *name) {
     return item;
 }
 
-static void check_words(const FRAME *frame) {
+static void check_words(const FRAME *frame, uint64_t number, uint64_t term) {
     for (unsigned i = 0; i < WORDS; i++)
-        if (frame->word[i] != content(frame->number, frame->term, i))
-            actor_fail("torn: frame %llu of term %llu at word %u", (unsigned long long)frame->number,
-                       (unsigned long long)frame->term, i);
+        if (frame->word[i] != content(number, term, i) || frame->number != number || frame->term != term)
+            actor_fail("torn: frame %llu of term %llu at word %u", (unsigned long long)number,
+                       (unsigned long long)term, i);
 }
 
 /* A frame as delivered: `missed` is the library's word, all else is counted here. */
@@ -80,7 +80,7 @@ static void account(struct actor *me, const struct stream *stream, const FRAME *
     int64_t now = ddx_time_now();
     uint64_t outside = frame->number - me->last - 1;
 
-    check_words(frame);
+    check_words(frame, frame->number, frame->term);
     if (frame->term < 1 || frame->term > stream->terms || frame->term < me->term)
         actor_fail("frame of term %llu after %llu", (unsigned long long)frame->term, (unsigned long long)me->term);
     const struct term *term = &stream->term[frame->term];
@@ -145,8 +145,8 @@ static int take(struct reader *r, char way) {
     r->missed += missed;
     account(r->me, r->stream, frame, missed, r->earliest);
     if (r->me->frames % 16 == 3) {
-        nap(0.004);
-        check_words(frame); /* what is held does not change */
+        nap(r->me->frames % 64 == 3 ? 0.12 : 0.004); /* the longer one lasts until the writer has been through all slots */
+        check_words(frame, r->me->last, r->me->term); /* what is held does not change */
     }
     if (got.data && ddx_store_release(r->item))
         actor_fail("a frame cannot be released");

@@ -11,6 +11,7 @@
 struct party party[ACTORS];
 pid_t store_process;
 unsigned checks;
+double hang = 8;
 static char folder[] = "/tmp/ddx-crash-XXXXXX";
 
 void fail(const char *format, ...) {
@@ -38,6 +39,8 @@ void fail(const char *format, ...) {
 void director_begin(void) {
     char path[64];
 
+    if (getenv("DDX_CRASH_HANG"))
+        hang = atof(getenv("DDX_CRASH_HANG"));
     if (!mkdtemp(folder))
         fail("no folder: %s", strerror(errno));
     snprintf(path, sizeof path, "%s/stage", folder);
@@ -101,7 +104,7 @@ struct party *party_begin(char kind, unsigned stream, double period, const char 
 }
 
 void party_ended(struct party *p, int number) {
-    int64_t until = ddx_time_now() + (int64_t)(HANG * 1e9);
+    int64_t until = ddx_time_now() + (int64_t)(hang * 1e9);
     int status;
     pid_t got;
 

@@ -10,7 +10,7 @@
 
 #include "stage.h"
 
-#define HANG 8.0 /* seconds; on a busy machine a program may well not run for one */
+extern double hang; /* seconds: 8, since on a busy machine a program may well not run for one; or DDX_CRASH_HANG */
 
 struct party {
     pid_t pid; /* 0: none */
@@ -39,7 +39,7 @@ void look(void); /* has any party complained? has one ended that nobody ended? *
 
 #define AWAIT(condition, ...)                                         \
     do {                                                              \
-        int64_t until_ = ddx_time_now() + (int64_t)(HANG * 1e9);      \
+        int64_t until_ = ddx_time_now() + (int64_t)(hang * 1e9);      \
         while (!(condition)) {                                        \
             look();                                                   \
             if (ddx_time_now() > until_)                              \

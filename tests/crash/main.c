@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Programs that die, stop or lie, and others that must not notice: crash walk [POINT] */
+/* Programs that die, stop or lie, and others that must not notice: crash walk [POINT] | random KILLS SEED | broken | hostile */
 #include <string.h>
 
 #include "director.h"
@@ -15,8 +15,14 @@ int main(int argc, char **argv) {
     director_begin();
     if (!strcmp(what, "walk"))
         result = test_walk(argc > 2 ? argv[2] : NULL);
+    else if (!strcmp(what, "random") && argc == 4)
+        result = test_random((unsigned)atoi(argv[2]), (unsigned)atoi(argv[3]));
+    else if (!strcmp(what, "broken"))
+        result = test_broken();
+    else if (!strcmp(what, "hostile"))
+        result = test_hostile();
     else
-        fprintf(stderr, "usage: crash walk [POINT]\n");
+        fprintf(stderr, "usage: crash walk [POINT] | random KILLS SEED | broken | hostile\n");
     if (!result)
         director_end();
     return result;

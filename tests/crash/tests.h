@@ -3,5 +3,8 @@
 #define TESTS_H
 
 int test_walk(const char *only); /* points whose name contains this, or NULL for all */
+int test_random(unsigned kills, unsigned seed);
+int test_broken(void);
+int test_hostile(void);
 
 #endif

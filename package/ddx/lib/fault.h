@@ -129,7 +129,11 @@ struct ddx_fault_journal {
 extern const char *const ddx_point_name[DDX_POINT_COUNT];
 void ddx_fault_pass(enum ddx_point point);
 #define DDX_PASS(name) ddx_fault_pass(DDX_AT_##name)
+/* Is the protocol to be broken in this way (DDX_BROKEN=blind|miscount|deaf)? For tests that must fail then. */
+int ddx_fault_broken(const char *way);
+#define DDX_BROKEN(way) ddx_fault_broken(way)
 #else
+#define DDX_BROKEN(way) 0
 #define DDX_PASS(name) ((void)0)
 #endif
 

@@ -1,0 +1,1 @@
+int test_hostile(void); int test_hostile(void) { return 0; }

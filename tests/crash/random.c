@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * SIGKILL at random, of writers, readers and the store, as many times as asked for. The same seed kills the same
+ * parties after the same pauses. Ends with one line of JSON.
+ */
+#include <string.h>
+
+#include "director.h"
+#include "tests.h"
+
+#define PERIOD 0.001
+#define TOGETHER 400000000 /* ns: a takeover so soon after the store's death waits for the store, too */
+
+enum victim { WRITER, STANDBY, READER, STORE, WRITER_AND_STORE, VICTIMS };
+
+static uint64_t state;
+static unsigned killed[VICTIMS];
+static int64_t store_died;
+/* ns: worst and sum; [1]: with the store away */
+static int64_t worst[2], sum[2];
+static unsigned takeovers[2];
+
+static unsigned chance(unsigned below) {
+    state = state * 6364136223846793005u + 1442695040888963407u;
+    return (unsigned)(state >> 33) % below;
+}
+
+static struct party *any(const char *kinds, const struct party *except, unsigned from) {
+    struct party *found[ACTORS];
+    unsigned count = 0;
+
+    for (unsigned i = from; i < ACTORS; i++)
+        if (party[i].pid && party[i].stream == 0 && strchr(kinds, party[i].kind) && &party[i] != except)
+            found[count++] = &party[i];
+    return count ? found[chance(count)] : NULL;
+}
+
+static void kill_store(void) {
+    store_kill();
+    store_died = ddx_time_now();
+    nap(chance(3) ? 0 : chance(60) / 1000.0);
+    store_begin(NULL);
+}
+
+static void kill_writer(bool and_store) {
+    struct party *owner = owner_of(0);
+    uint32_t terms = stage->stream[0].terms;
+    int64_t since = ddx_time_now();
+
+    party_end(owner, SIGKILL);
+    if (and_store)
+        kill_store();
+    int64_t time = await_takeover(0, terms + 1, since, "a killed writer");
+    bool together = since - store_died < TOGETHER;
+    worst[together] = time > worst[together] ? time : worst[together];
+    sum[together] += time;
+    takeovers[together]++;
+    party_begin('w', 0, PERIOD, NULL);
+}
+
+static void kill_party(struct party *victim, const char *kinds) {
+    party_end(victim, SIGKILL);
+    nap(chance(10) / 1000.0);
+    party_begin(kinds[chance((unsigned)strlen(kinds))], 0, PERIOD, NULL);
+}
+
+static void kill_one(unsigned observers) {
+    static const unsigned share[VICTIMS] = {52, 10, 30, 5, 3};
+    unsigned dice = chance(100), what = 0;
+
+    while (dice >= share[what])
+        dice -= share[what++];
+    killed[what]++;
+    switch (what) {
+    case WRITER: kill_writer(false); break;
+    case WRITER_AND_STORE: kill_writer(true); break;
+    case STANDBY: kill_party(any("w", owner_of(0), 0), "w"); break;
+    case READER: kill_party(any("nodcm", NULL, observers), "nodcm"); break;
+    default: kill_store(); break;
+    }
+}
+
+int test_random(unsigned kills, unsigned seed) {
+    uint64_t seen = 0, missed = 0;
+
+    state = seed;
+    store_begin(NULL);
+    for (unsigned i = 0; i < 3; i++) /* these live all the time */
+        party_begin("nod"[i], 0, 0, NULL);
+    party_begin('w', 1, PERIOD, NULL);
+    party_begin('o', 1, 0, NULL);
+    for (unsigned i = 0; i < 3; i++)
+        party_begin("ocm"[i], 0, 0, NULL);
+    for (unsigned i = 0; i < 3; i++)
+        party_begin('w', 0, PERIOD, NULL);
+    await_frames(0, 300, 1, "at first");
+    for (unsigned i = 0; i < kills; i++) {
+        kill_one(5);
+        nap(chance(30) / 1000.0);
+        await_frames(1, 1, 0, "while others die");
+        if (i % 20 == 19)
+            await_frames(0, 5, 0, "after kills");
+        if (i % 500 == 499)
+            fprintf(stderr, "%u of %u\n", i + 1, kills);
+    }
+    await_frames(0, 20, 0, "at last");
+    for (unsigned i = 0; i < 3; i++) {
+        party_end(&party[i], SIGTERM);
+        const struct actor *a = &stage->actor[i];
+
+        if (a->frames + a->missed != a->last - a->first + 1)
+            fail("%c%u: %llu seen and %llu missed are not what was written", party[i].kind, i,
+                 (unsigned long long)a->frames, (unsigned long long)a->missed);
+        seen += a->frames;
+        missed += a->missed;
+    }
+    look();
+    printf("{\"kills\":%u,\"seed\":%u,\"writers\":%u,\"standbys\":%u,\"readers\":%u,\"stores\":%u,\"writers_and_stores\":%u,"
+           "\"frames_written\":%llu,\"terms\":%u,\"seen\":%llu,\"missed\":%llu,\"torn\":0,\"hangs\":0,"
+           "\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,\"takeovers\":%u,"
+           "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u}\n",
+           kills, seed, killed[WRITER], killed[STANDBY], killed[READER], killed[STORE], killed[WRITER_AND_STORE],
+           (unsigned long long)stage->stream[0].done, stage->stream[0].terms, (unsigned long long)seen,
+           (unsigned long long)missed, takeovers[0] ? (double)sum[0] / takeovers[0] / 1e6 : 0, (double)worst[0] / 1e6,
+           takeovers[0], (double)worst[1] / 1e6, takeovers[1]);
+    return 0;
+}
