@@ -323,6 +323,30 @@ static void test_restart_without_a_gap(void) {
     ddx_store_done_item(out);
 }
 
+static double store_seconds(void) {
+    struct timespec used;
+    clockid_t clock;
+
+    CHECK_EQUAL(clock_getcpuclockid(store_pid, &clock), 0);
+    CHECK_EQUAL(clock_gettime(clock, &used), 0);
+    return (double)used.tv_sec + (double)used.tv_nsec / 1e9;
+}
+
+/* Newcomers wait while holders report to a store that was restarted; it sleeps meanwhile. */
+static void test_newcomers_wait_quietly(void) {
+    store_stop(SIGKILL);
+    store_start("64M");
+    DDX_STORE_ID *other = ddx_store_open(NULL, 0, 2);
+    CHECK(other);
+    double before = store_seconds();
+    DDX_TIME begin = ddx_time_now();
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(other, "newcomer", "int", sizeof(int));
+    CHECK(item);
+    CHECK(ddx_time_now() - begin > 150000000);
+    CHECK(store_seconds() - before < 0.005); /* in vain: 0.016 and more */
+    ddx_store_close(other);
+}
+
 int main(void) {
     struct rlimit limit;
 
@@ -344,6 +368,7 @@ int main(void) {
     test_budget();
     test_restart();
     test_restart_without_a_gap();
+    test_newcomers_wait_quietly();
     ddx_store_close(id);
     store_stop(SIGTERM);
     store_folder_remove();

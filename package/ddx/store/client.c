@@ -8,7 +8,6 @@
 
 #include "server.h"
 
-#define GRACE 250000000     /* ns after a restart in which only living holders are heard */
 #define MESSAGES_AT_ONCE 64 /* then the others get their turn */
 
 struct client *client_add(int socket) {
@@ -59,7 +58,8 @@ void client_receive(struct client *client) {
     static struct ddx_packet packet;
 
     for (int i = 0; i < MESSAGES_AT_ONCE && !client->gone; i++) {
-        if (too_early(client))
+        client->early = too_early(client);
+        if (client->early)
             return;
         int result = ddx_receive(client->socket, &packet);
         if (result == 0)

@@ -18,7 +18,6 @@
 #include "server.h"
 
 #define SETTLE 2000000000 /* ns after a restart until readers that did not report count as dead */
-#define TICK 20           /* ms between looks at the clock while that goes on */
 
 struct store store = {.port = DDX_STORE_PORT, .budget = (uint64_t)8 << 20, .next_reader = 1};
 
@@ -153,25 +152,41 @@ static struct pollfd *poll_list(nfds_t *count) {
         list = more;
         room = 2 * needed;
     }
+    bool grace = store.restarted && ddx_time_now() - store.started < GRACE;
     list[0] = (struct pollfd){.fd = store.listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store.clients; c; c = c->next)
-        list[(*count)++] = (struct pollfd){.fd = c->socket, .events = (short)(POLLIN | (c->listing ? POLLOUT : 0))};
+        list[(*count)++] = (struct pollfd){
+            .fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | (c->listing ? POLLOUT : 0))};
     return list;
 }
 
+/* When the clock, and nobody's message, is the next to change something: after a restart. False: never. */
+static bool next_look(struct timespec *wait) {
+    int64_t age = ddx_time_now() - store.started, until = age < GRACE ? GRACE : SETTLE;
+
+    if (!store.restarted || store.settled)
+        return false;
+    *wait = (struct timespec){(until - age) / 1000000000, (until - age) % 1000000000};
+    if (until < age)
+        *wait = (struct timespec){0, 0};
+    return true;
+}
+
 static void turn(const sigset_t *waiting) {
-    struct timespec tick = {0, TICK * 1000000L};
+    struct timespec wait;
     nfds_t count;
     struct pollfd *list = poll_list(&count);
 
-    if (!list || ppoll(list, count, store.restarted && !store.settled ? &tick : NULL, waiting) < 0)
+    if (!list || ppoll(list, count, next_look(&wait) ? &wait : NULL, waiting) < 0)
         return;
     nfds_t i = 1;
     for (struct client *c = store.clients; c && i < count; c = c->next, i++) {
         if (list[i].revents & POLLOUT && c->listing && !c->gone)
             list_continue(c);
-        if (list[i].revents & ~POLLOUT)
+        if (c->early && list[i].revents & (POLLHUP | POLLERR))
+            c->gone = true; /* what it asked for it wants no more */
+        else if (list[i].revents & ~POLLOUT)
             client_receive(c);
     }
     if (list[0].revents) {

@@ -27,6 +27,7 @@ struct client {
     int socket;
     int32_t pid;
     bool gone;
+    bool early; /* asks for something that it may not have yet: see client.c */
     struct item *item;
     /* as a reader: */
     uint32_t id; /* 0: does not read */
@@ -119,6 +120,7 @@ void offer_message(struct client *client, struct ddx_packet *packet);
 void offer_abandon(struct client *client);
 
 /* client.c */
+#define GRACE 250000000 /* ns after a restart in which only living holders are heard */
 struct client *client_add(int socket);
 void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
