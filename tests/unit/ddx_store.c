@@ -323,6 +323,28 @@ static void test_restart_without_a_gap(void) {
     ddx_store_done_item(out);
 }
 
+/* A store that cannot listen for a while after its restart does not give away what living programs hold. */
+static void test_restart_and_stop(void) {
+    DDX_STORE_ITEM *out = lookup("stopped", "int", sizeof(int)), *rival;
+    int value = 0;
+
+    for (value = 1; value <= 9; value++)
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+    rival = lookup("stopped", "int", sizeof(int));
+    store_stop(SIGKILL);
+    store_start("64M");
+    DDX_STORE_ID *probe = ddx_store_open(NULL, 0, 2);
+    CHECK_EQUAL(kill(store_pid, SIGSTOP), 0);
+    nap(0.4);
+    CHECK_EQUAL(kill(store_pid, SIGCONT), 0);
+    CHECK_EQUAL(ddx_store_write(rival, &value, NULL), -EEXIST);
+    CHECK_EQUAL(ddx_store_read(rival, &value, NULL, 0, DDX_CURRENT), 0);
+    CHECK_EQUAL(value, 9);
+    ddx_store_close(probe);
+    ddx_store_done_item(rival);
+    ddx_store_done_item(out);
+}
+
 static double store_seconds(void) {
     struct timespec used;
     clockid_t clock;
@@ -368,6 +390,7 @@ int main(void) {
     test_budget();
     test_restart();
     test_restart_without_a_gap();
+    test_restart_and_stop();
     test_newcomers_wait_quietly();
     ddx_store_close(id);
     store_stop(SIGTERM);

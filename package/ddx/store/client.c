@@ -48,7 +48,7 @@ void client_reply(struct client *client, uint32_t operation, int status) {
 static bool too_early(struct client *client) {
     uint32_t operation = 0;
 
-    if (!store.restarted || client->item || ddx_time_now() - store.started >= GRACE)
+    if (!store.restarted || store.open || client->item)
         return false;
     ssize_t got = recv(client->socket, &operation, sizeof operation, MSG_PEEK | MSG_DONTWAIT);
     return got > 0 && (operation == DDX_OPEN || operation == DDX_LIST);

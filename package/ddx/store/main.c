@@ -17,7 +17,11 @@
 #include "listen.h"
 #include "server.h"
 
-#define SETTLE 2000000000 /* ns after a restart until readers that did not report count as dead */
+/* ns of listening after a restart */
+#define GRACE 250000000   /* in which only living holders are heard */
+#define NOISE 1000000000  /* after which newcomers are heard although the holders still have a lot to say */
+#define SETTLE 2000000000 /* after which those who did not report count as dead */
+#define TICK 20000000     /* between looks at the clock while that goes on */
 
 struct store store = {.port = DDX_STORE_PORT, .budget = (uint64_t)8 << 20, .next_reader = 1};
 
@@ -124,7 +128,7 @@ static void print_json(void) {
 
 /* Readers that died while no store ran still stand in the writers' lists. */
 static void settle(void) {
-    if (store.settled || !store.restarted || ddx_time_now() - store.started < SETTLE)
+    if (store.settled || !store.restarted || store.listened < SETTLE)
         return;
     store.settled = true;
     DDX_PASS(STORE_SETTLED);
@@ -152,7 +156,7 @@ static struct pollfd *poll_list(nfds_t *count) {
         list = more;
         room = 2 * needed;
     }
-    bool grace = store.restarted && ddx_time_now() - store.started < GRACE;
+    bool grace = store.restarted && !store.open;
     list[0] = (struct pollfd){.fd = store.listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store.clients; c; c = c->next)
@@ -161,25 +165,31 @@ static struct pollfd *poll_list(nfds_t *count) {
     return list;
 }
 
-/* When the clock, and nobody's message, is the next to change something: after a restart. False: never. */
-static bool next_look(struct timespec *wait) {
-    int64_t age = ddx_time_now() - store.started, until = age < GRACE ? GRACE : SETTLE;
+/*
+ * After a restart: count the time that we listened. A store that was stopped meanwhile, or does not get to run, has not
+ * heard those who reported; were it to let newcomers in by the clock, it would give them items that others hold.
+ */
+static void count_time(bool calm) {
+    static int64_t last;
+    int64_t now = ddx_time_now(), passed = last ? now - last : 0;
 
-    if (!store.restarted || store.settled)
-        return false;
-    *wait = (struct timespec){(until - age) / 1000000000, (until - age) % 1000000000};
-    if (until < age)
-        *wait = (struct timespec){0, 0};
-    return true;
+    last = now;
+    store.listened += passed < TICK ? passed : TICK;
+    if (store.listened >= (calm ? GRACE : NOISE))
+        store.open = true;
 }
 
 static void turn(const sigset_t *waiting) {
-    struct timespec wait;
+    bool young = store.restarted && !store.settled, grace = young && !store.open;
+    struct timespec tick = {0, grace && store.listened >= GRACE ? 0 : TICK};
     nfds_t count;
     struct pollfd *list = poll_list(&count);
+    int ready = list ? ppoll(list, count, young ? &tick : NULL, waiting) : -1;
 
-    if (!list || ppoll(list, count, next_look(&wait) ? &wait : NULL, waiting) < 0)
+    if (ready < 0)
         return;
+    if (young)
+        count_time(ready == 0);
     nfds_t i = 1;
     for (struct client *c = store.clients; c && i < count; c = c->next, i++) {
         if (list[i].revents & POLLOUT && c->listing && !c->gone)
@@ -235,7 +245,6 @@ int main(int argc, char **argv) {
     }
     signal(SIGPIPE, SIG_IGN);
     sigprocmask(SIG_BLOCK, &blocked, &waiting); /* delivered while ppoll() waits, and only then */
-    store.started = ddx_time_now();
     DDX_PASS(STORE_LISTENS);
     note("%llu bytes at %s", (unsigned long long)store.budget, path);
     while (!stop) {

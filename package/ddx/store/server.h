@@ -65,9 +65,10 @@ struct store {
     struct client *clients;
     struct client *current; /* whose request is being handled */
     uint32_t next_reader, adopted;
-    int64_t started;
-    bool restarted; /* a store ran here before: living holders will report */
-    bool settled;   /* they have had time to */
+    int64_t listened; /* ns that this store had an ear for others, without what it was stopped for */
+    bool restarted;   /* a store ran here before: living holders will report */
+    bool open;        /* they have had time to, if they are awake: newcomers may come in */
+    bool settled;     /* who has not yet, is stopped or dead */
 };
 extern struct store store;
 
@@ -120,7 +121,6 @@ void offer_message(struct client *client, struct ddx_packet *packet);
 void offer_abandon(struct client *client);
 
 /* client.c */
-#define GRACE 250000000 /* ns after a restart in which only living holders are heard */
 struct client *client_add(int socket);
 void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
