@@ -104,6 +104,26 @@ static void test_tail(void) {
     ddx_store_done_item(out);
 }
 
+/* The newest value is that of the newest writer, also when the one before left values that were never looked at. */
+static void test_current_across_writers(void) {
+    DDX_STORE_ITEM *in = lookup("current", "int", sizeof(int));
+    int value, got;
+
+    CHECK_EQUAL(ddx_store_read(in, &got, NULL, 0, DDX_NEXT), -ETIMEDOUT);
+    for (int round = 0; round < 50; round++) {
+        DDX_STORE_ITEM *out = lookup("current", "int", sizeof(int));
+
+        for (value = 10 * round; value < 10 * round + 5; value++)
+            CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+        if (round % 2) {
+            CHECK_EQUAL(ddx_store_read(in, &got, NULL, 0, DDX_CURRENT), 0);
+            CHECK_EQUAL(got, value - 1);
+        }
+        ddx_store_done_item(out);
+    }
+    ddx_store_done_item(in);
+}
+
 /* What a reader holds stays as it is while the writer goes on. */
 static void test_hold(void) {
     DDX_STORE_ITEM *out = lookup("hold", "BLOCK", sizeof(BLOCK)), *in = lookup("hold", NULL, 0);
@@ -384,6 +404,7 @@ int main(void) {
     CHECK(id);
     test_errors();
     test_tail();
+    test_current_across_writers();
     test_hold();
     test_loan();
     test_pictures();

@@ -140,8 +140,8 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         result = -ENODATA;
         if (reader->term) {
             ddx_ring_newest(reader->term->control, &latest);
-            if (tail == DDX_CURRENT && !asked && ahead(latest, reader->seen) == 0) {
-                asked = true; /* nothing new here: has another writer begun, and the keeper not got round to it? */
+            if (tail == DDX_CURRENT && !asked) {
+                asked = true; /* has another writer begun, and the keeper not got round to it? Half a microsecond. */
                 ddx_item_service(item);
                 continue;
             }
