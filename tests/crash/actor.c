@@ -231,6 +231,8 @@ int actor_main(char kind, unsigned stream, unsigned index, double period) {
     switch (kind) {
     case 'w': play_writer(self, stream, index, period); break;
     case 't': play_tourist(self); break;
+    case 'v': play_vandal(self, stream); break;
+    case 'f': play_flood(self); break;
     case 'l': play_liar(self, stream); break;
     default: play_reader(self, stream, kind); break;
     }

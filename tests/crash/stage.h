@@ -66,6 +66,9 @@ void nap(double seconds);
 /* actor.c: `kind` as below, on this stream; runs until TERM. `spoilt` names an error to make on purpose. */
 int actor_main(char kind, unsigned stream, unsigned index, double period);
 /* writer.c */
+/* vandal.c */
+void play_vandal(struct actor *me, unsigned stream);
+void play_flood(struct actor *me);
 void play_writer(struct actor *me, unsigned stream, unsigned index, double period);
 extern volatile int leaving;
 extern const char *const stream_name[STREAMS];

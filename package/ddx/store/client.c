@@ -3,6 +3,7 @@
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -10,16 +11,33 @@
 
 #define MESSAGES_AT_ONCE 64 /* then the others get their turn */
 
+/*
+ * One process gets a quarter of our descriptors at most, and all connections together three quarters: the rest is for
+ * memory files. Descriptors are given out from below, so the newest one tells how many there are.
+ */
+static bool too_many(int socket, int32_t pid) {
+    struct rlimit limit;
+    rlim_t its = 0;
+
+    if (getrlimit(RLIMIT_NOFILE, &limit))
+        return false;
+    for (const struct client *client = store.clients; client; client = client->next)
+        its += client->pid == pid;
+    return its >= limit.rlim_cur / 4 || (rlim_t)socket >= limit.rlim_cur / 4 * 3;
+}
+
 struct client *client_add(int socket) {
     struct client *client = calloc(1, sizeof *client);
     struct ucred who = {0};
     socklen_t length = sizeof who;
 
-    if (!client) {
+    getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
+    if (!client || too_many(socket, who.pid)) {
+        note("%d is refused: too many connections", (int)who.pid);
+        free(client);
         close(socket);
         return NULL;
     }
-    getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
     client->pid = who.pid;
     client->socket = socket;
     client->pin_fd = client->offered_notice_fd = client->offered_pin_fd = -1;

@@ -48,16 +48,27 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
     DDX_PASS(STORE_TAKEN_SLOT);
 }
 
-/* Slots that the store does not know yet, from another holder of the same epoch. */
-static void merge(struct epoch *known, struct epoch *offered) {
+/*
+ * Another holder of an epoch that the store knows. It may have slots that are new here; and if it is the writer, whose
+ * connection was lost with messages in it, the store may not know which ones that has. True if there is news for readers.
+ */
+static bool merge(struct epoch *known, struct epoch *offered, bool by_writer) {
+    bool news = false;
+
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++) {
-        if (known->slot_fd[i] >= 0 || offered->slot_fd[i] < 0)
+        bool has = offered->slot_fd[i] >= 0;
+
+        if (known->slot_fd[i] < 0 && has) {
+            known->slot_fd[i] = offered->slot_fd[i];
+            known->slots++;
+            offered->slot_fd[i] = -1;
+        } else if (!has || known->slot_ready[i]) {
+            known->slot_told[i] &= has || !by_writer;
             continue;
-        known->slot_fd[i] = offered->slot_fd[i];
-        known->slot_told[i] = known->slot_ready[i] = true;
-        known->slots++;
-        offered->slot_fd[i] = -1;
+        }
+        known->slot_told[i] = known->slot_ready[i] = news = true;
     }
+    return news;
 }
 
 /* True if there is news for the readers that reported before. */
@@ -67,10 +78,9 @@ static bool adopt_epoch(struct item *item, struct client *client, bool writes) {
     if (!epoch || !epoch->control_ready)
         return false;
     if (item->epoch && ddx_memory_same(item->epoch->control_fd, epoch->control_fd)) {
-        unsigned before = item->epoch->slots;
-        merge(item->epoch, epoch);
+        bool news = merge(item->epoch, epoch, writes);
         DDX_PASS(STORE_MERGED);
-        return item->epoch->slots != before;
+        return news;
     }
     if (item->epoch && !writes)
         return false; /* an older one; this reader is told the current one */
@@ -98,6 +108,7 @@ static int adopt_writer(struct item *item, struct client *client) {
         return result;
     item->writer = client;
     item->adopted = false;
+    item_send_new_slots(item, item->epoch, client);
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_announce(item, c);
