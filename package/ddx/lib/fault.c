@@ -103,4 +103,3 @@ void ddx_fault_pass(enum ddx_point point) {
             strike(&plans[i]);
     }
 }
-

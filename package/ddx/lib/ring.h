@@ -64,8 +64,8 @@ void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot);
 unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest);
 
 /*
- * The slot with the smallest sequence number above `seen` that is published, or DDX_NO_SLOT; *generation is what ddx_ring_pin() must
- * find.
+ * The slot with the smallest published sequence number above `seen`, or DDX_NO_SLOT; *generation is what
+ * ddx_ring_pin() must find.
  */
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
 

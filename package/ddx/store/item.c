@@ -157,7 +157,7 @@ bool item_announce(struct item *item, struct client *reader) {
     message.sequence = version;
     int result = ddx_send(item->writer->socket, &message, NULL, &reader->pin_fd, 1);
     if (result == -EPIPE) {
-        item->writer->gone = true; /* just died: it looks at no pins any more, and its successor is told of all readers */
+        item->writer->gone = true; /* just died: it looks at no pins any more; its successor is told of all readers */
         return true;
     }
     if (result)
