@@ -10,7 +10,7 @@
 
 PYTHON = /usr/bin/python3 -B
 
-.PHONY: help setup setup-build build run test image legal sbom lint flash clean distclean
+.PHONY: help setup setup-build build run test image crash legal sbom lint flash clean distclean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -27,6 +27,8 @@ test: setup      ## all tests
 image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py image "$(BOARD)"
+crash: setup     ## kill parties of the store 10,000 times; docs/crash.md
+	@$(PYTHON) tools/crash.py
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))

@@ -70,8 +70,8 @@ DDX_STORE_ITEM *actor_lookup(DDX_STORE_ID *id, const char *name) {
 static void check_words(const FRAME *frame, uint64_t number, uint64_t term) {
     for (unsigned i = 0; i < WORDS; i++)
         if (frame->word[i] != content(number, term, i) || frame->number != number || frame->term != term)
-            actor_fail("torn: frame %llu of term %llu at word %u", (unsigned long long)number,
-                       (unsigned long long)term, i);
+            actor_fail("torn: frame %llu of term %llu at word %u", (unsigned long long)number, (unsigned long long)term,
+                       i);
 }
 
 /* A frame as delivered: `missed` is the library's word, all else is counted here. */
@@ -145,7 +145,7 @@ static int take(struct reader *r, char way) {
     r->missed += missed;
     account(r->me, r->stream, frame, missed, r->earliest);
     if (r->me->frames % 16 == 3) {
-        nap(r->me->frames % 64 == 3 ? 0.12 : 0.004); /* the longer one lasts until the writer has been through all slots */
+        nap(r->me->frames % 64 == 3 ? 0.12 : 0.004);  /* 0.12: until the writer has been through all slots */
         check_words(frame, r->me->last, r->me->term); /* what is held does not change */
     }
     if (got.data && ddx_store_release(r->item))

@@ -5,11 +5,13 @@
 #include <stdarg.h>
 #include <string.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 struct party party[ACTORS];
 pid_t store_process;
+unsigned store_descriptors;
 unsigned checks;
 double hang = 8;
 static char folder[] = "/tmp/ddx-crash-XXXXXX";
@@ -33,7 +35,7 @@ void fail(const char *format, ...) {
                 (unsigned long long)stage->stream[i].done, stage->stream[i].terms, stage->stream[i].owner);
     if (getenv("DDX_CRASH_WAIT"))
         pause(); /* to look at it with a debugger */
-    exit(1); /* the parties die with us */
+    exit(1);     /* the parties die with us */
 }
 
 void director_begin(void) {
@@ -60,6 +62,9 @@ static pid_t launch(const char *const *arguments, const char *fault) {
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         if (fault)
             setenv("DDX_FAULT", fault, 1);
+        struct rlimit few = {store_descriptors, store_descriptors};
+        if (store_descriptors && arguments[0] == getenv("DDX_STORE_PROGRAM"))
+            setrlimit(RLIMIT_NOFILE, &few);
         execv(arguments[0], (char *const *)(uintptr_t)arguments);
         _exit(127);
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Starts, ends and watches the parties of a crash test. Every wait has a bound; what does not come in time is a hang. */
+/* Starts, ends and watches the parties of a crash test. Every wait has a bound; what does not come then is a hang. */
 #ifndef DIRECTOR_H
 #define DIRECTOR_H
 
@@ -20,7 +20,8 @@ struct party {
 };
 extern struct party party[ACTORS];
 extern pid_t store_process;
-extern unsigned checks; /* waits that ended well */
+extern unsigned store_descriptors; /* at most; 0: as many as there may be */
+extern unsigned checks;            /* waits that ended well */
 
 void director_begin(void);
 void director_end(void); /* ends all in peace */
@@ -29,7 +30,7 @@ void store_begin(const char *fault);
 void store_kill(void);
 /* A free place on the stage; `fault` as in DDX_FAULT, or NULL. */
 struct party *party_begin(char kind, unsigned stream, double period, const char *fault);
-void party_end(struct party *party, int number); /* sends the signal, waits for the end */
+void party_end(struct party *party, int number);   /* sends the signal, waits for the end */
 void party_ended(struct party *party, int number); /* it has died of this signal: waits for that */
 struct actor *actor_of(const struct party *party);
 struct party *owner_of(unsigned stream); /* who writes; NULL: dead */
@@ -37,16 +38,16 @@ struct party *owner_of(unsigned stream); /* who writes; NULL: dead */
 void fail(const char *format, ...) __attribute__((noreturn, format(printf, 1, 2)));
 void look(void); /* has any party complained? has one ended that nobody ended? */
 
-#define AWAIT(condition, ...)                                         \
-    do {                                                              \
-        int64_t until_ = ddx_time_now() + (int64_t)(hang * 1e9);      \
-        while (!(condition)) {                                        \
-            look();                                                   \
-            if (ddx_time_now() > until_)                              \
-                fail("hang: " __VA_ARGS__);                           \
-            nap(0.0002);                                              \
-        }                                                             \
-        checks++;                                                     \
+#define AWAIT(condition, ...)                                    \
+    do {                                                         \
+        int64_t until_ = ddx_time_now() + (int64_t)(hang * 1e9); \
+        while (!(condition)) {                                   \
+            look();                                              \
+            if (ddx_time_now() > until_)                         \
+                fail("hang: " __VA_ARGS__);                      \
+            nap(0.0002);                                         \
+        }                                                        \
+        checks++;                                                \
     } while (0)
 
 /* All readers of the stream get frames, of this term or a later one. */

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Programs that die, stop or lie, and others that must not notice: crash walk [POINT] | random KILLS SEED | broken | hostile */
+/*
+ * Programs that die, stop or lie, and others that must not notice:
+ * crash walk [POINT] | random KILLS SEED | broken | hostile
+ */
 #include <string.h>
 
 #include "director.h"

@@ -120,7 +120,8 @@ int test_random(unsigned kills, unsigned seed) {
         missed += a->missed;
     }
     look();
-    printf("{\"kills\":%u,\"seed\":%u,\"writers\":%u,\"standbys\":%u,\"readers\":%u,\"stores\":%u,\"writers_and_stores\":%u,"
+    printf("{\"kills\":%u,\"seed\":%u,\"writers\":%u,\"standbys\":%u,\"readers\":%u,\"stores\":%u,"
+           "\"writers_and_stores\":%u,"
            "\"frames_written\":%llu,\"terms\":%u,\"seen\":%llu,\"missed\":%llu,\"torn\":0,\"hangs\":0,"
            "\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,\"takeovers\":%u,"
            "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u}\n",

@@ -45,8 +45,8 @@ struct actor {
     _Atomic(uint64_t) beats; /* turns of its loop: it is not stuck */
     _Atomic(uint64_t) frames, missed, first, last;
     _Atomic(uint64_t) term;
-    _Atomic(int64_t) term_time; /* when the first frame of this term was seen */
-    _Atomic(int64_t) longest;   /* between two frames, ns; the director sets it back */
+    _Atomic(int64_t) term_time;    /* when the first frame of this term was seen */
+    _Atomic(int64_t) longest;      /* between two frames, ns; the director sets it back */
     _Atomic(int64_t) latest_delay; /* longest from writing to seeing, ns; likewise */
     _Atomic(uint32_t) failed;
     char failure[160];

@@ -15,6 +15,8 @@
 #include "../../package/ddx/lib/item.h"
 #include "stage.h"
 
+#define HELD 1500 /* more than the store's descriptors */
+
 /* Tries every way into a memory file; the number of those that let it in. */
 static unsigned break_into(int fd, size_t bytes) {
     char path[40];
@@ -98,6 +100,13 @@ void play_flood(struct actor *me) {
     limit.rlim_cur = limit.rlim_max;
     setrlimit(RLIMIT_NOFILE, &limit);
     srand(2005);
+    for (unsigned i = 0; i < HELD && !leaving; i++) { /* quiet guests, who only stay */
+        struct ddx_message message = {.operation = DDX_OPEN, .flags = DDX_FLAG_CREATE, .name = "guests", .type = "int"};
+        int fd = link_up();
+
+        if (fd < 0 || ddx_send(fd, &message, layout, NULL, 0))
+            nap(0.0005);
+    }
     for (unsigned i = 0; !leaving; i++, me->beats++) {
         struct ddx_message message = {.operation = i % 4 ? (uint32_t)rand() % 24 : DDX_OPEN, .flags = DDX_FLAG_CREATE};
         int fd = link_up();
@@ -110,13 +119,15 @@ void play_flood(struct actor *me) {
         strcpy(message.type, "int");
         int strange[2] = {fd, STDERR_FILENO};
         for (int k = 0; k < 4; k++) {
+            if (k && i % 2) /* half of them do nothing wrong; they only stay */
+                break;
             if (k)
                 message.operation = (uint32_t)rand() % 24;
             message.index = (uint32_t)rand();
             message.frames = (uint32_t)rand() % 300;
             ddx_send(fd, &message, k % 2 ? NULL : layout, strange, i % 3);
         }
-        if (i % 5 == 0 && send(fd, &message, (size_t)rand() % sizeof message, MSG_NOSIGNAL) < 0)
+        if (i % 10 == 0 && send(fd, &message, (size_t)rand() % sizeof message, MSG_NOSIGNAL) < 0)
             close(fd); /* else it stays open, for as long as the store likes */
     }
     _exit(0);

@@ -98,10 +98,10 @@ static void stimulate(unsigned turn, unsigned before) {
 }
 
 static void fault_text(char *text, size_t bytes, const char *action) {
-    const char *helped = is("writer.news")       ? "keeper.heard:1:slow,"
-                         : is("reader.unmapped") ? "keeper.lost:1:slow,keeper.found:1:slow,"
-                         : is("reader.overtaken")                   ? "reader.chosen:1:slow,"
-                                                                    : "";
+    const char *helped = is("writer.news")        ? "keeper.heard:1:slow,"
+                         : is("reader.unmapped")  ? "keeper.lost:1:slow,keeper.found:1:slow,"
+                         : is("reader.overtaken") ? "reader.chosen:1:slow,"
+                                                  : "";
     int nth = is("reader.unmapped") ? 1 : in("writer.") || in("reader.") || in("direct.") ? 3 : 1;
 
     snprintf(text, bytes, "%s%s:%d:%s", helped, at, nth, action);

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .programs import TOP, Desk, stop, wait_until
+from .programs import ROOT, TOP, Desk, library_folder, stop, wait_until
 
 BUILT = TOP / "output"
 
@@ -40,6 +40,14 @@ def test_word_sizes_share_a_store(writer: str, readers: str, store: str) -> None
                           env={**os.environ, "DDX_OTHER_PROGRAM": str(program[readers]),
                                "DDX_STORE_PROGRAM": str(BUILT / store / "ddx/store")})
     assert done.returncode == 0, done.stderr
+
+
+def test_no_faults_in_what_is_installed() -> None:
+    """The points where tests end a program (lib/fault.h) are in the tests' own copies only."""
+    installed = [library_folder() / "libddx.so", ROOT / "bin/store", ROOT / "bin/ddxctl"]
+    for name in (b"ddx_fault", b"DDX_FAULT", b"writer.published"):
+        assert name in (BUILT / "desk/ddx/tests/store-with-faults").read_bytes()
+        assert [path for path in installed if name in path.read_bytes()] == []
 
 
 def test_list_and_show(desk: Desk) -> None:

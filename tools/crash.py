@@ -1,0 +1,76 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""make crash: 10,000 SIGKILLs at random, in runs of 500, each with a seed of its own; crash.py [KILLS]
+
+Can be interrupted: runs that are done are kept in output/crash.json and not repeated, until the programs change.
+"""
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from typing import Any
+
+import native
+from common import OUTPUT, TOP, Failed, say
+
+RUN = 500
+RESULTS = OUTPUT / "crash.json"
+PAGE = TOP / "docs/crash.md"
+BEGIN, END = "<!-- make crash writes this -->\n", "<!-- end -->\n"
+
+Run = dict[str, Any]
+
+
+def text(runs: list[Run]) -> str:
+    def total(name: str) -> int:
+        return sum(run[name] for run in runs)
+
+    def worst(name: str) -> float:
+        return float(max(run[name] for run in runs))
+
+    mean = sum(run["takeover_mean_ms"] * run["takeovers"] for run in runs) / max(1, total("takeovers"))
+    both = total("writers_and_stores")
+    seeds = sorted(run["seed"] for run in runs)
+    return (f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}: {total('writers')} of the "
+            f"writer, {total('standbys')} of\na standby, {total('readers')} of a reader, {total('stores')} of the store, "
+            f"{both} of writer and store together.\n"
+            f"{total('frames_written')} frames were written in {total('terms')} terms. Three readers that lived all the "
+            f"time saw {total('seen')} and\nwere told that they missed {total('missed')}, each of these counts checked "
+            f"against what the writers wrote down.\nTorn frames: {total('torn')}. Hangs: {total('hangs')}.\n"
+            f"Takeovers: {total('takeovers')}, {mean:.1f} ms on average, {worst('takeover_worst_ms'):.1f} ms at worst; "
+            f"{total('takeovers_store_away')} more while the store was\nbeing restarted, "
+            f"{worst('takeover_worst_ms_store_away'):.1f} ms at worst.\n")
+
+
+def main() -> int:
+    kills = int(sys.argv[1]) if len(sys.argv) > 1 else 10000
+    try:
+        native.build()
+    except Failed as error:
+        say(f"crash: {error}")
+        return 1
+    tests = OUTPUT / "desk/ddx/tests"
+    program, store = tests / "test-crash", tests / "store-with-faults"
+    key = hashlib.sha256(program.read_bytes() + store.read_bytes()).hexdigest()
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
+    runs: list[Run] = kept["runs"] if kept.get("programs") == key else []
+    for seed in range(len(runs) + 1, (kills + RUN - 1) // RUN + 1):
+        say(f"crash: {len(runs) * RUN} of {kills} kills ...")
+        done = subprocess.run(["nice", "-n", "8", program, "random", str(RUN), str(seed)], capture_output=True, text=True,
+                              env={**os.environ, "DDX_STORE_PROGRAM": str(store)}, timeout=1800, check=False)
+        if done.returncode:
+            errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
+            say("\n".join([f"crash: seed {seed} failed:", *errors]))
+            return 1
+        runs.append(json.loads(next(line for line in done.stdout.splitlines() if '"kills"' in line)))
+        RESULTS.write_text(json.dumps({"programs": key, "runs": runs}))
+    page = PAGE.read_text()
+    head, tail = page.split(BEGIN)[0], page.split(END)[1]
+    PAGE.write_text(head + BEGIN + text(runs) + END + tail)
+    say(f"crash: {len(runs) * RUN} kills, nothing torn, nobody stuck; docs/crash.md")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
