@@ -32,15 +32,17 @@ def text(runs: list[Run]) -> str:
     mean = sum(run["takeover_mean_ms"] * run["takeovers"] for run in runs) / max(1, total("takeovers"))
     both = total("writers_and_stores")
     seeds = sorted(run["seed"] for run in runs)
-    return (f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}: {total('writers')} of the "
-            f"writer, {total('standbys')} of\na standby, {total('readers')} of a reader, {total('stores')} of the store, "
-            f"{both} of writer and store together.\n"
-            f"{total('frames_written')} frames were written in {total('terms')} terms. Three readers that lived all the "
-            f"time saw {total('seen')} and\nwere told that they missed {total('missed')}, each of these counts checked "
-            f"against what the writers wrote down.\nTorn frames: {total('torn')}. Hangs: {total('hangs')}.\n"
-            f"Takeovers: {total('takeovers')}, {mean:.1f} ms on average, {worst('takeover_worst_ms'):.1f} ms at worst; "
-            f"{total('takeovers_store_away')} more while the store was\nbeing restarted, "
-            f"{worst('takeover_worst_ms_store_away'):.1f} ms at worst.\n")
+    lines = [
+        f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}: {total('writers')} of the writer,",
+        f"{total('standbys')} of a standby, {total('readers')} of a reader, {total('stores')} of the store,",
+        f"{both} of writer and store together. {total('frames_written')} frames were written in {total('terms')} terms.",
+        f"Three readers that lived all the time saw {total('seen')} and were told that they missed {total('missed')},",
+        "each of these counts checked against what the writers wrote down.",
+        f"Torn frames: {total('torn')}. Hangs: {total('hangs')}.",
+        f"Takeovers: {total('takeovers')}, {mean:.1f} ms on average, {worst('takeover_worst_ms'):.1f} ms at worst;",
+        f"{total('takeovers_store_away')} more while the store was being restarted, "
+        f"{worst('takeover_worst_ms_store_away'):.1f} ms at worst."]
+    return "\n".join(lines) + "\n"
 
 
 def main() -> int:
@@ -57,8 +59,9 @@ def main() -> int:
     runs: list[Run] = kept["runs"] if kept.get("programs") == key else []
     for seed in range(len(runs) + 1, (kills + RUN - 1) // RUN + 1):
         say(f"crash: {len(runs) * RUN} of {kills} kills ...")
-        done = subprocess.run(["nice", "-n", "8", program, "random", str(RUN), str(seed)], capture_output=True, text=True,
-                              env={**os.environ, "DDX_STORE_PROGRAM": str(store)}, timeout=1800, check=False)
+        command = ["nice", "-n", "8", program, "random", str(RUN), str(seed)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False,
+                              env={**os.environ, "DDX_STORE_PROGRAM": str(store)})
         if done.returncode:
             errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
             say("\n".join([f"crash: seed {seed} failed:", *errors]))

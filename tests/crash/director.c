@@ -81,6 +81,8 @@ void store_begin(const char *fault) {
 }
 
 void store_kill(void) {
+    if (!store_process)
+        return;
     kill(store_process, SIGKILL);
     waitpid(store_process, NULL, 0);
     store_process = 0;
@@ -183,8 +185,10 @@ void director_end(void) {
         if (party[i].pid)
             party_end(&party[i], SIGTERM);
     look();
-    kill(store_process, SIGTERM);
-    waitpid(store_process, NULL, 0);
+    if (store_process) {
+        kill(store_process, SIGTERM);
+        waitpid(store_process, NULL, 0);
+    }
     for (unsigned i = 0; i < 3; i++) {
         static const char *const names[] = {"stage", "store-2005", "store-2005.lock"};
 

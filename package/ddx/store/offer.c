@@ -50,7 +50,7 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
 
 /*
  * Another holder of an epoch that the store knows. It may have slots that are new here; and if it is the writer, whose
- * connection was lost with messages in it, the store may not know which ones that has. True if there is news for readers.
+ * connection was lost with messages in it, the store may not know which ones that has. True if readers must be told.
  */
 static bool merge(struct epoch *known, struct epoch *offered, bool by_writer) {
     bool news = false;
