@@ -33,9 +33,10 @@ def text(runs: list[Run]) -> str:
     both = total("writers_and_stores")
     seeds = sorted(run["seed"] for run in runs)
     lines = [
-        f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}: {total('writers')} of the writer,",
-        f"{total('standbys')} of a standby, {total('readers')} of a reader, {total('stores')} of the store,",
-        f"{both} of writer and store together. {total('frames_written')} frames were written in {total('terms')} terms.",
+        f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}:",
+        f"{total('writers')} of the writer, {total('standbys')} of a standby, {total('readers')} of a reader,",
+        f"{total('stores')} of the store, {both} of writer and store together.",
+        f"{total('frames_written')} frames were written in {total('terms')} terms.",
         f"Three readers that lived all the time saw {total('seen')} and were told that they missed {total('missed')},",
         "each of these counts checked against what the writers wrote down.",
         f"Torn frames: {total('torn')}. Hangs: {total('hangs')}.",
@@ -59,7 +60,7 @@ def main() -> int:
     runs: list[Run] = kept["runs"] if kept.get("programs") == key else []
     for seed in range(len(runs) + 1, (kills + RUN - 1) // RUN + 1):
         say(f"crash: {len(runs) * RUN} of {kills} kills ...")
-        command = ["nice", "-n", "8", program, "random", str(RUN), str(seed)]
+        command = ["nice", "-n", "8", str(program), "random", str(RUN), str(seed)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False,
                               env={**os.environ, "DDX_STORE_PROGRAM": str(store)})
         if done.returncode:

@@ -120,7 +120,7 @@ enum ddx_point { DDX_POINTS(DDX_POINT_ENUM_) DDX_POINT_COUNT };
 struct ddx_fault_journal {
     _Atomic(uint64_t) passed[DDX_POINT_COUNT];
     /* the last kill or stop */
-    _Atomic(int64_t) time; /* CLOCK_MONOTONIC */
+    _Atomic(int64_t) time;    /* CLOCK_MONOTONIC */
     _Atomic(uint32_t) struck; /* counts them; written last */
     uint32_t point;
     int32_t pid;
