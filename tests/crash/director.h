@@ -10,6 +10,8 @@
 
 #include "stage.h"
 
+#define TAKEOVER 1000000000 /* ns at most, with the store there; 20 ms is usual, but the machine may be busy */
+
 extern double hang; /* seconds: 8, since on a busy machine a program may well not run for one; or DDX_CRASH_HANG */
 
 struct party {

@@ -57,6 +57,8 @@ static void kill_writer(bool and_store) {
         kill_store();
     int64_t time = await_takeover(0, terms + 1, since, "a killed writer");
     bool together = since - store_died < TOGETHER;
+    if (time > TAKEOVER && !together)
+        fail("takeover in %.0f ms", (double)time / 1e6);
     worst[together] = time > worst[together] ? time : worst[together];
     sum[together] += time;
     takeovers[together]++;

@@ -159,6 +159,8 @@ static void killed(bool wrote, uint32_t terms) {
     party_ended(victim, SIGKILL);
     if (wrote) {
         last_takeover = await_takeover(0, terms + 1, stage->journal.time, where);
+        if (last_takeover > TAKEOVER && !in("keeper.")) /* there the store is away, too */
+            fail("%s: takeover in %.0f ms", where, (double)last_takeover / 1e6);
         worst_takeover = last_takeover > worst_takeover ? last_takeover : worst_takeover;
         takeovers++;
     }
