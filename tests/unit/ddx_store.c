@@ -21,6 +21,12 @@ DDX_STORE_TYPE(
         char bytes[1000000];
     });
 
+DDX_STORE_TYPE(
+    BIG, struct {
+        int number;
+        char bytes[3000000]; /* more than one page table, and not whole ones */
+    });
+
 static DDX_STORE_ID *id;
 
 static void nap(double seconds) {
@@ -155,6 +161,35 @@ static void test_hold(void) {
     CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(live->number, 50);
     CHECK_EQUAL(live->bytes[999999], 50);
+    CHECK(live == ddx_store_var_pointer(in));
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+/* The window shows the same while its reader waits, and after it waited in vain. */
+static void test_window(void) {
+    DDX_STORE_ITEM *out = lookup("window", "BIG", sizeof(BIG)), *in = lookup("window", NULL, 0);
+    const BIG *live = ddx_store_var_pointer(in);
+    static BIG value;
+    struct ddx_frame frame;
+
+    for (int i = 1; i <= 20; i++) {
+        value.number = i;
+        memset(value.bytes, i, sizeof value.bytes);
+        CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+        CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0, DDX_CURRENT), 0);
+        CHECK_EQUAL(live->number, i);
+        CHECK_EQUAL(live->bytes[2999999], i);
+        if (i % 2)
+            CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0.002, DDX_NEXT), -ETIMEDOUT);
+        if (i % 3)
+            CHECK_EQUAL(memcmp(live, &value, sizeof value), 0);
+        if (i % 5 == 0) {
+            CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_CURRENT), 0);
+            CHECK_EQUAL(memcmp(frame.data, &value, sizeof value), 0);
+            CHECK_EQUAL(ddx_store_release(in), 0);
+        }
+    }
     CHECK(live == ddx_store_var_pointer(in));
     ddx_store_done_item(in);
     ddx_store_done_item(out);
@@ -406,6 +441,7 @@ int main(void) {
     test_tail();
     test_current_across_writers();
     test_hold();
+    test_window();
     test_loan();
     test_pictures();
     test_budget();

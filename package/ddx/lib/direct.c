@@ -14,13 +14,10 @@
 static int make_window(DDX_STORE_ITEM *item) {
     struct ddx_reader_role *reader = &item->reader;
     const struct ddx_layout *shown = item->own ? item->own : item->layout;
-    struct ddx_runs runs = {.span_bytes = ddx_page_round(shown->size)};
 
-    reader->window = ddx_slot_reserve(&runs);
-    if (!reader->window)
-        return -errno;
-    reader->window_bytes = runs.span_bytes;
-    return 0;
+    reader->window_bytes = ddx_page_round(shown->size);
+    reader->window = ddx_slot_reserve(reader->window_bytes);
+    return reader->window ? 0 : -errno;
 }
 
 void *ddx_store_var_pointer(DDX_STORE_ITEM *item) {
@@ -37,13 +34,14 @@ void *ddx_store_var_pointer(DDX_STORE_ITEM *item) {
     return NULL;
 }
 
-/* Only the runs that lie within the window: the caller may know a leading part of the struct only. */
-static void runs_within(const struct ddx_term *term, uint64_t bytes, struct ddx_runs *runs) {
-    *runs = term->runs;
-    while (runs->count && runs->run[runs->count - 1].place >= bytes)
-        runs->count--;
-    if (runs->count && runs->run[runs->count - 1].place + runs->run[runs->count - 1].bytes > bytes)
-        runs->run[runs->count - 1].bytes = bytes - runs->run[runs->count - 1].place;
+void ddx_direct_go_home(struct ddx_reader_role *reader) {
+    const struct ddx_term *term = reader->shown_term;
+
+    if (!term || reader->at_home)
+        return;
+    ddx_slot_move(reader->window, term->base[reader->shown], &term->runs, reader->window_bytes,
+                  term->fd[reader->shown]);
+    reader->at_home = true;
 }
 
 void ddx_direct_withdraw(struct ddx_reader_role *reader) {
@@ -51,9 +49,7 @@ void ddx_direct_withdraw(struct ddx_reader_role *reader) {
 
     if (!term)
         return;
-    struct ddx_runs runs;
-    runs_within(term, reader->window_bytes, &runs);
-    ddx_slot_move(reader->window, term->base[reader->shown], &runs, term->fd[reader->shown]);
+    ddx_direct_go_home(reader);
     DDX_PASS(DIRECT_WITHDRAWN);
     if (term != reader->term)
         ddx_term_free(term); /* its epoch has ended, and this was its last frame in use */
@@ -83,7 +79,6 @@ static int show_copy(struct ddx_reader_role *reader, const struct ddx_term *term
 static int show(DDX_STORE_ITEM *item, unsigned slot) {
     struct ddx_reader_role *reader = &item->reader;
     struct ddx_term *term = reader->term;
-    struct ddx_runs runs;
 
     if (term->mismatch)
         return term->mismatch;
@@ -93,12 +88,12 @@ static int show(DDX_STORE_ITEM *item, unsigned slot) {
     ddx_direct_withdraw(reader);
     if (!same_places(term))
         return show_copy(reader, term, slot);
-    runs_within(term, reader->window_bytes, &runs);
-    int result = ddx_slot_move(term->base[slot], reader->window, &runs, term->fd[slot]);
+    int result = ddx_slot_move(term->base[slot], reader->window, &term->runs, reader->window_bytes, term->fd[slot]);
     if (result)
         return result;
     reader->window_copied = false;
     reader->shown_term = term;
+    reader->at_home = false;
     reader->shown = (int)slot;
     DDX_PASS(DIRECT_SHOWN);
     return 0;

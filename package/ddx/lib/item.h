@@ -46,7 +46,8 @@ struct ddx_reader_role {
     uint64_t window_bytes;
     bool window_copied; /* holds copies, since the caller's layout is not the item's */
     struct ddx_term *shown_term;
-    int shown; /* slot whose pages are in the window, or -1 */
+    int shown;    /* slot that the window shows, or -1 */
+    bool at_home; /* its pages are back in their slot; who looks at the window faults them in again */
 };
 
 struct ddx_writer_role {
@@ -110,7 +111,12 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
 void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
 void ddx_reader_end(DDX_STORE_ITEM *item);
 
-/* direct.c: the window's pages go home. */
+/*
+ * direct.c: the window's pages go home, the window shows the same as before. For a reader that is about to sleep: when
+ * the next frame comes, half of the work is done.
+ */
+void ddx_direct_go_home(struct ddx_reader_role *reader);
+/* The window shows nothing that anybody may rely on. */
 void ddx_direct_withdraw(struct ddx_reader_role *reader);
 
 /* writer.c */

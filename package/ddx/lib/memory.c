@@ -19,6 +19,11 @@ uint64_t ddx_page_round(uint64_t bytes) {
     return (bytes + page_size() - 1) / page_size() * page_size();
 }
 
+/* Address space for a struct: whole page tables, unless it is smaller than one. */
+static uint64_t room_of(uint64_t span_bytes) {
+    return span_bytes < HUGE ? span_bytes : (span_bytes + HUGE - 1) / HUGE * HUGE;
+}
+
 static void add_run(struct ddx_runs *runs, uint64_t begin, uint64_t end) {
     struct ddx_run *last = runs->count ? &runs->run[runs->count - 1] : NULL;
 
@@ -31,7 +36,7 @@ static void add_run(struct ddx_runs *runs, uint64_t begin, uint64_t end) {
         }
         return;
     }
-    runs->run[runs->count++] = (struct ddx_run){begin, runs->file_bytes, end - begin};
+    runs->run[runs->count++] = (struct ddx_run){.place = begin, .file = runs->file_bytes, .bytes = end - begin};
     runs->file_bytes += end - begin;
 }
 
@@ -44,6 +49,13 @@ void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs) {
     else
         for (unsigned i = 0; i < layout->field_count; i = ddx_layout_after(layout, i))
             add_run(runs, layout->field[i].offset, layout->field[i].offset + layout->field[i].used);
+    for (unsigned i = 0; i < runs->count; i++)
+        runs->run[i].room = runs->run[i].bytes;
+    /* Behind the last run the file ends: there is nothing to be seen there, only to be moved along. */
+    struct ddx_run *last = runs->count ? &runs->run[runs->count - 1] : NULL;
+    uint64_t end = last && runs->span_bytes >= HUGE ? (last->place + last->bytes + HUGE - 1) / HUGE * HUGE : 0;
+    if (end && last->place <= end - HUGE)
+        last->room = end - last->place;
 }
 
 int ddx_memory_create(const char *name, uint64_t bytes) {
@@ -105,9 +117,9 @@ void *ddx_memory_map(int fd, size_t bytes, bool writable) {
     return address == MAP_FAILED ? NULL : address;
 }
 
-void *ddx_slot_reserve(const struct ddx_runs *runs) {
-    uint64_t alignment = runs->span_bytes >= HUGE ? HUGE : page_size();
-    size_t size = (size_t)(runs->span_bytes + alignment);
+void *ddx_slot_reserve(uint64_t span_bytes) {
+    uint64_t alignment = span_bytes >= HUGE ? HUGE : page_size();
+    size_t room = (size_t)room_of(span_bytes), size = room + (size_t)alignment;
     char *address = mmap(NULL, size, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
 
     if (address == MAP_FAILED)
@@ -115,7 +127,7 @@ void *ddx_slot_reserve(const struct ddx_runs *runs) {
     size_t before = (size_t)((alignment - (uintptr_t)address % alignment) % alignment);
     if (before)
         munmap(address, before);
-    munmap(address + before + runs->span_bytes, size - before - (size_t)runs->span_bytes);
+    munmap(address + before + room, size - before - room);
     return address + before;
 }
 
@@ -125,19 +137,28 @@ int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable)
     for (unsigned i = 0; i < runs->count; i++) {
         const struct ddx_run *run = &runs->run[i];
 
-        if (mmap((char *)base + run->place, (size_t)run->bytes, protection, MAP_SHARED | MAP_FIXED | MAP_POPULATE, fd,
+        if (mmap((char *)base + run->place, (size_t)run->room, protection, MAP_SHARED | MAP_FIXED | MAP_POPULATE, fd,
                  (off_t)run->file) == MAP_FAILED)
             return -errno;
     }
     return 0;
 }
 
-int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, int fd) {
+/* How much of a run lies in the first `span_bytes`, as it is mapped. */
+static uint64_t mapped_within(const struct ddx_run *run, uint64_t span_bytes) {
+    if (run->place + run->bytes > span_bytes)
+        return run->place < span_bytes ? span_bytes - run->place : 0;
+    return run->place + run->room <= room_of(span_bytes) ? run->room : run->bytes;
+}
+
+int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uint64_t span_bytes, int fd) {
     for (unsigned i = 0; i < runs->count; i++) {
         const struct ddx_run *run = &runs->run[i];
-        size_t bytes = (size_t)run->bytes;
+        size_t bytes = (size_t)mapped_within(run, span_bytes);
         char *source = (char *)from + run->place, *target = (char *)to + run->place;
 
+        if (!bytes)
+            break;
         /* DONTUNMAP leaves the source mapped, though empty: nobody else's mmap() can slip into the hole. */
         if (mremap(source, bytes, bytes, MREMAP_MAYMOVE | MREMAP_FIXED | MREMAP_DONTUNMAP, target) != MAP_FAILED)
             continue;
@@ -148,7 +169,7 @@ int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, int fd) {
     return 0;
 }
 
-void ddx_slot_unmap(void *base, const struct ddx_runs *runs) {
+void ddx_slot_unmap(void *base, uint64_t span_bytes) {
     if (base)
-        munmap(base, (size_t)runs->span_bytes);
+        munmap(base, (size_t)room_of(span_bytes));
 }

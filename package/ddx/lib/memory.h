@@ -8,9 +8,12 @@
 
 #include "type.h"
 
-/* A stretch of pages: `place` in the struct, `file` in the slot file; bytes, multiples of the page size. */
+/*
+ * A stretch of pages: `place` in the struct, `file` in the slot file; bytes, multiples of the page size. It is mapped
+ * with `room` bytes: the last one up to where its page table ends, so that the kernel moves whole page tables.
+ */
 struct ddx_run {
-    uint64_t place, file, bytes;
+    uint64_t place, file, bytes, room;
 };
 
 /* The pages of a struct that are in use. A slot file holds these and no others, so it is no larger than its content. */
@@ -48,14 +51,17 @@ bool ddx_memory_same(int a, int b);
 void *ddx_memory_map(int fd, size_t bytes, bool writable);
 
 /* Address space for one slot, aligned so that the kernel can move whole page tables. Reads as zeros. NULL and errno. */
-void *ddx_slot_reserve(const struct ddx_runs *runs);
+void *ddx_slot_reserve(uint64_t span_bytes);
 
 /* Lay a slot file into reserved address space, prefaulted. 0, -errno. */
 int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable);
 
-/* Move the pages of a mapped slot from one address to another without copying; both stay mapped. 0, -errno. */
-int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, int fd);
+/*
+ * Move the pages of a mapped slot from one address to another without copying; both stay mapped. Only what lies in the
+ * first `span_bytes`, for which one of the two was reserved. 0, -errno.
+ */
+int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uint64_t span_bytes, int fd);
 
-void ddx_slot_unmap(void *base, const struct ddx_runs *runs);
+void ddx_slot_unmap(void *base, uint64_t span_bytes);
 
 #endif

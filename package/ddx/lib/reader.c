@@ -162,6 +162,8 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         }
         if (result == -EAGAIN)
             continue;
+        if (pin == DDX_PIN_DIRECT)
+            ddx_direct_go_home(reader);
         const ddx_word *word = reader->term ? &reader->term->control->latest : NULL;
         /* Unlocked, so that the keeper can take in a new epoch; `waiting` keeps it from unmapping the word. */
         reader->waiting = true;
@@ -257,8 +259,7 @@ void ddx_reader_end(DDX_STORE_ITEM *item) {
     }
     ddx_term_free(reader->coming);
     ddx_term_free(reader->term);
-    if (reader->window)
-        munmap(reader->window, (size_t)reader->window_bytes);
+    ddx_slot_unmap(reader->window, reader->window_bytes);
     if (reader->page)
         DDX_PASS(ATTACH_ENDED);
 }

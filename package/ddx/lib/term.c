@@ -59,7 +59,7 @@ int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd) {
     if (slot >= DDX_SLOTS_MAX || term->base[slot] || fd < 0 ||
         !ddx_memory_sound(fd, term->runs.file_bytes, !term->writable))
         goto close_fd;
-    void *base = ddx_slot_reserve(&term->runs);
+    void *base = ddx_slot_reserve(term->runs.span_bytes);
     if (!base) {
         error = -errno;
         goto close_fd;
@@ -68,7 +68,7 @@ int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd) {
     if (!error && term->writable)
         error = ddx_memory_freeze(fd);
     if (error) {
-        ddx_slot_unmap(base, &term->runs);
+        ddx_slot_unmap(base, term->runs.span_bytes);
         goto close_fd;
     }
     term->fd[slot] = fd;
@@ -85,7 +85,7 @@ void ddx_term_free(struct ddx_term *term) {
     if (!term)
         return;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++) {
-        ddx_slot_unmap(term->base[i], &term->runs);
+        ddx_slot_unmap(term->base[i], term->runs.span_bytes);
         if (term->fd[i] >= 0)
             close(term->fd[i]);
     }
