@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The library against a real store: what the header promises, call by call. */
 #include <errno.h>
+#include <pthread.h>
 #include <stdbool.h>
 #include <sys/resource.h>
 #include <sys/stat.h>
@@ -193,6 +194,37 @@ static void test_window(void) {
     CHECK(live == ddx_store_var_pointer(in));
     ddx_store_done_item(in);
     ddx_store_done_item(out);
+}
+
+static void *write_later(void *number) {
+    POSITION value = {*(int *)number, 0, 0};
+    DDX_STORE_ITEM *out;
+
+    nap(*(int *)number % 8 * 0.0005); /* before the reader sleeps, just then, and when it is asleep */
+    out = lookup("asleep", "POSITION", sizeof(POSITION));
+    CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
+    ddx_store_done_item(out);
+    return NULL;
+}
+
+/* A reader that sleeps without limit hears of the next writer, though it sleeps on a word of the one that is gone. */
+static void test_asleep(void) {
+    DDX_STORE_ITEM *first = lookup("asleep", "POSITION", sizeof(POSITION)), *in = lookup("asleep", NULL, 0);
+    POSITION value = {0, 0, 0};
+    pthread_t writer;
+
+    CHECK_EQUAL(ddx_store_write(first, &value, NULL), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_CURRENT), 0);
+    ddx_store_done_item(first);
+    for (int i = 1; i <= 100; i++) {
+        CHECK_EQUAL(pthread_create(&writer, NULL, write_later, &i), 0);
+        DDX_TIME before = ddx_time_now();
+        CHECK_EQUAL(ddx_store_read(in, &value, NULL, 60, DDX_NEXT), 0);
+        CHECK_EQUAL(value.number, i);
+        CHECK(ddx_time_now() - before < 30000000000); /* woken, not at the end of its patience */
+        CHECK_EQUAL(pthread_join(writer, NULL), 0);
+    }
+    ddx_store_done_item(in);
 }
 
 static void test_loan(void) {
@@ -442,6 +474,7 @@ int main(void) {
     test_current_across_writers();
     test_hold();
     test_window();
+    test_asleep();
     test_loan();
     test_pictures();
     test_budget();

@@ -3,17 +3,17 @@
 #ifndef DDX_FUTEX_H
 #define DDX_FUTEX_H
 
+#include <stdbool.h>
+
 #include "layout.h"
 
 #define DDX_FOREVER INT64_MAX
 
 /*
- * Sleep until `shared` is no longer `shared_value`, or `own` (a word of this process) no longer `own_value`, or
- * somebody wakes one of them, or the deadline (ns, CLOCK_MONOTONIC). `shared` may be NULL. May return early: the caller
- * looks.
+ * Sleep until the word is no longer `value`, or somebody wakes it, or the deadline (ns, CLOCK_MONOTONIC). May return
+ * early: the caller looks. `shared`: other processes may wake it, too.
  */
-void ddx_futex_wait(const ddx_word *shared, uint32_t shared_value, const ddx_word *own, uint32_t own_value,
-                    int64_t deadline);
+void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, int64_t deadline);
 
 /* Wake all sleepers on a word in shared memory. 0.3 us when nobody sleeps. */
 void ddx_futex_wake(const ddx_word *shared);

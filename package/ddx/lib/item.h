@@ -39,7 +39,8 @@ struct ddx_reader_role {
     unsigned keep;
     uint64_t seen, missed;
     int held;     /* slot that ddx_store_acquire() gave, or -1 */
-    bool waiting; /* ddx_reader_take() sleeps, unlocked */
+    bool waiting;         /* ddx_reader_take() sleeps, unlocked, ... */
+    uint32_t waits_since; /* ... and has seen as much news: `changed` below */
     bool both;    /* memory for both of its pins at once */
     /* ddx_store_read_direct() */
     void *window;
@@ -73,7 +74,7 @@ struct ddx_store_item {
     pthread_mutex_t lock;
     int socket;       /* -1: the store is gone; the keeper tries again */
     int64_t retry;    /* when */
-    ddx_word changed; /* counts messages taken in; readers sleep on it */
+    ddx_word changed; /* counts messages taken in; a reader without a term sleeps on it */
     struct ddx_packet *packet;
     uint32_t answer; /* operation that a request waits for, and what came */
     bool answered;
@@ -108,6 +109,11 @@ int ddx_reader_attach(DDX_STORE_ITEM *item);
  */
 int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
                     int tail);
+/*
+ * With `lock` held: is the reader asleep since before the news? Then wake it, and ask again soon: it may be just about
+ * to fall asleep, and it sleeps on one word only, which is the writer's.
+ */
+bool ddx_reader_wake(const DDX_STORE_ITEM *item);
 void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
 void ddx_reader_end(DDX_STORE_ITEM *item);
 

@@ -48,6 +48,8 @@ static int look_after(DDX_STORE_ITEM *item) {
             item->retry = now + RETRY;
         again = item->socket < 0 ? RETRY / 1000000 : -1;
     }
+    if (ddx_reader_wake(item))
+        again = SOON;
     pthread_mutex_unlock(&item->lock);
     return again;
 }

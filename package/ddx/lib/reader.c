@@ -57,6 +57,26 @@ static int32_t ahead(uint32_t latest, uint64_t seen) {
     return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) << 9) >> 9;
 }
 
+bool ddx_reader_wake(const DDX_STORE_ITEM *item) {
+    const struct ddx_reader_role *reader = &item->reader;
+
+    if (!reader->waiting || reader->waits_since == atomic_load(&item->changed))
+        return false;
+    if (reader->term)
+        ddx_futex_wake(&reader->term->control->latest);
+    return true;
+}
+
+/* Unlocked, so that the keeper can take in news, a new epoch among them; `waiting` keeps it from unmapping the word. */
+static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_t value, uint32_t changed, int64_t deadline) {
+    item->reader.waiting = true;
+    item->reader.waits_since = changed;
+    pthread_mutex_unlock(&item->lock);
+    ddx_futex_wait(word, value, word != &item->changed, deadline);
+    pthread_mutex_lock(&item->lock);
+    item->reader.waiting = false;
+}
+
 /* Try to pin what `tail` asks for: 0, -ENODATA if it is not there yet, -EAGAIN if it was overtaken or is not mapped. */
 static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest, struct ddx_ring_frame *frame) {
     struct ddx_reader_role *reader = &item->reader;
@@ -81,11 +101,7 @@ static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t lat
         if (reader->term->base[slot])
             return -EAGAIN;
         DDX_PASS(READER_UNMAPPED);
-        reader->waiting = true;
-        pthread_mutex_unlock(&item->lock);
-        ddx_futex_wait(NULL, 0, &item->changed, changed, until);
-        pthread_mutex_lock(&item->lock);
-        reader->waiting = false;
+        sleep_on(item, &item->changed, changed, changed, until);
         return -EAGAIN;
     }
     return ddx_ring_pin(control, &reader->page->pin[pin], slot, generation, frame);
@@ -123,7 +139,7 @@ static int need_both(DDX_STORE_ITEM *item, unsigned pin) {
 int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
                     int tail) {
     struct ddx_reader_role *reader = &item->reader;
-    int64_t deadline = deadline_of(timeout);
+    int64_t deadline = 0; /* known when there is something to wait for */
     bool asked = false;
     int result;
 
@@ -152,11 +168,15 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
             DDX_PASS(READER_COUNTED);
             return 0;
         }
-        if (ddx_time_now() >= deadline) {
+        if (!deadline)
+            deadline = deadline_of(timeout);
+        else if (ddx_time_now() >= deadline)
+            timeout = 0;
+        if (timeout == 0) {
             if (asked)
                 return -ETIMEDOUT;
-            asked =
-                true; /* the keeper may not have got round to the news; who does not wait must see it all the same */
+            /* The keeper may not have got round to the news; who does not wait must see it all the same. */
+            asked = true;
             ddx_item_service(item);
             continue;
         }
@@ -164,14 +184,11 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
             continue;
         if (pin == DDX_PIN_DIRECT)
             ddx_direct_go_home(reader);
-        const ddx_word *word = reader->term ? &reader->term->control->latest : NULL;
-        /* Unlocked, so that the keeper can take in a new epoch; `waiting` keeps it from unmapping the word. */
-        reader->waiting = true;
         DDX_PASS(READER_WAITS);
-        pthread_mutex_unlock(&item->lock);
-        ddx_futex_wait(word, latest, &item->changed, changed, deadline);
-        pthread_mutex_lock(&item->lock);
-        reader->waiting = false;
+        if (reader->term)
+            sleep_on(item, &reader->term->control->latest, latest, changed, deadline);
+        else
+            sleep_on(item, &item->changed, changed, changed, deadline);
     }
 }
 
