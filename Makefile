@@ -6,11 +6,14 @@
 #   BOARD=miniitx  which image, instead of the development image: run, test, image, flash
 #   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
 #   T=...          which tests, as pytest's -k expression
+#   ROUNDS=, CASES=  for `make bench`: docs/bench.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
 
-.PHONY: help setup setup-build build run test image crash legal sbom lint flash clean distclean
+RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)')
+
+.PHONY: help setup setup-build build run test image crash bench legal sbom lint flash clean distclean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -29,6 +32,9 @@ image:           ## build the product with Buildroot: BOARD=miniitx|pc104, outpu
 	@$(PYTHON) tools/buildroot.py image "$(BOARD)"
 crash: setup     ## kill parties of the store 10,000 times; docs/crash.md
 	@$(PYTHON) tools/crash.py
+bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, see docs/bench.md
+	@tools/setup bench
+	@$(PYTHON) tools/bench.py $(RUN_BENCH)
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The benchmark's own measuring: what goes wrong must show. No times of this machine are judged but injected ones."""
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+import bench
+import bench_plot
+from bench_run import Case, Slice, Store, percentile, run_slice
+
+Run = Callable[..., Slice]
+CASE = Case("cif-1x2-zerocopy", 152064, 2, "zerocopy", 4000, 40, ("ddx", "futex"))
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
+    bench.build(peers=False)
+    folder = tmp_path_factory.mktemp("bench")
+    store = Store(folder)
+    yield lambda peer, mode="zerocopy", **faults: run_slice(dataclasses.replace(CASE, mode=mode), peer, folder, store,
+                                                            **faults)
+    store.end()
+
+
+@pytest.mark.parametrize("peer, mode", [("futex", "zerocopy"), ("futex", "copy"), ("ddx", "zerocopy"), ("ddx", "copy"),
+                                        ("ddx", "direct")])
+def test_frames_arrive_whole(measured: Run, peer: str, mode: str) -> None:
+    found = measured(peer, mode)
+    assert found.torn == 0
+    assert len(found.latency) + found.lost == CASE.frames * CASE.readers
+    assert len(found.latency) > CASE.readers  # on a busy machine a reader may miss some
+    assert found.p50 > 0 and found.writer_cpu > 0 and found.reader_cpu > 0
+
+
+@pytest.mark.parametrize("peer", ["futex", "ddx"])
+def test_a_frame_that_is_not_sent_is_lost(measured: Run, peer: str) -> None:
+    for number in (20, 50):  # in the midst, and the last one
+        found = measured(peer, skip=number)
+        assert found.lost >= CASE.readers
+        assert len(found.latency) + found.lost == CASE.frames * CASE.readers
+
+
+@pytest.mark.parametrize("mode", ["zerocopy", "copy", "direct"])
+def test_a_torn_frame_is_seen(measured: Run, mode: str) -> None:
+    for _ in range(10):
+        found = measured("ddx", mode, tear=20)
+        assert found.lost >= found.torn
+        if found.torn:
+            break  # else the busy machine let both readers miss just this one
+    assert 1 <= found.torn <= CASE.readers
+
+
+def test_a_delay_shows_in_the_latency(measured: Run) -> None:
+    late = measured("futex", late=3000)
+    assert min(late.latency) >= 3000
+    assert min(measured("futex").latency) < 3000
+
+
+def test_percentiles() -> None:
+    assert percentile(range(1, 101), 50) == 50
+    assert percentile(range(1, 101), 99) == 99
+    assert percentile([7.0], 99) == 7
+
+
+def test_report_and_picture(measured: Run, tmp_path: pathlib.Path) -> None:
+    slices = {(CASE.name, peer): [measured(peer)] for peer in CASE.peers}
+    result: dict[str, Any] = {"machine": bench.machine(), "rounds": 1, **bench.report([CASE], slices)}
+    assert [one["peer"] for one in result["cases"]] == ["ddx", "futex"]
+    assert result["cases"][1]["ddx_ratio"]["p50"] > 0
+    page = bench_plot.page(result)
+    assert page.count("<rect") == 6 and "src=" not in page and "href=" not in page

@@ -1,0 +1,168 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""make bench: the store beside other ways to pass frames, in one run. bench.py [-rounds N] [-cases WORD,...]
+
+A round is a slice of each peer in each case; the order changes from round to round, so that whatever else the machine
+does meets everybody alike. docs/bench.md says what is measured and how to read it.
+"""
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import pathlib
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+from typing import Any
+
+import bench_plot
+import native
+from bench_run import BUILD, Case, Slice, Store, cases, cpus, percentile, run_slice
+from common import OUTPUT, TOP, Failed, run, say
+
+CARGO = OUTPUT / "bench/cargo"
+INSIDE = "DDX_BENCH_INSIDE"  # set in the network of our own
+
+
+def build(peers: bool) -> None:
+    root = native.build()
+    options = [f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}",
+               f"-Dpeers={str(peers).lower()}"]
+    if peers:
+        say("bench: building iceoryx2 ...")
+        run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO], cwd=TOP / "bench/iceoryx2")
+        options.append(f"-Diceoryx2={CARGO}/release/libbench_iceoryx2.a")
+    if not (BUILD / "build.ninja").exists():
+        run(["meson", "setup", *options, BUILD, TOP / "bench"])
+    elif peers:
+        run(["meson", "configure", *options, BUILD])
+    run(["ninja", "-C", BUILD])
+
+
+def machine() -> dict[str, Any]:
+    models = [line.split(":", 1)[1].strip() for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines()
+              if line.startswith("model name")]
+    return {"cpu": models[0] if models else platform.machine(), "cores": len(cpus()), "kernel": platform.release(),
+            "load_before": round(os.getloadavg()[0], 2)}
+
+
+def measure(wanted: list[Case], rounds: int) -> tuple[dict[tuple[str, str], list[Slice]], dict[tuple[str, str], str]]:
+    found: dict[tuple[str, str], list[Slice]] = {}
+    failed: dict[tuple[str, str], str] = {}
+    with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
+        folder = pathlib.Path(name)
+        store = Store(folder)
+        try:
+            for number in range(rounds):
+                say(f"bench: round {number + 1} of {rounds}")
+                for case in wanted:
+                    first = number % len(case.peers)
+                    for peer in case.peers[first:] + case.peers[:first]:
+                        try:
+                            found.setdefault((case.name, peer), []).append(run_slice(case, peer, folder, store))
+                        except Failed as error:
+                            if peer in ("ddx", "futex"):
+                                raise
+                            failed[case.name, peer] = str(error)
+        finally:
+            store.end()
+    return found, failed
+
+
+def row(case: str, peer: str, slices: list[Slice]) -> dict[str, Any]:
+    latency = [value for part in slices for value in part.latency]
+    p50 = sorted(part.p50 for part in slices)
+    return {"case": case, "peer": peer, "p50_us": round(percentile(latency, 50), 1),
+            "p99_us": round(percentile(latency, 99), 1),
+            "writer_cpu_us": round(statistics.median(part.writer_cpu for part in slices), 1),
+            "reader_cpu_us": round(statistics.median(part.reader_cpu for part in slices), 1),
+            "cpu_percent": round(statistics.median(part.percent for part in slices), 2),
+            "p50_quartiles_us": [round(percentile(p50, 25), 1), round(percentile(p50, 75), 1)],
+            "deliveries": len(latency), "lost": sum(part.lost for part in slices),
+            "torn": sum(part.torn for part in slices)}
+
+
+def ratio(mine: list[Slice], theirs: list[Slice], what: str) -> float:
+    """The median over the rounds of one round's ratio."""
+    return float(statistics.median(getattr(a, what) / getattr(b, what) for a, b in zip(mine, theirs)))
+
+
+def report(wanted: list[Case], found: dict[tuple[str, str], list[Slice]]) -> dict[str, Any]:
+    rows = []
+    for case in wanted:
+        for peer in case.peers:
+            slices = found.get((case.name, peer))
+            mine = found[case.name, "ddx"]
+            if not slices:
+                continue
+            one = row(case.name, peer, slices)
+            if peer != "ddx":
+                one["ddx_ratio"] = {"p50": round(ratio(mine, slices, "p50"), 2),
+                                    "reader_cpu": round(ratio(mine, slices, "reader_cpu"), 2),
+                                    "writer_cpu": round(ratio(mine, slices, "writer_cpu"), 2)}
+            plain = found.get(("1080p-1x1-zerocopy", "ddx"))
+            if case.mode == "direct" and plain:
+                one["over_acquire_us"] = round(statistics.median(a.p50 - b.p50 for a, b in zip(slices, plain)), 1)
+            rows.append(one)
+    return {"cases": rows}
+
+
+def table(rows: list[dict[str, Any]]) -> None:
+    say(f"{'':34}{'p50':>9}{'p99':>9}{'writer':>9}{'reader':>9}{'lost':>6}   ddx / peer")
+    say(f"{'':34}{'us':>9}{'us':>9}{'CPU us':>9}{'CPU us':>9}{'':6}   p50  reader  writer")
+    for one in rows:
+        line = (f"{one['case']:25}{one['peer']:9}{one['p50_us']:9.1f}{one['p99_us']:9.1f}{one['writer_cpu_us']:9.1f}"
+                f"{one['reader_cpu_us']:9.1f}{one['lost']:6}")
+        if "ddx_ratio" in one:
+            parts = one["ddx_ratio"]
+            line += f"   {parts['p50']:.2f}    {parts['reader_cpu']:.2f}    {parts['writer_cpu']:.2f}"
+        if "over_acquire_us" in one:
+            line += f"   {one['over_acquire_us']:+.1f} us over acquire"
+        if one["case"].startswith("5x"):
+            line += f"   {one['cpu_percent']:.1f} % of a core, all together"
+        say(line)
+
+
+def own_network() -> None:
+    """LCM talks UDP multicast: over a loopback of our own, so nothing leaves the machine and no route is changed."""
+    if not os.environ.get(INSIDE):
+        unshare = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--net", "--map-root-user"]
+        os.execvpe(unshare[0], [*unshare, sys.executable, "-B", *sys.argv], {**os.environ, INSIDE: "1"})
+    for words in ("link set lo up multicast on", "route add 224.0.0.0/4 dev lo"):
+        run(["ip", *words.split()])
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-rounds", type=int, default=10)
+    parser.add_argument("-cases", default="", help="only cases with one of these words, separated by commas")
+    options = parser.parse_args()
+    wanted = [case for case in cases() if any(word in case.name for word in options.cases.split(","))]
+    try:
+        if not os.environ.get(INSIDE):
+            build(peers=True)
+        own_network()
+        about = machine()
+        found, failed = measure(wanted, options.rounds)
+    except (Failed, subprocess.SubprocessError) as error:
+        say(f"bench: {error}")
+        return 1
+    result = {"machine": about, "rounds": options.rounds, **report(wanted, found),
+              "left_out": [{"case": case.name, "peer": "lcm", "why": "has no zero copy"} for case in wanted
+                           if case.mode == "zerocopy"] +
+                          [{"case": case, "peer": peer, "why": why} for (case, peer), why in failed.items()]}
+    table(result["cases"])
+    for (case, peer), why in failed.items():
+        say(f"bench: {case}: {peer} failed in a slice: {why}")
+    (OUTPUT / "bench/store.json").write_text(json.dumps(result, indent=1) + "\n")
+    (OUTPUT / "bench/store.html").write_text(bench_plot.page(result))
+    say("bench: output/bench/store.json, output/bench/store.html")
+    torn = [one for one in result["cases"] if one["peer"] == "ddx" and one["torn"]]
+    return 1 if torn else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
