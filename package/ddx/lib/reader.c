@@ -11,6 +11,7 @@
 #include "item.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
+#define ATTEMPTS 5             /* to pin a value that is overtaken or not mapped yet, timeout or not */
 #define UNMAPPED_WAIT 10000000 /* ns; a slot that was just added is announced by the store within this time */
 
 /* Ask for memory for so many frames. */
@@ -141,7 +142,7 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
     struct ddx_reader_role *reader = &item->reader;
     int64_t deadline = 0; /* known when there is something to wait for */
     bool asked = false;
-    int result;
+    int attempts = ATTEMPTS, result;
 
     if (tail < DDX_IN_ORDER)
         return -EINVAL;
@@ -168,6 +169,9 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
             DDX_PASS(READER_COUNTED);
             return 0;
         }
+        /* The value is there, its slot was not: that is no timeout. Also for who does not wait. */
+        if (result == -EAGAIN && attempts-- > 0)
+            continue;
         if (!deadline)
             deadline = deadline_of(timeout);
         else if (ddx_time_now() >= deadline)
