@@ -12,6 +12,8 @@ import json
 import os
 import pathlib
 import platform
+import re
+import shutil
 import statistics
 import subprocess
 import sys
@@ -27,13 +29,28 @@ CARGO = OUTPUT / "bench/cargo"
 INSIDE = "DDX_BENCH_INSIDE"  # set in the network of our own
 
 
+def cargo_project() -> pathlib.Path:
+    """A copy of bench/iceoryx2. Its lock file pins versions and checksums, but not where packages come from."""
+    project = OUTPUT / "bench/iceoryx2"
+    shutil.copytree(TOP / "bench/iceoryx2", project, dirs_exist_ok=True)
+    lock = project / "Cargo.lock"
+    pinned = lock.read_text()
+    lock.unlink()
+    run(["cargo", "generate-lockfile"], cwd=project)
+    source = re.search(r'^source = "(registry\+[^"]+)"$', lock.read_text(), re.M)
+    if not source:
+        raise Failed("cargo names no registry")
+    lock.write_text(pinned.replace('source = "registry"', f'source = "{source[1]}"'))
+    return project
+
+
 def build(peers: bool) -> None:
     root = native.build()
     options = [f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}",
                f"-Dpeers={str(peers).lower()}"]
     if peers:
         say("bench: building iceoryx2 ...")
-        run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO], cwd=TOP / "bench/iceoryx2")
+        run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO], cwd=cargo_project())
         options.append(f"-Diceoryx2={CARGO}/release/libbench_iceoryx2.a")
     if not (BUILD / "build.ninja").exists():
         run(["meson", "setup", *options, BUILD, TOP / "bench"])
