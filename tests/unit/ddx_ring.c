@@ -49,10 +49,12 @@ static void *reader(void *argument) {
 
     while (party->last < FRAMES) {
         struct ddx_ring_frame frame;
-        uint32_t generation = DDX_EMPTY, latest;
+        uint32_t generation, latest;
         unsigned slot =
             party->number % 2 ? ddx_ring_next(&control, party->last, &generation) : ddx_ring_newest(&control, &latest);
 
+        if (slot != DDX_NO_SLOT && party->number % 2 == 0)
+            generation = ddx_ring_published(&control, latest);
         if (slot == DDX_NO_SLOT || ddx_ring_pin(&control, pin, slot, generation, &frame))
             continue;
         for (unsigned word = 0; word < WORDS; word++) {
@@ -136,6 +138,19 @@ static void test_published_means_latest(void) {
     CHECK_EQUAL(ddx_ring_next(&control, 1, &generation), slot);
     atomic_store(&control.latest, before); /* as if it had died after W6 */
     CHECK_EQUAL(ddx_ring_next(&control, 1, &generation), DDX_NO_SLOT);
+    /* Nor for one that goes by `latest`, and finds another frame where it should be. */
+    struct ddx_ring_frame frame;
+    uint32_t latest = atomic_load(&control.latest);
+    CHECK_EQUAL(
+        ddx_ring_pin(&control, &page[0].pin[0], DDX_LATEST_SLOT(latest), ddx_ring_published(&control, latest), &frame),
+        0);
+    ddx_ring_unpin(&page[0].pin[0]);
+    for (int i = 0; i < 2; i++) {
+        CHECK_EQUAL(ddx_ring_choose(&writer, &slot), 0);
+        ddx_ring_publish(&writer, slot, 0);
+    }
+    CHECK_EQUAL(slot, DDX_LATEST_SLOT(latest));
+    CHECK_EQUAL(ddx_ring_pin(&control, &page[0].pin[0], slot, ddx_ring_published(&control, latest), &frame), -EAGAIN);
 }
 
 static void reset(void) {

@@ -4,6 +4,7 @@
 #include <stdbool.h>
 #include <time.h>
 
+#include "../../package/ddx/lib/item.h"
 #include "store_process.h"
 
 #define ROUNDS 50
@@ -62,6 +63,25 @@ static void run(const char *program, const char *role, const char *count) {
     CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
 }
 
+/* Numbers are compared by their low bits only: a reader that slept for days must not wait for days more. */
+static void test_long_sleep(DDX_STORE_ID *id) {
+    static BLOCK block;
+    DDX_STORE_ITEM *out = ddx_store_lookup_item(id, "sleep", "BLOCK", sizeof(BLOCK));
+    DDX_STORE_ITEM *in = ddx_store_lookup_item(id, "sleep", NULL, 0);
+    struct ddx_frame frame;
+
+    CHECK(out && in);
+    CHECK_EQUAL(ddx_store_write(out, &block, NULL), 0);
+    CHECK_EQUAL(ddx_store_read(in, &block, NULL, 0, DDX_CURRENT), 0);
+    out->writer.ring.sequence += 5000000;
+    CHECK_EQUAL(ddx_store_write(out, &block, NULL), 0);
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_NEXT), 0);
+    CHECK_EQUAL(frame.sequence, 5000002);
+    CHECK_EQUAL(frame.missed, 5000000);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
 int main(int argc, char **argv) {
     if (argc > 1)
         return argv[1][0] == 'w' ? play_writer(atoi(argv[2])) : play_reader();
@@ -71,6 +91,8 @@ int main(int argc, char **argv) {
     DDX_STORE_ITEM *in = NULL;
     struct ddx_item_info info;
     uint64_t seen = 0;
+
+    test_long_sleep(id);
 
     for (int round = 0; round < ROUNDS; round++) {
         struct ddx_frame frame;

@@ -53,9 +53,12 @@ void ddx_reader_follow(DDX_STORE_ITEM *item) {
     DDX_PASS(ATTACH_FOLLOWED);
 }
 
-/* How far the newest frame is ahead of what was seen; negative: behind. Numbers are compared in their low 23 bits. */
+/*
+ * How far the newest frame is ahead of what was seen. Numbers are compared in their low 23 bits, and nobody sees what
+ * was not published: a large difference is a reader that slept for long, not one that is ahead.
+ */
 static int32_t ahead(uint32_t latest, uint64_t seen) {
-    return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) << 9) >> 9;
+    return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) & 0x7fffffu);
 }
 
 bool ddx_reader_wake(const DDX_STORE_ITEM *item) {
@@ -82,7 +85,7 @@ static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_t value,
 static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest, struct ddx_ring_frame *frame) {
     struct ddx_reader_role *reader = &item->reader;
     struct ddx_control *control = reader->term->control;
-    uint32_t generation = DDX_EMPTY;
+    uint32_t generation;
     unsigned slot;
 
     if (tail == DDX_IN_ORDER)
@@ -93,6 +96,8 @@ static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t lat
         slot = DDX_NO_SLOT;
     if (slot >= DDX_SLOTS_MAX)
         return -ENODATA;
+    if (tail != DDX_IN_ORDER)
+        generation = ddx_ring_published(control, latest);
     DDX_PASS(READER_CHOSEN);
     if (!reader->term->base[slot]) {
         int64_t until = ddx_time_now() + UNMAPPED_WAIT;

@@ -142,6 +142,13 @@ unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest) {
     return DDX_LATEST_SLOT(*latest);
 }
 
+uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest) {
+    const ddx_word *generation = &control->slot[DDX_LATEST_SLOT(latest)].generation;
+    uint32_t found = atomic_load_explicit(generation, memory_order_relaxed);
+
+    return !(found & 1) && (found >> 1 & 0x7fffffu) == DDX_LATEST_SEQUENCE(latest) ? found : DDX_WRITING;
+}
+
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation) {
     unsigned slots = atomic_load_explicit(&control->slots, memory_order_acquire);
     unsigned best = DDX_NO_SLOT;
@@ -185,7 +192,7 @@ int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot
     DDX_PASS(READER_PINNED);
     uint32_t found = atomic_load(&state->generation);
 
-    if ((found & 1) || (generation != DDX_EMPTY && found != generation)) {
+    if ((found & 1) || found != generation) {
         ddx_ring_unpin(pin);
         DDX_PASS(READER_OVERTAKEN);
         return -EAGAIN;

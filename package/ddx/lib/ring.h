@@ -7,7 +7,7 @@
  * Writer, for each frame:                        Reader, for each frame:
  *   W1 choose a slot that is not the newest         R1 choose a slot (the newest, or the next in order)
  *   W2 generation := WRITING                        R2 pin := slot
- *   W3 notice version unchanged? else undo          R3 generation even (and the expected one)? else unpin, again
+ *   W3 notice version unchanged? else undo          R3 generation the expected one? else unpin, again
  *   W4 read every pin; pinned? undo, next slot      R4 use the frame
  *   W5 write the frame, its number, its time        R5 pin := none
  *   W6 generation := even
@@ -64,14 +64,20 @@ void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot);
 unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest);
 
 /*
+ * The generation that ddx_ring_pin() must find in the slot of `latest`: that frame's, and not one that overtook it,
+ * which may be whole but not published yet. DDX_WRITING if it was overtaken.
+ */
+uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest);
+
+/*
  * The slot with the smallest published sequence number above `seen`, or DDX_NO_SLOT; *generation is what
  * ddx_ring_pin() must find.
  */
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
 
 /*
- * R2-R3. `generation` is the expected one, or DDX_EMPTY for any whole frame. -EAGAIN: overtaken, nothing is pinned. A
- * slot that the word held before is let go of.
+ * R2-R3. `generation` is the expected one. -EAGAIN: overtaken, nothing is pinned. A slot that the word held before is
+ * let go of.
  */
 int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
                  struct ddx_ring_frame *frame);
