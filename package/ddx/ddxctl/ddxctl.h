@@ -9,6 +9,8 @@
 /* What the command line asked for. */
 struct request {
     const char *item;
+    char **changes; /* set: "field=value" words */
+    unsigned change_count;
     bool json;
     int port;
     unsigned count; /* watch: so many frames, then end; 0: until interrupted */
@@ -18,6 +20,7 @@ struct request {
 /* One file each; they return the exit status. */
 int command_list(DDX_STORE_ID *id, const struct request *request);
 int command_show(DDX_STORE_ID *id, const struct request *request);
+int command_set(DDX_STORE_ID *id, const struct request *request);
 int command_watch(DDX_STORE_ID *id, const struct request *request);
 int command_stats(DDX_STORE_ID *id, const struct request *request);
 
@@ -29,6 +32,12 @@ void json_string(const char *text, size_t length);
 
 /* Bytes as people read them: "152K". */
 const char *readable_bytes(uint64_t bytes, char text[16]);
+
+/*
+ * Change what "field=value" says in a value of the item's type: `apply` false only checks. NULL, or what is wrong with
+ * it, in static memory.
+ */
+const char *change_field(const DDX_STORE_ITEM *item, void *data, const char *change, bool apply);
 
 /* A frame's fields, one by one: name = value, or the members of a JSON object. */
 void print_fields(const DDX_STORE_ITEM *item, const void *data, bool json);

@@ -5,7 +5,9 @@
 
 #include "ddxctl.h"
 
-#define SHOWN 16 /* elements of an array that are printed; a picture has a million */
+/* Elements of an array that are printed; a picture has a million. */
+#define SHOWN 16
+#define SHOWN_JSON 1024 /* an array with more is its first SHOWN ones there, too */
 
 static int64_t signed_at(const char *at, unsigned bytes) {
     int8_t i8;
@@ -66,13 +68,14 @@ static void print_array(const struct ddx_field *field, const char *at, bool json
         print_number(field->kind, at, field->bytes);
         return;
     }
+    uint64_t shown = count > (json ? SHOWN_JSON : SHOWN) ? SHOWN : count;
     printf("[");
-    for (uint64_t i = 0; i < count && i < SHOWN; i++) {
+    for (uint64_t i = 0; i < shown; i++) {
         printf(i ? (json ? "," : ", ") : "");
         print_number(field->kind == DDX_KIND_CHAR ? DDX_KIND_UNSIGNED : field->kind, at + i * field->bytes,
                      field->bytes);
     }
-    if (count > SHOWN && !json)
+    if (count > shown && !json)
         printf(", ... %llu in all", (unsigned long long)count);
     printf("]");
 }

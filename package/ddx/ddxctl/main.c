@@ -11,30 +11,32 @@
 
 #define STORE_WAIT 1.0 /* s */
 
-static const char usage[] = "usage: ddxctl COMMAND [options]\n"
-                            "\n"
-                            "  list          all items: type, memory, readers, writer, age\n"
-                            "  show ITEM     the item's newest value, field by field\n"
-                            "  watch ITEM    a line for each write: number, time, what was missed\n"
-                            "  stats         counters of all programs: frames in, out, lost, latency\n"
-                            "\n"
-                            "  -json         for programs: one JSON object a line\n"
-                            "  -every S      list, show, stats: again every S seconds\n"
-                            "  -count N      end after N writes (watch) or repetitions\n"
-                            "  -port N       the store's port; default 2005\n"
-                            "  -help         this text\n"
-                            "\n"
-                            "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
+static const char usage[] =
+    "usage: ddxctl COMMAND [options]\n"
+    "\n"
+    "  list          all items: type, memory, readers, writer, age\n"
+    "  show ITEM     the item's newest value, field by field\n"
+    "  set ITEM FIELD=VALUE ...\n"
+    "                write the newest value once more, with these fields changed: imu.accel[0]=1.5,\n"
+    "                name=text, gears=1,2,3; value=7 for an item that is no struct\n"
+    "  watch ITEM    a line for each write: number, time, what was missed\n"
+    "  stats         counters of all programs: frames in, out, lost, latency\n"
+    "\n"
+    "  -json         for programs: one JSON object a line\n"
+    "  -every S      list, show, stats: again every S seconds\n"
+    "  -count N      end after N writes (watch) or repetitions\n"
+    "  -port N       the store's port; default 2005\n"
+    "  -help         this text\n"
+    "\n"
+    "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
 
 static const struct {
     const char *name;
-    bool needs_item;
+    bool needs_item, takes_changes;
     int (*run)(DDX_STORE_ID *id, const struct request *request);
 } commands[] = {
-    {"list", false, command_list},
-    {"show", true, command_show},
-    {"watch", true, command_watch},
-    {"stats", false, command_stats},
+    {"list", false, false, command_list},  {"show", true, false, command_show},    {"set", true, true, command_set},
+    {"watch", true, false, command_watch}, {"stats", false, false, command_stats},
 };
 
 int complain(const char *item, int error) {
@@ -61,7 +63,7 @@ static int repeat(size_t command, DDX_STORE_ID *id, const struct request *reques
     struct timespec pause = {(time_t)request->every, (long)((request->every - (double)(time_t)request->every) * 1e9)};
     int status = commands[command].run(id, request);
 
-    if (request->every <= 0 || commands[command].run == command_watch)
+    if (request->every <= 0 || commands[command].run == command_watch || commands[command].run == command_set)
         return status;
     for (unsigned i = 1; request->count == 0 || i < request->count; i++) {
         nanosleep(&pause, NULL);
@@ -111,12 +113,18 @@ int main(int argc, char **argv) {
     while (command < count && strcmp(argv[optind], commands[command].name) != 0)
         command++;
     if (command == count)
-        return bad_usage(argv[optind], "unknown command (list, show, watch, stats)");
+        return bad_usage(argv[optind], "unknown command (list, show, set, watch, stats)");
     int words = argc - optind - 1;
     if (words < commands[command].needs_item)
         return bad_usage(commands[command].name, "needs the name of an item");
-    if (words > commands[command].needs_item)
+    if (commands[command].takes_changes && words < 2)
+        return bad_usage(commands[command].name, "needs field=value");
+    if (words > commands[command].needs_item && !commands[command].takes_changes)
         return bad_usage(argv[argc - 1], "unexpected");
+    if (commands[command].takes_changes) {
+        request.changes = argv + optind + 2;
+        request.change_count = (unsigned)(words - 1);
+    }
     request.item = commands[command].needs_item ? argv[optind + 1] : NULL;
 
     DDX_STORE_ID *id = ddx_store_open(NULL, request.port, STORE_WAIT);
