@@ -13,7 +13,7 @@ PYTHON = /usr/bin/python3 -B
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)')
 
-.PHONY: help setup setup-build build run test image crash bench legal sbom lint flash clean distclean
+.PHONY: help setup setup-build build run test image crash bench legal sbom lint flash desktop clean distclean
 
 help:            ## this list
 	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
@@ -48,6 +48,8 @@ sbom:            ## list of all that is in an image (CycloneDX): BOARD=
 	@$(PYTHON) tools/sbom.py "$(BOARD)"
 lint: setup      ## check scripts, tools and sources without running them
 	@$(PYTHON) tools/lint.py
+desktop: setup-build  ## install the store, its library and Python module: PREFIX=/usr/local, DESTDIR=
+	@$(PYTHON) tools/desktop.py "$(or $(PREFIX),/usr/local)" "$(DESTDIR)"
 clean:           ## remove what was built, keep what was downloaded
 	@tools/clean
 distclean:       ## remove all output

@@ -46,11 +46,13 @@ def main() -> int:
     failed = bool(bad)
     scripts = [path for path in paths if is_script(path)]
     failed |= subprocess.run(["shellcheck", "--shell=sh", *scripts], check=False).returncode != 0
-    folders = [path for path in [TOP / "tools", *sorted((TOP / "tests").glob("*"))] if list(path.glob("*.py"))]
+    python = [TOP / "tools", TOP / "package/ddx/python", TOP / "examples", *sorted((TOP / "tests").glob("*"))]
+    folders = [path for path in python if list(path.glob("*.py"))]
     for folder in folders:
         mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={TOP}/output/mypy"]
         failed |= subprocess.run([*mypy, folder], cwd=TOP, check=False,
-                                 env={"MYPYPATH": str(TOP / "tools"), "PATH": "/usr/bin:/bin"}).returncode != 0
+                                 env={"MYPYPATH": f"{TOP}/tools:{TOP}/package/ddx/python",
+                                      "PATH": "/usr/bin:/bin"}).returncode != 0
     say("lint: failed" if failed else f"lint: {len(scripts)} scripts and {len(paths)} files are fine")
     return 1 if failed else 0
 

@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+import ddx
+
+with ddx.Store() as store, store.item("video") as item:
+    for frame in item.frames(timeout=1.0):  # no copy; it cannot change until the next one is asked for
+        print(frame.sequence, frame.time, frame.missed, frame["y"].sum())

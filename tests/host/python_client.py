@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What a program in Python may do with a store: python_client.py FUNCTION; test_python.py runs each."""
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import ddx
+
+SENSOR = """struct { char name[12]; struct { struct { float x, y; } accel[2]; double bias[3]; int8_t temperature; } imu;
+    uint8_t id; int64_t ticks; }"""
+VALUE: dict[str, Any] = {"name": "front", "imu": {"accel": [{"x": 1.5, "y": -2.0}, {"x": 0.0, "y": 8.0}],
+                                                  "bias": [1.0, 2.0, 3.0], "temperature": -128}, "id": 255,
+                         "ticks": 2**63 - 1}
+PICTURE = "struct { int width; char y[307200]; }"
+
+
+def refused(error: type[Exception], action: Callable[[], object]) -> str:
+    try:
+        action()
+    except error as caught:
+        return str(caught)
+    raise AssertionError(f"not refused with {error.__name__}")
+
+
+def values(store: ddx.Store) -> None:
+    with store.create("sensor", "SENSOR", SENSOR) as out, store.item("sensor") as item:
+        assert refused(TimeoutError, lambda: item.read(timeout=0))
+        out.write(VALUE, time=12345)
+        assert item.read() == VALUE
+        with item.acquire(0, ddx.CURRENT) as frame:
+            assert (frame.time, frame.sequence, frame.missed) == (12345, 1, 0)
+            assert frame["id"] == 255 and frame["imu"]["accel"][1]["y"] == 8
+            assert frame["imu"]["bias"].tolist() == [1, 2, 3]
+        assert item.type == "SENSOR" and [f.name for f in item.fields][:3] == ["name", "imu", "imu.accel"]
+
+
+def plain_number(store: ddx.Store) -> None:
+    with store.create("count", "int", "int") as out:
+        out.write(-7)
+        assert out.read() == -7
+
+
+def wrong_values(store: ddx.Store) -> None:
+    """Whatever is refused is not written, not in part either."""
+    with store.create("sensor", "SENSOR", SENSOR) as out, store.item("sensor") as item:
+        out.write(VALUE)
+        cases: list[tuple[type[Exception], dict[str, Any]]] = [
+            (OverflowError, {"id": 256}), (OverflowError, {"ticks": 2**63}), (TypeError, {"id": 1.5}),
+            (ValueError, {"name": "x" * 13}), (KeyError, {"other": 1}), (KeyError, {"imu": {}})]
+        for error, change in cases:
+            changed: dict[str, Any] = {**VALUE, "name": "rear"}
+            changed |= change
+            assert refused(error, lambda changed=changed: out.write(changed))  # type: ignore[misc]
+        assert refused(KeyError, lambda: out.write({"id": 1}))
+        with item.acquire(0, ddx.CURRENT) as frame:
+            assert frame.sequence == 1 and frame.value() == VALUE
+
+
+def no_copy(store: ddx.Store) -> None:
+    """Two handles see the same pages: what is written after a look at them is seen in the view taken before."""
+    with store.create("picture", "PICTURE", PICTURE, {"y": 76800}) as out, store.item("picture") as item:
+        with out.loan() as loan:
+            loan["width"] = 320
+            loan["y"][:] = np.arange(76800, dtype=np.uint32) % 251
+        with item.acquire(1.0, ddx.CURRENT) as frame:
+            assert frame["width"] == 320 and frame["y"].shape == (76800,) and frame["y"].dtype == np.uint8
+            assert (frame["y"] == np.arange(76800) % 251).all()
+            assert not frame["y"].flags.owndata and not frame["y"].flags.writeable
+            assert frame.view("y").ctypes.data == frame.address + item.fields[1].offset
+            assert refused(ValueError, lambda: frame["y"].__setitem__(0, 1))
+            refused(ValueError, lambda: setattr(frame["y"].flags, "writeable", True))
+            # It cannot change while it is held, whatever is written.
+            for level in range(10):
+                with out.loan() as loan:
+                    loan["y"][:] = level
+            assert (frame["y"] == np.arange(76800) % 251).all()
+
+
+def after_release(store: ddx.Store) -> None:
+    with store.create("picture", "PICTURE", PICTURE) as out, store.item("picture") as item:
+        with out.loan() as loan:
+            loan["y"][:] = 3
+            kept = loan["y"]
+        assert refused(ValueError, lambda: kept.__setitem__(0, 1))
+        with item.acquire(1.0, ddx.CURRENT) as frame:
+            y, part, square = frame["y"], frame["y"][100:200], frame["y"].reshape(480, 640)
+            copy, doubled, ordered = y.copy(), y * np.uint8(2), part.flatten()
+            assert y.mean() == 3 and np.concatenate([part, part]).sum() == 600
+        for use in [lambda: y[0], lambda: y + 1, lambda: y.mean(), lambda: np.concatenate([part, part]),
+                    lambda: square[0, 0], lambda: part.copy(), lambda: np.mean(square), lambda: y.tolist(),
+                    lambda: frame["y"], lambda: frame.value()]:
+            assert "released" in refused(ValueError, use)
+        assert copy.sum() == 3 * 307200 and copy[5] == 3 and (doubled[:10] == 6).all() and ordered[0] == 3
+
+
+def missed(store: ddx.Store) -> None:
+    with store.create("count", "int", "int") as out, store.item("count") as item:
+        refused(TimeoutError, lambda: item.acquire(0))
+        for number in range(10):
+            out.write(number)
+        with item.acquire(0) as frame:
+            assert (frame.value(), frame.sequence, frame.missed) == (9, 10, 9)
+        assert item.missed == 9
+        with store.item("count") as late:
+            late.keep(5)
+            refused(TimeoutError, lambda: late.acquire(0, ddx.NEXT))
+            # Room for five is there soon after the first read; until then it misses some, and is told so.
+            read: list[int] = []
+            for attempt in range(1, 100):
+                for number in range(4):
+                    out.write(number)
+                now = [frame.value() for frame in late.frames(0, ddx.IN_ORDER)]
+                read += now
+                assert len(read) + late.missed == 4 * attempt
+                if len(now) == 4:
+                    break
+                time.sleep(0.05)
+            assert now == [0, 1, 2, 3]
+
+
+def errors(store: ddx.Store) -> None:
+    assert "no item of this name" in refused(ddx.Error, lambda: store.item("nothing"))
+    assert "bad argument" in refused(ddx.Error, lambda: store.create("p", "P", "struct { int *p; }"))
+    out = store.create("count", "int", "int")
+    assert "another program writes" in refused(ddx.Error, lambda: store.create("count", "int", "int"))
+    out.write(1)
+    frame = out.acquire(0, ddx.CURRENT)
+    assert "still held" in refused(ddx.Error, lambda: out.acquire(0))
+    out.close()
+    assert refused(ValueError, lambda: out.write(2)) and refused(ValueError, frame.value)
+    assert "no store runs" in refused(ddx.Error, lambda: ddx.Store(port=7, timeout=0))
+
+
+def gone_with_its_exception(store: ddx.Store) -> None:
+    def fails() -> None:
+        with out.loan() as loan:
+            loan["width"] = 2
+            raise RuntimeError
+    with store.create("picture", "PICTURE", PICTURE) as out:
+        with out.loan() as loan:
+            loan["width"] = 1
+        refused(RuntimeError, fails)
+        assert out.acquire(0, ddx.CURRENT)["width"] == 1
+
+
+if __name__ == "__main__":
+    with ddx.Store() as connection:
+        globals()[sys.argv[1]](connection)

@@ -1,0 +1,71 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Install what programs are written with: desktop.py PREFIX [DESTDIR]
+
+Headers, libraries, pkg-config files, programs and the Python module `ddx`; no services.
+"""
+import os
+import pathlib
+import shlex
+import site
+import subprocess
+import sys
+
+import native
+from common import OUTPUT, TOP, Failed, run, say
+
+TAGS = "runtime,devel,python-runtime"
+
+
+def python_folder(prefix: str) -> str:
+    """Where Python looks below the prefix; else where it is usually told to."""
+    for folder in site.getsitepackages():
+        if pathlib.Path(folder).is_relative_to(prefix):
+            return folder
+    return f"{prefix}/lib/python3/site-packages"
+
+
+def install(prefix: str, destination: str) -> None:
+    # ddxvideo finds ddx in the desk build's tree: what it takes from there does not depend on the prefix.
+    desk = native.build()
+    for package in native.PACKAGES:
+        out = OUTPUT / "desktop" / package
+        options = [f"--prefix={prefix}", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
+        if package == "ddx":
+            options.append(f"-Dpython_folder={python_folder(prefix)}")
+        env = {**native.environment(desk), "DESTDIR": destination}
+        again = ["--reconfigure"] if (out / "build.ninja").exists() else []
+        run(["meson", "setup", *again, *options, out, TOP / "package" / package], env=env)
+        run(["ninja", "-C", out], env=env)
+        run(["meson", "install", "--no-rebuild", "--tags", TAGS, "-C", out], env=env)
+    if not destination and os.geteuid() == 0:
+        run(["ldconfig"])
+    say(f"desktop: installed in {destination}{prefix}")
+
+
+def search_path(prefix: str) -> None:
+    """A hint, where programs would not find what was installed."""
+    if python_folder(prefix) not in site.getsitepackages():
+        say(f"desktop: for Python: export PYTHONPATH={shlex.quote(python_folder(prefix))}")
+    known = subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=False).stdout
+    if f"{prefix}/lib" not in known:
+        say(f"desktop: for programs: export LD_LIBRARY_PATH={shlex.quote(prefix + '/lib/x86_64-linux-gnu')}")
+
+
+def main() -> int:
+    prefix = sys.argv[1] if len(sys.argv) > 1 else "/usr/local"
+    destination = sys.argv[2] if len(sys.argv) > 2 else ""
+    try:
+        if not prefix.startswith("/") or destination and not destination.startswith("/"):
+            raise Failed("PREFIX and DESTDIR are absolute paths")
+        install(prefix.rstrip("/") or "/", destination)
+        if not destination:
+            search_path(prefix)
+    except Failed as error:
+        say(f"desktop: {error}")
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
