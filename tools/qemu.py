@@ -121,6 +121,14 @@ class Guest:
                 raise Failed(f"the guest did not come up: {error}\n{tail}") from None
         return self._channels[name]
 
+    def wait_for_log(self, text: bytes, timeout: float) -> None:
+        """Until the serial line has said so, whether anybody was listening or not."""
+        deadline = time.monotonic() + timeout
+        while not self.log.exists() or text not in self.log.read_bytes():
+            if time.monotonic() > deadline or self.process.poll() is not None:
+                raise Failed(f"the guest did not say {text!r} within {timeout:.0f} s")
+            time.sleep(0.02)
+
     def sh(self, command: str, timeout: float = 30.0) -> str:
         """Run a command in the guest that has to succeed."""
         status, text = self.shell().run(command, timeout)

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """How the machine comes up."""
-import time
-
 from qemu import Guest
 from recording import Partition
 
@@ -13,10 +11,7 @@ def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
 
 
 def test_grub_counts_the_boots_of_a_slot_on_trial(closed: Guest) -> None:
-    deadline = time.monotonic() + 60
-    while b"Starting base" not in closed.log.read_bytes():
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
+    closed.wait_for_log(b"Starting base", 60)
     assert closed.environment() == {"left": "2"}
 
 

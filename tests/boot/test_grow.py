@@ -70,10 +70,7 @@ def test_power_is_cut_while_it_grows(boot: Boot, used: pathlib.Path, tmp_path: p
     """The next boot brings it to its end; what had been recorded is there."""
     shutil.copy(used / "disk.qcow2", tmp_path)
     with boot("cut", keep=tmp_path) as guest:
-        deadline = time.monotonic() + 90
-        while b"Starting ddxgrow" not in guest.log.read_bytes():
-            assert time.monotonic() < deadline
-            time.sleep(0.02)
+        guest.wait_for_log(b"Starting ddxgrow", 90)
         time.sleep(seconds)
         guest.process.kill()
         guest.process.wait()
