@@ -38,6 +38,23 @@ static int play_writer(int count) {
     return 1;
 }
 
+/* Publishes a frame, and after a while another one, but dies before it wakes anybody for that. */
+static int play_untold(void) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, "untold", "BLOCK", sizeof(BLOCK));
+    static BLOCK block;
+    void *data;
+
+    CHECK(item);
+    CHECK_EQUAL(ddx_store_write(item, &block, NULL), 0);
+    nanosleep(&(struct timespec){0, 300000000}, NULL); /* until the reader sleeps */
+    CHECK_EQUAL(ddx_store_loan(item, &data), 0);
+    fill(data, 2);
+    ddx_ring_publish(&item->writer.ring, (unsigned)item->writer.loaned, 0);
+    raise(SIGKILL);
+    return 1;
+}
+
 /* Dies while it holds a frame. */
 static int play_reader(void) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
@@ -82,9 +99,33 @@ static void test_long_sleep(DDX_STORE_ID *id) {
     ddx_store_done_item(out);
 }
 
+/* A reader asleep hears of its writer's last frame from the store, if not from the writer. */
+static void test_untold(DDX_STORE_ID *id, const char *program) {
+    DDX_STORE_ITEM *in = ddx_store_lookup_item(id, "untold", "BLOCK", sizeof(BLOCK));
+    struct ddx_frame frame;
+    int status;
+    pid_t pid = fork();
+
+    CHECK(in && pid >= 0);
+    if (pid == 0) {
+        execl(program, program, "u", "", (char *)NULL);
+        _exit(127);
+    }
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 5, DDX_NEXT), 0);
+    CHECK_EQUAL(frame.sequence, 1);
+    CHECK_EQUAL(ddx_store_release(in), 0);
+    int64_t before = ddx_time_now();
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 20, DDX_NEXT), 0);
+    CHECK_EQUAL(frame.sequence, 2);
+    CHECK(ddx_time_now() - before < 10000000000);
+    CHECK_EQUAL(waitpid(pid, &status, 0), pid);
+    CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    ddx_store_done_item(in);
+}
+
 int main(int argc, char **argv) {
     if (argc > 1)
-        return argv[1][0] == 'w' ? play_writer(atoi(argv[2])) : play_reader();
+        return argv[1][0] == 'w' ? play_writer(atoi(argv[2])) : argv[1][0] == 'u' ? play_untold() : play_reader();
     store_folder_make();
     store_start("8M");
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
@@ -93,6 +134,7 @@ int main(int argc, char **argv) {
     uint64_t seen = 0;
 
     test_long_sleep(id);
+    test_untold(id, argv[0]);
 
     for (int round = 0; round < ROUNDS; round++) {
         struct ddx_frame frame;

@@ -4,6 +4,7 @@
 #define STORE_SERVER_H
 
 #include "../lib/fault.h"
+#include "../lib/futex.h"
 #include "../lib/memory.h"
 #include "../lib/ring.h"
 #include "../lib/wire.h"

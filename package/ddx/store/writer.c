@@ -154,6 +154,9 @@ void writer_left(struct client *client) {
         return;
     note("%s: its writer %d is gone; the last frame stays", item->name, (int)client->pid);
     item->writer = NULL;
+    /* It may have died between W7 and the wake-up: then readers sleep over a frame that is there. */
+    if (item->epoch)
+        ddx_futex_wake(&item->epoch->control->latest);
     epoch_free(item->pending);
     item->pending = NULL;
     DDX_PASS(STORE_WRITER_LEFT);
