@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """How the machine comes up."""
-from qemu import Guest
+from qemu import USERSPACE, Guest
 from recording import Partition
 
 
@@ -11,7 +11,7 @@ def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
 
 
 def test_grub_counts_the_boots_of_a_slot_on_trial(closed: Guest) -> None:
-    closed.wait_for_log(b"Starting base", 60)
+    closed.wait_for_log(USERSPACE, 60)
     assert closed.environment() == {"left": "2"}
 
 

@@ -2,7 +2,7 @@
 """The menu's rescue entry, chosen over the serial line: a shell, and neither services nor their file systems."""
 import time
 
-from qemu import Boot
+from qemu import USERSPACE, Boot
 
 DOWN = "\x1b[B"
 
@@ -14,6 +14,8 @@ def test_rescue_touches_nothing(boot: Boot) -> None:
         for key in [DOWN, DOWN, "\r"]:
             menu.send(key)
             time.sleep(0.2)  # as fast as fingers; faster, and the serial line may lose a key
+        menu.wait(USERSPACE, 60)
+        menu.close()  # who is connected and does not read stops the guest
         guest.shell()
         words = guest.sh("cat /proc/cmdline").split()
         assert "ddx.rescue" in words and "ddx.slot=A" in words
