@@ -20,7 +20,7 @@ import sys
 
 import lint
 import machine
-from common import OUTPUT, TOP, Failed, fingerprint, run, say
+from common import OUTPUT, TOP, Failed, fingerprint, finish, run, say
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
@@ -178,8 +178,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except Failed as error:
-        say(f"buildroot: {error}")
-        sys.exit(1)
+    finish("buildroot", main)

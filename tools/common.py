@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
+from typing import NoReturn
 
 TOP = pathlib.Path(__file__).resolve().parent.parent
 OUTPUT = TOP / "output"
@@ -32,6 +33,15 @@ def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] |
         sys.stdout.write("".join(done.stdout.splitlines(keepends=True)[-60:]))
         raise Failed(f"exit status {done.returncode}: {' '.join(map(str, command))}")
     return done.stdout
+
+
+def finish(name: str, main: Callable[[], int]) -> NoReturn:
+    """Run a tool's main() and end with its status; what failed is one line and status 1."""
+    try:
+        sys.exit(main())
+    except Failed as error:
+        say(f"{name}: {error}")
+        sys.exit(1)
 
 
 def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:

@@ -30,7 +30,7 @@ def install(prefix: str, destination: str) -> None:
     desk = native.build()
     for package in native.PACKAGES:
         out = OUTPUT / "desktop" / package
-        options = [f"--prefix={prefix}", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
+        options = [*native.MESON, f"--prefix={prefix}"]  # the last prefix counts
         if package == "ddx":
             options.append(f"-Dpython_folder={python_folder(prefix)}")
         env = {**native.environment(desk), "DESTDIR": destination}

@@ -16,7 +16,7 @@ import tarfile
 
 import buildroot
 import lint
-from common import OUTPUT, TOP, Failed, run, say
+from common import OUTPUT, TOP, Failed, finish, run, say
 
 WARNING = re.compile(r"^WARNING: (?:(\S+): )?(.*)$", re.M)
 ANSWERED = "the Buildroot source code has not been saved"  # it is: see scripts()
@@ -114,8 +114,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    try:
-        sys.exit(main())
-    except Failed as error:
-        say(f"legal: {error}")
-        sys.exit(1)
+    finish("legal", main)
