@@ -17,12 +17,23 @@ struct request {
     double every;   /* repeat, seconds between; 0: once */
 };
 
+/* What is about services, not about the store. */
+bool is_control(const char *word);
+/* argv, of which the first word will be replaced; returns only if that fails: the exit status. */
+int run_control(char **words);
+/* The same for `ddxctl recordings`. */
+int run_recordings(char **words);
+
 /* One file each; they return the exit status. */
 int command_list(DDX_STORE_ID *id, const struct request *request);
 int command_show(DDX_STORE_ID *id, const struct request *request);
 int command_set(DDX_STORE_ID *id, const struct request *request);
 int command_watch(DDX_STORE_ID *id, const struct request *request);
+int command_record(DDX_STORE_ID *id, const struct request *request);
 int command_stats(DDX_STORE_ID *id, const struct request *request);
+
+/* Ask the program that writes the item for the changes (ddx_request.h); the exit status. */
+int ask_for_changes(DDX_STORE_ID *id, const struct request *request);
 
 /* "ddxctl: item: text" on stderr; returns 1. */
 int complain(const char *item, int error);

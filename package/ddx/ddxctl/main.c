@@ -18,9 +18,34 @@ static const char usage[] =
     "  show ITEM     the item's newest value, field by field\n"
     "  set ITEM FIELD=VALUE ...\n"
     "                write the newest value once more, with these fields changed: imu.accel[0]=1.5,\n"
-    "                name=text, gears=1,2,3; value=7 for an item that is no struct\n"
+    "                name=text, gears=1,2,3; value=7 for an item that is no struct. Of an item\n"
+    "                whose program takes requests, its settings: set video brightness=128\n"
     "  watch ITEM    a line for each write: number, time, what was missed\n"
     "  stats         counters of all programs: frames in, out, lost, latency\n"
+    "\n"
+    "  record start|stop|split|pre-roll SECONDS [INSTANCE]\n"
+    "                tell the recorder (default: ddxvideosave) to leave out what comes, to go on in a new\n"
+    "                file, to begin a new one with the next frame, or to keep the last seconds in\n"
+    "                memory while it is stopped\n"
+    "  recordings [list [--json]]\n"
+    "                what was recorded: when, how long, how large, complete or not\n"
+    "  recordings verify [NAME...]\n"
+    "                is each frame on the disk what was recorded? (exit 1: it is not)\n"
+    "  recordings export NAME...|all|newest usb|DEVICE|FOLDER\n"
+    "                onto a USB stick, read back and compared\n"
+    "\n"
+    "In the appliance, for services and their instances (NAME.INSTANCE):\n"
+    "  services      all of them: switched on or off, running or not\n"
+    "  health        one screen: is this machine all right? What is not has a ! before it (exit 1)\n"
+    "  enable NAME   switch it on, now and after each boot; disable NAME: off\n"
+    "  start NAME    for this time only; stop NAME, restart NAME\n"
+    "  status NAME   a line for each instance; exit status 0 runs, 1 died, 3 stopped\n"
+    "  logs NAME     its last 200 messages\n"
+    "  add NAME.INSTANCE KEY=VALUE ...\n"
+    "                one more instance with these settings: add ddxvideosend.rear name=rear port=8004\n"
+    "  remove NAME.INSTANCE\n"
+    "  reset settings|everything [recordings]\n"
+    "                back to what the image came with; recordings are kept, unless named; it asks\n"
     "\n"
     "  -json         for programs: one JSON object a line\n"
     "  -every S      list, show, stats: again every S seconds\n"
@@ -37,6 +62,7 @@ static const struct {
 } commands[] = {
     {"list", false, false, command_list},  {"show", true, false, command_show},    {"set", true, true, command_set},
     {"watch", true, false, command_watch}, {"stats", false, false, command_stats},
+    {"record", true, true, command_record},
 };
 
 int complain(const char *item, int error) {
@@ -82,6 +108,10 @@ int main(int argc, char **argv) {
     double value;
     int option;
 
+    if (argc > 1 && is_control(argv[1]))
+        return run_control(argv);
+    if (argc > 1 && !strcmp(argv[1], "recordings"))
+        return run_recordings(argv);
     opterr = 0;
     while ((option = getopt_long_only(argc, argv, ":", options, NULL)) != -1) {
         switch (option) {
@@ -113,11 +143,13 @@ int main(int argc, char **argv) {
     while (command < count && strcmp(argv[optind], commands[command].name) != 0)
         command++;
     if (command == count)
-        return bad_usage(argv[optind], "unknown command (list, show, set, watch, stats)");
+        return bad_usage(argv[optind], "unknown command");
     int words = argc - optind - 1;
     if (words < commands[command].needs_item)
-        return bad_usage(commands[command].name, "needs the name of an item");
-    if (commands[command].takes_changes && words < 2)
+        return bad_usage(commands[command].name, commands[command].run == command_record
+                                                     ? "needs a word: start, stop, split or pre-roll"
+                                                     : "needs the name of an item");
+    if (commands[command].run == command_set && words < 2)
         return bad_usage(commands[command].name, "needs field=value");
     if (words > commands[command].needs_item && !commands[command].takes_changes)
         return bad_usage(argv[argc - 1], "unexpected");

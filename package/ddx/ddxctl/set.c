@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Write an item's newest value once more, with some fields changed. */
+/* Change an item: by a request to its program, or by writing its newest value once more with some fields changed. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
+#include "ddx_request.h"
 #include "ddxctl.h"
 
 static const char *change_all(const DDX_STORE_ITEM *item, void *data, const struct request *request, bool apply) {
@@ -65,6 +66,11 @@ static int write_changed(DDX_STORE_ITEM *item, const struct request *request) {
 }
 
 int command_set(DDX_STORE_ID *id, const struct request *request) {
+    int asks = ddx_request_possible(id, request->item);
+    if (asks < 0)
+        return complain(request->item, asks);
+    if (asks)
+        return ask_for_changes(id, request);
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, request->item, NULL, 0);
 
     if (!item)

@@ -96,6 +96,15 @@ int ddx_store_close(DDX_STORE_ID *id);
 DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size);
 
 /*
+ * A handle for reading the item `name`, also before anybody has created it: a reader that waits with one (a read waits
+ * for the item and its first value) and asks for DDX_IN_ORDER gets everything from the first value on, however soon the
+ * writer begins. Until the item is created, its type is "", it has no fields, and nobody else finds it. What the reader
+ * asked to keep becomes less if the store has no room for so many of the frames then. Else as ddx_store_lookup_item()
+ * with type NULL. Writing with it fails with -ENOENT until then.
+ */
+DDX_STORE_ITEM *ddx_store_await_item(DDX_STORE_ID *id, const char *name);
+
+/*
  * Give the handle back: its writer's role, its reader's share, its memory mappings. The item and its last value stay in
  * the store. NULL is allowed. Returns 0.
  */
@@ -116,7 +125,8 @@ void *ddx_store_var_pointer(DDX_STORE_ITEM *item);
 
 /*
  * As ddx_store_read(), without copying: the value appears at ddx_store_var_pointer() and cannot change before the next
- * ddx_store_read_direct() or ddx_store_done_item() of this handle. On failure the value shown stays the former one.
+ * ddx_store_read_direct() or ddx_store_done_item() of this handle. On failure the value shown is the former one. While
+ * a call waits, other threads find anything there.
  */
 int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, int tail);
 
@@ -184,9 +194,14 @@ int ddx_store_release(DDX_STORE_ITEM *item);
 
 /*
  * Keep `frames` frames for this handle instead of one, so that DDX_IN_ORDER finds older ones when the reader comes
- * late. Each costs one frame of memory. Before the first read. Errors: -EBUSY (budget, or it already reads), -EINVAL.
+ * late. Each costs one frame of memory. Before the first read any number, which that read asks the store for: it fails
+ * with -EBUSY where the budget has no room, and a smaller number may be tried. Later more only; waits for the store to
+ * answer, at most 5 s. Errors: -EBUSY (no room, nothing has changed), -EINVAL, -ECONNREFUSED.
  */
 int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames);
+
+/* So many frames are kept for this handle; less than it asked for only where it awaited the item. 0 for NULL. */
+unsigned ddx_store_kept(const DDX_STORE_ITEM *item);
 
 /*
  * A free frame to write in place, in the item's own layout: *data. Its content is undefined (an older frame). Then
@@ -194,8 +209,17 @@ int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames);
  */
 int ddx_store_loan(DDX_STORE_ITEM *item, void **data);
 
-/* Publish the loaned frame and wake the readers; `ts` as in ddx_store_write(). -EINVAL if nothing is loaned. */
+/*
+ * Publish the loaned frame and wake the readers; `ts` as in ddx_store_write(). -EINVAL if nothing is loaned; -EEXIST:
+ * the frame is given back, since another writer took over.
+ */
 int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts);
+
+/*
+ * Writes of this handle that succeeded and yet came to nothing: another writer had taken over while this program was
+ * stopped and the store restarted, and it had not heard of that. Complete when a write has failed with -EEXIST.
+ */
+uint64_t ddx_store_lost(const DDX_STORE_ITEM *item);
 
 /* Give the loaned frame back unpublished. Returns 0, -EINVAL if nothing is loaned. */
 int ddx_store_cancel(DDX_STORE_ITEM *item);
@@ -220,8 +244,19 @@ struct ddx_item_info {
 /* Facts about this handle's item. Waits for the store to answer, at most 5 s. 0, -ECONNREFUSED. */
 int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info);
 
-/* How many readers the item of this writing handle has now. Does not wait. -EINVAL if the handle does not write. */
+/*
+ * How many readers the item of this writing handle has now. A reader counts as soon as the memory is there for what it
+ * keeps: it gets each value written from then on, unless more of them come than it keeps. Does not wait. -EINVAL if the
+ * handle does not write.
+ */
 int ddx_store_readers(const DDX_STORE_ITEM *item);
+
+/*
+ * For a writer that has time, because it copies what lies somewhere: whether the next write or loan would cost a reader
+ * a value that it has not seen. It may look again later, but not for ever: a reader may be stopped, or look only now
+ * and then. Does not wait. 1, 0; -EINVAL if the handle does not write; -EBUSY: loaned already.
+ */
+int ddx_store_outruns(const DDX_STORE_ITEM *item);
 
 /* Facts about the store as a whole. */
 struct ddx_store_info {
@@ -252,6 +287,7 @@ struct ddx_field {
     uint64_t offset;   /* from the start of the item; inside an array of structs: of its first element */
     uint64_t used;     /* bytes in use, from the start of the field: bytes * count unless an extent says less */
     uint32_t children; /* DDX_KIND_STRUCT: how many of the following fields lie inside */
+    uint32_t extent;   /* 1: its writers say how much is in use; the array bound is no part of the type */
 };
 
 /*
@@ -262,6 +298,12 @@ const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned ind
 
 /* The field of this full name, or NULL. As ddx_store_field(). */
 const struct ddx_field *ddx_store_field_named(const DDX_STORE_ITEM *item, const char *name);
+
+/*
+ * Changes whenever what ddx_store_field() says of this item may have changed, and grows: who keeps something that was
+ * made of the fields looks here whether it still holds.
+ */
+uint32_t ddx_store_layout(const DDX_STORE_ITEM *item);
 
 /* The item's name; its type's name. Valid as long as the handle. */
 const char *ddx_store_item_name(const DDX_STORE_ITEM *item);

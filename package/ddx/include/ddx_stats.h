@@ -9,7 +9,8 @@
  *
  *     in = out + waiting + sum(lost)
  *
- * where `waiting` is computed, not kept: frames that came in and have not been accounted for yet.
+ * where `waiting` is computed, not kept: frames that came in and have not been accounted for yet. Frames that nobody
+ * asked for (a grabber's -skip) are in none of these; they are counted beside them, as `skipped`.
  *
  *     static const char *const reasons[] = {"store", "ring", NULL};
  *     DDX_STATS_BOOK *book = ddx_stats_open("ddxvideosave", reasons);
@@ -35,7 +36,7 @@
 extern "C" {
 #endif
 
-#define DDX_STATS_VERSION 1
+#define DDX_STATS_VERSION 2
 #define DDX_STATS_REASONS 8     /* reasons of loss, "restart" among them */
 #define DDX_STATS_REASON_MAX 15 /* longest name of a reason, in bytes */
 
@@ -55,6 +56,7 @@ DDX_STORE_TYPE(
         uint64_t in;
         uint64_t out;
         uint64_t waiting;
+        uint64_t skipped;     /* left out as told, in no sum */
         uint64_t sequence;    /* last sequence number seen of the source item, 0 if none */
         int64_t first;        /* time of the first frame out, ns of CLOCK_MONOTONIC, 0 if none */
         int64_t last;         /* time of the last frame out */
@@ -103,6 +105,9 @@ void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency);
 /* Frames lost for the reason of this number in the `reasons` given to ddx_stats_open(). */
 void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames);
 
+/* Frames that were left out because that was asked for. */
+void ddx_stats_skipped(DDX_STATS_BOOK *book, uint64_t frames);
+
 /* Write the book into the store; 0 when it is not attached. Errors as ddx_store_write(). */
 int ddx_stats_write(DDX_STATS_BOOK *book);
 
@@ -124,7 +129,8 @@ void ddx_stats_close(DDX_STATS_BOOK *book);
  * The JSON line, without line feed, into line[size], always terminated; returns its length, as snprintf() does.
  * Does not trust *stats. DDX_STATS_LINE_MAX bytes are always enough for names of at most DDX_NAME_MAX bytes.
  *
- *   {"instance":"ddxvideosave","in":500,"out":500,"waiting":0,"lost":{"store":0,"ring":0,"write":0,"restart":0},
+ *   {"instance":"ddxvideosave","in":500,"out":500,"waiting":0,"skipped":0,
+ *    "lost":{"store":0,"ring":0,"write":0,"restart":0},
  *    "latency_us":{"p50":120,"p99":900,"max":2100},"starts":1,"first_ns":1234567890,"last_ns":2234567890}
  */
 #define DDX_STATS_LINE_MAX 2048

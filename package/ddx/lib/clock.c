@@ -2,8 +2,9 @@
 #include <time.h>
 
 #include "ddx.h"
+#include "hot.h"
 
-DDX_TIME ddx_time_now(void) {
+DDX_HOT DDX_TIME ddx_time_now(void) {
     struct timespec now;
 
     clock_gettime(CLOCK_MONOTONIC, &now);

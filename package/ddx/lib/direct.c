@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
  * The paper's stable pointer over a ring of slots: the pages of the pinned slot are moved into a window whose address
- * never changes, and home again when the next frame comes. Moving page tables costs microseconds where copying or
- * mapping anew costs hundreds.
+ * never changes, and home again when the next frame comes. Moving page tables costs ten or twenty microseconds,
+ * copying or mapping anew hundreds. A reader that waits moves them beforehand, since it is known which slot is the
+ * writer's next; the frame is looked at only when it is pinned, as ever. Should another one come, they are moved then.
  */
 #include <errno.h>
 #include <string.h>
@@ -24,9 +25,9 @@ void *ddx_store_var_pointer(DDX_STORE_ITEM *item) {
     int result = -EINVAL;
 
     if (item) {
-        pthread_mutex_lock(&item->lock);
+        ddx_lock_take(&item->lock);
         result = item->reader.window ? 0 : make_window(item);
-        pthread_mutex_unlock(&item->lock);
+        ddx_lock_give(&item->lock);
     }
     if (!result)
         return item->reader.window;
@@ -34,14 +35,46 @@ void *ddx_store_var_pointer(DDX_STORE_ITEM *item) {
     return NULL;
 }
 
-void ddx_direct_go_home(struct ddx_reader_role *reader) {
+/* The window's pages back into the slot that they belong to. */
+static void go_home(struct ddx_reader_role *reader) {
     const struct ddx_term *term = reader->shown_term;
 
-    if (!term || reader->at_home)
+    if (reader->placed >= 0)
+        ddx_slot_move(reader->window, term->base[reader->placed], &term->runs, reader->window_bytes,
+                      term->fd[reader->placed]);
+    reader->placed = -1;
+}
+
+static int place(struct ddx_reader_role *reader, const struct ddx_term *term, unsigned slot) {
+    int result = ddx_slot_move(term->base[slot], reader->window, &term->runs, reader->window_bytes, term->fd[slot]);
+
+    if (!result)
+        reader->placed = (int)slot;
+    return result;
+}
+
+void ddx_direct_prepare(struct ddx_reader_role *reader) {
+    const struct ddx_term *term = reader->shown_term;
+    unsigned coming;
+
+    if (!term)
         return;
-    ddx_slot_move(reader->window, term->base[reader->shown], &term->runs, reader->window_bytes,
-                  term->fd[reader->shown]);
-    reader->at_home = true;
+    coming = term == reader->term ? ddx_ring_coming(term->control, term->base, (unsigned)reader->shown) : DDX_NO_SLOT;
+    if (reader->placed == (coming == DDX_NO_SLOT ? -1 : (int)coming))
+        return;
+    go_home(reader);
+    if (coming != DDX_NO_SLOT)
+        place(reader, term, coming);
+    DDX_PASS(DIRECT_PREPARED);
+}
+
+/* No frame came: the former one is shown again. */
+DDX_COLD static void restore(struct ddx_reader_role *reader) {
+    if (!reader->shown_term || reader->placed < 0 || reader->placed == reader->shown)
+        return;
+    go_home(reader);
+    place(reader, reader->shown_term, (unsigned)reader->shown);
+    DDX_PASS(DIRECT_RESTORED);
 }
 
 void ddx_direct_withdraw(struct ddx_reader_role *reader) {
@@ -49,7 +82,7 @@ void ddx_direct_withdraw(struct ddx_reader_role *reader) {
 
     if (!term)
         return;
-    ddx_direct_go_home(reader);
+    go_home(reader);
     DDX_PASS(DIRECT_WITHDRAWN);
     if (term != reader->term)
         ddx_term_free(term); /* its epoch has ended, and this was its last frame in use */
@@ -58,7 +91,7 @@ void ddx_direct_withdraw(struct ddx_reader_role *reader) {
 }
 
 /* Is the caller's struct the item's, but for a shorter end? Then its pages can be shown as they are. */
-static bool same_places(const struct ddx_term *term) {
+DDX_HOT static bool same_places(const struct ddx_term *term) {
     for (unsigned i = 0; i < term->span_count; i++)
         if (term->spans[i].item != term->spans[i].own)
             return false;
@@ -76,7 +109,7 @@ static int show_copy(struct ddx_reader_role *reader, const struct ddx_term *term
     return 0;
 }
 
-static int show(DDX_STORE_ITEM *item, unsigned slot) {
+DDX_HOT static int show(DDX_STORE_ITEM *item, unsigned slot) {
     struct ddx_reader_role *reader = &item->reader;
     struct ddx_term *term = reader->term;
 
@@ -85,27 +118,31 @@ static int show(DDX_STORE_ITEM *item, unsigned slot) {
     for (unsigned i = 0; i < term->span_count; i++)
         if (term->spans[i].own + term->spans[i].bytes > reader->window_bytes)
             return -EMSGSIZE; /* grew since the window was made */
+    if (term == reader->shown_term && reader->placed == (int)slot) {
+        reader->shown = (int)slot;
+        DDX_PASS(DIRECT_SHOWN);
+        return 0;
+    }
     ddx_direct_withdraw(reader);
     if (!same_places(term))
         return show_copy(reader, term, slot);
-    int result = ddx_slot_move(term->base[slot], reader->window, &term->runs, reader->window_bytes, term->fd[slot]);
+    int result = place(reader, term, slot);
     if (result)
         return result;
     reader->window_copied = false;
     reader->shown_term = term;
-    reader->at_home = false;
     reader->shown = (int)slot;
     DDX_PASS(DIRECT_SHOWN);
     return 0;
 }
 
-int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, int tail) {
+DDX_HOT int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, int tail) {
     struct ddx_ring_frame found;
     uint64_t missed;
 
     if (!item)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     int result = item->reader.window ? 0 : make_window(item);
     if (!result)
         result = ddx_reader_take(item, DDX_PIN_DIRECT, &found, &missed, timeout, tail);
@@ -117,6 +154,8 @@ int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, in
         if (!result && ts)
             *ts = found.time;
     }
-    pthread_mutex_unlock(&item->lock);
+    if (result)
+        restore(&item->reader);
+    ddx_lock_give(&item->lock);
     return result;
 }

@@ -68,22 +68,25 @@ static void prepare(void) {
     close(fd);
 }
 
-static void strike(const struct plan *plan) {
+static int64_t clock_now(void) {
     struct timespec now;
 
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void strike(const struct plan *plan) {
     if (!plan->signal) {
-        now = (struct timespec){0, SLOW};
-        nanosleep(&now, NULL);
+        nanosleep(&(struct timespec){0, SLOW}, NULL);
         return;
     }
     if (journal && !plan->quiet) {
         journal->point = plan->point;
         journal->pid = (int32_t)getpid();
-        clock_gettime(CLOCK_MONOTONIC, &now);
-        journal->time = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+        journal->time = clock_now();
         journal->struck++;
     }
-    kill(getpid(), plan->signal);
+    raise(plan->signal); /* this very thread does nothing any more */
 }
 
 int ddx_fault_broken(const char *way) {
@@ -94,8 +97,10 @@ int ddx_fault_broken(const char *way) {
 
 void ddx_fault_pass(enum ddx_point point) {
     pthread_once(&once, prepare);
-    if (journal)
+    if (journal) {
+        journal->at[point] = clock_now(); /* before the count: who has waited for that may look when it was */
         journal->passed[point]++;
+    }
     for (unsigned i = 0; i < plan_count; i++) {
         uint64_t count = plans[i].point == point ? ++plans[i].passed : 0;
 

@@ -50,6 +50,8 @@
     X(READER_UNMAPPED,    "reader.unmapped")    /* the frame is in a slot that it was not told of yet */ \
     X(DIRECT_TAKEN,       "direct.taken")       /* R3 for the stable pointer: the former frame is still shown */ \
     X(DIRECT_WITHDRAWN,   "direct.withdrawn")   /* the former frame's pages are home */ \
+    X(DIRECT_PREPARED,    "direct.prepared")    /* the pages of a frame that may come are in the window */ \
+    X(DIRECT_RESTORED,    "direct.restored")    /* none came: the former one's are */ \
     X(DIRECT_SHOWN,       "direct.shown")       /* the new frame's pages are in the window */ \
     /* a reader comes and goes */ \
     X(ATTACH_SENT,        "attach.sent")        /* asked the store for a reader's share */ \
@@ -95,7 +97,8 @@
     X(STORE_ANNOUNCED,    "store.announced")    /* the pin page is in the writer's queue, the notice as before */ \
     X(STORE_NOTICED,      "store.noticed")      /* the notice says so */ \
     X(STORE_REGISTERED,   "store.registered")   /* the reader counts */ \
-    X(STORE_EPOCH,        "store.epoch")        /* the epoch is sent to a reader */ \
+    X(STORE_EPOCH_BEGUN,  "store.epoch_begun")  /* an epoch's control page is sent to a reader, its slots not */ \
+    X(STORE_EPOCH,        "store.epoch")        /* they are */ \
     X(STORE_ATTACHED,     "store.attached")     /* the reader is let in */ \
     X(STORE_READER_LEFT,  "store.reader_left")  /* it counts no more, the writer not told */ \
     X(STORE_READER_TOLD,  "store.reader_told")  /* the writer told */ \
@@ -119,6 +122,7 @@ enum ddx_point { DDX_POINTS(DDX_POINT_ENUM_) DDX_POINT_COUNT };
 
 struct ddx_fault_journal {
     _Atomic(uint64_t) passed[DDX_POINT_COUNT];
+    _Atomic(int64_t) at[DDX_POINT_COUNT]; /* when somebody passed last, CLOCK_MONOTONIC */
     /* the last kill or stop */
     _Atomic(int64_t) time;    /* CLOCK_MONOTONIC */
     _Atomic(uint32_t) struck; /* counts them; written last */
@@ -129,7 +133,7 @@ struct ddx_fault_journal {
 extern const char *const ddx_point_name[DDX_POINT_COUNT];
 void ddx_fault_pass(enum ddx_point point);
 #define DDX_PASS(name) ddx_fault_pass(DDX_AT_##name)
-/* Is the protocol to be broken in this way (DDX_BROKEN=blind|miscount|deaf)? For tests that must fail then. */
+/* Is the protocol to be broken in this way, named by DDX_BROKEN? For tests that must fail then. */
 int ddx_fault_broken(const char *way);
 #define DDX_BROKEN(way) ddx_fault_broken(way)
 #else

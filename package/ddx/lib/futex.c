@@ -13,7 +13,7 @@ struct kernel_time {
     int64_t seconds, nanoseconds;
 };
 
-void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, int64_t deadline) {
+DDX_HOT void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, int64_t deadline) {
 #ifdef SYS_futex_time64
     long number = SYS_futex_time64;
 #else
@@ -27,7 +27,7 @@ void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, int64_t d
             deadline == DDX_FOREVER ? NULL : &time, NULL, FUTEX_BITSET_MATCH_ANY);
 }
 
-void ddx_futex_wake(const ddx_word *shared) {
+DDX_HOT void ddx_futex_wake(const ddx_word *shared) {
     syscall(SYS_futex, shared, FUTEX_WAKE, INT_MAX, NULL, NULL, 0);
 }
 

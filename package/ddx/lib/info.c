@@ -19,8 +19,8 @@ static int make_fields(DDX_STORE_ITEM *item) {
     for (unsigned i = 0; i < layout->field_count; i++) {
         const struct ddx_layout_field *f = &layout->field[i];
 
-        item->fields[i] =
-            (struct ddx_field){f->name, (enum ddx_kind)f->kind, f->bytes, f->count, f->offset, f->used, f->children};
+        item->fields[i] = (struct ddx_field){f->name,   (enum ddx_kind)f->kind, f->bytes,    f->count,
+                                             f->offset, f->used,                f->children, f->extent};
     }
     return 0;
 }
@@ -39,10 +39,10 @@ const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned ind
 
     if (!handle)
         return NULL;
-    pthread_mutex_lock(&handle->lock);
+    ddx_lock_take(&handle->lock);
     if (!refresh(handle) && index < handle->layout->field_count)
         field = &handle->fields[index];
-    pthread_mutex_unlock(&handle->lock);
+    ddx_lock_give(&handle->lock);
     return field;
 }
 
@@ -52,13 +52,26 @@ const struct ddx_field *ddx_store_field_named(const DDX_STORE_ITEM *item, const 
 
     if (!handle || !name)
         return NULL;
-    pthread_mutex_lock(&handle->lock);
+    ddx_lock_take(&handle->lock);
     if (!refresh(handle))
         for (unsigned i = 0; i < handle->layout->field_count && !field; i++)
             if (!strcmp(handle->fields[i].name, name))
                 field = &handle->fields[i];
-    pthread_mutex_unlock(&handle->lock);
+    ddx_lock_give(&handle->lock);
     return field;
+}
+
+uint32_t ddx_store_layout(const DDX_STORE_ITEM *item) {
+    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
+    uint32_t number = 0;
+
+    if (!handle)
+        return 0;
+    ddx_lock_take(&handle->lock);
+    if (!refresh(handle))
+        number = handle->layouts;
+    ddx_lock_give(&handle->lock);
+    return number;
 }
 
 const char *ddx_store_item_name(const DDX_STORE_ITEM *item) {
@@ -90,12 +103,12 @@ int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info) {
 
     if (!item || !info)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     ddx_message_init(&message, DDX_INFO, item);
     int result = ddx_item_request(item, &message, NULL, DDX_ITEM);
     if (!result)
         fill(info, &item->reply);
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 

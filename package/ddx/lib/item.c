@@ -48,7 +48,6 @@ static void item_free(DDX_STORE_ITEM *item) {
         shutdown(item->socket, SHUT_RDWR);
         close(item->socket);
     }
-    pthread_mutex_destroy(&item->lock);
     free(item->packet);
     free(item->layout);
     free(item->own);
@@ -70,9 +69,10 @@ static bool name_ok(const char *name) {
 /* A handle that the store does not know of yet. Takes `own`, also on failure. */
 static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct ddx_layout *own,
                     DDX_STORE_ITEM **result) {
-    DDX_STORE_ITEM *item = calloc(1, sizeof *item);
-    pthread_mutexattr_t attributes;
+    DDX_STORE_ITEM *item = aligned_alloc(_Alignof(DDX_STORE_ITEM), sizeof *item);
 
+    if (item)
+        memset(item, 0, sizeof *item);
     if (!item || !(item->packet = malloc(sizeof *item->packet))) {
         free(item);
         free(own);
@@ -84,13 +84,8 @@ static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct
     item->own = own;
     item->socket = -1;
     item->reader.keep = 1;
-    item->reader.pin_fd = item->reader.hold_fd = item->reader.held = item->reader.shown = -1;
+    item->reader.pin_fd = item->reader.hold_fd = item->reader.held = item->reader.shown = item->reader.placed = -1;
     item->writer.loaned = item->writer.notice_fd = item->writer.hold_fd = -1;
-    /* A recorder with real-time priority must not wait for a keeper that was preempted while it held the lock. */
-    pthread_mutexattr_init(&attributes);
-    pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
-    pthread_mutex_init(&item->lock, &attributes);
-    pthread_mutexattr_destroy(&attributes);
     *result = item;
     return 0;
 }
@@ -115,6 +110,8 @@ static int agrees(DDX_STORE_ITEM *item, const char *type) {
 
     if (*type && strcmp(type, item->type) != 0)
         return -EPROTOTYPE;
+    if (!*item->type) /* awaited */
+        return (item->layout = ddx_layout_opaque(0)) ? 0 : -ENOMEM;
     if (!item->own) {
         result = ddx_layout_of(item->type, &item->own);
         if (result == -ENOENT)
@@ -132,7 +129,8 @@ static int agrees(DDX_STORE_ITEM *item, const char *type) {
                : result;
 }
 
-static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size, DDX_STORE_ITEM **item) {
+static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size, uint32_t flags,
+                  DDX_STORE_ITEM **item) {
     struct ddx_layout *own = NULL;
     int result = 0;
 
@@ -154,7 +152,7 @@ static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size
     result = item_new(id, name, type ? type : "", own, item);
     if (result)
         return result;
-    result = item_open(*item, type ? DDX_FLAG_CREATE : 0);
+    result = item_open(*item, flags);
     if (!result)
         result = agrees(*item, type ? type : "");
     if (!result)
@@ -166,7 +164,17 @@ static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size
 
 DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size) {
     DDX_STORE_ITEM *item;
-    int result = lookup(id, name, type, size, &item);
+    int result = lookup(id, name, type, size, type ? DDX_FLAG_CREATE : 0, &item);
+
+    if (!result)
+        return item;
+    errno = -result;
+    return NULL;
+}
+
+DDX_STORE_ITEM *ddx_store_await_item(DDX_STORE_ID *id, const char *name) {
+    DDX_STORE_ITEM *item;
+    int result = lookup(id, name, NULL, 0, DDX_FLAG_AWAIT, &item);
 
     if (!result)
         return item;
@@ -208,9 +216,9 @@ int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STO
         /* What the store has may have other extents; ours is what we want to write. */
         free(made->layout);
         made->layout = ddx_layout_copy(layout);
-        pthread_mutex_lock(&made->lock);
+        ddx_lock_take(&made->lock);
         result = made->layout ? ddx_writer_claim(made) : -ENOMEM;
-        pthread_mutex_unlock(&made->lock);
+        ddx_lock_give(&made->lock);
     }
     if (!result)
         result = ddx_keeper_add(made);

@@ -3,9 +3,8 @@
 #ifndef DDX_ITEM_H
 #define DDX_ITEM_H
 
-#include <pthread.h>
-
 #include "futex.h"
+#include "lock.h"
 #include "memory.h"
 #include "ring.h"
 #include "wire.h"
@@ -19,36 +18,39 @@ struct ddx_store_id {
 
 /* One epoch as this handle has it mapped, for one of its roles. */
 struct ddx_term {
+    struct ddx_control *control;
     uint32_t epoch;
+    unsigned slots_coming; /* of those that the store announced with the epoch: not told of yet */
     bool writable;
+    void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
+    int fd[DDX_SLOTS_MAX];
+    int control_fd;
+    int mismatch;           /* -errno if the caller's type cannot take the item's values */
+    struct ddx_span *spans; /* between the item's layout and the caller's */
+    unsigned span_count;
     struct ddx_layout *layout;
     struct ddx_runs runs;
-    int control_fd;
-    struct ddx_control *control;
-    int fd[DDX_SLOTS_MAX];
-    void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
-    struct ddx_span *spans;    /* between the item's layout and the caller's */
-    unsigned span_count;
-    int mismatch; /* -errno if the caller's type cannot take the item's values */
 };
 
 struct ddx_reader_role {
-    struct ddx_term *term, *coming; /* `coming` waits for the frame that is held in `term` */
-    int pin_fd, hold_fd;            /* -1: not attached */
+    struct ddx_term *term, *coming; /* `coming` waits for its slots, and for the frame that is held in `term` */
     struct ddx_pin_page *page;
-    unsigned keep;
-    uint64_t seen, missed;
-    int held;     /* slot that ddx_store_acquire() gave, or -1 */
+    uint64_t seen;
+    int held;             /* slot that ddx_store_acquire() gave, or -1 */
     bool waiting;         /* ddx_reader_take() sleeps, unlocked, ... */
+    bool both;            /* memory for both of its pins at once */
     uint32_t waits_since; /* ... and has seen as much news: `changed` below */
-    bool both;    /* memory for both of its pins at once */
+    uint64_t missed;
+    unsigned keep;
+    int pin_fd, hold_fd; /* -1: not attached */
     /* ddx_store_read_direct() */
     void *window;
     uint64_t window_bytes;
     bool window_copied; /* holds copies, since the caller's layout is not the item's */
     struct ddx_term *shown_term;
-    int shown;    /* slot that the window shows, or -1 */
-    bool at_home; /* its pages are back in their slot; who looks at the window faults them in again */
+    int shown;  /* slot that the window shows, or -1 */
+    int placed; /* slot whose pages are in the window: `shown`; the one that probably comes next while the reader waits;
+                 * or -1, when who looks at the window faults in what is shown */
 };
 
 struct ddx_writer_role {
@@ -60,28 +62,31 @@ struct ddx_writer_role {
     bool confirmed[DDX_READERS_MAX];
     int loaned;      /* slot, or -1 */
     bool superseded; /* another writer took over while no store could tell us */
+    uint64_t lost;   /* what was published since then */
 };
 
 struct ddx_store_item {
+    /* What a delivery needs is in the first cache line: it is cold whenever a frame comes. */
+    _Alignas(64) ddx_lock lock; /* for keeper and caller, who both take messages in */
+    ddx_word changed;           /* counts messages taken in; a reader without a term sleeps on it */
+    struct ddx_reader_role reader;
+    struct ddx_writer_role writer;
     DDX_STORE_ID *id;
-    DDX_STORE_ITEM *next, *next_of_id;
+    DDX_STORE_ITEM *next, *next_of_id; /* under ddx_keeper_lock() */
+    bool busy;                         /* only for the keeper: `lock` was taken when it last looked */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
     struct ddx_layout *layout; /* as the store last told, or as wanted */
+    uint32_t layouts;          /* so many before it */
     struct ddx_layout *own;    /* the caller's struct, NULL if it knows none */
     struct ddx_field *fields;  /* of the layout, for ddx_store_field() */
-
-    /* Under `lock`: all below. The keeper thread and the caller both take messages in. */
-    pthread_mutex_t lock;
-    int socket;       /* -1: the store is gone; the keeper tries again */
-    int64_t retry;    /* when */
-    ddx_word changed; /* counts messages taken in; a reader without a term sleeps on it */
+    int socket;                /* -1: the store is gone; the keeper tries again */
+    int64_t retry;             /* when */
     struct ddx_packet *packet;
     uint32_t answer; /* operation that a request waits for, and what came */
     bool answered;
     struct ddx_message reply;
-    struct ddx_reader_role reader;
-    struct ddx_writer_role writer;
 };
+static_assert(offsetof(struct ddx_store_item, reader.missed) <= 64, "one cache line");
 
 /* term.c: mapping and unmapping. Both take ownership of control_fd, also on failure. */
 int ddx_term_new(struct ddx_term **term, uint32_t epoch, const struct ddx_layout *layout, const struct ddx_layout *own,
@@ -102,7 +107,8 @@ int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);
 int ddx_item_offer(DDX_STORE_ITEM *item);
 
 /* reader.c */
-int ddx_reader_attach(DDX_STORE_ITEM *item);
+/* What this reader has seen, from now on; in its pin page, too, if it has one. */
+void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence);
 /*
  * Wait for a frame as `tail` says and pin it with pin number `pin`. With `lock` held (given up while sleeping). On
  * success frame->slot is pinned in item->reader.term. What the pin held before stays held until then.
@@ -117,11 +123,8 @@ bool ddx_reader_wake(const DDX_STORE_ITEM *item);
 void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
 void ddx_reader_end(DDX_STORE_ITEM *item);
 
-/*
- * direct.c: the window's pages go home, the window shows the same as before. For a reader that is about to sleep: when
- * the next frame comes, half of the work is done.
- */
-void ddx_direct_go_home(struct ddx_reader_role *reader);
+/* direct.c, for a reader that is about to sleep: most of what the next frame needs is done when it comes. */
+void ddx_direct_prepare(struct ddx_reader_role *reader);
 /* The window shows nothing that anybody may rely on. */
 void ddx_direct_withdraw(struct ddx_reader_role *reader);
 

@@ -6,6 +6,7 @@
  */
 #include <errno.h>
 #include <poll.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdlib.h>
 #include <sys/eventfd.h>
@@ -37,7 +38,8 @@ static int look_after(DDX_STORE_ITEM *item) {
     int again = -1;
 
     /* Never wait here: the owner may hold the lock while it waits for the store's answer. */
-    if (pthread_mutex_trylock(&item->lock))
+    item->busy = !ddx_lock_try(&item->lock);
+    if (item->busy)
         return SOON;
     if (item->socket >= 0)
         ddx_item_service(item);
@@ -50,7 +52,7 @@ static int look_after(DDX_STORE_ITEM *item) {
     }
     if (ddx_reader_wake(item))
         again = SOON;
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return again;
 }
 
@@ -62,8 +64,12 @@ static struct pollfd *listen_list(unsigned *count) {
     if (!list)
         return NULL;
     list[(*count)++] = (struct pollfd){.fd = keeper.wake, .events = POLLIN};
-    for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next)
-        list[(*count)++] = (struct pollfd){.fd = __atomic_load_n(&item->socket, __ATOMIC_RELAXED), .events = POLLIN};
+    for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next) {
+        /* What comes for a busy owner it takes in itself; to be told of it would only keep us awake. */
+        int fd = item->busy ? -1 : __atomic_load_n(&item->socket, __ATOMIC_RELAXED);
+
+        list[(*count)++] = (struct pollfd){.fd = fd, .events = POLLIN};
+    }
     return list;
 }
 

@@ -19,7 +19,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define DDX_LAYOUT_VERSION 1u
+#include "hot.h"
+
+#define DDX_LAYOUT_VERSION 2u
 #define DDX_CONTROL_MAGIC 0x43584444u /* "DDXC" */
 #define DDX_SLOTS_MAX 255u
 #define DDX_NO_SLOT 255u
@@ -70,11 +72,12 @@ static_assert(sizeof(struct ddx_control) == 256 + 32 * DDX_SLOTS_MAX, "shared la
 struct ddx_pin_page {
     ddx_word pin[DDX_PINS];
     ddx_word missed_low, missed_high; /* for display: what this reader missed */
+    ddx_word seen;                    /* number of the newest frame it took, its low bits: for a writer that has time */
 };
 
 struct ddx_notice {
     ddx_word version; /* changes after each message about a new reader was queued for the writer */
-    ddx_word readers;
+    ddx_word readers; /* for whom frames are kept */
 };
 
 #endif

@@ -8,6 +8,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "hot.h"
+
 #define FIXED_SIZE (F_SEAL_SHRINK | F_SEAL_GROW)
 #define HUGE ((uint64_t)2 << 20) /* what one page-table page spans: moves of whole ones are cheap */
 
@@ -20,7 +22,7 @@ uint64_t ddx_page_round(uint64_t bytes) {
 }
 
 /* Address space for a struct: whole page tables, unless it is smaller than one. */
-static uint64_t room_of(uint64_t span_bytes) {
+DDX_HOT static uint64_t room_of(uint64_t span_bytes) {
     return span_bytes < HUGE ? span_bytes : (span_bytes + HUGE - 1) / HUGE * HUGE;
 }
 
@@ -145,13 +147,13 @@ int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable)
 }
 
 /* How much of a run lies in the first `span_bytes`, as it is mapped. */
-static uint64_t mapped_within(const struct ddx_run *run, uint64_t span_bytes) {
+DDX_HOT static uint64_t mapped_within(const struct ddx_run *run, uint64_t span_bytes) {
     if (run->place + run->bytes > span_bytes)
         return run->place < span_bytes ? span_bytes - run->place : 0;
     return run->place + run->room <= room_of(span_bytes) ? run->room : run->bytes;
 }
 
-int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uint64_t span_bytes, int fd) {
+DDX_HOT int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uint64_t span_bytes, int fd) {
     for (unsigned i = 0; i < runs->count; i++) {
         const struct ddx_run *run = &runs->run[i];
         size_t bytes = (size_t)mapped_within(run, span_bytes);

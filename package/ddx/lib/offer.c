@@ -58,11 +58,11 @@ static int offer(DDX_STORE_ITEM *item) {
     if (term && !item->writer.superseded)
         flags |= DDX_FLAG_WRITER;
     else
-        term = reader->coming ? reader->coming : reader->term;
+        term = reader->coming && !reader->coming->slots_coming ? reader->coming : reader->term;
     if (!flags || !term) {
         ddx_message_init(&message, flags ? DDX_OFFER : DDX_OPEN, item);
-        message.flags = flags | DDX_FLAG_CREATE;
-        result = send_all(item, &message, item->layout, NULL, 0);
+        message.flags = flags | (*item->type ? DDX_FLAG_CREATE : DDX_FLAG_AWAIT);
+        result = send_all(item, &message, *item->type ? item->layout : NULL, NULL, 0);
     } else
         result = offer_term(item, term, flags);
     if (!result && reader->page) {

@@ -31,19 +31,20 @@ static int ask(DDX_STORE_ITEM *item, unsigned frames) {
     return result == -EAGAIN ? -EBUSY : result;
 }
 
-int ddx_reader_attach(DDX_STORE_ITEM *item) {
-    if (item->reader.page)
-        return 0;
+DDX_COLD static int attach(DDX_STORE_ITEM *item) {
     int result = ask(item, item->reader.keep);
+
     if (result)
         return result;
     return item->reader.page ? 0 : -EMFILE; /* each handle has a descriptor for each frame */
 }
 
-void ddx_reader_follow(DDX_STORE_ITEM *item) {
+DDX_COLD void ddx_reader_follow(DDX_STORE_ITEM *item) {
     struct ddx_reader_role *reader = &item->reader;
 
-    if (!reader->coming || reader->held >= 0)
+    /* Should the store die before it has told of all slots, this epoch is worth nothing, and the former one all that
+     * is left of the item: it must not be given up before. */
+    if (!reader->coming || reader->held >= 0 || (reader->coming->slots_coming && !DDX_BROKEN("half")))
         return;
     /* A frame in the window stays until the next one is there: nobody writes into an epoch that has ended. */
     if (reader->term != reader->shown_term)
@@ -57,7 +58,7 @@ void ddx_reader_follow(DDX_STORE_ITEM *item) {
  * How far the newest frame is ahead of what was seen. Numbers are compared in their low 23 bits, and nobody sees what
  * was not published: a large difference is a reader that slept for long, not one that is ahead.
  */
-static int32_t ahead(uint32_t latest, uint64_t seen) {
+DDX_HOT static int32_t ahead(uint32_t latest, uint64_t seen) {
     return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) & 0x7fffffu);
 }
 
@@ -72,17 +73,32 @@ bool ddx_reader_wake(const DDX_STORE_ITEM *item) {
 }
 
 /* Unlocked, so that the keeper can take in news, a new epoch among them; `waiting` keeps it from unmapping the word. */
-static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_t value, uint32_t changed, int64_t deadline) {
+DDX_HOT static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_t value, uint32_t changed,
+                             int64_t deadline) {
     item->reader.waiting = true;
     item->reader.waits_since = changed;
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     ddx_futex_wait(word, value, word != &item->changed, deadline);
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     item->reader.waiting = false;
 }
 
+/* The frame is in a slot that was just added. */
+DDX_COLD static int await_slot(DDX_STORE_ITEM *item, unsigned slot) {
+    int64_t until = ddx_time_now() + UNMAPPED_WAIT;
+    uint32_t changed = atomic_load(&item->changed);
+
+    ddx_item_service(item);
+    if (item->reader.term->base[slot])
+        return -EAGAIN;
+    DDX_PASS(READER_UNMAPPED);
+    sleep_on(item, &item->changed, changed, changed, until);
+    return -EAGAIN;
+}
+
 /* Try to pin what `tail` asks for: 0, -ENODATA if it is not there yet, -EAGAIN if it was overtaken or is not mapped. */
-static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest, struct ddx_ring_frame *frame) {
+DDX_HOT static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest,
+                              struct ddx_ring_frame *frame) {
     struct ddx_reader_role *reader = &item->reader;
     struct ddx_control *control = reader->term->control;
     uint32_t generation;
@@ -99,29 +115,26 @@ static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t lat
     if (tail != DDX_IN_ORDER)
         generation = ddx_ring_published(control, latest);
     DDX_PASS(READER_CHOSEN);
-    if (!reader->term->base[slot]) {
-        int64_t until = ddx_time_now() + UNMAPPED_WAIT;
-        uint32_t changed = atomic_load(&item->changed);
-
-        ddx_item_service(item);
-        if (reader->term->base[slot])
-            return -EAGAIN;
-        DDX_PASS(READER_UNMAPPED);
-        sleep_on(item, &item->changed, changed, changed, until);
-        return -EAGAIN;
-    }
+    if (!reader->term->base[slot])
+        return await_slot(item, slot);
     return ddx_ring_pin(control, &reader->page->pin[pin], slot, generation, frame);
 }
 
-static int64_t deadline_of(double timeout) {
+DDX_HOT static int64_t deadline_of(double timeout) {
     if (timeout < 0)
         return DDX_FOREVER;
     return timeout > 1e9 ? DDX_FOREVER : ddx_time_now() + (int64_t)(timeout * 1e9);
 }
 
-static void count_missed(struct ddx_reader_role *reader, uint64_t sequence, uint64_t *missed) {
-    *missed = sequence > reader->seen + 1 ? sequence - reader->seen - 1 : 0;
+DDX_HOT void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence) {
     reader->seen = sequence;
+    if (reader->page)
+        atomic_store_explicit(&reader->page->seen, (uint32_t)sequence, memory_order_relaxed);
+}
+
+DDX_HOT static void count_missed(struct ddx_reader_role *reader, uint64_t sequence, uint64_t *missed) {
+    *missed = sequence > reader->seen + 1 ? sequence - reader->seen - 1 : 0;
+    ddx_reader_saw(reader, sequence);
     if (!*missed)
         return;
     if (DDX_BROKEN("miscount"))
@@ -132,18 +145,17 @@ static void count_missed(struct ddx_reader_role *reader, uint64_t sequence, uint
 }
 
 /* A handle that reads while a frame is in its window holds two frames, so it takes a second one's share of memory. */
-static int need_both(DDX_STORE_ITEM *item, unsigned pin) {
-    if (item->reader.both || atomic_load(&item->reader.page->pin[!pin]) == 0)
-        return 0;
+DDX_COLD static int take_both(DDX_STORE_ITEM *item) {
     int result = ask(item, 1);
+
     item->reader.both = !result;
     if (!result)
         DDX_PASS(ATTACH_BOTH);
     return result;
 }
 
-int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
-                    int tail) {
+DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed,
+                            double timeout, int tail) {
     struct ddx_reader_role *reader = &item->reader;
     int64_t deadline = 0; /* known when there is something to wait for */
     bool asked = false;
@@ -153,12 +165,16 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         return -EINVAL;
     if (pin == DDX_PIN_READ && reader->held >= 0)
         return -EBUSY;
-    if ((result = ddx_reader_attach(item)) || (result = need_both(item, pin)))
+    if (!reader->page && (result = attach(item)))
+        return result;
+    if (atomic_load_explicit(&reader->page->pin[!pin], memory_order_relaxed) && !reader->both &&
+        (result = take_both(item)))
         return result;
     for (;;) {
         uint32_t changed = atomic_load(&item->changed), latest = 0;
 
-        ddx_reader_follow(item);
+        if (reader->coming)
+            ddx_reader_follow(item);
         result = -ENODATA;
         if (reader->term) {
             ddx_ring_newest(reader->term->control, &latest);
@@ -192,7 +208,7 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
         if (result == -EAGAIN)
             continue;
         if (pin == DDX_PIN_DIRECT)
-            ddx_direct_go_home(reader);
+            ddx_direct_prepare(reader);
         DDX_PASS(READER_WAITS);
         if (reader->term)
             sleep_on(item, &reader->term->control->latest, latest, changed, deadline);
@@ -201,43 +217,43 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
     }
 }
 
-int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail) {
+DDX_HOT int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail) {
     struct ddx_ring_frame found;
     uint64_t missed;
 
     if (!item || !frame)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     int result = ddx_reader_take(item, DDX_PIN_READ, &found, &missed, timeout, tail);
     if (!result) {
         item->reader.held = (int)found.slot;
         *frame = (struct ddx_frame){item->reader.term->base[found.slot], found.time, found.sequence, missed};
     }
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 
-int ddx_store_release(DDX_STORE_ITEM *item) {
+DDX_HOT int ddx_store_release(DDX_STORE_ITEM *item) {
     if (!item)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     int result = item->reader.held < 0 ? -EINVAL : 0;
     if (!result) {
         ddx_ring_unpin(&item->reader.page->pin[DDX_PIN_READ]);
         item->reader.held = -1;
         DDX_PASS(READER_RELEASED);
     }
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 
-int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeout, int tail) {
+DDX_HOT int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeout, int tail) {
     struct ddx_ring_frame found;
     uint64_t missed;
 
     if (!item || !data)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     struct ddx_reader_role *reader = &item->reader;
     int result = ddx_reader_take(item, DDX_PIN_READ, &found, &missed, timeout, tail);
     if (!result) {
@@ -252,19 +268,26 @@ int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeou
         DDX_PASS(READER_COPIED);
         ddx_ring_unpin(&reader->page->pin[DDX_PIN_READ]);
     }
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 
 int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames) {
     if (!item || frames < 1 || frames > DDX_READERS_MAX)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
-    int result = item->reader.page ? -EBUSY : 0;
-    if (!result)
-        item->reader.keep = frames;
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_take(&item->lock);
+    struct ddx_reader_role *reader = &item->reader;
+    int result = 0;
+    if (reader->page) /* what it keeps already, it goes on to keep */
+        result = frames > reader->keep ? ask(item, frames - reader->keep) : 0;
+    if (!result && (!reader->page || frames > reader->keep))
+        reader->keep = frames;
+    ddx_lock_give(&item->lock);
     return result;
+}
+
+unsigned ddx_store_kept(const DDX_STORE_ITEM *item) {
+    return item ? item->reader.keep : 0;
 }
 
 uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) {

@@ -21,7 +21,7 @@ static uint64_t sequence_of(const struct ddx_slot_state *state) {
 }
 
 /* The pinning reader's index, or -1. */
-static int pinned_by(const struct ddx_ring_writer *writer, unsigned slot) {
+DDX_HOT static int pinned_by(const struct ddx_ring_writer *writer, unsigned slot) {
     uint32_t pin = DDX_PIN(writer->epoch, slot);
 
 #ifdef DDX_FAULT_BLIND_WRITER
@@ -37,8 +37,8 @@ static int pinned_by(const struct ddx_ring_writer *writer, unsigned slot) {
 }
 
 /* Oldest first, so that readers who are late find as many frames as there are spare slots. */
-static unsigned oldest_of(const struct ddx_ring_writer *writer, unsigned begin, unsigned end, unsigned newest,
-                          const bool *tried) {
+DDX_HOT static unsigned oldest_of(const struct ddx_ring_writer *writer, unsigned begin, unsigned end, unsigned newest,
+                                  const bool *tried) {
     unsigned best = DDX_NO_SLOT;
     uint64_t best_sequence = UINT64_MAX;
 
@@ -55,22 +55,24 @@ static unsigned oldest_of(const struct ddx_ring_writer *writer, unsigned begin, 
 }
 
 /* A slot that readers were not told of yet only if there is no other: should the store stop now, they would miss it. */
-static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, const bool *tried) {
+DDX_HOT static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, const bool *tried) {
     unsigned slot = oldest_of(writer, 0, writer->told_count, newest, tried);
 
     return slot != DDX_NO_SLOT ? slot : oldest_of(writer, writer->told_count, writer->slot_count, newest, tried);
 }
 
-int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
+DDX_HOT int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
     unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&writer->control->latest, memory_order_relaxed));
-    unsigned blocked[DDX_READERS_MAX];
+    unsigned blocked[DDX_READERS_MAX]; /* zeroed when needed */
     bool tried[DDX_SLOTS_MAX] = {false};
-    bool collided = false;
+    bool collided = false, met = false;
 
+    while (DDX_BROKEN("patient") && pinned_by(writer, oldest(writer, newest, tried)) >= 0) {
+        /* waits for the reader who has the oldest */
+    }
     /* Leave out what is pinned without touching it: WRITING, even for a moment, hides a frame from readers in order. */
     for (unsigned i = 0; i < writer->slot_count; i++)
         collided |= tried[writer->slot[i]] = pinned_by(writer, writer->slot[i]) >= 0;
-    memset(blocked, 0, sizeof blocked);
     for (;;) {
         unsigned slot = oldest(writer, newest, tried);
 
@@ -101,6 +103,9 @@ int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
             return 0;
         }
         atomic_store_explicit(generation, before, memory_order_release);
+        if (!met)
+            memset(blocked, 0, sizeof blocked);
+        met = true;
         tried[slot] = true;
         collided = true;
         DDX_PASS(WRITER_COLLIDED);
@@ -113,7 +118,25 @@ int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
     }
 }
 
-void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time) {
+bool ddx_ring_outruns(const struct ddx_ring_writer *writer) {
+    unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&writer->control->latest, memory_order_relaxed));
+    bool pinned[DDX_SLOTS_MAX] = {false};
+
+    for (unsigned i = 0; i < writer->slot_count; i++)
+        pinned[writer->slot[i]] = pinned_by(writer, writer->slot[i]) >= 0;
+    unsigned slot = oldest(writer, newest, pinned);
+    uint64_t sequence = slot == DDX_NO_SLOT ? 0 : sequence_of(&writer->control->slot[slot]);
+
+    for (unsigned i = 0; i < writer->reader_count && sequence; i++) {
+        uint32_t seen = atomic_load_explicit(&writer->reader[i].page->seen, memory_order_relaxed);
+
+        if (!writer->reader[i].ignored && (int32_t)((uint32_t)sequence - seen) > 0)
+            return true;
+    }
+    return false;
+}
+
+DDX_HOT void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time) {
     struct ddx_slot_state *state = &writer->control->slot[slot];
     uint64_t sequence = ++writer->sequence;
 
@@ -137,54 +160,85 @@ void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot) {
     DDX_PASS(WRITER_CANCELLED);
 }
 
-unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest) {
+DDX_HOT unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest) {
     *latest = atomic_load_explicit(&control->latest, memory_order_acquire);
     return DDX_LATEST_SLOT(*latest);
 }
 
-uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest) {
+DDX_HOT uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest) {
     const ddx_word *generation = &control->slot[DDX_LATEST_SLOT(latest)].generation;
     uint32_t found = atomic_load_explicit(generation, memory_order_relaxed);
 
     return !(found & 1) && (found >> 1 & 0x7fffffu) == DDX_LATEST_SEQUENCE(latest) ? found : DDX_WRITING;
 }
 
-unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation) {
+/* The number of the newest frame, all 64 bits of it. False: it was overtaken while we looked. */
+DDX_HOT static bool newest_number(const struct ddx_control *control, uint32_t latest, uint64_t *number) {
+    const struct ddx_slot_state *state = &control->slot[DDX_LATEST_SLOT(latest)];
+    uint32_t generation = atomic_load_explicit(&state->generation, memory_order_acquire);
+
+    *number = sequence_of(state);
+    return generation == (uint32_t)*number << 1 && (*number & 0x7fffffu) == DDX_LATEST_SEQUENCE(latest);
+}
+
+DDX_HOT unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation) {
     unsigned slots = atomic_load_explicit(&control->slots, memory_order_acquire);
     unsigned best = DDX_NO_SLOT;
-    uint32_t latest;
 
-    if (ddx_ring_newest(control, &latest) == DDX_NO_SLOT)
-        return DDX_NO_SLOT;
     if (slots > DDX_SLOTS_MAX)
         slots = DDX_SLOTS_MAX;
     /* A writer that tries a slot and finds it pinned hides it for a moment: before skipping a frame, look again. */
     for (int attempt = 0; attempt < 16; attempt++) {
-        uint32_t best_ahead = 0x40000000u;
+        uint64_t newest, oldest_new = UINT64_MAX;
         bool hidden = false;
+        uint32_t latest;
 
+        if (ddx_ring_newest(control, &latest) == DDX_NO_SLOT)
+            return DDX_NO_SLOT;
+        if (!newest_number(control, latest, &newest))
+            continue;
+        best = DDX_NO_SLOT;
         for (unsigned slot = 0; slot < slots; slot++) {
             uint32_t found = atomic_load_explicit(&control->slot[slot].generation, memory_order_acquire);
-            uint32_t ahead = ((found >> 1) - (uint32_t)seen) & 0x7fffffffu; /* modulo 2^31; far ahead means behind */
+            uint32_t behind = ((uint32_t)newest - (found >> 1)) & 0x7fffffffu; /* the newest, modulo 2^31 */
 
             hidden |= found == DDX_WRITING;
-            /* Whole, but not published: if its writer dies before W7 this frame never was, and its number is given
-             * to another one. */
-            bool early = ((DDX_LATEST_SEQUENCE(latest) - (found >> 1)) & 0x7fffffu) >= 0x400000u;
-            if (!(found & 1) && ahead != 0 && ahead < best_ahead && !early) {
+            /* Far behind means ahead: whole, but not published. If its writer dies before W7 this frame never was, and
+             * its number is given to another one. */
+            if (!(found & 1) && behind < 0x40000000u && newest - behind > seen && newest - behind < oldest_new) {
                 best = slot;
-                best_ahead = ahead;
+                oldest_new = newest - behind;
                 *generation = found;
             }
         }
-        if (best_ahead == 1 || best == DDX_NO_SLOT || !hidden)
+        if (best == DDX_NO_SLOT || oldest_new == seen + 1 || !hidden)
             break;
     }
     return best;
 }
 
-int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
-                 struct ddx_ring_frame *frame) {
+unsigned ddx_ring_coming(const struct ddx_control *control, void *const *base, unsigned except) {
+    unsigned slots = atomic_load_explicit(&control->slots, memory_order_relaxed), best = DDX_NO_SLOT;
+    unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&control->latest, memory_order_relaxed));
+    uint64_t best_sequence = UINT64_MAX;
+
+    for (unsigned slot = 0; slot < slots && slot < DDX_SLOTS_MAX; slot++) {
+        uint64_t sequence = sequence_of(&control->slot[slot]);
+
+        if (!base[slot] || slot == except || slot == newest)
+            continue;
+        if (atomic_load_explicit(&control->slot[slot].generation, memory_order_relaxed) == DDX_WRITING)
+            return slot;
+        if (sequence < best_sequence) {
+            best = slot;
+            best_sequence = sequence;
+        }
+    }
+    return best;
+}
+
+DDX_HOT int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
+                         struct ddx_ring_frame *frame) {
     const struct ddx_slot_state *state = &control->slot[slot];
 
     /* R2 before R3, sequentially consistent: see ring.h. */
@@ -204,7 +258,7 @@ int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot
     return 0;
 }
 
-void ddx_ring_unpin(ddx_word *pin) {
+DDX_HOT void ddx_ring_unpin(ddx_word *pin) {
     /* Release: the writer that finds the slot free must not overtake our last reads of it. */
     atomic_store_explicit(pin, 0, memory_order_release);
 }

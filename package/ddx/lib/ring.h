@@ -54,6 +54,9 @@ struct ddx_ring_frame {
  */
 int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *slot);
 
+/* Whether the slot that ddx_ring_choose() would give now holds a frame that a reader has yet to see. */
+bool ddx_ring_outruns(const struct ddx_ring_writer *writer);
+
 /* W6-W7 but for the wake-up, which is the caller's. */
 void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time);
 
@@ -74,6 +77,12 @@ uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest);
  * ddx_ring_pin() must find.
  */
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
+
+/*
+ * Where the next frame will probably be: the one that is being written, or else the oldest. Only among those
+ * that have a `base`, and not `except`, which the caller has pinned. DDX_NO_SLOT if there is none.
+ */
+unsigned ddx_ring_coming(const struct ddx_control *control, void *const *base, unsigned except);
 
 /*
  * R2-R3. `generation` is the expected one. -EAGAIN: overtaken, nothing is pinned. A slot that the word held before is

@@ -40,6 +40,7 @@ int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
     free(item->fields);
     item->layout = copy;
     item->fields = NULL;
+    item->layouts++;
     return 0;
 }
 
@@ -73,6 +74,7 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     writer->term = term;
     writer->loaned = -1;
     writer->superseded = false;
+    writer->lost = 0;
     memset(&writer->ring, 0, sizeof writer->ring);
     writer->ring.control = term->control;
     writer->ring.notice = writer->notice;
@@ -84,6 +86,14 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     send_ready(item, m->epoch, DDX_NO_SLOT);
 }
 
+/* This handle was there before the item. 0, or -ENOMEM. */
+static int learn_type(DDX_STORE_ITEM *item, const char *type) {
+    if (!item->own && ddx_layout_of(type, &item->own) == -ENOMEM)
+        return -ENOMEM;
+    strcpy(item->type, type);
+    return 0;
+}
+
 static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     const struct ddx_layout *layout = ddx_packet_layout(packet);
     struct ddx_reader_role *reader = &item->reader;
@@ -91,13 +101,21 @@ static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
 
     /* A store that was restarted tells of the epoch that this handle is in; what it says of numbers is older than what
      * was seen since. Slots that are missing here follow. */
-    if (term && packet->fd[0] >= 0 && ddx_memory_same(term->control_fd, packet->fd[0]))
+    if (term && packet->fd[0] >= 0 && ddx_memory_same(term->control_fd, packet->fd[0])) {
+        term->slots_coming = packet->message.index;
+        return;
+    }
+    if (layout && !*item->type && learn_type(item, packet->message.type))
         return;
     if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
         return;
     /* Numbers begin anew only if store and writer were both lost; then what was seen means nothing. */
     if (packet->message.sequence < reader->seen)
-        reader->seen = 0;
+        ddx_reader_saw(reader, 0);
+    /* The store had less room for a frame than was asked for when nobody knew its size. */
+    if (packet->message.frames && packet->message.frames < reader->keep)
+        reader->keep = packet->message.frames;
+    term->slots_coming = packet->message.index;
     ddx_term_free(reader->coming);
     reader->coming = term;
     DDX_PASS(ATTACH_EPOCH);
@@ -136,8 +154,13 @@ static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         return;
     }
     struct ddx_term *term = item->reader.coming ? item->reader.coming : item->reader.term;
-    if (term && term->epoch == m->epoch && !ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
+    if (!term || term->epoch != m->epoch)
+        return;
+    if (!ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
         DDX_PASS(ATTACH_SLOT);
+    term->slots_coming -= term->slots_coming > 0;
+    if (term == item->reader.coming && !item->reader.waiting) /* else the sleeper follows */
+        ddx_reader_follow(item);
 }
 
 static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
@@ -177,13 +200,18 @@ static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
     DDX_PASS(CLAIM_READER_GONE);
 }
 
-/* A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. */
+/*
+ * A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. A number
+ * counts only with the store that gave it: a reader that has not come back yet keeps its former one, which is somebody
+ * else's by now.
+ */
 static void on_reader_gone(DDX_STORE_ITEM *item, const struct ddx_message *m) {
     struct ddx_writer_role *writer = &item->writer;
 
     for (unsigned i = writer->ring.reader_count; i-- > 0;)
         if (m->flags & DDX_FLAG_CREATE ? !writer->confirmed[i] && !ddx_memory_held(writer->pin_fd[i])
-                                       : writer->ring.reader[i].id == m->index)
+                                       : (writer->confirmed[i] || DDX_BROKEN("numbers")) &&
+                                             writer->ring.reader[i].id == m->index)
             drop_reader(writer, i);
 }
 
@@ -198,7 +226,7 @@ static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     reader->pin_fd = ddx_packet_take(packet, 0);
     reader->hold_fd = ddx_memory_hold(reader->pin_fd);
     /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
-    reader->seen = packet->message.sequence;
+    ddx_reader_saw(reader, packet->message.sequence);
     DDX_PASS(ATTACH_PAGE);
 }
 
@@ -228,6 +256,8 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
             item->writer.ring.told_count = item->writer.ring.slot_count;
         if (m->status == -EEXIST) {
             item->writer.superseded = true;
+            if (m->flags & DDX_FLAG_WRITER && item->writer.ring.sequence > m->sequence)
+                item->writer.lost = item->writer.ring.sequence - m->sequence;
             DDX_PASS(KEEPER_SUPERSEDED);
         }
         DDX_PASS(KEEPER_ACCEPTED);
@@ -282,9 +312,12 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
             result = ddx_item_service(item);
         }
     }
+    if (result)
+        ddx_item_service(item); /* what it said before it died; it may have let somebody in */
     item->answer = 0;
     if (item->answered)
         return item->reply.status;
-    ddx_item_disconnect(item);
+    if (item->socket >= 0)
+        ddx_item_disconnect(item);
     return -ECONNREFUSED;
 }

@@ -8,11 +8,11 @@
 
 /* 32-bit and 64-bit programs share this item. */
 _Static_assert(offsetof(DDX_STATS, in) == 16, "layout");
-_Static_assert(offsetof(DDX_STATS, first) == 48, "layout");
-_Static_assert(offsetof(DDX_STATS, source) == 72, "layout");
-_Static_assert(offsetof(DDX_STATS, lost) == 136, "layout");
-_Static_assert(offsetof(DDX_STATS, latency) == 328, "layout");
-_Static_assert(sizeof(DDX_STATS) == 328 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
+_Static_assert(offsetof(DDX_STATS, first) == 56, "layout");
+_Static_assert(offsetof(DDX_STATS, source) == 80, "layout");
+_Static_assert(offsetof(DDX_STATS, lost) == 144, "layout");
+_Static_assert(offsetof(DDX_STATS, latency) == 336, "layout");
+_Static_assert(sizeof(DDX_STATS) == 336 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
 
 static const char restart_reason[] = "restart";
 
@@ -103,6 +103,12 @@ void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency) {
 void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames) {
     pthread_mutex_lock(&book->lock);
     book->stats.lost[reason < book->restart ? reason : book->restart].frames += frames;
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_skipped(DDX_STATS_BOOK *book, uint64_t frames) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.skipped += frames;
     pthread_mutex_unlock(&book->lock);
 }
 

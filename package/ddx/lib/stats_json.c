@@ -37,8 +37,8 @@ int ddx_stats_json(const DDX_STATS *stats, const char *instance, char *text, siz
     struct line line = {text, size, 0};
     put(&line, "{\"instance\":");
     put_string(&line, instance, DDX_NAME_MAX);
-    put(&line, ",\"in\":%" PRIu64 ",\"out\":%" PRIu64 ",\"waiting\":%" PRIu64 ",\"lost\":{", stats->in, stats->out,
-        stats->waiting);
+    put(&line, ",\"in\":%" PRIu64 ",\"out\":%" PRIu64 ",\"waiting\":%" PRIu64 ",\"skipped\":%" PRIu64 ",\"lost\":{",
+        stats->in, stats->out, stats->waiting, stats->skipped);
     for (unsigned i = 0; i < stats->reasons && i < DDX_STATS_REASONS; i++) {
         put(&line, i ? "," : "");
         put_string(&line, stats->lost[i].name, sizeof(stats->lost[i].name));

@@ -35,6 +35,7 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
         stats->lost[book->restart].frames += former->in - accounted;
     stats->in += former->in;
     stats->out += former->out;
+    stats->skipped += former->skipped;
     stats->starts += former->starts;
     if (former->first)
         stats->first = former->first;

@@ -10,6 +10,8 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include "fault.h"
+
 union control_buffer {
     char bytes[CMSG_SPACE(DDX_FDS_MAX * sizeof(int))];
     struct cmsghdr align;
@@ -73,9 +75,11 @@ int ddx_receive(int socket, struct ddx_packet *packet) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet->fd[i] = -1;
     ssize_t got;
+    /* Who died with a message of ours unread resets the connection, which the kernel tells once, and before what that
+     * one said: the news is there all the same, and must not be lost. */
     do
         got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
-    while (got < 0 && errno == EINTR);
+    while (got < 0 && (errno == EINTR || (errno == ECONNRESET && !DDX_BROKEN("reset"))));
     if (got < 0)
         return errno == EAGAIN ? 0 : -EPIPE;
     if (got == 0)

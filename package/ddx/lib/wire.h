@@ -16,6 +16,7 @@
  *   READER (pin), READER_GONE          to the writer; the notice's version changes after READER is queued
  * After the store was restarted, instead of OPEN:
  *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
+ * where -EEXIST tells a writer that another one was let in; with FLAG_WRITER, after which of its frames.
  */
 #ifndef DDX_WIRE_H
 #define DDX_WIRE_H
@@ -51,17 +52,19 @@ enum ddx_operation {
     DDX_LISTED,
 };
 
-/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for (both: see above). */
+/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for (both: see above). AWAIT: who opens an item before
+ * it was created gives no layout, and learns the type with the first EPOCH. */
 #define DDX_FLAG_CREATE 1u
 #define DDX_FLAG_WRITER 2u
 #define DDX_FLAG_READER 4u
+#define DDX_FLAG_AWAIT 8u
 
 struct ddx_message {
     uint32_t operation;
     int32_t status; /* 0 or -errno, in replies */
     uint32_t version, flags;
     uint32_t epoch;
-    uint32_t index;  /* slot, or reader */
+    uint32_t index;  /* slot, or reader; of EPOCH: SLOTs that follow at once */
     uint32_t frames; /* slots to come; frames to keep */
     uint32_t readers;
     int32_t pid;

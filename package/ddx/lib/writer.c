@@ -16,6 +16,8 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
         return -EEXIST;
     if (item->writer.term)
         return 0;
+    if (!*item->type)
+        return -ENOENT; /* awaited: nobody has said what it is */
     ddx_message_init(&message, DDX_CLAIM, item);
     int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
     if (result) {
@@ -27,7 +29,7 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     return item->writer.term && item->writer.ring.slot_count >= 2 ? 0 : -EMFILE;
 }
 
-static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
+DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
     struct ddx_writer_role *writer = &item->writer;
     int result;
 
@@ -42,12 +44,12 @@ static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
     return result;
 }
 
-int ddx_store_loan(DDX_STORE_ITEM *item, void **data) {
+DDX_HOT int ddx_store_loan(DDX_STORE_ITEM *item, void **data) {
     unsigned slot;
 
     if (!item || !data)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     int result = ddx_writer_claim(item);
     if (!result && item->writer.loaned >= 0)
         result = -EBUSY;
@@ -57,41 +59,46 @@ int ddx_store_loan(DDX_STORE_ITEM *item, void **data) {
         item->writer.loaned = (int)slot;
         *data = item->writer.term->base[slot];
     }
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 
-int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts) {
+DDX_HOT int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts) {
     if (!item)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     struct ddx_writer_role *writer = &item->writer;
     int result = writer->loaned < 0 ? -EINVAL : 0;
+    if (!result && writer->superseded) {
+        ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
+        writer->loaned = -1;
+        result = -EEXIST;
+    }
     if (!result) {
         ddx_ring_publish(&writer->ring, (unsigned)writer->loaned, ts ? *ts : ddx_time_now());
         writer->loaned = -1;
         ddx_futex_wake(&writer->term->control->latest);
         DDX_PASS(WRITER_WOKE);
     }
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 
 int ddx_store_cancel(DDX_STORE_ITEM *item) {
     if (!item)
         return -EINVAL;
-    pthread_mutex_lock(&item->lock);
+    ddx_lock_take(&item->lock);
     struct ddx_writer_role *writer = &item->writer;
     int result = writer->loaned < 0 ? -EINVAL : 0;
     if (!result) {
         ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
         writer->loaned = -1;
     }
-    pthread_mutex_unlock(&item->lock);
+    ddx_lock_give(&item->lock);
     return result;
 }
 
-int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts) {
+DDX_HOT int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts) {
     void *frame;
 
     if (!item || !data)
@@ -110,10 +117,39 @@ int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts) 
     return ddx_store_publish(item, ts);
 }
 
+uint64_t ddx_store_lost(const DDX_STORE_ITEM *item) {
+    return item ? item->writer.lost : 0;
+}
+
 int ddx_store_readers(const DDX_STORE_ITEM *item) {
-    if (!item || !item->writer.notice)
-        return -EINVAL;
-    return (int)atomic_load(&item->writer.notice->readers);
+    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
+    int count = -EINVAL;
+
+    if (!handle)
+        return count;
+    ddx_lock_take(&handle->lock);
+    if (handle->writer.notice) {
+        count = (int)atomic_load(&handle->writer.notice->readers);
+        /* Who writes because they are there writes into the slots that were added for them. */
+        ddx_item_service(handle);
+    }
+    ddx_lock_give(&handle->lock);
+    return count;
+}
+
+int ddx_store_outruns(const DDX_STORE_ITEM *item) {
+    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
+    int result = -EINVAL;
+
+    if (!handle)
+        return result;
+    ddx_lock_take(&handle->lock);
+    if (handle->writer.term) {
+        ddx_item_service(handle);
+        result = handle->writer.loaned >= 0 ? -EBUSY : ddx_ring_outruns(&handle->writer.ring);
+    }
+    ddx_lock_give(&handle->lock);
+    return result;
 }
 
 void ddx_writer_end(DDX_STORE_ITEM *item) {

@@ -75,6 +75,7 @@ _TIME = ctypes.POINTER(ctypes.c_int64)
 _open = _function("ddx_store_open", _P, _S, _I, _D)
 _close = _function("ddx_store_close", _I, _P)
 _lookup = _function("ddx_store_lookup_item", _P, _P, _S, _S, _I)
+_await = _function("ddx_store_await_item", _P, _P, _S)
 _create = _function("ddx_store_create", _I, _P, ctypes.POINTER(_CSpec), ctypes.POINTER(_P))
 _done = _function("ddx_store_done_item", _I, _P)
 _acquire = _function("ddx_store_acquire", _I, _P, ctypes.POINTER(_CFrame), _D, _I)
@@ -106,9 +107,10 @@ class Store:
         if not self._handle:
             _check(-ctypes.get_errno())
 
-    def item(self, name: str) -> Item:
-        """A handle on an item that exists, for reading or writing."""
-        handle = _lookup(self._open_handle(), name.encode(), None, 0)
+    def item(self, name: str, awaited: bool = False) -> Item:
+        """A handle on an item that exists, for reading or writing; awaited: for reading, also before it does."""
+        open_handle = self._open_handle()
+        handle = _await(open_handle, name.encode()) if awaited else _lookup(open_handle, name.encode(), None, 0)
         if not handle:
             _check(-ctypes.get_errno())
         return Item(self, name, handle)
@@ -364,7 +366,7 @@ class Item:
         return int(_missed(self._open_handle()))
 
     def keep(self, frames: int) -> None:
-        """Keep so many frames for IN_ORDER; before the first read."""
+        """Keep so many frames for IN_ORDER; after the first read more only."""
         _check(_keep(self._open_handle(), frames))
 
     def acquire(self, timeout: float | None = None, tail: int = NEXT) -> Frame:

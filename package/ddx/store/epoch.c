@@ -7,6 +7,8 @@
 
 #include "server.h"
 
+#define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */
+
 struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
     struct epoch *epoch = calloc(1, sizeof *epoch);
 
@@ -70,27 +72,48 @@ bool epoch_ready(const struct epoch *epoch) {
     return epoch->control_ready;
 }
 
-/* The last whole frame of a writer that is gone becomes the first one of its successor, so that it stays readable. */
-void epoch_carry_over(struct epoch *from, struct epoch *to) {
-    struct ddx_ring_frame frame;
-    size_t bytes = (size_t)to->runs.file_bytes;
+/* Whole, if the frame is still in its slot afterwards: a writer that was given up may live, and write. */
+static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *frame, void *to) {
+    const ddx_word *generation = &from->control->slot[frame->slot].generation;
+    size_t bytes = (size_t)from->runs.file_bytes;
+    void *old = ddx_memory_map(from->slot_fd[frame->slot], bytes, false);
 
-    if (!ddx_ring_peek(from->control, &frame) || from->slot_fd[frame.slot] < 0 ||
-        !ddx_layout_same(from->layout, to->layout))
-        return;
-    void *old = ddx_memory_map(from->slot_fd[frame.slot], bytes, false);
-    void *fresh = ddx_memory_map(to->slot_fd[0], bytes, true);
-    if (old && fresh) {
+    if (!old)
+        return false;
+    memcpy(to, old, bytes);
+    munmap(old, bytes);
+#ifdef DDX_FAULT_NO_RECHECK
+    return true; /* for the test that must fail without it */
+#endif
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wtsan" /* cannot see fences, nor other processes */
+    atomic_thread_fence(memory_order_acquire);
+#pragma GCC diagnostic pop
+    return atomic_load_explicit(generation, memory_order_relaxed) == (uint32_t)frame->sequence << 1;
+}
+
+/* The last whole frame of a writer that is gone becomes the first one of its successor, so that it stays readable. */
+bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence) {
+    size_t bytes = (size_t)to->runs.file_bytes;
+    bool same = ddx_layout_same(from->layout, to->layout), carried = false;
+    void *fresh = same ? ddx_memory_map(to->slot_fd[0], bytes, true) : NULL;
+    struct ddx_ring_frame frame;
+
+    for (int attempt = 0; attempt < CARRY_ATTEMPTS && !carried && ddx_ring_peek(from->control, &frame); attempt++) {
+        *sequence = frame.sequence;
+        if (!fresh || from->slot_fd[frame.slot] < 0)
+            break;
+        carried = copy_frame(from, &frame, fresh);
+    }
+    if (carried) {
         struct ddx_ring_writer writer = {.control = to->control, .sequence = frame.sequence - 1};
 
-        memcpy(fresh, old, bytes);
         atomic_store(&to->control->slots, 1);
         ddx_ring_publish(&writer, 0, frame.time);
     }
-    if (old)
-        munmap(old, bytes);
     if (fresh)
         munmap(fresh, bytes);
+    return carried;
 }
 
 void epoch_free(struct epoch *epoch) {

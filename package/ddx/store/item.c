@@ -17,7 +17,7 @@ struct item *item_find(const char *name) {
 struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout) {
     struct item *item = calloc(1, sizeof *item), **link = &store.items;
 
-    if (!item || !(item->layout = ddx_layout_copy(layout))) {
+    if (!item || (layout && !(item->layout = ddx_layout_copy(layout)))) {
         free(item);
         return NULL;
     }
@@ -30,6 +30,20 @@ struct item *item_add(const char *name, const char *type, const struct ddx_layou
     *link = item;
     DDX_PASS(STORE_ITEM);
     return item;
+}
+
+bool item_is_awaited(const struct item *item) {
+    return !*item->type;
+}
+
+int item_define(struct item *item, const char *type, const struct ddx_layout *layout) {
+    free(item->layout);
+    item->layout = ddx_layout_copy(layout);
+    if (!item->layout)
+        return -ENOMEM;
+    strcpy(item->type, type);
+    DDX_PASS(STORE_ITEM);
+    return 0;
 }
 
 void item_drop_if_unused(struct item *item) {
@@ -62,7 +76,7 @@ int item_set_notice(struct item *item, int fd) {
         close(item->notice_fd);
     item->notice = notice;
     item->notice_fd = fd;
-    atomic_store(&notice->readers, item->readers);
+    readers_count(item);
     return 0;
 }
 
@@ -97,7 +111,7 @@ void item_describe(const struct item *item, struct ddx_message *m) {
     m->operation = DDX_ITEM;
     strcpy(m->name, item->name);
     strcpy(m->type, item->type);
-    m->size = epoch ? epoch->layout->size : item->layout->size;
+    m->size = epoch ? epoch->layout->size : item->layout ? item->layout->size : 0;
     m->frame_bytes = epoch ? epoch->runs.file_bytes : 0;
     m->bytes = item_bytes(item);
     m->reserved = item_reserved(item);
@@ -140,8 +154,13 @@ void item_send_epoch(const struct item *item, struct client *reader) {
     struct ddx_ring_frame frame;
 
     strcpy(message.name, item->name);
+    strcpy(message.type, item->type); /* news for who awaited the item */
     message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : item->sequence;
+    message.frames = reader->keep;
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        message.index += epoch->slot_ready[i];
     client_send(reader, &message, epoch->layout, &epoch->control_fd, 1);
+    DDX_PASS(STORE_EPOCH_BEGUN);
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         if (epoch->slot_ready[i])
             item_send_slot(item, epoch, i, reader, DDX_FLAG_READER);

@@ -112,6 +112,7 @@ static int adopt_writer(struct item *item, struct client *client) {
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_announce(item, c);
+    readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
     return 0;
 }
@@ -125,26 +126,39 @@ static int adopt_reader(struct item *item, struct client *client) {
     int result = reader_register(client, fd, client->offered_keep);
     if (!result && item->epoch)
         item_send_epoch(item, client);
+    readers_count(item);
     DDX_PASS(STORE_READER_BACK);
     return result;
 }
 
+/* For a writer that another one has replaced: which of its frames was the last that counted. */
+static void tell_end(const struct item *item, const struct epoch *offered, struct ddx_message *reply) {
+    const struct ended *ended = offered ? &item->ended[offered->number % ENDED] : NULL;
+
+    if (ended && ended->epoch == offered->number) {
+        reply->sequence = ended->sequence;
+        reply->flags = DDX_FLAG_WRITER;
+    }
+}
+
 static void finish(struct client *client, uint32_t flags) {
     struct item *item = client->item;
-    int result = 0;
+    struct ddx_message reply = {.operation = DDX_OFFERED};
 
     if (adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer))
         for (struct client *c = store.clients; c; c = c->next)
             if (c->item == item && c->id && !c->gone)
                 item_send_epoch(item, c);
     if (flags & DDX_FLAG_WRITER)
-        result = adopt_writer(item, client);
+        reply.status = adopt_writer(item, client);
+    if (reply.status == -EEXIST)
+        tell_end(item, client->offered, &reply);
     if (flags & DDX_FLAG_READER && adopt_reader(item, client)) {
         client->gone = true; /* it tries again; if it believed to be known, it would wait for news in vain */
         return;
     }
     offer_abandon(client);
-    client_reply(client, DDX_OFFERED, result);
+    client_send(client, &reply, NULL, NULL, 0);
     DDX_PASS(STORE_ACCEPTED);
 }
 
@@ -155,18 +169,21 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
     case DDX_OFFER: {
         const struct ddx_layout *layout = ddx_packet_layout(packet);
 
-        if (client->item || !layout || !*m->name)
+        bool awaits = m->flags & DDX_FLAG_AWAIT && !*m->type;
+        if (client->item || !(awaits || (layout && *m->type)) || !*m->name)
             return;
         struct item *item = item_find(m->name);
-        if (item && strcmp(item->type, m->type) != 0) {
+        if (item && !item_is_awaited(item) && !awaits && strcmp(item->type, m->type) != 0) {
             client->gone = true; /* the name went to something else meanwhile */
             return;
         }
-        client->item = item ? item : item_add(m->name, m->type, layout);
+        if (item && item_is_awaited(item) && !awaits && item_define(item, m->type, layout))
+            return;
+        client->item = item ? item : item_add(m->name, m->type, awaits ? NULL : layout);
         if (!client->item)
             return;
         client->item->handles++;
-        if (packet->fd[0] >= 0)
+        if (packet->fd[0] >= 0 && !awaits)
             take_control(client, packet, layout);
         break;
     }

@@ -29,6 +29,20 @@ static int add_slots(struct item *item, unsigned keep, unsigned pages) {
     return 0;
 }
 
+void readers_count(struct item *item) {
+    const struct epoch *epoch = item->epoch;
+    bool kept = epoch && epoch_ready(epoch) && epoch->slots >= 2 + item->kept;
+    uint32_t count = 0;
+
+    for (struct client *c = store.clients; c; c = c->next)
+        if (c->item == item && c->id) {
+            c->counted |= kept;
+            count += c->counted;
+        }
+    if (item->notice)
+        atomic_store(&item->notice->readers, count);
+}
+
 int reader_register(struct client *client, int pin_fd, unsigned keep) {
     struct item *item = client->item;
     const void *pin = ddx_memory_map(pin_fd, sizeof(struct ddx_pin_page), false);
@@ -48,10 +62,9 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
         return -EBUSY;
     }
     client->keep = keep;
+    client->counted = false;
     item->kept += keep;
     item->readers++;
-    if (item->notice)
-        atomic_store(&item->notice->readers, item->readers);
     DDX_PASS(STORE_REGISTERED);
     return 0;
 }
@@ -61,8 +74,11 @@ static int attach(struct client *client, unsigned keep) {
 
     if (keep < 1 || keep > DDX_READERS_MAX)
         return -EINVAL;
-    if (item->adopted && !item->writer && ddx_memory_held(item->epoch->control_fd))
-        return -EAGAIN; /* its writer lives but has not reported since we started: it would not look at the new pins */
+    /* Whose writer lives, but is not heard (it has not reported since we started, or stopped listening): it would not
+     * look at the new pins. Nor while another one gets ready to replace it: until then its frames are the item's. */
+    if (item->epoch && (!item->writer || item->pending) && ddx_memory_held(item->epoch->control_fd) &&
+        !DDX_BROKEN("unheard"))
+        return -EAGAIN;
     int result = add_slots(item, keep, client->id ? 0 : 1);
     if (result) {
         clients_reap();
@@ -97,6 +113,7 @@ void reader_attach(struct client *client, unsigned keep) {
     if (item->epoch)
         item_send_epoch(item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
+    readers_count(item); /* unless it has to wait for the writer: see writer_ready() */
     DDX_PASS(STORE_ATTACHED);
 }
 
@@ -112,9 +129,8 @@ void reader_left(struct client *client) {
     item->readers--;
     item->kept -= client->keep;
     DDX_PASS(STORE_READER_LEFT);
-    if (item->notice)
-        atomic_store(&item->notice->readers, item->readers);
     if (item->writer && !item->writer->gone)
         client_send(item->writer, &message, NULL, NULL, 0);
+    readers_count(item);
     DDX_PASS(STORE_READER_TOLD);
 }

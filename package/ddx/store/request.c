@@ -10,15 +10,18 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     const struct ddx_layout *layout = ddx_packet_layout(packet);
     struct ddx_message reply = {.operation = DDX_OPENED};
     struct item *item = item_find(m->name);
+    bool creates = m->flags & DDX_FLAG_CREATE, awaits = m->flags & DDX_FLAG_AWAIT;
 
     if (client->item || !*m->name)
         reply.status = -EINVAL;
-    else if (!item && !(m->flags & DDX_FLAG_CREATE))
+    else if ((!item || item_is_awaited(item)) && !creates && !awaits)
         reply.status = -ENOENT;
-    else if (!item && (!layout || !*m->type))
+    else if ((!item || item_is_awaited(item)) && creates && (!layout || !*m->type))
         reply.status = -EINVAL;
-    else if (!item && !(item = item_add(m->name, m->type, layout)))
+    else if (!item && !(item = item_add(m->name, creates ? m->type : "", creates ? layout : NULL)))
         reply.status = -ENOMEM;
+    else if (item_is_awaited(item) && creates)
+        reply.status = item_define(item, m->type, layout);
     if (reply.status) {
         client_send(client, &reply, NULL, NULL, 0);
         return;
@@ -47,7 +50,7 @@ void list_continue(struct client *client) {
     struct ddx_message m;
 
     for (struct item *item = store.items; item; item = item->next) {
-        if (strcmp(item->name, client->listed) <= 0)
+        if (strcmp(item->name, client->listed) <= 0 || item_is_awaited(item))
             continue;
         item_describe(item, &m);
         int result = ddx_send(client->socket, &m, NULL, NULL, 0);

@@ -33,6 +33,7 @@ struct client {
     /* as a reader: */
     uint32_t id; /* 0: does not read */
     unsigned keep;
+    bool counted; /* by the writer: frames are kept for it */
     int pin_fd;
     const struct ddx_pin_page *pin;
     /* what it offers after our restart, until OFFER_END */
@@ -42,6 +43,13 @@ struct client {
     /* in the middle of LIST: the last item it was told of */
     bool listing;
     char listed[DDX_NAME_MAX + 1];
+};
+
+#define ENDED 8 /* terms whose end is remembered */
+
+struct ended {
+    uint32_t epoch;    /* 0: none */
+    uint64_t sequence; /* of its last frame, as its successor carried it over */
 };
 
 struct item {
@@ -56,6 +64,7 @@ struct item {
     int notice_fd;
     struct ddx_notice *notice;
     uint64_t sequence; /* of the last epoch's last frame */
+    struct ended ended[ENDED];
 };
 
 struct store {
@@ -78,6 +87,12 @@ void note(const char *format, ...) __attribute__((format(printf, 1, 2)));
 /* item.c */
 struct item *item_find(const char *name);
 struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout); /* NULL: no memory */
+
+/* Whether readers wait for an item that nobody has created yet: it has no type and no layout. */
+bool item_is_awaited(const struct item *item);
+
+/* Somebody creates it. 0 or -ENOMEM. */
+int item_define(struct item *item, const char *type, const struct ddx_layout *layout);
 void item_drop_if_unused(struct item *item);
 int item_set_notice(struct item *item, int fd); /* takes fd, also on failure */
 uint64_t item_bytes(const struct item *item);
@@ -94,7 +109,8 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number);
 int epoch_create_control(struct epoch *epoch, const char *name);
 int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count);
 bool epoch_ready(const struct epoch *epoch);
-void epoch_carry_over(struct epoch *from, struct epoch *to);
+/* True if a frame was carried over; *sequence is the number with which `from` ends, if it has any. */
+bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence);
 void epoch_free(struct epoch *epoch);
 
 /* budget.c */
@@ -116,6 +132,8 @@ void writer_left(struct client *client);
 void reader_attach(struct client *client, unsigned keep);
 int reader_register(struct client *client, int pin_fd, unsigned keep);
 void reader_left(struct client *client);
+/* Tell the writer how many readers there are for whom frames are kept: once it has their slots, and they know them. */
+void readers_count(struct item *item);
 
 /* offer.c */
 void offer_message(struct client *client, struct ddx_packet *packet);

@@ -11,6 +11,8 @@
 static int permitted(struct client *client, const struct ddx_layout *layout) {
     struct item *item = client->item;
 
+    if (item_is_awaited(item))
+        return -ENOENT; /* nobody has said what it is */
     if (item->writer)
         return item->writer == client ? -EINVAL : -EEXIST;
     if (item->adopted && !store.settled && ddx_memory_held(item->epoch->control_fd))
@@ -26,19 +28,50 @@ static int new_notice(struct item *item) {
     return fd < 0 ? fd : item_set_notice(item, fd);
 }
 
+/*
+ * Who waited for the item asked for frames when nobody knew how large they are. Writing comes first: half of them, but
+ * one for each reader. False if there is nothing to take away, or a reader has seen frames and counts on what it has.
+ */
+static bool keep_less(struct item *item) {
+    bool less = false;
+
+    for (struct client *c = store.clients; c && !item->epochs; c = c->next) {
+        unsigned keep = c->item == item && c->id && c->keep > 1 ? c->keep / 2 : 0;
+
+        if (keep) {
+            item->kept -= c->keep - keep;
+            c->keep = keep;
+            less = true;
+        }
+    }
+    return less;
+}
+
+/* What the files of a new epoch take of the budget: now the old and the new ones; afterwards the new ones and the room
+ * for the next. */
+static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
+    uint64_t one =
+        ddx_page_round(sizeof(struct ddx_control)) + (2 + item->kept) * frame_bytes + ddx_page_round(1);
+    uint64_t pins = item->readers * ddx_page_round(1);
+    uint64_t old = item->epoch ? item_bytes(item) - pins : 0;
+
+    return (old > one ? old : one) + one + pins;
+}
+
 static int prepare(struct item *item, const struct ddx_layout *layout) {
     struct epoch *epoch = epoch_new(layout, item->epochs + 1);
-    unsigned slots = 2 + item->kept;
     int result;
 
     if (!epoch)
         return -ENOMEM;
-    uint64_t one = ddx_page_round(sizeof(struct ddx_control)) + slots * epoch->runs.file_bytes + ddx_page_round(1);
-    uint64_t pins = item->readers * ddx_page_round(1);
-    uint64_t old = item->epoch ? item_bytes(item) - pins : 0;
-    /* Now the old and the new files; afterwards the new ones and the room for the next. */
-    uint64_t most = (old > one ? old : one) + one + pins;
-    if (slots > DDX_SLOTS_MAX || !budget_allows(item, most))
+    unsigned wanted = item->kept;
+    while (!budget_allows(item, most_of(item, epoch->runs.file_bytes)) && keep_less(item))
+        continue;
+    if (item->kept < wanted)
+        note("%s: %u frames are kept for its readers, not %u: there is no room for more; -m gives it", item->name,
+             item->kept, wanted);
+    unsigned slots = 2 + item->kept;
+    if (slots > DDX_SLOTS_MAX || !budget_allows(item, most_of(item, epoch->runs.file_bytes)))
         result = -ENOSPC;
     else if (!(result = epoch_create_control(epoch, item->name)) &&
              !(result = epoch_add_slots(epoch, item->name, slots))) {
@@ -51,7 +84,7 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
         return result;
     }
     if (item->epoch)
-        epoch_carry_over(item->epoch, epoch);
+        epoch_carry_over(item->epoch, epoch, &item->sequence);
     DDX_PASS(STORE_CARRIED);
     item->pending = epoch;
     return 0;
@@ -78,15 +111,12 @@ static void tell_all(struct client *client) {
 
 void writer_claim(struct client *client, const struct ddx_layout *layout) {
     struct item *item = client->item;
-    struct ddx_ring_frame frame;
     int result = layout ? permitted(client, layout) : -EINVAL;
 
     if (result) {
         clients_reap();
         result = layout ? permitted(client, layout) : -EINVAL;
     }
-    if (!result && item->epoch && ddx_ring_peek(item->epoch->control, &frame))
-        item->sequence = frame.sequence;
     if (!result)
         result = prepare(item, layout);
     if (result) {
@@ -99,6 +129,8 @@ void writer_claim(struct client *client, const struct ddx_layout *layout) {
 }
 
 static void go_live(struct item *item) {
+    if (item->epoch)
+        item->ended[item->epoch->number % ENDED] = (struct ended){item->epoch->number, item->sequence};
     epoch_free(item->epoch);
     item->epoch = item->pending;
     item->pending = NULL;
@@ -110,6 +142,7 @@ static void go_live(struct item *item) {
         if (c->item == item && c->id && !c->gone)
             item_send_epoch(item, c);
     DDX_PASS(STORE_TOLD);
+    readers_count(item);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);
     DDX_PASS(STORE_GRANTED);
@@ -141,6 +174,7 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
             DDX_PASS(STORE_SLOT_TOLD);
             told.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
             client_send(client, &told, NULL, NULL, 0);
+            readers_count(item);
         }
     }
     if (epoch == item->pending && epoch_ready(epoch))

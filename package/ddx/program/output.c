@@ -1,0 +1,143 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "output.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "program.h"
+
+#define TRIES 100
+
+/* The folder that a file is in. */
+static void parent(const char *path, char *folder) {
+    const char *slash = strrchr(path, '/');
+    size_t length = slash ? (size_t)(slash - path) : 0;
+    if (!slash)
+        strcpy(folder, ".");
+    else if (!length)
+        strcpy(folder, "/");
+    else
+        snprintf(folder, PATH_MAX, "%.*s", (int)length, path);
+}
+
+int output_check(struct output *output, const char *place, const char *name, const char *extension) {
+    struct stat status;
+    char folder[PATH_MAX];
+    *output = (struct output){.place = place, .name = name, .extension = extension};
+    if (strlen(place) >= PATH_MAX)
+        return -ENAMETOOLONG;
+    if (!stat(place, &status)) {
+        output->is_folder = S_ISDIR(status.st_mode);
+        return access(place, output->is_folder ? W_OK | X_OK : W_OK) ? -errno : 0;
+    }
+    if (errno != ENOENT)
+        return -errno;
+    if (place[strlen(place) - 1] == '/')
+        return -ENOENT;
+    parent(place, folder);
+    return access(folder, W_OK | X_OK) ? -errno : 0;
+}
+
+/* A file name's beginning; an item's name may hold a slash. */
+static void file_prefix(const struct output *output, char *prefix, size_t size) {
+    snprintf(prefix, size, "%s-", output->name);
+    for (char *c = prefix; *c; c++)
+        if (*c == '/')
+            *c = '_';
+}
+
+/* The number in a name that begins so; 0 if it is none of these. */
+static long number_of(const char *name, const char *prefix) {
+    char *end;
+    size_t length = strlen(prefix);
+    if (strncmp(name, prefix, length) || name[length] < '0' || name[length] > '9')
+        return 0;
+    long number = strtol(name + length, &end, 10);
+    return *end == '-' && number < LONG_MAX - TRIES ? number : 0;
+}
+
+/* The highest number in use in the folder, or -errno. */
+static long highest_number(const struct output *output, const char *prefix) {
+    DIR *folder = opendir(output->place);
+    if (!folder)
+        return -errno;
+    long highest = 0;
+    for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
+        long number = number_of(entry->d_name, prefix);
+        if (number > highest)
+            highest = number;
+    }
+    closedir(folder);
+    return highest;
+}
+
+int output_open(const struct output *output, char *path) {
+    if (!output->is_folder) {
+        snprintf(path, PATH_MAX, "%s", output->place);
+        int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0664);
+        return fd < 0 ? -errno : fd;
+    }
+    char prefix[80], stamp[32];
+    file_prefix(output, prefix, sizeof(prefix));
+    long number = highest_number(output, prefix);
+    if (number < 0)
+        return (int)number;
+    for (int i = 1; i <= TRIES; i++) {
+        time_t now = time(NULL);
+        struct tm utc;
+        strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+        if (snprintf(path, PATH_MAX, "%s/%s%06ld-%s.%s", output->place, prefix, number + i, stamp,
+                     output->extension) >= PATH_MAX)
+            return -ENAMETOOLONG;
+        int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0664);
+        if (fd >= 0 || errno != EEXIST)
+            return fd < 0 ? -errno : fd;
+    }
+    return -EEXIST;
+}
+
+/* How large all files of this output are, and the name of the one with the lowest number, or "". */
+static uint64_t look_at(const struct output *output, DIR *folder, char oldest[NAME_MAX + 1]) {
+    char prefix[80];
+    long lowest = LONG_MAX;
+    uint64_t bytes = 0;
+    struct stat status;
+    file_prefix(output, prefix, sizeof(prefix));
+    *oldest = 0;
+    rewinddir(folder);
+    for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
+        const char *end = strrchr(entry->d_name, '.');
+        long number = number_of(entry->d_name, prefix);
+        if (!number || !end || strcmp(end + 1, output->extension) ||
+            fstatat(dirfd(folder), entry->d_name, &status, AT_SYMLINK_NOFOLLOW) || !S_ISREG(status.st_mode))
+            continue;
+        bytes += (uint64_t)status.st_size;
+        if (number < lowest) {
+            lowest = number;
+            strcpy(oldest, entry->d_name);
+        }
+    }
+    return bytes;
+}
+
+int output_keep(const struct output *output, uint64_t most) {
+    char name[NAME_MAX + 1];
+    DIR *folder = opendir(output->place);
+    int error = folder ? 0 : -errno;
+    while (!error && look_at(output, folder, name) > most && *name) {
+        if (unlinkat(dirfd(folder), name, 0))
+            error = -errno;
+        else
+            say("%s/%s: deleted to make room", output->place, name);
+    }
+    if (folder)
+        closedir(folder);
+    return error;
+}

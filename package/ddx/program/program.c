@@ -1,0 +1,281 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "program.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <pthread.h>
+#include <sched.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/random.h>
+#include <time.h>
+
+#define NS INT64_C(1000000000)
+#define PATIENCE (5 * NS) /* with readers that do not read */
+#define OPTIONS_MAX 24
+
+static const char *program_name = "ddx";
+static volatile sig_atomic_t stop_wanted, report_wanted;
+
+void say_as(const char *name) {
+    program_name = name;
+}
+
+void say(const char *format, ...) {
+    char text[512];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof(text), format, arguments);
+    va_end(arguments);
+    fprintf(stderr, "%s: %s\n", program_name, text); /* one call, one line, also between threads */
+}
+
+static void on_signal(int number) {
+    if (number == SIGUSR1)
+        report_wanted = 1;
+    else
+        stop_wanted = 1;
+}
+
+static void catch_signals(void) {
+    struct sigaction action = {.sa_handler = on_signal};
+    sigemptyset(&action.sa_mask);
+    sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGUSR1, &action, NULL);
+    action.sa_handler = SIG_IGN; /* both come back as errors of write() */
+    sigaction(SIGPIPE, &action, NULL);
+    sigaction(SIGXFSZ, &action, NULL);
+}
+
+uint64_t program_random(void) {
+    uint64_t number = 0;
+    struct timespec wall;
+    if (getrandom(&number, sizeof(number), GRND_INSECURE) < 0)
+        number = 0; /* a kernel before 5.6 */
+    clock_gettime(CLOCK_REALTIME, &wall);
+    return number ^ (uint64_t)ddx_time_now() << 32 ^ (uint64_t)wall.tv_sec ^ (uint64_t)wall.tv_nsec;
+}
+
+void program_condition(pthread_cond_t *condition) {
+    pthread_condattr_t clock;
+    pthread_condattr_init(&clock);
+    pthread_condattr_setclock(&clock, CLOCK_MONOTONIC);
+    pthread_cond_init(condition, &clock);
+    pthread_condattr_destroy(&clock);
+}
+
+void program_thread_signals(void) {
+    sigset_t all;
+    sigfillset(&all);
+    pthread_sigmask(SIG_BLOCK, &all, NULL);
+}
+
+void program_thread_ordinary(void) {
+    const struct sched_param none = {.sched_priority = 0};
+    pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
+}
+
+static void help_option(const struct option_entry *entry) {
+    char left[40];
+    snprintf(left, sizeof(left), "-%s%s%s", entry->name, entry->argument ? " " : "",
+             entry->argument ? entry->argument : "");
+    printf("  %-20s %s\n", left, entry->help);
+}
+
+static void help(const struct program *program, const struct option_entry *common) {
+    printf("usage: %s%s%s [options]\n\n%s\n\noptions (-name and --name are the same):\n", program->name,
+           program->positional ? " " : "", program->positional ? program->positional : "", program->purpose);
+    for (const struct option_entry *entry = program->options; entry->name; entry++)
+        help_option(entry);
+    for (const struct option_entry *entry = common; entry->name; entry++)
+        help_option(entry);
+    printf("\n%s%s", program->notes ? program->notes : "", program->notes ? "\n\n" : "");
+    if (!program->brief)
+        printf("Signals: TERM and INT stop cleanly; USR1 prints the counters. The counters are one line of JSON on\n"
+               "standard output, printed at the end as well, and kept in the store as item `<instance>.stats`.\n");
+    printf("Exit status: 0 done, 1 failed, 2 bad usage or bad input.\n");
+}
+
+__attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char *format, ...) {
+    char text[256];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof(text), format, arguments);
+    va_end(arguments);
+    say("%s; see %s -help", text, program_name);
+    exit(EXIT_USAGE);
+}
+
+static void set_option(const struct option_entry *entry, const char *text) {
+    switch (entry->kind) {
+    case OPTION_FLAG: *(bool *)entry->value = true; break;
+    case OPTION_TEXT:
+        if (!*text)
+            bad_usage("-%s is empty", entry->name);
+        *(const char **)entry->value = text;
+        break;
+    case OPTION_NUMBER: {
+        char *end;
+        errno = 0;
+        long number = strtol(text, &end, 10);
+        if (errno || end == text || *end || number < entry->minimum || number > entry->maximum)
+            bad_usage("-%s %s: a number from %ld to %ld is needed", entry->name, text, entry->minimum, entry->maximum);
+        *(long *)entry->value = number;
+        break;
+    }
+    }
+}
+
+void program_start(struct program *program, int argc, char **argv) {
+    bool wants_help = false;
+    const struct option_entry common[] = {
+        {"instance", "NAME", "name of this instance and of its stats item (default: the program's)", OPTION_TEXT,
+         &program->instance, 0, 0},
+        {"store", "PORT", "port of the store", OPTION_NUMBER, &program->port, 0, 65535},
+        {"check", NULL, "judge the options, do nothing: exit 0 or 2", OPTION_FLAG, &program->check, 0, 0},
+        {"help", NULL, "this text", OPTION_FLAG, &wants_help, 0, 0},
+        {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
+    };
+    const struct option_entry *entries[OPTIONS_MAX];
+    struct option options[OPTIONS_MAX + 1] = {{NULL, 0, NULL, 0}};
+    int count = 0;
+    for (const struct option_entry *entry = program->options; entry->name && count < OPTIONS_MAX; entry++)
+        entries[count++] = entry;
+    for (const struct option_entry *entry = common; entry->name && count < OPTIONS_MAX; entry++)
+        entries[count++] = entry;
+    for (int i = 0; i < count; i++) {
+        options[i].name = entries[i]->name;
+        options[i].has_arg = entries[i]->argument ? required_argument : no_argument;
+    }
+
+    program_name = program->name;
+    program->instance = program->name;
+    opterr = 0;
+    for (;;) {
+        int index = -1, at = optind;
+        int found = getopt_long_only(argc, argv, ":", options, &index);
+        if (found == -1)
+            break;
+        if (found == ':')
+            bad_usage("%s needs a value", argv[optind - 1]);
+        if (found || index < 0)
+            bad_usage("unknown option %s", argv[optind > at ? optind - 1 : at]);
+        set_option(entries[index], optarg ? optarg : "");
+    }
+    if (wants_help) {
+        help(program, common);
+        exit(EXIT_OK);
+    }
+    if (optind < argc && program->positional)
+        program->argument = argv[optind++];
+    if (optind < argc)
+        bad_usage("unexpected argument %s", argv[optind]);
+    if (program->positional && !program->argument)
+        bad_usage("%s is missing", program->positional);
+    catch_signals();
+}
+
+bool program_stopping(void) {
+    return stop_wanted;
+}
+
+void program_tick(DDX_STATS_BOOK *book) {
+    static int64_t written;
+    if (report_wanted) {
+        report_wanted = 0;
+        ddx_stats_print(book, stdout);
+    }
+    int64_t now = ddx_time_now();
+    if (now - written >= NS) {
+        written = now;
+        ddx_stats_write(book);
+    }
+}
+
+bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book) {
+    /* In slices, since a signal just before the sleep would not end it. The end stays exact: it is absolute. */
+    for (;;) {
+        if (stop_wanted)
+            return false;
+        program_tick(book);
+        int64_t now = ddx_time_now();
+        if (now >= time)
+            return true;
+        int64_t until = time - now > NS / 5 ? now + NS / 5 : time;
+        struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, NULL);
+    }
+}
+
+bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_BOOK *book) {
+    int64_t begin = ddx_time_now();
+    while (*patient && ddx_store_outruns(item) == 1) {
+        if (ddx_time_now() - begin > PATIENCE) {
+            say("%s: a reader is stopped, or reads now and then only: nobody waits for it", ddx_store_item_name(item));
+            *patient = false;
+        } else if (!program_sleep_until(ddx_time_now() + NS / 1000, book)) {
+            return false;
+        }
+    }
+    return true;
+}
+
+DDX_STORE_ID *program_connect(const struct program *program) {
+    bool said = false;
+    while (!stop_wanted) {
+        DDX_STORE_ID *id = ddx_store_open(NULL, (int)program->port, 0.5);
+        if (id)
+            return id;
+        if (!said)
+            say("%s, waiting for it", ddx_error_text(-errno));
+        said = true;
+    }
+    return NULL;
+}
+
+DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book) {
+    for (;;) {
+        DDX_STORE_ITEM *item = ddx_store_await_item(id, name);
+        if (item)
+            return item;
+        int error = errno;
+        if (error != ECONNREFUSED)
+            say("%s: %s", name, ddx_error_text(-error));
+        if (error != ECONNREFUSED || !program_sleep_until(ddx_time_now() + NS / 50, book)) {
+            errno = error == ECONNREFUSED ? EINTR : error;
+            return NULL;
+        }
+    }
+}
+
+DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book) {
+    bool said = false;
+    int64_t begin = ddx_time_now();
+    for (;;) {
+        DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+        if (item)
+            return item;
+        int error = errno;
+        bool failed = error != ENOENT && error != ECONNREFUSED;
+        if (failed || (!said && ddx_time_now() - begin > NS)) {
+            say("%s%s: %s", failed ? "" : "waiting for ", name, ddx_error_text(-error));
+            said = true;
+        }
+        if (failed || !program_sleep_until(ddx_time_now() + NS / 50, book)) {
+            errno = failed ? error : EINTR;
+            return NULL;
+        }
+    }
+}
+
+bool program_attach(const struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
+    int error = ddx_stats_attach(book, id, source);
+    if (error == -EEXIST)
+        say("an instance %s runs already; give this one another name with -instance", program->instance);
+    else if (error)
+        say("%s.stats: %s", program->instance, ddx_error_text(error));
+    return !error;
+}

@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What every program does alike: options in the paper's style, signals, messages, exit codes, the counters' JSON
+ * line. */
+#ifndef DDX_PROGRAM_H
+#define DDX_PROGRAM_H
+
+#include <ddx_stats.h>
+#include <pthread.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2 };
+
+/* One line to stderr: "<program>: <message>". */
+__attribute__((format(printf, 1, 2))) void say(const char *format, ...);
+
+/* Where there is no program_start(): whose name is before the lines. */
+void say_as(const char *name);
+
+enum option_kind { OPTION_FLAG, OPTION_TEXT, OPTION_NUMBER };
+
+/* An option `-name`, also `--name`. Tables end with a NULL name. */
+struct option_entry {
+    const char *name;
+    const char *argument; /* its name in the help text; NULL for OPTION_FLAG */
+    const char *help;
+    enum option_kind kind;
+    void *value;           /* bool *, const char ** or long * */
+    long minimum, maximum; /* OPTION_NUMBER */
+};
+
+struct program {
+    const char *name;
+    const char *positional; /* name of the one argument, NULL if there is none */
+    const char *purpose;    /* for -help: a sentence or more */
+    const char *notes;      /* for -help: behind the options; NULL if none */
+    const struct option_entry *options;
+    bool brief; /* does one thing and ends: nothing to say of signals and counters */
+    /* Set by program_start(): */
+    const char *argument; /* the positional argument, or NULL */
+    const char *instance;
+    long port;
+    bool check; /* the settings are to be judged, and nothing else done: exit 0 where the program would begin */
+};
+
+/*
+ * Parse the command line (-help, -instance, -store and -check as well as the program's own options), catch the signals.
+ * Ends the program after -help (exit 0) and after bad usage (one line, exit 2).
+ */
+void program_start(struct program *program, int argc, char **argv);
+
+/* TERM or INT came: finish. */
+bool program_stopping(void);
+
+/* Prints the JSON line if USR1 came, and writes the book into the store at least once a second. Call it often. */
+void program_tick(DDX_STATS_BOOK *book);
+
+/* Wait until the time (CLOCK_MONOTONIC, ns). False if told to stop. */
+bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book);
+
+/*
+ * Before a write of what could as well be written later: wait until every reader of the item has seen what that write
+ * takes the place of. A reader that is stopped is waited for once, for some seconds; then, after a line, *patient
+ * becomes false, and with that nobody is. False if told to stop.
+ */
+bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_BOOK *book);
+
+/*
+ * Connect to the store, for as long as it takes: a program may start before the store. Says so once when it has to
+ * wait. NULL when told to stop.
+ */
+DDX_STORE_ID *program_connect(const struct program *program);
+
+/* Attach the book; false, after a line, if the instance runs already or the store refuses. */
+bool program_attach(const struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
+
+/*
+ * The item, as soon as somebody has created it; says so once when that takes time. NULL and errno: EINTR when told to
+ * stop; the store's reason, after a line, when it refuses.
+ */
+DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book);
+
+/* The item, also when nobody has created it yet: for who must not miss its first value. Else as program_find(). */
+DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book);
+
+/*
+ * A number that is another one each time; no secret. Never waits, as getrandom() does for seconds on a machine that has
+ * just started.
+ */
+uint64_t program_random(void);
+
+/* Set up a condition whose pthread_cond_timedwait() takes CLOCK_MONOTONIC, as ddx_time_now() does: no step wakes it. */
+void program_condition(pthread_cond_t *condition);
+
+/* Keep signals away from threads other than the main one: called at the start of such a thread. */
+void program_thread_signals(void);
+
+/* The calling thread gives up the real-time priority that the program may have been started with. */
+void program_thread_ordinary(void);
+
+#endif

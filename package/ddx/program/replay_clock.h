@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Several replays of one run: `ddxlog -replay` says by an item when the run begins, and whoever else replays a part of
+ * it (ddxvideoload) goes by that. What was recorded at CLOCK_MONOTONIC `recorded` happens at `replayed`, what came t
+ * later happens t * den / num later.
+ */
+#ifndef DDX_REPLAY_CLOCK_H
+#define DDX_REPLAY_CLOCK_H
+
+#include <ddx.h>
+
+DDX_STORE_TYPE(
+    DDX_REPLAY_CLOCK, struct {
+        int64_t recorded; /* ns */
+        int64_t replayed; /* ns; some time ahead when it is written */
+        uint32_t num;     /* speed: num / den, both above 0 */
+        uint32_t den;
+    });
+
+#endif
