@@ -1,0 +1,14 @@
+################################################################################
+#
+# ddxlog
+#
+################################################################################
+
+DDXLOG_VERSION = 0.1.0
+DDXLOG_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxlog
+DDXLOG_SITE_METHOD = local
+DDXLOG_LICENSE = GPL-2.0+
+DDXLOG_LICENSE_FILES = LICENSE
+DDXLOG_DEPENDENCIES = ddx lz4
+
+$(eval $(meson-package))

@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "form.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct walk {
+    const struct form_fields *fields;
+    struct form *form;
+    size_t message; /* behind the header */
+};
+
+static int add_leaf(struct walk *walk, const struct form_field *field, const char *prefix, uint64_t shift) {
+    struct form *form = walk->form;
+    if (form->leaf_count == FORM_LEAVES_MAX)
+        return -E2BIG;
+    if (!(form->leaf_count & (form->leaf_count - 1))) {
+        size_t room = form->leaf_count ? form->leaf_count * 2 : 1;
+        struct form_leaf *more = realloc(form->leaves, room * sizeof(*more));
+        if (!more)
+            return -ENOMEM;
+        form->leaves = more;
+    }
+    /* CDR aligns each number by its own size, counted from behind the header. */
+    walk->message = (walk->message + field->bytes - 1) / field->bytes * field->bytes;
+    struct form_leaf leaf = {.kind = field->kind,
+                             .bytes = field->bytes,
+                             .count = field->count,
+                             .item = field->offset + shift,
+                             .message = FORM_HEADER + walk->message};
+    if (asprintf(&leaf.name, "%s%s", prefix, *field->name ? field->name : "value") < 0)
+        return -ENOMEM;
+    form->leaves[form->leaf_count++] = leaf;
+    walk->message += (size_t)field->bytes * field->count;
+    return walk->message > (size_t)1 << 30 ? -E2BIG : 0;
+}
+
+/* All fields from `first` up to `end`, `shift` bytes behind where the table has them. */
+static int walk_fields(struct walk *walk, unsigned first, unsigned end, const char *prefix, uint64_t shift) {
+    for (unsigned i = first; i < end; i += 1 + walk->fields->field[i].children) {
+        const struct form_field *field = &walk->fields->field[i];
+        int error = 0;
+        if (field->kind != DDX_KIND_STRUCT)
+            error = add_leaf(walk, field, prefix, shift);
+        for (uint32_t k = 0; field->kind == DDX_KIND_STRUCT && k < field->count && !error; k++) {
+            char *inner;
+            if ((field->bound > 1 ? asprintf(&inner, "%s%s[%u].", prefix, field->name, (unsigned)k)
+                                  : asprintf(&inner, "%s%s.", prefix, field->name)) < 0)
+                return -ENOMEM;
+            error = walk_fields(walk, i + 1, i + 1 + field->children, inner, shift + (uint64_t)k * field->bytes);
+            free(inner);
+        }
+        if (error)
+            return error;
+    }
+    return 0;
+}
+
+/* Neighbours become one copy, and so do those with the same padding between them here and there. */
+static int make_spans(struct form *form) {
+    form->spans = calloc(form->leaf_count, sizeof(*form->spans));
+    if (!form->spans)
+        return -ENOMEM;
+    for (unsigned i = 0; i < form->leaf_count; i++) {
+        const struct form_leaf *leaf = &form->leaves[i];
+        struct form_span *last = form->span_count ? &form->spans[form->span_count - 1] : NULL;
+        size_t bytes = (size_t)leaf->bytes * leaf->count;
+        size_t gap = last ? leaf->message - last->message - last->bytes : 0;
+        if (last && leaf->item == last->item + last->bytes + gap)
+            last->bytes += gap + bytes;
+        else
+            form->spans[form->span_count++] = (struct form_span){leaf->item, leaf->message, bytes};
+    }
+    return 0;
+}
+
+static int make_form(const struct form_fields *fields, const char *type, struct form **result) {
+    struct form *form = calloc(1, sizeof(*form));
+    if (!form)
+        return -ENOMEM;
+    struct walk walk = {fields, form, 0};
+    snprintf(form->type, sizeof(form->type), "%s", type);
+    form->declaration = form_declaration(fields);
+    form->extents = form_extents(fields);
+    form->schema = form_schema(fields, type);
+    form->schema_name = form_schema_name(type);
+    int error = !form->declaration || !form->extents || !form->schema || !form->schema_name ? -ENOMEM : 0;
+    if (!error)
+        error = walk_fields(&walk, 0, fields->count, "", 0);
+    if (!error)
+        error = form->leaf_count ? make_spans(form) : -EINVAL;
+    form->message_size = FORM_HEADER + walk.message;
+    if (error)
+        form_free(form);
+    else
+        *result = form;
+    return error;
+}
+
+/* A type of which only the size is known is a row of bytes. */
+static int make_opaque(uint64_t size, const char *type, struct form **form) {
+    struct form_field field = {.name = "data", .kind = DDX_KIND_UNSIGNED, .bytes = 1, .count = (uint32_t)size};
+    field.bound = field.count;
+    struct form_fields fields = {&field, 1};
+    int error = size && size <= UINT32_MAX ? make_form(&fields, type, form) : -EINVAL;
+    if (!error)
+        *(*form)->declaration = 0;
+    return error;
+}
+
+static void copy_field(struct form_field *to, const struct ddx_field *from) {
+    const char *dot = strrchr(from->name, '.');
+    *to = (struct form_field){.kind = from->kind,
+                              .bytes = from->bytes,
+                              .count = (uint32_t)(from->used / from->bytes),
+                              .bound = from->count,
+                              .children = from->children,
+                              .offset = from->offset,
+                              .extent = from->extent != 0};
+    snprintf(to->name, sizeof(to->name), "%s", dot ? dot + 1 : from->name);
+}
+
+int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
+    struct form_fields fields = {NULL, 0};
+    struct ddx_item_info info;
+    const struct ddx_field *from;
+    int error = 0;
+    while (ddx_store_field(item, fields.count))
+        fields.count++;
+    if (!fields.count) {
+        error = ddx_store_item_info(item, &info);
+        if (!error)
+            error = make_opaque(info.size, ddx_store_item_type(item), form);
+        if (!error)
+            (*form)->item_size = info.size;
+        return error;
+    }
+    fields.field = calloc(fields.count, sizeof(*fields.field));
+    if (!fields.field)
+        return -ENOMEM;
+    uint64_t end = 0;
+    for (unsigned i = 0; i < fields.count; i++) {
+        if (!(from = ddx_store_field(item, i))) {
+            free(fields.field);
+            return -EAGAIN;
+        }
+        copy_field(&fields.field[i], from);
+        if (from->offset + (uint64_t)from->bytes * from->count > end)
+            end = from->offset + (uint64_t)from->bytes * from->count;
+    }
+    error = make_form(&fields, ddx_store_item_type(item), form);
+    if (!error)
+        (*form)->item_size = end;
+    free(fields.field);
+    return error;
+}
+
+int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form) {
+    struct form_fields fields = {NULL, 0};
+    int error = form_parse(declaration, extents, &fields);
+    if (!error)
+        error = make_form(&fields, type, form);
+    free(fields.field);
+    return error;
+}
+
+void form_free(struct form *form) {
+    if (!form)
+        return;
+    for (unsigned i = 0; i < form->leaf_count; i++)
+        free(form->leaves[i].name);
+    free(form->leaves);
+    free(form->spans);
+    free(form->declaration);
+    free(form->extents);
+    free(form->schema);
+    free(form->schema_name);
+    free(form);
+}
+
+void form_pack(const struct form *form, const void *value, unsigned char *message) {
+    static const unsigned char header[FORM_HEADER] = {0, 1, 0, 0}; /* CDR, little endian */
+    size_t at = FORM_HEADER;
+    memcpy(message, header, sizeof(header));
+    for (unsigned i = 0; i < form->span_count; i++) {
+        const struct form_span *span = &form->spans[i];
+        memset(message + at, 0, span->message - at);
+        memcpy(message + span->message, (const unsigned char *)value + span->item, span->bytes);
+        at = span->message + span->bytes;
+    }
+}
+
+void form_unpack(const struct form *form, const unsigned char *message, void *value) {
+    for (unsigned i = 0; i < form->span_count; i++) {
+        const struct form_span *span = &form->spans[i];
+        memcpy((unsigned char *)value + span->item, message + span->message, span->bytes);
+    }
+}

@@ -1,0 +1,88 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * How the values of an item lie in the file: as ROS 2 would have them (CDR, little endian, behind its header of four
+ * bytes), described by a ros2msg schema, so that the usual tools show them. A C struct is nearly that already; only
+ * padding differs, so a value is packed by a few copies, in most cases one. Each field keeps its bytes; padding, and
+ * what lies beyond an extent, is left out. So the file is the same whether a 32-bit or a 64-bit machine wrote it.
+ */
+#ifndef DDXLOG_FORM_H
+#define DDXLOG_FORM_H
+
+#include <ddx.h>
+#include <stdbool.h>
+
+#define FORM_ENCODING "cdr"
+#define FORM_SCHEMA_ENCODING "ros2msg"
+#define FORM_HEADER 4
+#define FORM_LEAVES_MAX 65536
+
+/* A number, or an array of numbers: a field, or where there are arrays of structs, one of its elements. */
+struct form_leaf {
+    char *name; /* "wheel[1].gears" */
+    enum ddx_kind kind;
+    uint32_t bytes, count;
+    uint64_t item;  /* where it lies in the item */
+    size_t message; /* and in the message */
+};
+
+struct form_span {
+    uint64_t item;
+    size_t message, bytes;
+};
+
+struct form {
+    char *declaration; /* "struct { int32_t a; ... }"; "" for a type of which only the size is known */
+    char *extents;     /* "y=101376 u=25344": bytes in use of outermost fields, "" if there are none */
+    char *schema;      /* ros2msg */
+    char *schema_name; /* "ddx/msg/SENSOR" */
+    char type[DDX_NAME_MAX + 1];
+    uint64_t item_size;
+    size_t message_size;
+    struct form_leaf *leaves;
+    unsigned leaf_count;
+    struct form_span *spans;
+    unsigned span_count;
+};
+
+/* Of an item that is open, as it is now. 0, -ENOMEM, -E2BIG (more than FORM_LEAVES_MAX), -ECONNREFUSED. */
+int form_of_item(DDX_STORE_ITEM *item, struct form **form);
+
+/*
+ * Of what a log says of a channel, without any store: leaves and sizes in the message, not in the item. -EINVAL: this
+ * is none of ours.
+ */
+int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form);
+
+void form_free(struct form *form);
+
+/* A value into message[message_size]; a message into a value of the item. */
+void form_pack(const struct form *form, const void *value, unsigned char *message);
+void form_unpack(const struct form *form, const unsigned char *message, void *value);
+
+/* ---- Between form.c, schema.c and declaration.c ---- */
+
+/* As struct ddx_field, of which it is a copy; names are short. */
+struct form_field {
+    char name[DDX_NAME_MAX + 1];
+    enum ddx_kind kind;
+    uint32_t bytes, count, bound; /* elements in use; as declared */
+    uint32_t children;
+    uint64_t offset;
+    bool extent;
+};
+
+struct form_fields {
+    struct form_field *field;
+    unsigned count;
+};
+
+/* The text of a C declaration, a list of its extents; to free(). NULL: no memory. */
+char *form_declaration(const struct form_fields *fields);
+char *form_extents(const struct form_fields *fields);
+/* The reverse; fields->field is to free(), offsets are 0. -EINVAL, -ENOMEM. */
+int form_parse(const char *declaration, const char *extents, struct form_fields *fields);
+/* A ros2msg schema, and its name; to free(). NULL: no memory. */
+char *form_schema(const struct form_fields *fields, const char *type);
+char *form_schema_name(const char *type);
+
+#endif

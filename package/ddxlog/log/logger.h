@@ -1,0 +1,116 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The logger. Four threads:
+ *   the main one   reads values, puts them into the queue; waits for nobody but the clock
+ *   finder         asks the store what items there are, opens those that are wanted
+ *   disk           takes values out of the queue, writes files
+ *   mender         at the start, for a while: files that a power cut left without an end
+ */
+#ifndef DDXLOG_LOGGER_H
+#define DDXLOG_LOGGER_H
+
+#include <ddx_stats.h>
+#include <program.h>
+#include <stdatomic.h>
+
+#include "config.h"
+#include "form.h"
+#include "queue.h"
+
+/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
+enum { LOST_STORE, LOST_QUEUE, LOST_WRITE };
+
+struct item;
+
+/* A layout of an item, with what it is called in the present file. Kept until the end, since the queue points to it. */
+struct channel {
+    struct channel *next; /* of the item */
+    const struct item *item;
+    struct form *form;
+    /* the disk thread's: */
+    uint64_t file;
+    uint16_t id, schema;
+};
+
+enum item_state {
+    ITEM_ABSENT, /* finder: not there, or given back */
+    ITEM_FOUND,  /* main thread: opened, its newest value is held */
+    ITEM_READ,   /* main thread */
+    ITEM_LEAVE   /* main thread: nobody writes it; give it back, so that its type may change */
+};
+
+struct item {
+    char name[DDX_NAME_MAX + 1];
+    const struct config_rule *rule;
+    _Atomic(enum item_state) state; /* says whose the following are */
+    DDX_STORE_ITEM *handle;
+    struct ddx_frame first; /* ITEM_FOUND: the value that is held; sequence 0 if there was none */
+    bool awaited;           /* its values from the first on are wanted: it came while we looked */
+    bool known;             /* it was read before: what was written since `sequence` is missed */
+    unsigned kept;
+    /* the main thread's: */
+    uint64_t sequence;
+    int64_t due; /* with a rate: not before */
+    uint32_t layout;
+    struct channel *channel, *channels;
+    bool refused; /* said that there was no room for its values */
+    /* the disk thread's: the newest value, with which the next file begins */
+    struct {
+        unsigned char *data;
+        size_t size, room;
+        struct channel *channel;
+        uint64_t sequence;
+        int64_t time;
+    } last;
+    uint64_t told; /* losses, when they were last written to the file */
+    /* the finder's: */
+    int64_t alone;             /* since when nobody writes it; 0: somebody does */
+    uint64_t listed;           /* its sequence when we last looked */
+    _Atomic unsigned keep;     /* frames that it should keep for us */
+    _Atomic uint64_t consumed; /* as `sequence`, for the finder */
+    /* Counters: of values that were wanted; `skipped` were not, by the rate. */
+    _Atomic uint64_t in, out, skipped, lost[3];
+};
+
+#define ITEMS_MAX 1024
+
+struct disk;
+
+struct logger {
+    struct program program;
+    const char *config_path;
+    struct config config;
+    int64_t begin; /* what was written before is logged as of when we saw it */
+    DDX_STATS_BOOK *book;
+    DDX_STORE_ID *id;
+    struct queue queue;
+    struct disk *disk;
+    struct item *items[ITEMS_MAX];
+    _Atomic unsigned item_count;
+    atomic_bool stopping;
+    int status;
+};
+
+/* Log until told to stop; returns the program's exit status. */
+int logger_run(struct logger *logger);
+
+/* finder.c: the thread; ends soon after `stopping`. */
+void *finder_run(void *logger);
+
+/* read.c: take in what one item has, without waiting. False if the item failed and is not read any more. */
+bool item_take(struct logger *logger, struct item *item);
+/* What ITEM_FOUND and ITEM_LEAVE ask of the main thread. */
+void item_begin(struct logger *logger, struct item *item);
+void item_leave(struct item *item);
+
+/* disk.c: begins the thread. 0 or -errno after a line. */
+int disk_start(struct logger *logger);
+/* 0, or -errno: it failed, and all that comes is lost. */
+int disk_error(const struct disk *disk);
+/* Write what is in the queue, end the file. 0 or -errno, after a line. */
+int disk_stop(struct disk *disk);
+
+/* mender.c: the thread; `argument` is the logger. */
+void *mender_run(void *argument);
+
+#endif

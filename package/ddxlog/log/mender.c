@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* At the start: the files of this instance that were cut off by a power failure get an end. In nobody's way. */
+#include <dirent.h>
+#include <errno.h>
+#include <limits.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include "logger.h"
+#include "recover.h"
+
+#define IDLE_PRIORITY (3 << 13) /* ioprio_set(): the disk when nobody else wants it */
+
+static bool is_ours(const struct logger *logger, const char *name) {
+    size_t length = strlen(logger->program.instance), all = strlen(name);
+    return !strncmp(name, logger->program.instance, length) && name[length] == '-' && all > 5 &&
+           !strcmp(name + all - 5, ".mcap");
+}
+
+void *mender_run(void *argument) {
+    struct logger *logger = argument;
+    program_thread_signals();
+    program_thread_ordinary();
+    /* Both are of this thread only. */
+    setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 19);
+    syscall(SYS_ioprio_set, 1, 0, IDLE_PRIORITY);
+    DIR *folder = opendir(logger->config.folder);
+    struct dirent *entry;
+    while (folder && !logger->stopping && (entry = readdir(folder))) {
+        char path[PATH_MAX], error[MCAP_ERROR_MAX];
+        struct recovery recovery;
+        if (!is_ours(logger, entry->d_name) ||
+            snprintf(path, sizeof(path), "%s/%s", logger->config.folder, entry->d_name) >= (int)sizeof(path))
+            continue;
+        int result = recover(path, &logger->stopping, &recovery, error);
+        if (!result)
+            say("%s: was cut off, and has its end now: %llu messages", path, (unsigned long long)recovery.messages);
+        else if (result != -EALREADY && result != -EBUSY && result != -ECANCELED)
+            say("%s: %s", path, error);
+    }
+    if (folder)
+        closedir(folder);
+    return NULL;
+}

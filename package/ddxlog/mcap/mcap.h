@@ -1,0 +1,127 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * MCAP, the container of the robotics world (https://mcap.dev/spec): what a log needs of it, written and read.
+ *
+ * A file of ours is: magic, Header, Metadata; then, again and again, Schema and Channel records of what is new, a Chunk
+ * of messages (LZ4) and its Message Indexes; at the end Data End, the summary (schemas and channels once more,
+ * statistics, indexes) and a Footer, magic. Schemas and channels stand in front of the chunks and not in them, so that
+ * who looks for them unpacks nothing. A file that was cut off lacks its end, and is read up to its last whole chunk.
+ * Messages outside of chunks are passed over: they have no checksum, so damage might look like one.
+ *
+ * Errors: -errno. Times: ns, as the caller means them. A writer, or a reader, belongs to one thread at a time.
+ */
+#ifndef DDXLOG_MCAP_H
+#define DDXLOG_MCAP_H
+
+#include "bytes.h"
+
+/* A key and its value; arrays of them end with a NULL key. */
+struct mcap_pair {
+    const char *key, *value;
+};
+
+#define MCAP_PAIRS_MAX 16 /* of a channel, or of a metadata record, that our reader keeps */
+
+struct mcap_schema {
+    uint16_t id; /* 0: none */
+    const char *name, *encoding;
+    const unsigned char *data;
+    size_t size;
+};
+
+struct mcap_channel {
+    uint16_t id;
+    uint16_t schema;
+    const char *topic, *encoding;
+    const struct mcap_pair *metadata;
+};
+
+struct mcap_message {
+    uint16_t channel;
+    uint32_t sequence;
+    uint64_t log_time, publish_time;
+    const unsigned char *data;
+    size_t size;
+};
+
+/* ---- Writing ---- */
+
+struct mcap_writer;
+
+/*
+ * Begin a file on this descriptor, which is empty, stays the caller's and is only ever written to at its end. Nothing
+ * is written before mcap_flush() or mcap_finish(). NULL: no memory.
+ */
+struct mcap_writer *mcap_writer_new(int fd);
+void mcap_writer_free(struct mcap_writer *writer);
+
+/* All of these copy what they are given. They fail for want of memory only, and mcap_flush() tells. */
+void mcap_put_metadata(struct mcap_writer *writer, const char *name, const struct mcap_pair *pairs);
+/* Ids begin with 1, and come one after the other. */
+void mcap_put_schema(struct mcap_writer *writer, const struct mcap_schema *schema);
+void mcap_put_channel(struct mcap_writer *writer, const struct mcap_channel *channel);
+/* Into the chunk that is being filled; mcap_pending() tells how large it is, unpacked. */
+void mcap_put_message(struct mcap_writer *writer, const struct mcap_message *message);
+/* The same with room for `size` bytes of data, to be filled by the caller at once. NULL: no memory. */
+unsigned char *mcap_put_message_space(struct mcap_writer *writer, const struct mcap_message *message);
+size_t mcap_pending(const struct mcap_writer *writer);
+
+/*
+ * Pack the chunk and write what is new to the file. On failure (-ENOSPC, ...) nothing of it counts: the file is whole
+ * up to mcap_written(), where the caller may cut it, and nothing more is written to it.
+ */
+int mcap_flush(struct mcap_writer *writer);
+uint64_t mcap_written(const struct mcap_writer *writer);
+
+/* mcap_flush(), then the summary and the end of the file. */
+int mcap_finish(struct mcap_writer *writer);
+
+/* ---- Reading ---- */
+
+#define MCAP_ERROR_MAX 200
+
+struct mcap_reader;
+
+/* What is the matter with a file. */
+struct mcap_state {
+    bool complete;      /* it has its end; else it was cut off, or is still being written */
+    unsigned chunks;    /* found */
+    unsigned damaged;   /* of those looked at, could not be unpacked: their messages are missing */
+    uint64_t left_over; /* bytes behind the last whole record of a file that was cut off */
+};
+
+/*
+ * Look through a file; what is in the chunks is looked at later. Never changes it. NULL and one clear text in
+ * error[MCAP_ERROR_MAX] if it is no MCAP or cannot be read. The reader is the caller's, until mcap_close().
+ */
+struct mcap_reader *mcap_open(const char *path, char *error);
+void mcap_close(struct mcap_reader *reader);
+struct mcap_state mcap_state(const struct mcap_reader *reader);
+
+/* By id; NULL if the file has none (so far). Valid until mcap_close(). */
+const struct mcap_schema *mcap_schema(const struct mcap_reader *reader, uint16_t id);
+const struct mcap_channel *mcap_channel(const struct mcap_reader *reader, uint16_t id);
+/* The value of a key of the first metadata record of this name, of a channel; NULL if there is none. */
+const char *mcap_metadata(const struct mcap_reader *reader, const char *name, const char *key);
+const char *mcap_value(const struct mcap_channel *channel, const char *key);
+/* The i-th metadata record, from 0: its name, and its pairs. NULL past the last. */
+const char *mcap_metadata_at(const struct mcap_reader *reader, unsigned index, const struct mcap_pair **pairs);
+
+/* The earliest and the latest log time, as the chunks say; 0 and 0 if there is no message. */
+void mcap_times(const struct mcap_reader *reader, uint64_t *first, uint64_t *last);
+
+/*
+ * The next message in the order of log times; those of one time in the order of the file. 1, 0 at the end, -errno. A
+ * damaged chunk is passed over and counted. The data are valid until the next call.
+ */
+int mcap_next(struct mcap_reader *reader, struct mcap_message *message);
+/* From the first one again. */
+void mcap_rewind(struct mcap_reader *reader);
+
+/*
+ * All messages of chunk `index`, from 0, in the order of the file: an array that is valid until the next call of any
+ * function of this reader. Their number; -EBADMSG: it is damaged; -ENOENT: there is no such chunk; other -errno.
+ */
+long mcap_chunk(struct mcap_reader *reader, unsigned index, const struct mcap_message **messages);
+
+#endif

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What the files of the reader share. */
+#ifndef DDXLOG_READER_H
+#define DDXLOG_READER_H
+
+#include "record.h"
+
+#define MCAP_IDS 65536
+#define MCAP_CHUNK_MAX ((uint64_t)1 << 30) /* bytes of a chunk, packed or unpacked, that we take into memory */
+#define MCAP_RECORD_MAX ((uint64_t)1 << 24) /* of any other record */
+
+/* Where a chunk is. */
+struct place {
+    uint64_t offset, length; /* of the record's content in the file */
+    uint64_t first, last;    /* log times */
+    unsigned number;         /* in the file */
+    bool damaged;
+};
+
+/* A chunk in memory. */
+struct loaded {
+    unsigned char *data;
+    struct mcap_message *messages;
+    size_t count, next;
+    unsigned number; /* of its place */
+};
+
+struct own_metadata {
+    char *name;
+    struct mcap_pair pairs[MCAP_PAIRS_MAX + 1];
+};
+
+struct own_channel {
+    struct mcap_channel channel;
+    struct mcap_pair pairs[MCAP_PAIRS_MAX + 1];
+};
+
+struct mcap_reader {
+    int fd;
+    uint64_t size;
+    struct mcap_state state;
+    struct place *places;
+    unsigned place_count;
+    struct own_metadata *metadata;
+    unsigned metadata_count;
+    struct loaded one; /* of mcap_chunk() */
+    /* order.c */
+    unsigned *order; /* places by their first time */
+    unsigned next;   /* in it */
+    struct loaded *active;
+    unsigned active_count;
+    unsigned ids; /* all below this one */
+    /* by id */
+    struct mcap_schema *schemas[MCAP_IDS];
+    struct own_channel *channels[MCAP_IDS];
+};
+
+/* All `size` bytes at this place of the file. 0, -EBADMSG: there are not so many; -errno. */
+int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size);
+
+/* Take in a Schema, Channel or Metadata record. -EBADMSG if it is none, -ENOMEM. */
+int reader_define(struct mcap_reader *reader, enum mcap_opcode opcode, const unsigned char *content, size_t size);
+
+/* Free all that was defined. */
+void reader_forget(struct mcap_reader *reader);
+
+/* Read and unpack. 0, -EBADMSG, -ENOMEM, -errno. */
+int reader_load(struct mcap_reader *reader, const struct place *place, struct loaded *loaded);
+void reader_unload(struct loaded *loaded);
+
+#endif

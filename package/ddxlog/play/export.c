@@ -1,0 +1,159 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "export.h"
+
+#include <errno.h>
+#include <form.h>
+#include <inttypes.h>
+#include <limits.h>
+#include <mcap.h>
+#include <program.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "column.h"
+
+/* The table of a channel. */
+struct table {
+    FILE *file;
+    struct form *form;
+    bool foreign; /* not of ddxlog: left out */
+};
+
+struct exporter {
+    const char *folder;
+    struct mcap_reader *reader;
+    int64_t wall_offset;
+    struct table tables[65536];
+    uint64_t rows, odd;
+};
+
+/* <item>.csv, or where its layout changed <item>.2.csv; a slash in the name becomes an underscore. */
+static FILE *create(const struct exporter *exporter, const char *topic, char path[PATH_MAX]) {
+    for (int number = 1; number < 1000; number++) {
+        char suffix[16] = "";
+        if (number > 1)
+            snprintf(suffix, sizeof(suffix), ".%d", number);
+        int length = snprintf(path, PATH_MAX, "%s/", exporter->folder);
+        if (length + (int)strlen(topic) + 24 >= PATH_MAX) {
+            errno = ENAMETOOLONG;
+            return NULL;
+        }
+        for (const char *c = topic; *c; c++)
+            path[length++] = *c == '/' ? '_' : *c;
+        snprintf(path + length, PATH_MAX - (size_t)length, "%s.csv", suffix);
+        FILE *file = fopen(path, "wxe");
+        bool mine = false;
+        if (file || errno != EEXIST)
+            return file;
+        for (unsigned id = 0; id < 65536 && !mine; id++) { /* an earlier layout of it has that name */
+            const struct mcap_channel *other = mcap_channel(exporter->reader, (uint16_t)id);
+            mine = exporter->tables[id].file && other && !strcmp(other->topic, topic);
+        }
+        if (!mine) {
+            errno = EEXIST;
+            return NULL;
+        }
+    }
+    return NULL;
+}
+
+/* 0, or the exit status after a line. */
+static int open_table(struct exporter *exporter, struct table *table, const struct mcap_channel *channel) {
+    const char *type = channel ? mcap_value(channel, "ddx.type") : NULL;
+    const char *declaration = channel ? mcap_value(channel, "ddx.declaration") : NULL;
+    const char *extents = channel ? mcap_value(channel, "ddx.extents") : NULL;
+    char path[PATH_MAX] = "";
+    table->foreign = !type || !declaration || form_of_text(type, declaration, extents ? extents : "", &table->form);
+    if (table->foreign)
+        return EXIT_OK;
+    table->file = create(exporter, channel->topic, path);
+    if (!table->file) {
+        say("%s: %s; name a new or an empty folder", path, strerror(errno));
+        return EXIT_FAILED;
+    }
+    fputs("wall_ns,monotonic_ns,sequence", table->file);
+    for (unsigned i = 0; i < table->form->leaf_count; i++)
+        column_names(table->file, &table->form->leaves[i]);
+    fputc('\n', table->file);
+    return EXIT_OK;
+}
+
+static void write_row(struct exporter *exporter, const struct table *table, const struct mcap_message *message) {
+    int64_t monotonic = (int64_t)(message->publish_time - (uint64_t)exporter->wall_offset);
+    fprintf(table->file, "%" PRIu64 ",%" PRId64 ",%" PRIu32, message->publish_time, monotonic, message->sequence);
+    for (unsigned i = 0; i < table->form->leaf_count; i++)
+        column_values(table->file, &table->form->leaves[i], message->data);
+    fputc('\n', table->file);
+    exporter->rows++;
+}
+
+static int write_tables(struct exporter *exporter, const char *path) {
+    struct mcap_message message;
+    int result;
+    while ((result = mcap_next(exporter->reader, &message)) > 0) {
+        struct table *table = &exporter->tables[message.channel];
+        if (!table->file && !table->foreign) {
+            int status = open_table(exporter, table, mcap_channel(exporter->reader, message.channel));
+            if (status)
+                return status;
+        }
+        if (table->foreign)
+            continue;
+        if (message.size == table->form->message_size)
+            write_row(exporter, table, &message);
+        else
+            exporter->odd++;
+    }
+    if (result < 0) {
+        say("%s: cannot be read: %s", path, strerror(-result));
+        return EXIT_FAILED;
+    }
+    return EXIT_OK;
+}
+
+static int close_tables(struct exporter *exporter) {
+    int status = EXIT_OK;
+    for (unsigned id = 0; id < 65536; id++) {
+        struct table *table = &exporter->tables[id];
+        bool bad = table->file && (ferror(table->file) | fclose(table->file));
+        if (bad && !status) {
+            say("%s: cannot be written: %s", exporter->folder, strerror(errno));
+            status = EXIT_FAILED;
+        }
+        form_free(table->form);
+    }
+    return status;
+}
+
+int export_run(const char *path, const char *folder) {
+    char error[MCAP_ERROR_MAX];
+    struct exporter *exporter = calloc(1, sizeof(*exporter));
+    if (!exporter)
+        return EXIT_FAILED;
+    exporter->folder = folder;
+    exporter->reader = mcap_open(path, error);
+    int status = EXIT_OK;
+    if (!exporter->reader) {
+        say("%s: %s", path, error);
+        status = EXIT_USAGE;
+    } else if (mkdir(folder, 0777) && errno != EEXIST) {
+        say("%s: %s", folder, strerror(errno));
+        status = EXIT_FAILED;
+    } else {
+        const char *offset = mcap_metadata(exporter->reader, "ddxlog", "wall_offset_ns");
+        exporter->wall_offset = offset ? strtoll(offset, NULL, 10) : 0;
+        status = write_tables(exporter, path);
+        int closed = close_tables(exporter);
+        struct mcap_state state = mcap_state(exporter->reader);
+        status = status ? status : closed;
+        if (!state.complete || state.damaged || exporter->odd)
+            say("%s: %s%u of %u chunks damaged, %" PRIu64 " messages of the wrong size left out", path,
+                state.complete ? "" : "was cut off; ", state.damaged, state.chunks, exporter->odd);
+        if (!status)
+            say("%" PRIu64 " rows written to %s", exporter->rows, folder);
+    }
+    mcap_close(exporter->reader);
+    free(exporter);
+    return status;
+}
