@@ -8,6 +8,9 @@
 
 #include "ddxvideo.h"
 
+#define LOOKS 4
+#define TIGHT_NS 20000 /* between two looks at one clock, with one at the other in the midst */
+
 /* 32-bit and 64-bit programs share the item; no field may need padding on only one of them. */
 _Static_assert(offsetof(DDX_VIDEO, y) == 16, "layout");
 _Static_assert(offsetof(DDX_VIDEO, u) == 16 + DDX_VIDEO_MAX, "layout");
@@ -201,10 +204,16 @@ int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_
 }
 
 int64_t ddxvideo_wall_offset(void) {
-    struct timespec before, wall, after;
-    clock_gettime(CLOCK_MONOTONIC, &before);
-    clock_gettime(CLOCK_REALTIME, &wall);
-    clock_gettime(CLOCK_MONOTONIC, &after);
-    int64_t monotonic = (before.tv_sec + after.tv_sec) * INT64_C(500000000) + (before.tv_nsec + after.tv_nsec) / 2;
-    return wall.tv_sec * INT64_C(1000000000) + wall.tv_nsec - monotonic;
+    int64_t offset = 0, tightest = INT64_MAX;
+    for (int look = 0; look < LOOKS && tightest > TIGHT_NS; look++) { /* who is interrupted between them, looks again */
+        struct timespec wall;
+        int64_t before = ddx_time_now();
+        clock_gettime(CLOCK_REALTIME, &wall);
+        int64_t after = ddx_time_now();
+        if (after - before < tightest) {
+            tightest = after - before;
+            offset = wall.tv_sec * INT64_C(1000000000) + wall.tv_nsec - (before + tightest / 2);
+        }
+    }
+    return offset;
 }

@@ -54,6 +54,9 @@ bool y4m_parse_header(const char *line, struct y4m_header *header, char *error);
 /* Parse a FRAME line without its line feed; *time is its XTIME or -1. False and a text as above. */
 bool y4m_parse_frame(const char *line, int64_t *time, char *error);
 
+/* XDDX_START of a FRAME line, or -1. */
+int64_t y4m_parse_start(const char *line);
+
 /* Header line with line feed; returns its length. */
 size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geometry *geometry);
 
@@ -68,6 +71,7 @@ struct y4m_converter;
 struct y4m_reader {
     struct y4m_header header;
     int64_t frames;            /* whole frames read in this pass */
+    int64_t start;             /* CLOCK_MONOTONIC of the first frame when it was recorded; -1: not known */
     char error[Y4M_ERROR_MAX]; /* of the last failure */
     /* private: */
     int fd;

@@ -151,6 +151,19 @@ bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) 
     return wrong ? fail(error, "bad header: %s; the file is damaged", wrong) : true;
 }
 
+int64_t y4m_parse_start(const char *line) {
+    const char *word = strstr(line, " XDDX_START=");
+    const char *text = word ? strchr(word, '=') + 1 : "";
+    int64_t start;
+    size_t length = strcspn(text, " ");
+    char copy[24];
+    if (!length || length >= sizeof(copy))
+        return -1;
+    memcpy(copy, text, length);
+    copy[length] = 0;
+    return single(copy, INT64_MAX, &start) ? start : -1;
+}
+
 bool y4m_parse_frame(const char *line, int64_t *time, char *error) {
     char copy[Y4M_FRAME_LINE_MAX + 1];
     *time = -1;

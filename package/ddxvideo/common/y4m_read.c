@@ -148,6 +148,8 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
         return result;
     if (!y4m_parse_frame(line, time, error))
         return fail(reader, Y4M_BAD, "frame %lld: %.150s", (long long)reader->frames, error);
+    if (!reader->frames)
+        reader->start = y4m_parse_start(line);
 
     unsigned char *to = reader->scratch;
     for (int i = 0; i < 4; i++) {

@@ -175,9 +175,14 @@ int ddxvideo_counter_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_
 /* After each ddxvideo_publish(). */
 int ddxvideo_counter_write(DDX_STORE_ITEM *item, int frame);
 
-/* ---- Parameters of the source: item `<name>.parameters`, written whenever a setting changes ---- */
+/*
+ * ---- Parameters of the source: item `<name>.parameters`, written whenever a setting changes ----
+ *
+ * A camera's can be changed by a request: ddx_request(id, "video", ...), see ddx_request.h, or `ddxctl set video
+ * brightness=128`. A menu's value is the number of its entry; a button is pressed by 1.
+ */
 
-#define DDX_VIDEO_PARAMETERS_MAX 64
+#define DDX_VIDEO_PARAMETERS_MAX 128
 
 DDX_STORE_TYPE(
     DDX_VIDEO_PARAMETERS, struct {

@@ -10,9 +10,12 @@ int main(int argc, char **argv) {
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to write (default: video)", OPTION_TEXT, &player.name, 0, 0},
         {"loop", NULL, "play it again and again; times and frame numbers go on", OPTION_FLAG, &player.loop, 0, 0},
-        {"rate", "X", "play X times as fast (default: 1); 0: as fast as it goes", OPTION_TEXT, &rate, 0, 0},
+        {"rate", "X", "play X times as fast (default: 1); 0: as fast as it goes, with -readers as they read",
+         OPTION_TEXT, &rate, 0, 0},
         {"readers", "N", "wait for N readers of the item before the first frame", OPTION_NUMBER, &player.readers, 0,
          1000},
+        {"clock", "ITEM", "begin when `ddxlog -replay FILE -clock ITEM` says",
+         OPTION_TEXT, &player.clock, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     player.program = (struct program){
@@ -21,8 +24,8 @@ int main(int argc, char **argv) {
         .purpose = "Plays a Y4M file into the store, as a video item; its frame numbers go into item `<name>.frame`,\n"
                    "its settings into `<name>.parameters`.\n"
                    "Each frame is written when it is due: by the times that ddxvideosave recorded, or else by the\n"
-                   "frame rate in the file. A late frame is written late; none is left out. Colourspaces other than\n"
-                   "8-bit 4:2:0 are converted.",
+                   "frame rate in the file. A late frame is written late, at most two in the time of one; none is\n"
+                   "left out. Colourspaces other than 8-bit 4:2:0 are converted.",
         .notes = "The time of a frame in the item is when it was due: the time of the first frame plus its recorded\n"
                  "time (divided by X; with -rate 0 as recorded). FILE may be a pipe: ffmpeg ... | ddxvideoload\n"
                  "/dev/stdin",
@@ -33,5 +36,9 @@ int main(int argc, char **argv) {
         say("-rate %s: a number from 0 to 1000 is needed; see ddxvideoload -help", rate);
         return EXIT_USAGE;
     }
-    return player_run(&player);
+    if (player.clock && (player.loop || strcmp(rate, "1") != 0)) {
+        say("-clock sets the rate and plays once: not with -rate or -loop; see ddxvideoload -help");
+        return EXIT_USAGE;
+    }
+    return player.program.check ? EXIT_OK : player_run(&player);
 }

@@ -2,6 +2,7 @@
 #include "player.h"
 
 #include <errno.h>
+#include <replay_clock.h>
 #include <string.h>
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
@@ -33,6 +34,53 @@ static bool wait_for_readers(struct player *player) {
     return true;
 }
 
+/*
+ * Wait for the clock, and take from it when this clip's first frame was or will be due. Some frames may have been
+ * recorded before the run that the clock tells of begins. EXIT_OK, also when told to stop; the exit status after a
+ * line.
+ */
+static int follow_clock(struct player *player) {
+    DDX_REPLAY_CLOCK clock = {.replayed = 0};
+    int64_t since = ddx_time_now();
+    if (player->file.start < 0) {
+        say("%s: does not say when it was recorded (XDDX_START); it cannot follow -clock", player->program.argument);
+        return EXIT_USAGE;
+    }
+    DDX_STORE_ITEM *item = program_find(player->id, player->clock, player->book);
+    if (!item)
+        return program_stopping() ? EXIT_OK : EXIT_FAILED;
+    int error = -ETIMEDOUT, tail = DDX_CURRENT;
+    while ((error == -ETIMEDOUT || (!error && clock.replayed < since)) && !program_stopping()) {
+        error = ddx_store_read(item, &clock, NULL, 0.2, tail);
+        tail = error ? tail : DDX_NEXT; /* it may still show the run before */
+        program_tick(player->book);
+    }
+    ddx_store_done_item(item);
+    if (program_stopping())
+        return EXIT_OK;
+    if (error || !clock.num || !clock.den) {
+        say("-clock %s: %s", player->clock, error ? ddx_error_text(error) : "is no clock of a replay");
+        return EXIT_FAILED;
+    }
+    int64_t ahead = player->file.start - clock.recorded;
+    player->speed = (struct schedule_speed){clock.num, clock.den};
+    player->begin = ahead < 0 ? clock.replayed - schedule_scale(-ahead, clock.den, clock.num)
+                              : clock.replayed + schedule_scale(ahead, clock.den, clock.num);
+    player->not_before = clock.replayed;
+    return EXIT_OK;
+}
+
+/* Before the first frame. */
+static int begin(struct player *player) {
+    player->begun = true;
+    if (!wait_for_readers(player))
+        return EXIT_OK;
+    player->begin = ddx_time_now();
+    int status = player->clock ? follow_clock(player) : EXIT_OK;
+    player->published = ddx_time_now();
+    return status;
+}
+
 /* Where a frame lies on the monotonic clock: its time in the item, and when it is published. */
 static int64_t due_time(const struct player *player, int64_t offset) {
     struct schedule_speed speed = player->speed;
@@ -43,15 +91,19 @@ static int64_t due_time(const struct player *player, int64_t offset) {
 
 /* Wait until the loaned frame is due, publish it. EXIT_OK, or the program's exit status after a line. */
 static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t recorded) {
-    if (!player->begin) {
-        if (!wait_for_readers(player)) {
-            ddx_store_cancel(player->video);
-            return EXIT_OK;
-        }
-        player->begin = player->published = ddx_time_now();
+    int status = player->begun ? EXIT_OK : begin(player);
+    if (status || program_stopping()) {
+        ddx_store_cancel(player->video);
+        return status;
     }
     int64_t due = due_time(player, schedule_next(&player->schedule, recorded));
-    if (player->speed.num && !program_sleep_until(due, player->book)) {
+    if (player->clock && due < player->not_before) {
+        ddx_store_cancel(player->video);
+        ddx_stats_skipped(player->book, 1);
+        player->frame++;
+        return EXIT_OK;
+    }
+    if (player->speed.num && !program_sleep_until(schedule_catch_up(&player->pace, due), player->book)) {
         ddx_store_cancel(player->video);
         return EXIT_OK;
     }
@@ -71,6 +123,7 @@ static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t 
     ddx_stats_out(player->book, 1, now - (player->speed.num ? due : player->published));
     ddx_stats_write(player->book);
     program_tick(player->book);
+    player->pace = (struct schedule_pace){true, due, now};
     player->published = now;
     player->frame++;
     return EXIT_OK;
@@ -81,6 +134,8 @@ static enum y4m_result play_pass(struct player *player, int *status) {
     while (!program_stopping()) {
         struct ddxvideo_frame frame;
         int64_t recorded;
+        if (player->patient && !program_wait_for_room(player->video, &player->patient, player->book))
+            break;
         int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
         if (error) {
             say("%s: %s", player->name, ddx_error_text(error));
@@ -110,6 +165,7 @@ static int play(struct player *player) {
         say("%s: no frame rate in the header, 25 is taken", player->program.argument);
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
                   geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
+    player->patient = !player->speed.num && player->readers;
     while (play_pass(player, &status) == Y4M_END && player->loop && player->file.frames) {
         enum y4m_result result = y4m_rewind(&player->file);
         if (result != Y4M_OK) {
@@ -172,7 +228,7 @@ int player_run(struct player *player) {
         y4m_close(&player->file);
         return EXIT_USAGE;
     }
-    DDX_STORE_ID *id = program_connect(&player->program);
+    DDX_STORE_ID *id = player->id = program_connect(&player->program);
     status = id ? open_items(player, id) : EXIT_OK;
     if (id && !status)
         status = play(player);

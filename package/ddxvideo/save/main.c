@@ -1,15 +1,31 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* ddxvideosave: records a video item of the store. */
+#include <string.h>
+
+#include "orders.h"
 #include "recorder.h"
 
 int main(int argc, char **argv) {
     struct recorder recorder = {.name = "video"};
+    const char *full = "stop", *start = "recording";
+    long pre_roll = 0;
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to record (default: video)", OPTION_TEXT, &recorder.name, 0, 0},
         {"output", "FILE|DIR", "the Y4M file to write, or a folder for <name>-<number>-<UTC>.y4m", OPTION_TEXT,
          &recorder.place, 0, 0},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,
          &recorder.ring_frames, 2, 100000},
+        {"keep", "FRAMES", "in the store for a recorder that comes late (default: 8, and of small pictures 25)",
+         OPTION_NUMBER, &recorder.keep_frames, 1, 128},
+        {"segment", "MB", "record into prepared files of this size, with an index; 0: into one that grows",
+         OPTION_NUMBER, &recorder.segment, 0, 65536},
+        {"recover", NULL, "with -segment: finish what nobody finished, and end", OPTION_FLAG, &recorder.recover, 0, 0},
+        {"full", "stop|recycle", "with -segment, on a full disk: record no more (default), or give up the oldest",
+         OPTION_TEXT, &full, 0, 0},
+        {"start", "recording|paused", "begin at once (default), or when `ddxctl record start` says so", OPTION_TEXT,
+         &start, 0, 0},
+        {"pre-roll", "SECONDS", "while it is paused, keep so much in memory, to be recorded first (default: 0)",
+         OPTION_NUMBER, &pre_roll, 0, PRE_ROLL_MAX},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     recorder.program = (struct program){
@@ -26,5 +42,20 @@ int main(int argc, char **argv) {
         say("-output is missing; see ddxvideosave -help");
         return EXIT_USAGE;
     }
-    return recorder_run(&recorder);
+    recorder.recycle = !strcmp(full, "recycle");
+    if (!recorder.recycle && strcmp(full, "stop")) {
+        say("-full %s: stop or recycle is needed; see ddxvideosave -help", full);
+        return EXIT_USAGE;
+    }
+    recorder.preroll.seconds = pre_roll;
+    recorder.paused = !strcmp(start, "paused");
+    if (!recorder.paused && strcmp(start, "recording")) {
+        say("-start %s: recording or paused is needed; see ddxvideosave -help", start);
+        return EXIT_USAGE;
+    }
+    if (recorder.recover && !recorder.segment) {
+        say("-recover: -segment is needed; see ddxvideosave -help");
+        return EXIT_USAGE;
+    }
+    return recorder.program.check ? EXIT_OK : recorder_run(&recorder);
 }

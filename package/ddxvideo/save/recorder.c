@@ -6,12 +6,17 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "orders.h"
+
 static const char *const reasons[] = {"store", "ring", "write", NULL};
 
+/* Frames that the store keeps for us while we get no processor: at first, and a second's if so much memory does. */
 #define KEEP_FRAMES 8
-#define LOOKUP_NS INT64_C(20000000)
-#define SAY_AFTER_NS INT64_C(1000000000)
+#define KEEP_FRAMES_MAX 25
+#define KEEP_BYTES (4u << 20)
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
+#define WAITING_NS INT64_C(1000000000)
+#define BUSY 25          /* %: from there on the disk has enough to do with what is in the ring */
 #define DRAIN_FRAMES 256 /* bound on what is still taken from the store after TERM */
 
 static void fail(struct recorder *recorder, const char *what, int error) {
@@ -23,36 +28,73 @@ static void fail(struct recorder *recorder, const char *what, int error) {
 /* ---- Which file ---- */
 
 /* End a recording. When it failed, say so. */
-static void finish(struct recorder *recorder, struct recording **recording) {
-    if (!*recording)
-        return;
+static void finish(struct recorder *recorder, struct recording *recording) {
     char path[PATH_MAX];
-    strcpy(path, recording_path(*recording));
-    int error = recording_finish(*recording);
-    *recording = NULL;
+    int error = recording_finish(recording, path);
     if (!error)
         return;
-    say("%s: recording stopped, %s; what was recorded is readable%s", path, strerror(-error),
-        error == -ENOSPC || error == -EDQUOT ? ", make room and start again" : "");
+    const char *advice = error == -ENOSPC || error == -EDQUOT ? "make room and start again" : "see to the disk";
+    if (*path)
+        say("%s: recording stopped, %s; what was recorded is readable, %s", path, strerror(-error), advice);
+    else
+        say("%s: no file to record into, %s; %s", recorder->place, strerror(-error), advice);
     recorder->status = EXIT_FAILED;
     recorder->done = true;
 }
 
-/* Begin a file for pictures like this one. The former file is still being written meanwhile, by its own thread. */
-static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view, int64_t published) {
-    if (recorder->recording) {
-        finish(recorder, &recorder->former); /* a third at once would cost a third ring: wait for the oldest */
-        recording_close(recorder->recording);
-        recorder->former = recorder->recording;
-        recorder->recording = NULL;
-    }
-    unsigned frames = recorder->ring_frames ? (unsigned)recorder->ring_frames : recording_ring_frames(&view->geometry);
-    int error = recording_begin(&recorder->output, view, published, frames, recorder->book, &recorder->recording);
-    if (error)
+/* The former ones that are on disk by now; or, waiting for it, all. */
+static void finish_former(struct recorder *recorder, bool wait) {
+    struct recording *recording;
+    while ((recording = backlog_take(&recorder->backlog, wait)))
+        finish(recorder, recording);
+}
+
+void recorder_end_file(struct recorder *recorder) {
+    if (!recorder->recording)
+        return;
+    recording_close(recorder->recording);
+    backlog_add(&recorder->backlog, recorder->recording);
+    recorder->recording = NULL;
+    if (recorder->pool)
+        pool_recorded_at(recorder->pool, 0);
+}
+
+/* Who prepares files and who tells how long the disk lasts want to know how fast it fills. */
+static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
+    unsigned bytes = recording_frame_bytes(geometry);
+    double rate = geometry->rate_num && geometry->rate_den ? (double)geometry->rate_num / geometry->rate_den : 30;
+    recorder->disk.frame_bytes = bytes;
+    if (recorder->pool)
+        pool_recorded_at(recorder->pool, (uint64_t)(bytes * rate));
+}
+
+/*
+ * Begin a file for pictures like this one. Former ones are still being written meanwhile, by their own threads; where
+ * the disk has left no room for one more ring, there is no recording then.
+ */
+static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
+    unsigned frames = recorder_ring_frames(recorder);
+    uint64_t bytes = (uint64_t)frames * recording_frame_bytes(&view->geometry);
+    finish_former(recorder, false);
+    bool room = backlog_has_room(&recorder->backlog, recorder->recording, bytes);
+    recorder_end_file(recorder);
+    if (!room || recorder->done)
+        return;
+    struct recording_plan plan = {.output = &recorder->output,
+                                  .pool = recorder->pool,
+                                  .geometry = view->geometry,
+                                  .ring_frames = frames,
+                                  .turn = &recorder->turn,
+                                  .lost_store = recorder->lost_store,
+                                  .lost_ring = recorder->lost_ring,
+                                  .book = recorder->book};
+    int error = recording_begin(&plan, &recorder->recording);
+    if (error) {
         fail(recorder, recorder->place, error);
-    else
-        say("recording %s, %dx%d, to %s", recorder->name, view->geometry.width, view->geometry.height,
-            recording_path(recorder->recording));
+        return;
+    }
+    recorder->lost_store = recorder->lost_ring = 0;
+    tell_rate(recorder, &view->geometry);
 }
 
 static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b) {
@@ -61,11 +103,11 @@ static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo
 }
 
 /* Make sure that the present file fits this frame. False if it cannot be recorded. */
-static bool choose_file(struct recorder *recorder, const struct ddxvideo_picture *view, int64_t published) {
+static bool choose_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     if (!recorder->recording || recorder->output.is_folder) {
         if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry))
-            begin_file(recorder, view, published);
-        return recorder->recording != NULL;
+            begin_file(recorder, view);
+        return !recorder->done;
     }
     const struct ddxvideo_geometry *now = recording_geometry(recorder->recording);
     if (!ddxvideo_same_layout(now, &view->geometry)) {
@@ -110,63 +152,186 @@ static bool is_wanted(struct recorder *recorder, const struct ddx_frame *frame, 
         say("lost %" PRId64 " frames while no recorder ran", gap);
     if (gap == -EALREADY || (gap < 0 && first && frame->time < recorder->begin))
         return false;
-    if (gap >= 0 || first) /* counted already, or before our time */
+    if (first && gap < 0 && recorder->awaited)
+        *missed = frame->sequence - 1; /* what was written before the item was found */
+    else if (gap >= 0) /* counted already */
         *missed = 0;
     return true;
 }
 
 /* ---- Frame by frame ---- */
 
+/* False if the disk is so far behind that there is no ring for the frame, or no room in it; it is counted then. */
+static bool put_into_ring(struct recorder *recorder, const struct ddxvideo_picture *view,
+                          const struct recording_frame *frame) {
+    if (recorder->recording) {
+        bool has_room = recording_put(recorder->recording, view, frame);
+        recorder->level = recording_level(recorder->recording);
+        return has_room;
+    }
+    ddx_stats_lost(recorder->book, LOST_RING, 1);
+    recorder->lost_store += frame->missed;
+    recorder->lost_ring++;
+    recorder->level = 100;
+    return false;
+}
+
+/* A frame that is to be recorded, and what was missed before it. */
+static void put(struct recorder *recorder, const struct ddxvideo_picture *view, const struct recording_frame *frame) {
+    int number = view->stamp.frame;
+    if (frame->missed)
+        count_missed(recorder, frame->missed, number);
+    if (choose_file(recorder, view)) {
+        ddx_stats_in(recorder->book, 1, frame->sequence);
+        bool full = !put_into_ring(recorder, view, frame);
+        if (full && !recorder->ring_full)
+            say("losing frames from %d on: the ring is full, the disk is too slow", number);
+        recorder->ring_full = full;
+    }
+    recorder->frame = number;
+}
+
+/* A frame that cannot be read. */
+static void put_broken(struct recorder *recorder, const struct recording_frame *frame) {
+    int number = (int)(recorder->frame + 1 + (int64_t)frame->missed);
+    if (frame->missed)
+        count_missed(recorder, frame->missed, number);
+    say("lost frame %d: its numbers do not fit its memory, the program that writes it is broken", number);
+    ddx_stats_in(recorder->book, 1, frame->sequence);
+    ddx_stats_lost(recorder->book, LOST_STORE, 1);
+    if (recorder->recording)
+        recording_missed(recorder->recording, frame->missed + 1);
+    else
+        recorder->lost_store += frame->missed + 1;
+    recorder->frame = number;
+}
+
+/* While it is paused; also what was overwritten in the store: nobody wanted it. `view` is NULL if it is broken. */
+static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *view,
+                      const struct recording_frame *frame) {
+    uint64_t left_out = frame->missed + 1;
+    if (view)
+        left_out = preroll_put(&recorder->preroll, recorder_ring_frames(recorder), view, frame);
+    ddx_stats_skipped(recorder->book, left_out);
+    ddx_stats_in(recorder->book, 0, frame->sequence);
+    recorder->frame = view ? view->stamp.frame : recorder->frame + 1;
+}
+
 static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
-    uint64_t missed = frame->missed;
-    if (!recorder->delivered && !is_wanted(recorder, frame, &missed))
+    struct recording_frame facts = {frame->time, frame->sequence, frame->missed};
+    if (!recorder->delivered && !is_wanted(recorder, frame, &facts.missed))
         return;
     int error = ddxvideo_view(recorder->video, frame->data, &view);
     if (error == -EPROTOTYPE) {
         fail(recorder, recorder->name, error);
         return;
     }
-    int number = error ? (int)(recorder->frame + 1 + (int64_t)missed) : view.stamp.frame;
     recorder->delivered = true;
-    if (missed)
-        count_missed(recorder, missed, number);
-    if (error) {
-        say("lost frame %d: its numbers do not fit its memory, the program that writes it is broken", number);
-        ddx_stats_in(recorder->book, 1, frame->sequence);
-        ddx_stats_lost(recorder->book, LOST_STORE, 1);
-    } else if (choose_file(recorder, &view, frame->time)) {
-        ddx_stats_in(recorder->book, 1, frame->sequence);
-        bool full = !recording_put(recorder->recording, &view, frame->time);
-        if (full && !recorder->ring_full)
-            say("losing frames from %d on: the ring is full, the disk is too slow", number);
-        recorder->ring_full = full;
-    }
-    recorder->frame = number;
+    if (!error)
+        recorder->geometry = view.geometry;
+    if (recorder->paused)
+        leave_out(recorder, error ? NULL : &view, &facts);
+    else if (error)
+        put_broken(recorder, &facts);
+    else
+        put(recorder, &view, &facts);
     ddx_stats_write(recorder->book);
+}
+
+void recorder_set_paused(struct recorder *recorder, bool paused) {
+    struct ddxvideo_picture view;
+    struct recording_frame frame;
+    if (recorder->paused == paused)
+        return;
+    recorder->paused = recorder->disk.paused = paused;
+    if (paused)
+        recorder_end_file(recorder);
+    bool first = true;
+    while (!paused && !recorder->done && preroll_take(&recorder->preroll, &view, &frame)) {
+        if (first) { /* nobody wanted what was missed before it */
+            ddx_stats_skipped(recorder->book, frame.missed);
+            frame.missed = 0;
+        }
+        first = false;
+        put(recorder, &view, &frame);
+    }
+    ddx_stats_skipped(recorder->book, preroll_clear(&recorder->preroll));
+    ddx_stats_write(recorder->book);
+}
+
+unsigned recorder_ring_frames(const struct recorder *recorder) {
+    return recorder->ring_frames ? (unsigned)recorder->ring_frames : recording_ring_frames(&recorder->geometry);
+}
+
+static void say_kept(const struct recorder *recorder) {
+    say("%s: the store has little room, it keeps %u frames for the recorder; more memory: store -m", recorder->name,
+        recorder->keep);
+}
+
+/* Before the first frame: the store had no room for so many. False if there is no room for one either. */
+static bool keep_fewer(struct recorder *recorder) {
+    if (recorder->keep < 2 || ddx_store_keep(recorder->video, recorder->keep / 2))
+        return false;
+    recorder->keep /= 2;
+    say_kept(recorder);
+    return true;
+}
+
+/* After the first frame, whose size is known only now. Where there is no room for more, it stays as it is. */
+static void keep_more(struct recorder *recorder) {
+    struct ddx_item_info info;
+    if (ddx_store_kept(recorder->video) < recorder->keep) {
+        recorder->keep = ddx_store_kept(recorder->video);
+        say_kept(recorder);
+    }
+    if (recorder->keep_frames || recorder->keep != KEEP_FRAMES)
+        return;
+    if (ddx_store_item_info(recorder->video, &info) || !info.frame_bytes)
+        return;
+    uint64_t frames = KEEP_BYTES / info.frame_bytes;
+    if (frames > KEEP_FRAMES_MAX)
+        frames = KEEP_FRAMES_MAX;
+    if (frames > KEEP_FRAMES && !ddx_store_keep(recorder->video, (unsigned)frames))
+        recorder->keep = (unsigned)frames;
 }
 
 /* The next frame, if it comes within the timeout. False if there was none. */
 static bool take_frame(struct recorder *recorder, double timeout, int64_t not_after) {
     struct ddx_frame frame;
     int error = ddx_store_acquire(recorder->video, &frame, timeout, DDX_IN_ORDER);
-    if (error == -ETIMEDOUT)
+    if (error == -ETIMEDOUT || (error == -EBUSY && keep_fewer(recorder)))
         return false;
     if (error) {
         fail(recorder, recorder->name, error);
         return false;
     }
-    bool wanted = frame.time <= not_after;
+    bool wanted = frame.time <= not_after, first = !recorder->seen;
     if (wanted)
         handle(recorder, &frame);
     ddx_store_release(recorder->video);
+    if (first)
+        keep_more(recorder);
     return wanted;
+}
+
+/* Say once that there is no such item, when that lasts. */
+static void tell_waiting(struct recorder *recorder) {
+    struct ddx_item_info info;
+    if (recorder->seen || recorder->said_waiting || ddx_time_now() - recorder->begin < WAITING_NS)
+        return;
+    recorder->said_waiting = true;
+    if (!ddx_store_item_info(recorder->video, &info) && !*info.type)
+        say("waiting for %s: %s", recorder->name, ddx_error_text(-ENOENT));
 }
 
 static void record(struct recorder *recorder) {
     while (!program_stopping() && !recorder->done) {
         take_frame(recorder, READ_TIMEOUT, INT64_MAX);
+        tell_waiting(recorder);
+        orders_tick(recorder);
         program_tick(recorder->book);
+        finish_former(recorder, false);
         if (recorder->recording && recording_error(recorder->recording))
             recorder->done = true;
     }
@@ -174,58 +339,98 @@ static void record(struct recorder *recorder) {
     int64_t now = ddx_time_now();
     for (int i = 0; i < DRAIN_FRAMES && !recorder->done && take_frame(recorder, 0, now); i++)
         continue;
-    finish(recorder, &recorder->former);
-    finish(recorder, &recorder->recording);
+    ddx_stats_skipped(recorder->book, preroll_clear(&recorder->preroll));
+    recorder_end_file(recorder);
+    finish_former(recorder, true);
 }
 
 /* ---- Start and end ---- */
 
-/* Wait until somebody has created the item. False if told to stop, or failed. */
-static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
-    bool said = false;
-    int64_t begin = ddx_time_now();
-    for (;;) {
-        recorder->video = ddx_store_lookup_item(id, recorder->name, NULL, 0);
-        if (recorder->video)
-            break;
-        if (errno != ENOENT && errno != ECONNREFUSED) {
-            fail(recorder, recorder->name, -errno);
-            return false;
-        }
-        if (!said && ddx_time_now() - begin > SAY_AFTER_NS) {
-            say("waiting for %s: %s", recorder->name, ddx_error_text(-errno));
-            said = true;
-        }
-        if (!program_sleep_until(ddx_time_now() + LOOKUP_NS, recorder->book))
-            return false;
+/* Whether the disk is needed for the recording: asked by the thread that prepares files. */
+static bool is_busy(void *argument) {
+    const struct recorder *recorder = argument;
+    return recorder->level > BUSY;
+}
+
+/* Where there is one, files come from the pool. False after a line. */
+static bool open_pool(struct recorder *recorder) {
+    if (!recorder->segment)
+        return true;
+    if (!recorder->output.is_folder) {
+        say("-segment: -output %s is no folder", recorder->place);
+        return false;
     }
-    int error = -EBUSY;
-    for (unsigned frames = KEEP_FRAMES; error && frames > 1; frames /= 2)
-        error = ddx_store_keep(recorder->video, frames);
+    int error = pool_open(recorder->place, (uint64_t)recorder->segment << 20, recorder->recycle, &recorder->pool);
+    if (!error)
+        error = recorder->recover ? pool_recover(recorder->pool) : pool_prepare(recorder->pool, is_busy, recorder);
     if (error)
-        say("%s: %s; recording with one frame of patience", recorder->name, ddx_error_text(error));
+        say("-output %s: no files to record into: %s", recorder->place, strerror(-error));
+    return !error;
+}
+
+/*
+ * The item; where nobody has created it yet the store takes note that we want every frame from the first on. Had we to
+ * look for it from time to time, those before we look would be lost. False if told to stop, or failed.
+ */
+static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
+    struct ddx_item_info info;
+    recorder->video = program_await(id, recorder->name, recorder->book);
+    if (!recorder->video) {
+        recorder->status = errno == EINTR ? EXIT_OK : EXIT_FAILED;
+        return false;
+    }
+    recorder->awaited = !ddx_store_item_info(recorder->video, &info) && !*info.type;
+    recorder->keep = recorder->keep_frames ? (unsigned)recorder->keep_frames : KEEP_FRAMES;
+    ddx_store_keep(recorder->video, recorder->keep);
     return true;
 }
 
 int recorder_run(struct recorder *recorder) {
     recorder->begin = ddx_time_now();
-    int error = output_check(&recorder->output, recorder->place, recorder->name);
+    recorder->turn = (struct recording_turn){.lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
+    int error = output_check(&recorder->output, recorder->place, recorder->name, "y4m");
     if (error) {
         say("-output %s: %s; name a file or a folder that can be written", recorder->place, strerror(-error));
         return EXIT_FAILED;
+    }
+    if (recorder->paused && !recorder->output.is_folder) {
+        say("-start paused: -output %s is no folder", recorder->place);
+        return EXIT_USAGE;
     }
     recorder->book = ddx_stats_open(recorder->program.instance, reasons);
     if (!recorder->book) {
         say("-instance %s: %s", recorder->program.instance, ddx_error_text(-errno));
         return EXIT_USAGE;
     }
+    if (!open_pool(recorder)) {
+        ddx_stats_close(recorder->book);
+        return EXIT_FAILED;
+    }
+    if (recorder->recover) {
+        pool_close(recorder->pool);
+        ddx_stats_close(recorder->book);
+        return EXIT_OK;
+    }
     DDX_STORE_ID *id = program_connect(&recorder->program);
     if (id && !program_attach(&recorder->program, recorder->book, id, recorder->name))
         recorder->status = EXIT_FAILED;
-    else if (id && find_item(recorder, id))
-        record(recorder);
+    else if (id) {
+        orders_open(recorder, id);
+        recorder->disk.place = recorder->place;
+        recorder->disk.recycle = recorder->recycle;
+        recorder->disk.book = recorder->book;
+        recorder->disk.paused = recorder->paused;
+        if (recorder->output.is_folder)
+            disk_watch_start(&recorder->disk, id, recorder->program.instance);
+        if (find_item(recorder, id))
+            record(recorder);
+    }
+    disk_watch_stop(&recorder->disk);
     ddx_stats_print(recorder->book, stdout);
     ddx_stats_close(recorder->book);
+    if (recorder->pool)
+        pool_close(recorder->pool);
+    orders_close(recorder);
     ddx_store_done_item(recorder->video);
     ddx_store_close(id);
     return recorder->status;

@@ -2,6 +2,12 @@
 #ifndef DDXVIDEO_RECORDER_H
 #define DDXVIDEO_RECORDER_H
 
+#include <ddx_request.h>
+#include <stdatomic.h>
+
+#include "backlog.h"
+#include "disk_watch.h"
+#include "preroll.h"
 #include "program.h"
 #include "recording.h"
 
@@ -11,13 +17,29 @@ struct recorder {
     const char *name;  /* of the video item */
     const char *place; /* file or folder */
     long ring_frames;  /* 0: as recording_ring_frames() says */
+    long keep_frames;  /* that the store is to keep for us; 0: as recorder_run() sees fit */
+    long segment;      /* MB of a file of the pool; 0: no pool */
+    bool recover;      /* what was left unfinished, and nothing else */
+    bool paused;       /* frames are left out, until an order to record comes */
+    bool recycle;      /* of the full disk's recordings the oldest is given up */
     /* how it stands */
     struct output output;
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
+    DDX_REQUESTS *requests; /* see orders.h */
+    struct pool *pool;
+    struct disk_watch disk;
+    struct preroll preroll;            /* while it is paused */
+    struct ddxvideo_geometry geometry; /* of the newest picture */
+    atomic_uint level; /* of the ring, % */
+    unsigned keep; /* frames that the store keeps for us */
     struct recording *recording; /* the present one, NULL before the first frame */
-    struct recording *former;    /* one that is still being written to disk, or NULL */
+    struct backlog backlog;      /* former ones, which are still being written to disk */
+    struct recording_turn turn;
+    uint64_t lost_store, lost_ring; /* since the last frame that a recording took: the next one's index tells of them */
     int64_t begin;               /* when the program was told to record */
+    bool awaited;                /* the item was not there when the recorder started */
+    bool said_waiting;           /* for it */
     bool seen, delivered;        /* a frame was there; a frame has been counted */
     int frame;                   /* number of the frame before */
     bool ring_full;              /* the frame before was lost in the ring */
@@ -28,5 +50,14 @@ struct recorder {
 
 /* Record until told to stop; returns the program's exit status. */
 int recorder_run(struct recorder *recorder);
+
+/* Record from now on, what waits in memory first; or leave out what comes. */
+void recorder_set_paused(struct recorder *recorder, bool paused);
+
+/* Size of its ring for pictures like the newest one, which there is. */
+unsigned recorder_ring_frames(const struct recorder *recorder);
+
+/* The present recording ends with the frame before; it is finished by its own threads. */
+void recorder_end_file(struct recorder *recorder);
 
 #endif

@@ -1,44 +1,98 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* One file being recorded: a ring, and a thread that writes it to disk. */
+/*
+ * A recording of pictures of one kind: a ring, a thread that writes it to disk, into one file after the other if they
+ * come from a pool, and a thread that makes safe what has been written.
+ */
 #ifndef DDXVIDEO_RECORDING_H
 #define DDXVIDEO_RECORDING_H
 
 #include <ddx_stats.h>
+#include <pthread.h>
 
 #include "ddxvideo.h"
 #include "output.h"
-
-/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
-enum { LOST_STORE, LOST_RING, LOST_WRITE };
+#include "pool.h"
+#include "segment.h"
 
 struct recording;
+
+/* Recordings of one recorder write to disk one after the other: their files get numbers in their order. */
+struct recording_turn {
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    unsigned begun, written; /* recordings so far */
+};
 
 /* Ring size for pictures like these: 2.5 s and at least 64 frames, as far as memory allows. */
 unsigned recording_ring_frames(const struct ddxvideo_geometry *geometry);
 
-/*
- * Open the next file of `output` and begin to record. `first` is the first frame, of which only geometry and times are
- * used; `published` as in recording_put(). The book is told what becomes of each frame. 0 or -errno.
- */
-int recording_begin(const struct output *output, const struct ddxvideo_picture *first, int64_t published,
-                    unsigned ring_frames, DDX_STATS_BOOK *book, struct recording **recording);
+/* No ring of that size has more bytes than this. */
+uint64_t recording_ring_bytes_max(void);
+
+/* Bytes of a picture like these in a file. */
+unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry);
+
+/* What to record, and where to. */
+struct recording_plan {
+    const struct output *output;
+    struct pool *pool; /* NULL: one file */
+    struct ddxvideo_geometry geometry;
+    unsigned ring_frames;
+    struct recording_turn *turn;
+    uint64_t lost_store, lost_ring; /* before its first frame */
+    DDX_STATS_BOOK *book; /* is told what becomes of each frame */
+};
 
 /*
- * Copy a frame into the ring; `published` is when it was written into the store. Never waits. False if the ring is
- * full; the frame is counted as lost then.
+ * Begin to record. The first file is opened by the thread that writes: nobody who puts frames waits for a disk. 0 or
+ * -errno; -EFBIG if a frame has no room in a file of the pool.
  */
-bool recording_put(struct recording *recording, const struct ddxvideo_picture *view, int64_t published);
+int recording_begin(const struct recording_plan *plan, struct recording **recording);
+
+/* What the recorder knows of a frame beside its picture. */
+struct recording_frame {
+    int64_t published; /* when it was written into the store */
+    uint64_t sequence; /* in the store */
+    uint64_t missed;   /* frames lost in the store before it */
+};
+
+/*
+ * Copy a frame into the ring. Never waits. False if the ring is full; the frame is counted as lost then, and the index
+ * of the next one says so.
+ */
+bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
+                   const struct recording_frame *frame);
+
+/*
+ * In a pool: the next frame begins a new recording, without a gap to this one. Does not wait; where the ring has no
+ * room for the end of a file, it is a later frame.
+ */
+void recording_split(struct recording *recording);
+
+/* A frame that was there could not be read: the index of the next one says so. */
+void recording_missed(struct recording *recording, uint64_t frames);
 
 const struct ddxvideo_geometry *recording_geometry(const struct recording *recording);
-const char *recording_path(const struct recording *recording);
 
-/* 0, or -errno after which nothing more gets to disk. What was recorded until then stays readable. */
+/* Memory of its ring. */
+uint64_t recording_ring_bytes(const struct recording *recording);
+
+/* How full the ring is: 0 to 100. */
+unsigned recording_level(struct recording *recording);
+
+/* 0, or -errno after which nothing more gets to disk: no file, or one that cannot be written any more. */
 int recording_error(const struct recording *recording);
 
 /* No more frames; does not wait. */
 void recording_close(struct recording *recording);
 
-/* Wait until all is on disk, free the recording. 0, or -errno as recording_error(). */
-int recording_finish(struct recording *recording);
+/* Whether a closed one is on disk, or has failed: recording_finish() does not wait then. */
+bool recording_is_on_disk(const struct recording *recording);
+
+/*
+ * Wait until all is on disk, free the recording. `path` (PATH_MAX) becomes that of its last file, "" if there was none.
+ * 0, or -errno as recording_error().
+ */
+int recording_finish(struct recording *recording, char *path);
 
 #endif

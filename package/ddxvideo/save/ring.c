@@ -17,6 +17,7 @@
 static void *populate(void *argument) {
     struct ring *ring = argument;
     program_thread_signals();
+    program_thread_ordinary(); /* with priority it would take the processor from who takes frames */
     for (size_t at = 0; at < ring->size && !ring->enough; at += ALIGNMENT)
         if (madvise(ring->memory + at, ALIGNMENT, MADV_POPULATE_WRITE))
             break; /* a kernel before 5.14: the frames touch them, then */
@@ -53,6 +54,19 @@ void ring_free(struct ring *ring) {
     pthread_cond_destroy(&ring->changed);
 }
 
+/* Bytes in use: a block that was taken in part is. */
+static size_t used(const struct ring *ring) {
+    return (size_t)(ring->put - ring->taken / RING_BLOCK * RING_BLOCK);
+}
+
+unsigned ring_level(struct ring *ring) {
+    pthread_mutex_lock(&ring->lock);
+    uint64_t bytes = (uint64_t)used(ring) * 100 / ring->size;
+    uint64_t frames = (ring->frames_put - ring->frames_taken) * 100 / ring->frame_limit;
+    pthread_mutex_unlock(&ring->lock);
+    return (unsigned)(bytes > frames ? bytes : frames);
+}
+
 static void copy_in(struct ring *ring, uint64_t at, const unsigned char *bytes, size_t size) {
     size_t begin = (size_t)(at % ring->size);
     size_t first = size < ring->size - begin ? size : ring->size - begin;
@@ -60,20 +74,19 @@ static void copy_in(struct ring *ring, uint64_t at, const unsigned char *bytes, 
     memcpy(ring->memory, bytes + first, size - first);
 }
 
-static bool put(struct ring *ring, const struct iovec *pieces, int count, const int64_t *stamp) {
+bool ring_put(struct ring *ring, const struct iovec *pieces, int count, const struct ring_facts *facts) {
     size_t bytes = 0;
     for (int i = 0; i < count; i++)
         bytes += pieces[i].iov_len;
 
     pthread_mutex_lock(&ring->lock);
-    bool room = bytes <= ring->size - (size_t)(ring->put - ring->taken) &&
-                (!stamp || ring->frames_put - ring->frames_taken < ring->frame_limit);
+    bool room = bytes <= ring->size - used(ring) && ring->frames_put - ring->frames_taken < ring->frame_limit;
     pthread_mutex_unlock(&ring->lock);
     if (!room)
         return false;
 
     /* Outside the lock: nobody looks at free room, and only this thread makes it less. */
-    uint64_t at = ring->put;
+    uint64_t begin = ring->put + facts->header, at = ring->put;
     for (int i = 0; i < count; i++) {
         copy_in(ring, at, pieces[i].iov_base, pieces[i].iov_len);
         at += pieces[i].iov_len;
@@ -81,20 +94,22 @@ static bool put(struct ring *ring, const struct iovec *pieces, int count, const 
 
     pthread_mutex_lock(&ring->lock);
     ring->put = at;
-    if (stamp)
-        ring->frames[ring->frames_put++ % ring->frame_limit] = (struct ring_frame){at, *stamp};
+    ring->frames[ring->frames_put++ % ring->frame_limit] = (struct ring_frame){begin, at, *facts};
     pthread_cond_signal(&ring->changed);
     pthread_mutex_unlock(&ring->lock);
     return true;
 }
 
-bool ring_put_bytes(struct ring *ring, const void *bytes, size_t size) {
-    const struct iovec piece = {(void *)(uintptr_t)bytes, size};
-    return put(ring, &piece, 1, NULL);
-}
-
-bool ring_put(struct ring *ring, const struct iovec *pieces, int count, int64_t stamp) {
-    return put(ring, pieces, count, &stamp);
+bool ring_cut(struct ring *ring) {
+    pthread_mutex_lock(&ring->lock);
+    size_t rest = (size_t)(-ring->put % RING_BLOCK);
+    bool room = rest <= ring->size - used(ring) && ring->cuts_put - ring->cuts_taken < RING_CUTS;
+    if (room) {
+        ring->cut[ring->cuts_put++ % RING_CUTS] = ring->put;
+        ring->put += rest;
+    }
+    pthread_mutex_unlock(&ring->lock);
+    return room;
 }
 
 void ring_close(struct ring *ring) {
@@ -104,17 +119,22 @@ void ring_close(struct ring *ring) {
     pthread_mutex_unlock(&ring->lock);
 }
 
-size_t ring_peek(struct ring *ring, const unsigned char **bytes, size_t limit) {
+enum ring_next ring_peek(struct ring *ring, const unsigned char **bytes, size_t *size, size_t limit) {
     pthread_mutex_lock(&ring->lock);
-    while (ring->put == ring->taken && !ring->closed)
+    while (ring->put == ring->taken && ring->cuts_put == ring->cuts_taken && !ring->closed)
         pthread_cond_wait(&ring->changed, &ring->lock);
-    uint64_t ready = ring->put - ring->taken;
-    size_t begin = (size_t)(ring->taken % ring->size);
+    bool has_cut = ring->cuts_put != ring->cuts_taken;
+    uint64_t end = has_cut ? ring->cut[ring->cuts_taken % RING_CUTS] : ring->put;
+    uint64_t ready = end - ring->taken;
     pthread_mutex_unlock(&ring->lock);
-    *bytes = ring->memory + begin;
+    if (!ready)
+        return has_cut ? RING_CUT : RING_END;
+    size_t begin = (size_t)(ring->taken % ring->size);
     if (limit > ring->size - begin)
         limit = ring->size - begin;
-    return ready < limit ? (size_t)ready : limit;
+    *bytes = ring->memory + begin;
+    *size = ready < limit ? (size_t)ready : limit;
+    return RING_BYTES;
 }
 
 void ring_take(struct ring *ring, size_t bytes) {
@@ -123,14 +143,26 @@ void ring_take(struct ring *ring, size_t bytes) {
     pthread_mutex_unlock(&ring->lock);
 }
 
-bool ring_next_frame(struct ring *ring, struct ring_frame *frame) {
+uint64_t ring_next_file(struct ring *ring) {
     pthread_mutex_lock(&ring->lock);
-    const struct ring_frame *next = &ring->frames[ring->frames_taken % ring->frame_limit];
-    bool whole = ring->frames_taken < ring->frames_put && next->end <= ring->taken;
-    if (whole) {
-        *frame = *next;
-        ring->frames_taken++;
-    }
+    ring->cuts_taken++;
+    ring->taken += -ring->taken % RING_BLOCK;
+    uint64_t begin = ring->taken;
     pthread_mutex_unlock(&ring->lock);
-    return whole;
+    return begin;
+}
+
+bool ring_oldest(struct ring *ring, struct ring_frame *frame) {
+    pthread_mutex_lock(&ring->lock);
+    bool found = ring->frames_taken < ring->frames_put;
+    if (found)
+        *frame = ring->frames[ring->frames_taken % ring->frame_limit];
+    pthread_mutex_unlock(&ring->lock);
+    return found;
+}
+
+void ring_drop_oldest(struct ring *ring) {
+    pthread_mutex_lock(&ring->lock);
+    ring->frames_taken++;
+    pthread_mutex_unlock(&ring->lock);
 }

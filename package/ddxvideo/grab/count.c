@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "count.h"
+
+void count_restart(struct count *count) {
+    count->running = false;
+}
+
+uint64_t count_pass(struct count *count, uint64_t frames) {
+    uint64_t before = (count->position + count->skip - 1) / count->skip; /* wanted ones below the position */
+    count->position += frames;
+    return (count->position + count->skip - 1) / count->skip - before;
+}
+
+uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint64_t *position) {
+    uint32_t step = sequence - count->sequence;
+    uint64_t gap = count->running && step && step < UINT32_C(1) << 31 ? step - 1 : 0;
+    count->sequence = sequence;
+    count->running = true;
+    count->lost += gap;
+    uint64_t lost = count_pass(count, gap);
+    *position = count->position;
+    *wanted = count_pass(count, 1) == 1;
+    return lost;
+}

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Which of the camera's frames are wanted, and which of those were lost, by the driver's own numbers.
+ *
+ * Every frame of the camera has a position, from 0, the lost ones included; with -skip N those at 0, N, 2N ... are
+ * wanted. So the rhythm stays the same when frames are lost, and only a wanted frame can be lost.
+ */
+#ifndef DDXVIDEO_COUNT_H
+#define DDXVIDEO_COUNT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct count {
+    uint64_t skip;     /* at least 1 */
+    uint64_t position; /* of the camera's next frame */
+    uint64_t lost;     /* frames that the driver lost, unwanted ones included */
+    uint32_t sequence; /* the driver's number of the last frame, if there was one since count_restart(): */
+    bool running;
+};
+
+/* The driver numbers anew: with the next frame no gap is known. */
+void count_restart(struct count *count);
+
+/*
+ * A frame came with this number. Returns how many wanted frames the driver lost just before it; *wanted: whether this
+ * one is, *position: its position. Numbers wrap at 2^32. A number that did not rise says nothing about losses (some
+ * drivers do not count).
+ */
+uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint64_t *position);
+
+/* So many frames passed that nobody numbered; returns how many of them were wanted. */
+uint64_t count_pass(struct count *count, uint64_t frames);
+
+#endif

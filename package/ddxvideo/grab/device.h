@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* One camera through Video4Linux: found, set up, streaming into mapped buffers. Nothing here waits. */
+#ifndef DDXVIDEO_DEVICE_H
+#define DDXVIDEO_DEVICE_H
+
+#include <ddxvideo.h>
+#include <linux/videodev2.h>
+
+#include "pixels.h"
+
+#define DEVICE_BUFFERS 8
+
+/* What is asked of the camera. */
+struct device_wish {
+    char path[64];
+    int width, height;    /* of the result; 0: as the camera is set */
+    const char *input;    /* name or number; NULL: as it is */
+    const char *standard; /* NULL: what is on the line, if the driver can tell, else as it is */
+    uint32_t fourcc;      /* 0: the best */
+    long rate;            /* frames per second; 0: as it is */
+    bool fields;          /* both fields of a picture are needed */
+};
+
+struct device {
+    int fd; /* -1: closed */
+    char card[33];
+    struct pixels pixels;
+    struct ddxvideo_geometry geometry; /* of the camera's pictures, not of the result */
+    unsigned buffers;
+    bool streaming;
+    struct {
+        void *data;
+        size_t size;
+    } buffer[DEVICE_BUFFERS];
+};
+
+/*
+ * Open the camera, set it up and start the stream. 0, or -errno with the reason in one line at `why`; then it is
+ * closed. -EINVAL: this camera cannot do what is asked.
+ */
+int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size);
+
+/* Stop the stream and let the camera go. */
+void device_close(struct device *device);
+
+/* The next filled buffer; -EAGAIN: there is none yet; -ENODEV: unplugged; -EIO and others: the stream is broken. */
+int device_take(struct device *device, struct v4l2_buffer *buffer);
+
+/* Give it back to the driver. */
+int device_give(struct device *device, struct v4l2_buffer *buffer);
+
+/* ioctl() that returns -errno, and is not ended by a signal. */
+int device_ioctl(int fd, unsigned long request, void *argument);
+
+#endif

@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* From the camera's pictures to the result's. */
+#ifndef DDXVIDEO_GEOMETRY_H
+#define DDXVIDEO_GEOMETRY_H
+
+#include <ddxvideo.h>
+#include <stdbool.h>
+
+/* Divide both by what they have in common. */
+void geometry_reduce(int *num, int *den);
+
+/* The picture was `width` by `height` when its pixels had this aspect, and now fills the geometry's size. */
+void geometry_scale_aspect(struct ddxvideo_geometry *geometry, int width, int height);
+
+/*
+ * What becomes of the camera's pictures: scaled to `width` by `height` (0: as they are, cut to even sides), each
+ * skip-th of them, the two fields stacked or not.
+ */
+struct ddxvideo_geometry geometry_of_result(const struct ddxvideo_geometry *camera, int width, int height, long skip,
+                                            bool stack);
+
+#endif

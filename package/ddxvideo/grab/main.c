@@ -1,0 +1,87 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* ddxvideoV4L: grabs from a Video4Linux camera into the store. */
+#include <libavutil/log.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "grabber.h"
+#include "input.h"
+#include "size.h"
+
+/* The options as they are typed. */
+struct words {
+    const char *camera, *size, *format, *deinterlace;
+};
+
+/* False after one line. */
+static bool understand(struct grabber *grabber, const struct words *words) {
+    struct device_wish *wish = &grabber->wish;
+    const struct pixels_format *format = words->format ? pixels_named(words->format) : NULL;
+    v4l2_std_id standard;
+    bool number = words->camera[strspn(words->camera, "0123456789")] == 0;
+    int length = snprintf(wish->path, sizeof(wish->path), "%s%s", number ? "/dev/video" : "", words->camera);
+    if ((!number && *words->camera != '/') || (size_t)length >= sizeof(wish->path)) {
+        say("-camera %s: a number or a path such as /dev/video0 is needed", words->camera);
+        return false;
+    }
+    if (words->size && !size_parse(words->size, &wish->width, &wish->height)) {
+        say("-size %s: one of %s is needed", words->size, SIZE_NAMES);
+        return false;
+    }
+    if (words->format && !format) {
+        say("-format %s: unknown; see ddxvideoV4L -help", words->format);
+        return false;
+    }
+    if (wish->standard && !input_parse_standard(wish->standard, &standard)) {
+        say("-standard %s: PAL, NTSC or SECAM is needed", wish->standard);
+        return false;
+    }
+    if (words->deinterlace && strcmp(words->deinterlace, "stack") != 0) {
+        say("-deinterlace %s: only `stack` is known", words->deinterlace);
+        return false;
+    }
+    if (format)
+        wish->fourcc = format->fourcc;
+    grabber->stack = wish->fields = words->deinterlace != NULL;
+    return true;
+}
+
+int main(int argc, char **argv) {
+    struct grabber grabber = {.name = "video", .skip = 1};
+    struct words words = {.camera = "0"};
+    const struct option_entry options[] = {
+        {"camera", "N", "the camera /dev/videoN, or a path (default: 0)", OPTION_TEXT, &words.camera, 0, 0},
+        {"skip", "N", "take one of N frames (default: 1, each)", OPTION_NUMBER, &grabber.skip, 1, 100000},
+        {"size", "SIZE", SIZE_NAMES, OPTION_TEXT, &words.size, 0, 0},
+        {"name", "ITEM", "the video item to write (default: video)", OPTION_TEXT, &grabber.name, 0, 0},
+        {"input", "NAME", "socket of a frame grabber: number, or how its name begins: Composite, S-Video", OPTION_TEXT,
+         &grabber.wish.input, 0, 0},
+        {"standard", "NAME", "PAL, NTSC or SECAM (default: what is on the line)", OPTION_TEXT, &grabber.wish.standard,
+         0, 0},
+        {"deinterlace", "stack", "two fields (a line-interlaced stereo pair) one above the other", OPTION_TEXT,
+         &words.deinterlace, 0, 0},
+        {"format", "NAME", "pixel format of the camera: YU12, NV12, YUYV, UYVY, MJPEG or GREY (default: the best)",
+         OPTION_TEXT, &words.format, 0, 0},
+        {"rate", "R", "frames per second to ask of the camera (default: as it is set)", OPTION_NUMBER,
+         &grabber.wish.rate, 1, 1000},
+        {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
+    };
+    grabber.program = (struct program){
+        .name = "ddxvideoV4L",
+        .purpose = "Grabs from a Video4Linux camera into the store, as a video item; the frame numbers go into item\n"
+                   "`<name>.frame`. Waits for a camera that is not there, busy or silent, and for one that went away.",
+        .notes = "A frame's time is the driver's, its number the camera's: what is lost or skipped leaves a gap.\n"
+                 "Pictures of another size than -size are scaled. Counters, of the frames that -skip leaves:\n"
+                 "lost.driver = gaps in the driver's numbers, lost.error = damaged, lost.away = while the camera was\n"
+                 "away (counted by the clock), lost.store = could not be written into the store.",
+        .options = options,
+    };
+    program_start(&grabber.program, argc, argv);
+    if (!understand(&grabber, &words))
+        return EXIT_USAGE;
+    if (grabber.program.check)
+        return EXIT_OK;
+    av_log_set_level(AV_LOG_FATAL); /* its warnings would come with every frame */
+    return grabber_run(&grabber);
+}

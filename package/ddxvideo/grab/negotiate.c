@@ -1,0 +1,170 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "negotiate.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "geometry.h"
+#include "input.h"
+
+#define FLUENT 24 /* frames a second; a format that reaches them need not be faster */
+
+/* Greatest rate of a format at a size, frames per second; 0 if the driver does not tell. */
+static double greatest_rate(int fd, const struct v4l2_pix_format *pix) {
+    struct v4l2_frmivalenum entry = {.pixel_format = pix->pixelformat, .width = pix->width, .height = pix->height};
+    double best = 0;
+    for (; !device_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, &entry); entry.index++) {
+        const struct v4l2_fract *step =
+            entry.type == V4L2_FRMIVAL_TYPE_DISCRETE ? &entry.discrete : &entry.stepwise.min;
+        double rate = step->numerator ? (double)step->denominator / step->numerator : 0;
+        best = rate > best ? rate : best;
+        if (entry.type != V4L2_FRMIVAL_TYPE_DISCRETE)
+            break;
+    }
+    return best;
+}
+
+static bool offers(int fd, uint32_t fourcc) {
+    struct v4l2_fmtdesc entry = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    for (; !device_ioctl(fd, VIDIOC_ENUM_FMT, &entry); entry.index++)
+        if (entry.pixelformat == fourcc)
+            return true;
+    return false;
+}
+
+/* How well a format serves: the size as asked counts more than fluent motion; the list is in order of preference. */
+static int merit(int fd, const struct device_wish *wish, struct v4l2_format format, uint32_t fourcc) {
+    format.fmt.pix.pixelformat = fourcc;
+    if (!offers(fd, fourcc) || device_ioctl(fd, VIDIOC_TRY_FMT, &format) || format.fmt.pix.pixelformat != fourcc)
+        return -1;
+    bool exact =
+        !wish->width || ((int)format.fmt.pix.width == wish->width && (int)format.fmt.pix.height == wish->height);
+    double rate = greatest_rate(fd, &format.fmt.pix), wanted = wish->rate ? (double)wish->rate : FLUENT;
+    return 2 * exact + (rate == 0 || rate + 0.1 >= wanted);
+}
+
+static uint32_t best_format(int fd, const struct device_wish *wish, const struct v4l2_format *format) {
+    int best = -1;
+    uint32_t found = 0;
+    for (const struct pixels_format *entry = pixels_formats; entry->name; entry++) {
+        int now = wish->fourcc && wish->fourcc != entry->fourcc ? -1 : merit(fd, wish, *format, entry->fourcc);
+        if (now > best) {
+            best = now;
+            found = entry->fourcc;
+        }
+    }
+    return found;
+}
+
+static int set_format(struct device *device, const struct device_wish *wish, struct v4l2_pix_format *pix, char *why,
+                      size_t size) {
+    struct v4l2_format format = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    int error = device_ioctl(device->fd, VIDIOC_G_FMT, &format);
+    if (!error) {
+        if (wish->width) {
+            format.fmt.pix.width = (unsigned)wish->width;
+            format.fmt.pix.height = (unsigned)wish->height;
+        }
+        format.fmt.pix.field = wish->fields ? V4L2_FIELD_INTERLACED : V4L2_FIELD_ANY;
+        format.fmt.pix.bytesperline = format.fmt.pix.sizeimage = 0;
+        format.fmt.pix.pixelformat = best_format(device->fd, wish, &format);
+        if (!format.fmt.pix.pixelformat) {
+            snprintf(why, size, "%s has no pixel format that is known here", device->card);
+            return -EINVAL;
+        }
+        error = device_ioctl(device->fd, VIDIOC_S_FMT, &format);
+    }
+    if (error)
+        snprintf(why, size, "%s", error == -EBUSY ? "in use by another program" : strerror(-error));
+    *pix = format.fmt.pix;
+    return error;
+}
+
+static bool take_order(struct device *device, uint32_t field, bool bottom_first) {
+    static const struct {
+        uint32_t field;
+        enum pixels_order order;
+        char letter;
+    } table[] = {
+        {V4L2_FIELD_NONE, PIXELS_PROGRESSIVE, 'p'},          {V4L2_FIELD_TOP, PIXELS_PROGRESSIVE, 'p'},
+        {V4L2_FIELD_BOTTOM, PIXELS_PROGRESSIVE, 'p'},        {V4L2_FIELD_ALTERNATE, PIXELS_PROGRESSIVE, 'p'},
+        {V4L2_FIELD_INTERLACED, PIXELS_INTERLEAVED, 't'},    {V4L2_FIELD_INTERLACED_TB, PIXELS_INTERLEAVED, 't'},
+        {V4L2_FIELD_INTERLACED_BT, PIXELS_INTERLEAVED, 'b'}, {V4L2_FIELD_SEQ_TB, PIXELS_TOP_BOTTOM, 't'},
+        {V4L2_FIELD_SEQ_BT, PIXELS_BOTTOM_TOP, 'b'},
+    };
+    for (unsigned i = 0; i < sizeof(table) / sizeof(*table); i++) {
+        if (table[i].field == field) {
+            device->pixels.order = table[i].order;
+            device->geometry.interlacing = field == V4L2_FIELD_INTERLACED && bottom_first ? 'b' : table[i].letter;
+            return true;
+        }
+    }
+    return false;
+}
+
+/* Sides of a pixel, where the driver knows them: a frame grabber squeezes the picture into the size that it is told. */
+static void take_aspect(struct device *device) {
+    struct v4l2_cropcap crop = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    struct ddxvideo_geometry *geometry = &device->geometry;
+    if (device_ioctl(device->fd, VIDIOC_CROPCAP, &crop) || !crop.pixelaspect.numerator ||
+        !crop.pixelaspect.denominator || !crop.defrect.width || !crop.defrect.height)
+        return;
+    /* V4L2 has height over width there */
+    geometry->aspect_num = (int)crop.pixelaspect.denominator;
+    geometry->aspect_den = (int)crop.pixelaspect.numerator;
+    geometry_scale_aspect(geometry, (int)crop.defrect.width, (int)crop.defrect.height);
+}
+
+static void take_rate(struct device *device, const struct device_wish *wish) {
+    struct v4l2_streamparm parameters = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+    struct v4l2_captureparm *capture = &parameters.parm.capture;
+    if (wish->rate) {
+        capture->timeperframe = (struct v4l2_fract){1, (uint32_t)wish->rate};
+        device_ioctl(device->fd, VIDIOC_S_PARM, &parameters);
+    }
+    if (device_ioctl(device->fd, VIDIOC_G_PARM, &parameters) || !capture->timeperframe.numerator ||
+        !capture->timeperframe.denominator)
+        return;
+    device->geometry.rate_num = (int)capture->timeperframe.denominator;
+    device->geometry.rate_den = (int)capture->timeperframe.numerator;
+    geometry_reduce(&device->geometry.rate_num, &device->geometry.rate_den);
+}
+
+static int range_of(const struct v4l2_pix_format *pix) {
+    if (pixels_find(pix->pixelformat)->compressed)
+        return DDX_VIDEO_RANGE_FULL; /* that is JPEG's, whatever the driver thinks */
+    uint32_t quantization = pix->quantization;
+    if (quantization == V4L2_QUANTIZATION_DEFAULT) /* of Y'CbCr; only JPEG's has the full range by itself */
+        quantization =
+            pix->colorspace == V4L2_COLORSPACE_JPEG ? V4L2_QUANTIZATION_FULL_RANGE : V4L2_QUANTIZATION_LIM_RANGE;
+    return quantization == V4L2_QUANTIZATION_FULL_RANGE ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED;
+}
+
+int negotiate(struct device *device, const struct device_wish *wish, char *why, size_t size) {
+    struct v4l2_pix_format pix;
+    v4l2_std_id standard = 0;
+    int error = input_select(device->fd, wish->input, wish->standard, why, size);
+    if (!error)
+        error = set_format(device, wish, &pix, why, size);
+    if (error)
+        return error;
+    device->pixels = (struct pixels){
+        .fourcc = pix.pixelformat, .width = (int)pix.width, .height = (int)pix.height, .stride = (int)pix.bytesperline};
+    device->geometry = (struct ddxvideo_geometry){
+        .width = (int)pix.width, .height = (int)pix.height, .fields = 1, .range = range_of(&pix)};
+    if (pixels_find(pix.pixelformat)->compressed)
+        device->geometry.format = DDX_VIDEO_420_JPEG;
+    device_ioctl(device->fd, VIDIOC_G_STD, &standard);
+    if (!take_order(device, pix.field, (standard & V4L2_STD_525_60) != 0)) {
+        snprintf(why, size, "%s gives fields in an order that is not known here", device->card);
+        return -EINVAL;
+    }
+    if (wish->fields && device->pixels.order == PIXELS_PROGRESSIVE) {
+        snprintf(why, size, "%s has no two fields in its pictures to be stacked", device->card);
+        return -EINVAL;
+    }
+    take_rate(device, wish);
+    take_aspect(device);
+    return 0;
+}

@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "settings.h"
+
+#include <errno.h>
+
+#define AGAIN_NS INT64_C(100000000) /* some cameras change a control with each frame */
+
+void settings_begin(struct grabber *grabber) {
+    controls_begin(&grabber->controls, grabber->device.fd);
+    grabber->changed = true;
+    grabber->settings = 0;
+}
+
+static void serve(struct grabber *grabber) {
+    DDX_REQUEST request;
+    char text[DDX_ANSWER_TEXT] = "";
+    int status;
+    if (ddx_requests_take(grabber->requests, &request))
+        return;
+    if (grabber->device.fd < 0) {
+        status = -ENODEV;
+        snprintf(text, sizeof(text), "the camera is not there now: %.128s", grabber->state);
+    } else {
+        status = controls_change(&grabber->controls, grabber->device.fd, &request, text);
+        grabber->changed = true;
+    }
+    /* Who has the answer finds the new values there. */
+    if (!status && grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
+        grabber->changed = false;
+    ddx_requests_answer(grabber->requests, status, text);
+}
+
+void settings_tick(struct grabber *grabber) {
+    int64_t now = ddx_time_now();
+    if (grabber->requests)
+        serve(grabber);
+    if (!grabber->changed || now < grabber->settings)
+        return;
+    grabber->settings = now + AGAIN_NS;
+    if (!grabber->parameters)
+        ddxvideo_parameters_create(grabber->id, grabber->name, &grabber->parameters);
+    if (!grabber->requests)
+        grabber->requests = ddx_requests_open(grabber->id, grabber->name);
+    if (grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
+        grabber->changed = grabber->requests == NULL;
+}
+
+void settings_end(struct grabber *grabber) {
+    ddx_requests_close(grabber->requests);
+    ddx_store_done_item(grabber->parameters);
+}

@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "watch.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define SUFFIX ".stats"
+#define LOOK_MAX INT64_C(2000000000) /* ns: so much time between two looks counts at most */
+
+struct watched *watch_find(const struct watch *watch, const char *name) {
+    for (unsigned i = 0; i < watch->count; i++)
+        if (!strcmp(watch->service[i].name, name))
+            return (struct watched *)(uintptr_t)&watch->service[i];
+    return NULL;
+}
+
+static bool path_of(char *path, size_t size, const char *folder, const char *name, const char *file) {
+    return snprintf(path, size, "%s/%s/%s", folder, name, file) < (int)size;
+}
+
+/* The process that runsv runs now; 0 if it waits, or does not look after the folder yet. */
+static int32_t read_pid(const char *folder, const char *name) {
+    char path[256];
+    int pid = 0;
+    FILE *file = path_of(path, sizeof(path), folder, name, "supervise/pid") ? fopen(path, "re") : NULL;
+    if (!file)
+        return 0;
+    if (fscanf(file, "%d", &pid) != 1)
+        pid = 0;
+    fclose(file);
+    return pid;
+}
+
+static void look_at(struct watch *watch, const char *folder, const char *name) {
+    char path[256];
+    struct watched *service = watch_find(watch, name);
+    if (!service) {
+        if (watch->count == WATCH_MAX || strlen(name) > DDX_NAME_MAX - strlen(SUFFIX))
+            return;
+        service = &watch->service[watch->count++];
+        *service = (struct watched){.pid = 0};
+        strcpy(service->name, name);
+    }
+    service->seen = true;
+    service->down = path_of(path, sizeof(path), folder, name, "down") && !access(path, F_OK);
+    int32_t pid = read_pid(folder, name);
+    if (pid != service->pid) {
+        service->pid = pid;
+        service->began = false;
+        service->silent = 0;
+        service->kills = 0;
+        if (!strcmp(name, WATCH_STORE))
+            watch->refused = 0;
+    }
+}
+
+static void look_at_folder(struct watch *watch, const char *folder) {
+    for (unsigned i = 0; i < watch->count; i++)
+        watch->service[i].seen = false;
+    DIR *list = opendir(folder);
+    if (!list)
+        return;
+    for (const struct dirent *entry; (entry = readdir(list)) != NULL;)
+        if (*entry->d_name != '.')
+            look_at(watch, folder, entry->d_name);
+    closedir(list);
+    for (unsigned i = watch->count; i-- > 0;)
+        if (!watch->service[i].seen)
+            watch->service[i] = watch->service[--watch->count];
+}
+
+static void note_sign(struct watch *watch, const struct ddx_item_info *item) {
+    char name[DDX_NAME_MAX + 1];
+    size_t length = strlen(item->name), suffix = strlen(SUFFIX);
+    if (length <= suffix || strcmp(item->name + length - suffix, SUFFIX) != 0)
+        return;
+    memcpy(name, item->name, length - suffix);
+    name[length - suffix] = 0;
+    struct watched *service = watch_find(watch, name);
+    /* A value that its forerunner left is no sign of this one. */
+    if (!service || !service->pid || item->writer_pid != service->pid || item->sequence == service->signs)
+        return;
+    service->signs = item->sequence;
+    service->began = true;
+    service->silent = 0;
+}
+
+void watch_look(struct watch *watch, const char *folder, DDX_STORE_ID *id) {
+    static int64_t last;
+    struct ddx_item_info *items;
+    unsigned count;
+    look_at_folder(watch, folder);
+    int64_t begin = ddx_time_now(), passed = last ? begin - last : 0;
+    last = begin;
+    watch->answered = !ddx_store_list(id, NULL, &items, &count);
+    if (!watch->answered) {
+        /* Nobody else can be judged now. A store that is away refuses at once, one that hangs lets us wait. */
+        watch->refused += ddx_time_now() - begin;
+        return;
+    }
+    watch->refused = 0;
+    for (unsigned i = 0; i < watch->count; i++)
+        watch->service[i].silent += passed < LOOK_MAX ? passed : LOOK_MAX;
+    for (unsigned i = 0; i < count; i++)
+        note_sign(watch, &items[i]);
+    free(items);
+}
+
+bool watch_is_silent(const struct watch *watch, const struct watched *service, int64_t limit) {
+    if (!service->pid || service->down)
+        return false;
+    if (!strcmp(service->name, WATCH_STORE))
+        return watch->refused >= limit;
+    return service->began && service->silent >= limit;
+}
+
+int watch_kill(struct watched *service, const char *folder) {
+    char path[256];
+    if (!path_of(path, sizeof(path), folder, service->name, "supervise/control"))
+        return -ENAMETOOLONG;
+    int file = open(path, O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    if (file < 0)
+        return -errno;
+    int result = write(file, "k", 1) == 1 ? 0 : -errno;
+    close(file);
+    service->kills++;
+    return result;
+}

@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Which services give signs of life. What runs is runsv's word (/run/service/<name>/supervise); a sign of life is a new
+ * value of the service's item `<name>.stats`, which every program writes once a second, and for the store an answer.
+ *
+ * Silence is counted in this program's own time, from look to look: when the machine, or the host of a virtual one,
+ * gives nobody any time, nobody is called dead.
+ */
+#ifndef DDXHEALTH_WATCH_H
+#define DDXHEALTH_WATCH_H
+
+#include <ddx.h>
+#include <stdbool.h>
+
+#define WATCH_STORE "store" /* the service whose sign of life is its answer */
+#define WATCH_MAX 32        /* services */
+
+struct watched {
+    char name[DDX_NAME_MAX + 1];
+    int32_t pid;    /* 0: does not run now */
+    bool down;      /* it is not meant to run */
+    uint64_t signs; /* of life, as counted by its item */
+    bool began;     /* gave one since it runs with this pid: only then silence means something */
+    int64_t silent; /* ns since the last one */
+    unsigned kills; /* since it runs with this pid: more than one if the first was no help */
+    bool seen;      /* in the folder, in this look */
+};
+
+struct watch {
+    struct watched service[WATCH_MAX];
+    unsigned count;
+    bool answered;   /* the store did, in the last look */
+    int64_t refused; /* ns that the store let us wait for nothing, in a row */
+};
+
+/* Look at all services below `folder`, and at the items of the store; waits for its answer, 5 s at most. */
+void watch_look(struct watch *watch, const char *folder, DDX_STORE_ID *id);
+
+/* The service of this name, or NULL. */
+struct watched *watch_find(const struct watch *watch, const char *name);
+
+/* It runs, and is expected to, but has been silent for `limit` ns. */
+bool watch_is_silent(const struct watch *watch, const struct watched *service, int64_t limit);
+
+/* Have runsv kill it; runsv starts it again, and counts. 0 or -errno. */
+int watch_kill(struct watched *service, const char *folder);
+
+#endif

@@ -1,0 +1,202 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "export.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+#include "bytes.h"
+#include "crc32c.h"
+#include "program.h"
+#include "verify.h"
+
+#define UNFINISHED ".part"
+#define AHEAD (8u << 20) /* bytes that wait in memory for a slow stick, at most: memory is for frames */
+
+struct copy {
+    struct verify from;
+    const struct found *found;
+    int fd;
+    uint32_t sum;
+    uint64_t written, synced;
+    int percent;      /* shown last */
+    int write_error;  /* 0: what failed was the source */
+};
+
+/* ---- One file ---- */
+
+static void show_progress(struct copy *copy) {
+    int percent = (int)(copy->written * 100 / copy->from.bytes);
+    if (percent == copy->percent || !isatty(STDOUT_FILENO))
+        return;
+    copy->percent = percent;
+    printf("\r%s: %d %%", copy->found->name, percent);
+    fflush(stdout);
+}
+
+/* So much more is on its way to the medium, and what was on its way before is there. */
+static int push(struct copy *copy, uint64_t until) {
+    int flags = SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER;
+    if (sync_file_range(copy->fd, (off_t)copy->synced, (off_t)(until - copy->synced), (unsigned)flags) &&
+        errno != ESPIPE && errno != EINVAL)
+        return -errno;
+    copy->synced = until;
+    return 0;
+}
+
+static int take(void *to, const unsigned char *bytes, size_t size) {
+    struct copy *copy = to;
+    verify_bytes(&copy->from, bytes, size);
+    copy->sum = crc32c(copy->sum, bytes, size);
+    while (size) {
+        ssize_t done = write(copy->fd, bytes, size);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            return copy->write_error = -errno;
+        bytes += done;
+        size -= (size_t)done;
+        copy->written += (uint64_t)done;
+    }
+    show_progress(copy);
+    return copy->written - copy->synced < AHEAD ? 0 : (copy->write_error = push(copy, copy->written));
+}
+
+static int add_up(void *to, const unsigned char *bytes, size_t size) {
+    uint32_t *sum = to;
+    *sum = crc32c(*sum, bytes, size);
+    return 0;
+}
+
+/* Past the page cache: what the medium has, not what we remember. 0, -EBADMSG if it is something else, -errno. */
+static int read_back(const struct copy *copy, int to, const char *name) {
+    uint32_t sum = 0;
+    int fd = openat(to, name, O_RDONLY | O_CLOEXEC | O_DIRECT);
+    bool direct = fd >= 0;
+    if (fd < 0 && errno == EINVAL)
+        fd = openat(to, name, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return -errno;
+    int error = bytes_read(fd, direct, copy->written, add_up, &sum);
+    close(fd);
+    return error ? error : sum == copy->sum ? 0 : -EBADMSG;
+}
+
+/* All but the name. */
+static int write_file(struct copy *copy, int to, const char *name) {
+    copy->fd = openat(to, name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    if (copy->fd < 0)
+        return copy->write_error = -errno;
+    int error = bytes_read(copy->from.fd, copy->from.direct, copy->from.bytes, take, copy);
+    if (!error && fsync(copy->fd))
+        error = copy->write_error = -errno;
+    posix_fadvise(copy->fd, 0, 0, POSIX_FADV_DONTNEED);
+    if (!error)
+        error = copy->write_error = read_back(copy, to, name);
+    return error;
+}
+
+/* FAT keeps a file's size beside its name, and writes it with the file only: until then there is a name with nothing
+ * behind it. */
+static int give_name(const struct copy *copy, int to, const char *from) {
+    return renameat(to, from, to, copy->found->name) || fsync(copy->fd) || fsync(to) ? -errno : 0;
+}
+
+static void tell(const struct copy *copy, const char *to, int error) {
+    const char *why = error == -EBADMSG  ? "reads back as something else than was written; take another stick"
+                      : error == -EINTR  ? "told to stop"
+                      : error == -ENOSPC ? "is full"
+                      : error == -EFBIG  ? "takes no file of this size; format the stick as exFAT"
+                      : error == -EINVAL ? "does not take this name"
+                                         : strerror(-error);
+    if (error == -EINTR)
+        say("%s: not exported, %s", copy->found->name, why);
+    else if (copy->write_error)
+        say("%s: not exported: %s: %s%s", copy->found->name, to, why,
+            error == -EIO || error == -ENODEV || error == -ENXIO ? "; was the stick pulled out?" : "");
+    else
+        say("%s: not exported, it cannot be read: %s", copy->found->name, strerror(-error));
+}
+
+/* 0; 1: copied, but it is not what was recorded; -errno after a line. */
+static int copy_file(const struct folder *folder, const struct found *found, const char *path, int to) {
+    char unfinished[NAME_MAX + sizeof(UNFINISHED)];
+    struct copy copy = {.found = found, .fd = -1, .percent = -1};
+    int error = verify_open(&copy.from, folder, found);
+    bool opened = !error;
+    snprintf(unfinished, sizeof(unfinished), "%s%s", found->name, UNFINISHED);
+    if (opened) {
+        error = write_file(&copy, to, unfinished);
+        if (!error)
+            error = copy.write_error = give_name(&copy, to, unfinished);
+        if (copy.fd >= 0 && close(copy.fd) && !error)
+            error = copy.write_error = -errno;
+        if (isatty(STDOUT_FILENO))
+            printf("\r\033[K");
+        fflush(stdout);
+        if (error) {
+            tell(&copy, path, error);
+            unlinkat(to, unfinished, 0);
+        }
+    }
+    bool good = error || verify_judge(&copy.from, found);
+    verify_close(&copy.from);
+    return error ? error : !good;
+}
+
+/* ---- All of them ---- */
+
+/* Whether they fit, each one and all together: false after a line. */
+static bool has_room(const struct folder *folder, const bool *chosen, const char *path, int to) {
+    struct statvfs medium;
+    uint64_t bytes = 0;
+    if (fstatvfs(to, &medium)) {
+        say("%s: %s", path, strerror(errno));
+        return false;
+    }
+    for (unsigned i = 0; i < folder->count; i++) {
+        if (chosen[i]) /* also if it is there already: the old one goes after the new one was written */
+            bytes += (folder->file[i].bytes / medium.f_frsize + 2) * medium.f_frsize;
+    }
+    uint64_t room = (uint64_t)medium.f_bavail * medium.f_frsize;
+    if (bytes > room)
+        say("%s: %" PRIu64 " MB are needed, %" PRIu64 " MB are free; nothing was copied", path,
+            (bytes + (1 << 20) - 1) >> 20, room >> 20);
+    return bytes <= room;
+}
+
+int export_files(const struct folder *folder, const bool *chosen, const char *path) {
+    unsigned count = 0, done = 0, copied = 0, doubtful = 0;
+    int to = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC), error = 0;
+    if (to < 0) {
+        say("%s: %s", path, strerror(errno));
+        return EXIT_FAILED;
+    }
+    for (unsigned i = 0; i < folder->count; i++)
+        count += chosen[i];
+    if (!has_room(folder, chosen, path, to)) {
+        close(to);
+        return EXIT_FAILED;
+    }
+    for (unsigned i = 0; i < folder->count && (!error || error == -EBUSY || error == -EBADMSG); i++) {
+        if (!chosen[i])
+            continue;
+        done++;
+        error = copy_file(folder, &folder->file[i], path, to);
+        copied += error >= 0;
+        doubtful += error > 0;
+        if (error >= 0) {
+            printf("%s: %" PRIu64 " MB, %u of %u\n", folder->file[i].name,
+                   (folder->file[i].bytes + (1 << 20) - 1) >> 20, done, count);
+            error = 0;
+        }
+        fflush(stdout);
+    }
+    close(to);
+    return copied == count && !doubtful ? EXIT_OK : EXIT_FAILED;
+}

@@ -1,0 +1,172 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "find.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "find_file.h"
+#include "pool_files.h"
+
+/* ---- What the pool has ---- */
+
+struct pooled {
+    ino_t inode;
+    struct found found;
+};
+
+struct pooled_list {
+    struct pooled *file;
+    unsigned count;
+};
+
+static bool add_pooled(struct pooled_list *list, const struct pooled *file) {
+    struct pooled *more = realloc(list->file, (list->count + 1) * sizeof(*more));
+    if (!more)
+        return false;
+    list->file = more;
+    more[list->count++] = *file;
+    return true;
+}
+
+static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
+    DIR *pool = folder->pool < 0 ? NULL : pool_list(folder->pool);
+    int error = 0;
+    if (!pool)
+        return folder->pool < 0 ? 0 : -errno;
+    for (struct dirent *entry = readdir(pool); entry && !error; entry = readdir(pool)) {
+        char *end;
+        struct stat status;
+        long id = strtol(entry->d_name, &end, 10);
+        if (end == entry->d_name || id <= 0 || strcmp(end, ".y4m") || fstatat(folder->pool, entry->d_name, &status, 0))
+            continue;
+        struct pooled file = {.inode = status.st_ino, .found = {.id = id}};
+        if (find_indexed(folder->pool, status.st_nlink > 1, &file.found) && !add_pooled(list, &file))
+            error = -ENOMEM;
+    }
+    closedir(pool);
+    return error;
+}
+
+/* ---- What people see ---- */
+
+static int add(struct folder *folder, const struct found *found) {
+    struct found *more = realloc(folder->file, (folder->count + 1) * sizeof(*more));
+    if (!more)
+        return -ENOMEM;
+    folder->file = more;
+    more[folder->count++] = *found;
+    return 0;
+}
+
+static struct pooled *with_inode(const struct pooled_list *list, ino_t inode) {
+    for (unsigned i = 0; i < list->count; i++)
+        if (list->file[i].inode == inode)
+            return &list->file[i];
+    return NULL;
+}
+
+static int add_named(struct folder *folder, const char *name, const struct pooled_list *list) {
+    struct stat status;
+    struct found found = {.id = 0};
+    if (fstatat(folder->fd, name, &status, AT_SYMLINK_NOFOLLOW) || !S_ISREG(status.st_mode))
+        return 0;
+    struct pooled *pooled = with_inode(list, status.st_ino);
+    if (pooled) {
+        found = pooled->found;
+        pooled->found.id = 0; /* taken */
+    }
+    snprintf(found.name, sizeof(found.name), "%s", name);
+    if (found.id)
+        found.bytes = (uint64_t)status.st_size;
+    else if (!find_plain(folder->fd, &found))
+        return 0;
+    return add(folder, &found);
+}
+
+static int look_at_names(struct folder *folder, const struct pooled_list *list) {
+    DIR *names = pool_list(folder->fd);
+    int error = 0;
+    if (!names)
+        return -errno;
+    for (struct dirent *entry = readdir(names); entry && !error; entry = readdir(names)) {
+        const char *end = strrchr(entry->d_name, '.');
+        if (end && end != entry->d_name && !strcmp(end, ".y4m"))
+            error = add_named(folder, entry->d_name, list);
+    }
+    closedir(names);
+    for (unsigned i = 0; i < list->count && !error; i++)
+        if (list->file[i].found.id && list->file[i].found.state >= FOUND_INTERRUPTED)
+            error = add(folder, &list->file[i].found); /* has no name yet */
+    return error;
+}
+
+static int in_order(const void *a, const void *b) {
+    const struct found *one = a, *other = b;
+    if (one->session != other->session)
+        return one->session < other->session ? -1 : 1;
+    if (one->number != other->number)
+        return one->number < other->number ? -1 : 1;
+    return strcmp(one->name, other->name);
+}
+
+int folder_open(struct folder *folder, const char *path) {
+    struct pooled_list list = {NULL, 0};
+    *folder = (struct folder){.fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC), .pool = -1};
+    if (folder->fd < 0)
+        return -errno;
+    folder->pool = openat(folder->fd, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    int error = folder->pool < 0 && errno != ENOENT ? -errno : look_at_pool(folder, &list);
+    if (!error)
+        error = look_at_names(folder, &list);
+    free(list.file);
+    if (folder->count)
+        qsort(folder->file, folder->count, sizeof(*folder->file), in_order);
+    return error;
+}
+
+void folder_close(struct folder *folder) {
+    free(folder->file);
+    if (folder->pool >= 0)
+        close(folder->pool);
+    if (folder->fd >= 0)
+        close(folder->fd);
+}
+
+/* ---- One of them ---- */
+
+const char *found_state_name(enum found_state state) {
+    static const char *const names[] = {"finished", "recovered", "cut off", "interrupted", "recording"};
+    return names[state];
+}
+
+int found_open(const struct folder *folder, const struct found *found, bool *direct) {
+    char name[POOL_PATH];
+    pool_data_name(name, found->id);
+    int from = found->id ? folder->pool : folder->fd;
+    const char *path = found->id ? name : found->name;
+    int fd = openat(from, path, O_RDONLY | O_CLOEXEC | O_DIRECT);
+    *direct = fd >= 0;
+    if (fd < 0 && errno == EINVAL)
+        fd = openat(from, path, O_RDONLY | O_CLOEXEC);
+    return fd < 0 ? -errno : fd;
+}
+
+int found_hold(const struct folder *folder, const struct found *found) {
+    char name[POOL_PATH];
+    pool_index_name(name, found->id);
+    int fd = openat(folder->pool, name, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return -errno;
+    /* What is being recorded is its recorder's already. */
+    if (found->state < FOUND_INTERRUPTED && flock(fd, LOCK_SH | LOCK_NB)) {
+        close(fd);
+        return -EBUSY;
+    }
+    return fd;
+}

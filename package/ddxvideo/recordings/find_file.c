@@ -1,0 +1,177 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "find_file.h"
+
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "pool_files.h"
+#include "y4m.h"
+
+#define NS INT64_C(1000000000)
+
+/* A frame lasts until the next one, the last one as long as the others. */
+static int64_t lasts(int64_t first, int64_t last, uint64_t frames) {
+    return frames < 2 || last < first ? 0 : (last - first) / (int64_t)(frames - 1) * (int64_t)frames;
+}
+
+/* ---- With an index ---- */
+
+/* Whether somebody has locked the file: a recorder writes it. Asks nobody, so nobody finds it taken. */
+static bool is_locked(int fd) {
+    struct stat status;
+    char line[256];
+    bool found = false;
+    FILE *locks = fopen("/proc/locks", "re");
+    if (!locks || fstat(fd, &status)) {
+        if (locks)
+            fclose(locks);
+        return false;
+    }
+    while (!found && fgets(line, sizeof(line), locks)) {
+        uintmax_t inode = 0;
+        found = sscanf(line, "%*s FLOCK %*s WRITE %*s %*[^:]:%*[^:]:%ju", &inode) == 1 &&
+                inode == (uintmax_t)status.st_ino;
+    }
+    fclose(locks);
+    return found;
+}
+
+/* The header says nothing of its frames yet. */
+static void count_so_far(int fd, struct found *found) {
+    struct index_file *index = malloc(sizeof(*index));
+    if (!index || index_read(fd, index)) {
+        free(index);
+        return;
+    }
+    found->frames = index_count(index, UINT64_MAX);
+    for (uint64_t i = 0; i < found->frames; i++) {
+        found->lost_store += index->entry[i].lost_store;
+        found->lost_ring += index->entry[i].lost_ring;
+        found->bytes = index->entry[i].offset + index->entry[i].bytes;
+        found->duration = lasts(index->header.start, index->entry[i].time, found->frames);
+    }
+    free(index);
+}
+
+static void read_length(int fd, const struct index_header *header, struct found *found) {
+    struct index_entry last;
+    off_t at = (off_t)(INDEX_BLOCK + (header->frames - 1) * sizeof(last));
+    if (header->frames && pread(fd, &last, sizeof(last), at) == (ssize_t)sizeof(last) &&
+        index_good_entry(&last, header->recording, header->frames - 1))
+        found->duration = lasts(header->start, last.time, header->frames);
+}
+
+bool find_indexed(int pool, bool named, struct found *found) {
+    char name[POOL_PATH];
+    struct index_header header;
+    pool_index_name(name, found->id);
+    int fd = openat(pool, name, O_RDONLY | O_CLOEXEC);
+    bool good = fd >= 0 && pool_read_header(fd, &header) && header.state >= INDEX_RECORDING &&
+                (named || header.state != INDEX_NAMED);
+    if (good) {
+        strcpy(found->name, header.name);
+        strcpy(found->item, header.item);
+        found->number = header.number;
+        found->session = header.session ? header.session : header.number;
+        found->wall = header.wall;
+        found->frames = header.frames;
+        found->bytes = header.bytes;
+        found->lost_store = header.lost_store;
+        found->lost_ring = header.lost_ring;
+        found->state = header.flags & INDEX_RECOVERED ? FOUND_RECOVERED : FOUND_FINISHED;
+    }
+    if (good && !named)
+        found->state = is_locked(fd) ? FOUND_RECORDING : FOUND_INTERRUPTED;
+    if (good && header.state == INDEX_RECORDING)
+        count_so_far(fd, found);
+    else if (good)
+        read_length(fd, &header, found);
+    if (fd >= 0)
+        close(fd);
+    return good;
+}
+
+/* ---- Without ---- */
+
+/* <item>-<number>-<UTC>.y4m; another name is an item without a number. */
+static void read_name(struct found *found) {
+    char item[sizeof(found->name)];
+    struct tm utc = {.tm_year = 0};
+    snprintf(item, sizeof(item), "%.*s", (int)(strlen(found->name) - strlen(".y4m")), found->name);
+    char *stamp = strrchr(item, '-'), *end = NULL;
+    if (stamp)
+        *stamp = 0;
+    char *number = stamp ? strrchr(item, '-') : NULL;
+    if (number)
+        found->number = (uint32_t)strtoul(number + 1, &end, 10);
+    if (number && found->number && !*end) {
+        *number = 0;
+        if (strptime(stamp + 1, "%Y%m%dT%H%M%SZ", &utc))
+            found->wall = (int64_t)timegm(&utc) * NS;
+    } else {
+        found->number = 0;
+        if (stamp)
+            *stamp = '-';
+    }
+    snprintf(found->item, sizeof(found->item), "%.127s", item);
+    found->session = found->number;
+}
+
+/* The line at an offset, without its line feed; its length with it, 0 if there is none. */
+static size_t read_line(int fd, uint64_t at, char line[Y4M_HEADER_MAX]) {
+    ssize_t got = pread(fd, line, Y4M_HEADER_MAX - 1, (off_t)at);
+    if (got <= 0)
+        return 0;
+    line[got] = 0;
+    char *end = strchr(line, '\n');
+    if (!end)
+        return 0;
+    *end = 0;
+    return (size_t)(end - line) + 1;
+}
+
+/* From FRAME line to FRAME line, over the pictures. */
+static void walk(int fd, const struct y4m_header *header, uint64_t at, struct found *found) {
+    char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
+    uint64_t picture = 0;
+    int64_t time, last = -1;
+    size_t length;
+    for (int plane = 0; plane < 4; plane++)
+        picture += y4m_plane_bytes(header, plane);
+    while (at < found->bytes && (length = read_line(fd, at, line)) && y4m_parse_frame(line, &time, error) &&
+           found->bytes - at >= length + picture) {
+        at += length + picture;
+        found->frames++;
+        last = time;
+    }
+    if (at < found->bytes)
+        found->state = FOUND_CUT_OFF;
+    if (last >= 0)
+        found->duration = lasts(0, last, found->frames);
+    else if (header->geometry.rate_num)
+        found->duration = (int64_t)found->frames * NS / header->geometry.rate_num * header->geometry.rate_den;
+}
+
+bool find_plain(int folder, struct found *found) {
+    char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
+    struct y4m_header header;
+    struct stat status;
+    int fd = openat(folder, found->name, O_RDONLY | O_CLOEXEC);
+    size_t length = fd < 0 || fstat(fd, &status) ? 0 : read_line(fd, 0, line);
+    bool good = length && y4m_parse_header(line, &header, error);
+    if (good) {
+        posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* not all that lies between the lines */
+        read_name(found);
+        found->bytes = (uint64_t)status.st_size;
+        walk(fd, &header, length, found);
+    }
+    if (fd >= 0)
+        close(fd);
+    return good;
+}

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* One file of a recording: what its index says, or what it says itself. */
+#ifndef DDXVIDEO_FIND_FILE_H
+#define DDXVIDEO_FIND_FILE_H
+
+#include "find.h"
+
+/*
+ * All but the name that people gave it, from the index of found->id. False: it is no recording, but free, or somebody
+ * has deleted it (`named`: it has a name).
+ */
+bool find_indexed(int pool, bool named, struct found *found);
+
+/* All from the file found->name itself. False: it is no Y4M file. */
+bool find_plain(int folder, struct found *found);
+
+#endif

@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "verify.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "bytes.h"
+#include "program.h"
+
+static int read_index(struct verify *verify, const struct found *found) {
+    verify->index = malloc(sizeof(*verify->index));
+    if (!verify->index)
+        return -ENOMEM;
+    int error = index_read(verify->index_fd, verify->index);
+    if (error)
+        return error;
+    verify->check = (struct check){.index = verify->index, .frames = index_count(verify->index, UINT64_MAX)};
+    if (found->state < FOUND_INTERRUPTED && verify->check.frames < verify->index->header.frames) {
+        say("%s: its index is damaged: %u of %u frames have their sums", found->name, verify->check.frames,
+            verify->index->header.frames);
+        verify->damaged = true;
+    }
+    const struct index_entry *last = verify->check.frames ? &verify->index->entry[verify->check.frames - 1] : NULL;
+    if (found->state >= FOUND_INTERRUPTED) /* what the index promises by now */
+        verify->bytes = last ? last->offset + last->bytes : 0;
+    return 0;
+}
+
+int verify_open(struct verify *verify, const struct folder *folder, const struct found *found) {
+    *verify = (struct verify){.fd = -1, .index_fd = -1, .bytes = found->bytes};
+    int error = 0;
+    if (found->id) {
+        verify->index_fd = found_hold(folder, found);
+        error = verify->index_fd < 0 ? verify->index_fd : read_index(verify, found);
+    }
+    if (!error) {
+        verify->fd = found_open(folder, found, &verify->direct);
+        error = verify->fd < 0 ? verify->fd : 0;
+    }
+    if (error)
+        say("%s: %s", found->name,
+            error == -EBUSY     ? "is being given up for a new recording"
+            : error == -EBADMSG ? "its index is damaged"
+                                : strerror(-error));
+    return error;
+}
+
+void verify_close(struct verify *verify) {
+    free(verify->index);
+    if (verify->fd >= 0)
+        close(verify->fd);
+    if (verify->index_fd >= 0)
+        close(verify->index_fd);
+}
+
+bool verify_judge(struct verify *verify, const struct found *found) {
+    struct check *check = &verify->check;
+    check_end(check);
+    if (!check->bad)
+        return !verify->damaged;
+    const struct index_entry *entry = &verify->index->entry[check->first];
+    if (check->bad == 1)
+        say("%s: frame %u is not what was recorded (number %" PRIu64 " of the item)", found->name, check->first,
+            entry->sequence);
+    else if (check->last - check->first + 1 == check->bad)
+        say("%s: frames %u to %u are not what was recorded", found->name, check->first, check->last);
+    else
+        say("%s: %u frames are not what was recorded, the first is frame %u", found->name, check->bad, check->first);
+    return false;
+}
+
+int verify_bytes(void *to, const unsigned char *bytes, size_t size) {
+    struct verify *verify = to;
+    if (verify->index)
+        check_bytes(&verify->check, bytes, size);
+    return 0;
+}
+
+bool verify_file(const struct folder *folder, const struct found *found) {
+    struct verify verify;
+    int error = verify_open(&verify, folder, found);
+    bool good = !error;
+    if (good)
+        error = bytes_read(verify.fd, verify.direct, verify.bytes, verify_bytes, &verify);
+    if (good && error && error != -ENODATA)
+        say("%s: %s", found->name, error == -EINTR ? "not verified, told to stop" : strerror(-error));
+    if (!error || error == -ENODATA)
+        good = verify_judge(&verify, found);
+    good = good && !error && found->state != FOUND_CUT_OFF;
+    if (good && found->id)
+        printf("%s: good, %u frames\n", found->name, verify.check.frames);
+    else if (good)
+        printf("%s: readable, %" PRIu64 " frames; without an index nothing more is known\n", found->name,
+               found->frames);
+    else if (found->state == FOUND_CUT_OFF)
+        say("%s: after %" PRIu64 " whole frames comes something else", found->name, found->frames);
+    fflush(stdout);
+    verify_close(&verify);
+    return good;
+}

@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The pool's files: names, locks, headers. */
+#include "pool_files.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+void pool_lock(struct pool *pool) {
+    pthread_mutex_lock(&pool->lock);
+    while (flock(pool->folder, LOCK_EX) && errno == EINTR)
+        continue;
+}
+
+void pool_unlock(struct pool *pool) {
+    flock(pool->folder, LOCK_UN);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+void pool_data_name(char name[POOL_PATH], long id) {
+    snprintf(name, POOL_PATH, "%06ld.y4m", id);
+}
+
+void pool_index_name(char name[POOL_PATH], long id) {
+    snprintf(name, POOL_PATH, "%06ld.index", id);
+}
+
+DIR *pool_list(int folder) {
+    int fd = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    DIR *list = fd < 0 ? NULL : fdopendir(fd);
+    if (!list && fd >= 0)
+        close(fd);
+    return list;
+}
+
+int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void *argument), void *argument) {
+    DIR *folder = pool_list(pool->folder);
+    if (!folder)
+        return -errno;
+    for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
+        char *end;
+        long id = strtol(entry->d_name, &end, 10);
+        if (end != entry->d_name && id > 0 && !strcmp(end, ".y4m") && !visit(pool, id, argument))
+            break;
+    }
+    closedir(folder);
+    return 0;
+}
+
+bool pool_is_named(const struct pool *pool, long id) {
+    char name[POOL_PATH];
+    struct stat status;
+    pool_data_name(name, id);
+    return !fstatat(pool->folder, name, &status, 0) && status.st_nlink > 1;
+}
+
+void pool_forget(struct pool_file *file, struct index_header *header, uint64_t bytes) {
+    *header = (struct index_header){.state = INDEX_RAW};
+    file->written = bytes / INDEX_BLOCK * INDEX_BLOCK;
+}
+
+/* Both files, without what the page cache would add, if the file system can. */
+static int open_file(const struct pool *pool, const char *name, int flags, bool *direct) {
+    int fd = openat(pool->folder, name, O_RDWR | O_CLOEXEC | O_DIRECT | flags, 0664);
+    *direct = fd >= 0;
+    if (fd < 0 && errno == EINVAL)
+        fd = openat(pool->folder, name, O_RDWR | O_CLOEXEC | (flags & ~O_EXCL), 0664);
+    return fd < 0 ? -errno : fd;
+}
+
+static int open_both(const struct pool *pool, long id, int flags, struct pool_file *file) {
+    char name[POOL_PATH];
+    bool direct;
+    *file = (struct pool_file){.id = id, .fd = -1};
+    pool_index_name(name, id);
+    file->index_fd = open_file(pool, name, flags, &direct);
+    if (file->index_fd < 0)
+        return file->index_fd;
+    int error = flock(file->index_fd, LOCK_EX | LOCK_NB) ? -errno : 0;
+    pool_data_name(name, id);
+    if (!error)
+        file->fd = error = open_file(pool, name, flags, &file->direct);
+    if (error < 0)
+        pool_release(file);
+    return error < 0 ? error : 0;
+}
+
+void pool_release(struct pool_file *file) {
+    if (file->fd >= 0)
+        close(file->fd);
+    close(file->index_fd);
+    file->fd = file->index_fd = -1;
+}
+
+bool pool_read_header(int fd, struct index_header *header) {
+    _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK];
+    if (pread(fd, block, sizeof(block), 0) != (ssize_t)sizeof(block))
+        return false;
+    memcpy(header, block, sizeof(*header));
+    return index_good_header(header);
+}
+
+bool pool_claim(struct pool *pool, long id, struct pool_file *file, struct index_header *header) {
+    if (open_both(pool, id, O_CREAT, file))
+        return false;
+    bool good = pool_read_header(file->index_fd, header);
+    struct stat data, index;
+    if (fstat(file->fd, &data) || fstat(file->index_fd, &index)) {
+        pool_release(file);
+        return false;
+    }
+    if (!good || index.st_size != INDEX_BYTES)
+        *header = (struct index_header){.state = INDEX_RAW};
+    else if (header->state == INDEX_FREE && (uint64_t)data.st_size != pool->bytes)
+        header->state = INDEX_RAW; /* of another size */
+    else if (header->state == INDEX_NAMED)
+        pool_forget(file, header, (uint64_t)data.st_size);
+    file->prepared = header->state != INDEX_RAW;
+    return true;
+}
+
+struct search {
+    struct pool_file *file;
+    uint32_t state;
+    bool found;
+};
+
+static bool claim_state(struct pool *pool, long id, void *argument) {
+    struct search *search = argument;
+    struct index_header header;
+    if (pool_is_named(pool, id) || !pool_claim(pool, id, search->file, &header))
+        return true;
+    search->found = header.state == search->state;
+    if (!search->found)
+        pool_release(search->file);
+    return !search->found;
+}
+
+bool pool_find(struct pool *pool, uint32_t state, struct pool_file *file) {
+    struct search search = {.file = file, .state = state};
+    pool_each(pool, claim_state, &search);
+    return search.found;
+}
+
+int pool_create(struct pool *pool, struct pool_file *file) {
+    long most = 0;
+    DIR *folder = pool_list(pool->folder);
+    if (!folder)
+        return -errno;
+    for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
+        long id = strtol(entry->d_name, NULL, 10);
+        if (id > most) /* of a file, or of an index alone */
+            most = id;
+    }
+    closedir(folder);
+    return open_both(pool, most + 1, O_CREAT | O_EXCL, file);
+}
+
+int pool_write_header(const struct pool_file *file, struct index_header *header) {
+    _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK] = {0};
+    index_seal_header(header);
+    memcpy(block, header, sizeof(*header));
+    return pwrite(file->index_fd, block, sizeof(block), 0) == (ssize_t)sizeof(block) ? 0 : -EIO;
+}
+
+int pool_write_index(const struct pool_file *file, uint32_t state) {
+    struct index_file *index;
+    if (posix_memalign((void **)&index, INDEX_BLOCK, sizeof(*index)))
+        return -ENOMEM;
+    memset(index, 0, sizeof(*index));
+    index->header.state = state;
+    index_seal_header(&index->header);
+    ssize_t done = pwrite(file->index_fd, index, sizeof(*index), 0);
+    int error = done < 0 ? -errno : done == (ssize_t)sizeof(*index) ? 0 : -ENOSPC;
+    free(index);
+    return error;
+}
+
+int pool_allocate(const struct pool *pool, const struct pool_file *file) {
+    /* Not posix_fallocate(): on ext3 it writes single bytes instead, which O_DIRECT refuses. */
+    if (!fallocate(file->fd, 0, 0, (off_t)pool->bytes) || errno == EOPNOTSUPP)
+        return 0;
+    return -errno;
+}
+
+bool pool_has_room(const struct pool *pool) {
+    struct statvfs disk;
+    return !fstatvfs(pool->folder, &disk) &&
+           (uint64_t)disk.f_bavail * disk.f_frsize >= pool->bytes + INDEX_BYTES + POOL_LEFT_FREE;
+}

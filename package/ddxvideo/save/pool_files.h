@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The pool from inside: what its parts know of each other. */
+#ifndef DDXVIDEO_POOL_FILES_H
+#define DDXVIDEO_POOL_FILES_H
+
+#include <dirent.h>
+#include <pthread.h>
+#include <stdatomic.h>
+
+#include "pool.h"
+
+#define POOL_PATH 32 /* room for the name of a file in the pool */
+#define POOL_READY 2 /* files that are kept ready */
+#define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs, and what the file system needs for itself */
+
+struct pool {
+    int outside; /* the folder of the recordings */
+    int folder;  /* the pool in it */
+    uint64_t bytes;
+    bool recycle;
+    uint32_t last_number; /* that we gave, and that may not be on the disk yet */
+    pthread_mutex_t lock; /* of our threads; flock(folder) is that of the programs */
+    struct pool_file next;
+    bool has_next; /* `next` is ready, and locked by us */
+    /* of the thread that prepares: */
+    pthread_t thread;
+    pthread_cond_t changed;
+    bool preparing;
+    bool recovering; /* until then nobody knows which files are free, and which numbers */
+    atomic_bool stop;
+    _Atomic uint64_t rate; /* bytes a second that are recorded */
+    bool (*busy)(void *argument);
+    void *argument;
+};
+
+void pool_lock(struct pool *pool);
+void pool_unlock(struct pool *pool);
+
+/* Names in the pool's folder. */
+void pool_data_name(char name[POOL_PATH], long id);
+void pool_index_name(char name[POOL_PATH], long id);
+
+/* What is in a folder; NULL and errno. */
+DIR *pool_list(int folder);
+
+/* Call `visit` for the number of each file. It returns false to end the walk. 0 or -errno. */
+int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void *argument), void *argument);
+
+/* Whether the file is a recording that has its name. It is nobody's to record into. */
+bool pool_is_named(const struct pool *pool, long id);
+
+/* The header of an index; false if it has none, or a spoilt one. */
+bool pool_read_header(int fd, struct index_header *header);
+
+/* Lock the index and open both; false if somebody else has it, or it cannot be. `header` is what the index says; a
+ * spoilt one is INDEX_RAW, and so is that of a recording which somebody has deleted. */
+bool pool_claim(struct pool *pool, long id, struct pool_file *file, struct index_header *header);
+
+/* Claim a file that is in this state, and nobody's. False if there is none. */
+bool pool_find(struct pool *pool, uint32_t state, struct pool_file *file);
+
+/* What was recorded in it, so many bytes, is nobody's any more. */
+void pool_forget(struct pool_file *file, struct index_header *header, uint64_t bytes);
+
+/* A new file, ours; neither file nor index has any contents. */
+int pool_create(struct pool *pool, struct pool_file *file);
+
+/* All of the index: an empty one. */
+int pool_write_index(const struct pool_file *file, uint32_t state);
+
+/* Blocks for all of it, in one piece where the disk has one. A file system that cannot gives them as it is written. */
+int pool_allocate(const struct pool *pool, const struct pool_file *file);
+
+/* As the disk is: free for one file more, and something left for whoever else writes there. */
+bool pool_has_room(const struct pool *pool);
+
+/* Give up the oldest recording: its file becomes ours, without its name, INDEX_RAW. -ENOENT: there is none. */
+int pool_recycle(struct pool *pool, struct pool_file *file);
+
+/* Until the thread that prepares has done what it does first. */
+void pool_wait_for_recovery(struct pool *pool);
+
+#endif

@@ -1,0 +1,142 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Numbers and names of recordings, and which is the oldest. */
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "pool_files.h"
+
+/* The number in <item>-<NNNNNN>-<UTC>.y4m, 0 if it is none of these. */
+static long number_of(const char *name) {
+    const char *end = strstr(name, ".y4m");
+    if (!end || end[4])
+        return 0;
+    const char *dash = memrchr(name, '-', (size_t)(end - name));
+    const char *first = dash ? memrchr(name, '-', (size_t)(dash - name)) : NULL;
+    if (!first)
+        return 0;
+    char *digits_end;
+    long number = strtol(first + 1, &digits_end, 10);
+    return digits_end == dash && number > 0 && number < INT32_MAX ? number : 0;
+}
+
+static bool highest_in_use(struct pool *pool, long id, void *argument) {
+    uint32_t *most = argument;
+    char name[POOL_PATH];
+    struct index_header header;
+    if (pool_is_named(pool, id))
+        return true;
+    pool_index_name(name, id);
+    int fd = openat(pool->folder, name, O_RDONLY | O_CLOEXEC);
+    if (fd >= 0 && pool_read_header(fd, &header) && header.number > *most)
+        *most = header.number;
+    if (fd >= 0)
+        close(fd);
+    return true;
+}
+
+uint32_t pool_next_number(struct pool *pool) {
+    uint32_t most = 0;
+    pool_wait_for_recovery(pool);
+    pool_lock(pool);
+    DIR *folder = pool_list(pool->outside);
+    for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
+        long number = number_of(entry->d_name);
+        if (number > (long)most)
+            most = (uint32_t)number;
+    }
+    if (folder)
+        closedir(folder);
+    pool_each(pool, highest_in_use, &most);
+    if (pool->last_number > most)
+        most = pool->last_number;
+    pool->last_number = most + 1;
+    pool_unlock(pool);
+    return most + 1;
+}
+
+void pool_name(struct index_header *header, const char *item, uint32_t number) {
+    char stamp[32];
+    time_t now = time(NULL);
+    struct tm utc;
+    snprintf(header->item, sizeof(header->item), "%s", item);
+    strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+    header->number = number;
+    snprintf(header->name, sizeof(header->name), "%s-%06u-%s.y4m", header->item, (unsigned)number, stamp);
+    for (char *c = header->name; *c; c++)
+        if (*c == '/')
+            *c = '_'; /* an item's name may hold one */
+}
+
+/* ---- The oldest ---- */
+
+struct oldest {
+    long number;
+    ino_t inode;
+    char name[NAME_MAX + 1];
+};
+
+/* Lock the file that has this inode. */
+struct wanted {
+    ino_t inode;
+    struct pool_file *file;
+    bool found;
+};
+
+static bool claim_inode(struct pool *pool, long id, void *argument) {
+    struct wanted *wanted = argument;
+    char name[POOL_PATH];
+    struct stat status;
+    struct index_header header;
+    pool_data_name(name, id);
+    if (fstatat(pool->folder, name, &status, 0) || status.st_ino != wanted->inode)
+        return true;
+    wanted->found = pool_claim(pool, id, wanted->file, &header);
+    return false;
+}
+
+/* The recording with the lowest number above `above`. */
+static bool next_oldest(struct pool *pool, long above, struct oldest *oldest) {
+    DIR *folder = pool_list(pool->outside);
+    oldest->number = 0;
+    for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
+        long number = number_of(entry->d_name);
+        if (number > above && (!oldest->number || number < oldest->number)) {
+            oldest->number = number;
+            oldest->inode = entry->d_ino;
+            strcpy(oldest->name, entry->d_name);
+        }
+    }
+    if (folder)
+        closedir(folder);
+    return oldest->number;
+}
+
+int pool_recycle(struct pool *pool, struct pool_file *file) {
+    struct oldest oldest = {.number = 0};
+    struct stat status;
+    struct index_header header;
+    while (next_oldest(pool, oldest.number, &oldest)) {
+        struct wanted wanted = {.inode = oldest.inode, .file = file};
+        pool_each(pool, claim_inode, &wanted);
+        if (!wanted.found)
+            continue; /* not of the pool, or somebody is reading it */
+        int error = unlinkat(pool->outside, oldest.name, 0) || fsync(pool->outside) || fstat(file->fd, &status);
+        if (!error) {
+            pool_forget(file, &header, (uint64_t)status.st_size);
+            error = pool_write_header(file, &header) || fsync(file->index_fd);
+        }
+        if (!error)
+            return 0;
+        error = errno ? -errno : -EIO;
+        pool_release(file);
+        return error;
+    }
+    return -ENOENT;
+}

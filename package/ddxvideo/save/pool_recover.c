@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* After a power cut, or a recorder that was killed: each recording ends with the last frame that its index promises. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "crc32c.h"
+#include "pool_files.h"
+#include "program.h"
+
+#define LOOKED_AT 32 /* last frames whose sums are checked: the disk may have lied about the newest ones */
+
+struct recovering {
+    struct index_file *index;
+    int error;
+};
+
+static bool is_whole(const struct pool_file *file, const struct index_entry *entry) {
+    uint64_t begin = entry->offset / INDEX_BLOCK * INDEX_BLOCK, end = entry->offset + entry->bytes;
+    size_t size = (size_t)((end - begin + INDEX_BLOCK - 1) / INDEX_BLOCK * INDEX_BLOCK);
+    unsigned char *bytes;
+    if (posix_memalign((void **)&bytes, INDEX_BLOCK, size))
+        return false;
+    ssize_t got = pread(file->fd, bytes, size, (off_t)begin);
+    bool whole = got >= (ssize_t)(end - begin) &&
+                 crc32c(0, bytes + (entry->offset - begin), entry->bytes) == entry->sum;
+    free(bytes);
+    return whole;
+}
+
+/* How many frames there are, up to the first one that is not as the index says. */
+static uint32_t whole_frames(const struct pool_file *file, const struct index_file *index) {
+    struct stat status;
+    if (fstat(file->fd, &status))
+        return 0;
+    uint32_t count = index_count(index, (uint64_t)status.st_size);
+    for (uint32_t i = count > LOOKED_AT ? count - LOOKED_AT : 0; i < count; i++)
+        if (!is_whole(file, &index->entry[i]))
+            return i;
+    return count;
+}
+
+static int finish(struct pool *pool, struct pool_file *file, struct index_file *index, uint32_t frames) {
+    struct index_header *header = &index->header;
+    index_end(index, frames);
+    header->flags |= INDEX_RECOVERED;
+    int error = pool_write_header(file, header);
+    if (!error && fsync(file->index_fd))
+        error = -errno;
+    if (error) {
+        pool_release(file);
+        return error;
+    }
+    return pool_finish(pool, file, header);
+}
+
+static bool recover(struct pool *pool, long id, void *argument) {
+    struct recovering *recovering = argument;
+    struct pool_file file;
+    struct index_header header;
+    if (pool_is_named(pool, id) || !pool_claim(pool, id, &file, &header))
+        return true;
+    if (header.state != INDEX_RECORDING && header.state != INDEX_FINISHED) {
+        pool_release(&file);
+        return true;
+    }
+    uint32_t frames = 0;
+    int error = index_read(file.index_fd, recovering->index);
+    if (!error)
+        frames = whole_frames(&file, recovering->index);
+    if (frames) {
+        char name[sizeof(header.name)];
+        strcpy(name, header.name);
+        error = finish(pool, &file, recovering->index, frames);
+        if (!error)
+            say("%s: not finished when it was last recorded to; it ends after %u whole frames now", name, frames);
+    } else {
+        file.prepared = false; /* whoever prepares it looks at its size */
+        pool_give_back(&file);
+    }
+    if (error && !recovering->error)
+        recovering->error = error;
+    return true;
+}
+
+int pool_recover(struct pool *pool) {
+    struct recovering recovering = {.error = 0};
+    if (posix_memalign((void **)&recovering.index, INDEX_BLOCK, sizeof(*recovering.index)))
+        return -ENOMEM;
+    pool_lock(pool);
+    int error = pool_each(pool, recover, &recovering);
+    pool_unlock(pool);
+    free(recovering.index);
+    return error ? error : recovering.error;
+}

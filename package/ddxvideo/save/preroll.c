@@ -1,0 +1,101 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "preroll.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "program.h"
+
+#define NS INT64_C(1000000000)
+#define USUAL_RATE 25 /* of a source that does not tell its own */
+
+static unsigned limit_of(unsigned ring_frames) {
+    return ring_frames > 4 ? ring_frames / 4 * 3 : 1;
+}
+
+int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned ring_frames) {
+    int64_t frames = limit_of(ring_frames);
+    return geometry->rate_num > 0 && geometry->rate_den > 0 ? frames * geometry->rate_den / geometry->rate_num
+                                                             : frames / USUAL_RATE;
+}
+
+static size_t plane_bytes(const struct ddxvideo_picture *view, int plane) {
+    return (size_t)view->stride[plane] * (size_t)view->rows[plane];
+}
+
+static size_t picture_bytes(const struct ddxvideo_picture *view) {
+    return plane_bytes(view, 0) + plane_bytes(view, 1) + plane_bytes(view, 2);
+}
+
+static uint64_t drop_oldest(struct preroll *preroll) {
+    uint64_t frames = 1 + preroll->frame[preroll->oldest].missed;
+    preroll->oldest = (preroll->oldest + 1) % preroll->limit;
+    preroll->count--;
+    return frames;
+}
+
+uint64_t preroll_clear(struct preroll *preroll) {
+    uint64_t frames = 0;
+    while (preroll->count)
+        frames += drop_oldest(preroll);
+    free(preroll->picture);
+    free(preroll->frame);
+    free(preroll->memory);
+    *preroll = (struct preroll){.seconds = preroll->seconds};
+    return frames;
+}
+
+/* Room for pictures like this one. */
+static bool set_up(struct preroll *preroll, unsigned ring_frames, const struct ddxvideo_picture *view) {
+    preroll->limit = limit_of(ring_frames);
+    preroll->picture = calloc(preroll->limit, sizeof(*preroll->picture));
+    preroll->frame = calloc(preroll->limit, sizeof(*preroll->frame));
+    preroll->bytes = picture_bytes(view);
+    preroll->memory = malloc(preroll->limit * preroll->bytes); /* what is not used costs nothing */
+    preroll->geometry = view->geometry;
+    if (preroll->seconds > preroll_seconds_max(&view->geometry, ring_frames))
+        say("%lld seconds before the start do not fit into memory, only the last %u frames do",
+            (long long)preroll->seconds, preroll->limit);
+    if (preroll->picture && preroll->frame && preroll->memory)
+        return true;
+    say("no memory for %lld seconds before the start", (long long)preroll->seconds);
+    preroll->seconds = 0;
+    preroll_clear(preroll);
+    return false;
+}
+
+static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_picture *view) {
+    unsigned char *to = preroll->memory + at * preroll->bytes;
+    preroll->picture[at] = *view;
+    for (int plane = 0; plane < 3; plane++) {
+        memcpy(to, view->plane[plane], plane_bytes(view, plane));
+        preroll->picture[at].plane[plane] = to;
+        to += plane_bytes(view, plane);
+    }
+}
+
+uint64_t preroll_put(struct preroll *preroll, unsigned ring_frames, const struct ddxvideo_picture *view,
+                     const struct recording_frame *frame) {
+    uint64_t gone = 0;
+    if (preroll->memory && (!preroll->seconds || preroll->bytes != picture_bytes(view) ||
+                            !ddxvideo_same_layout(&preroll->geometry, &view->geometry)))
+        gone = preroll_clear(preroll);
+    if (!preroll->seconds || (!preroll->memory && !set_up(preroll, ring_frames, view)))
+        return gone + 1 + frame->missed;
+    while (preroll->count && (preroll->count == preroll->limit ||
+                              frame->published - preroll->frame[preroll->oldest].published > preroll->seconds * NS))
+        gone += drop_oldest(preroll);
+    unsigned at = (preroll->oldest + preroll->count++) % preroll->limit;
+    copy(preroll, at, view);
+    preroll->frame[at] = *frame;
+    return gone;
+}
+
+bool preroll_take(struct preroll *preroll, struct ddxvideo_picture *view, struct recording_frame *frame) {
+    if (!preroll->count)
+        return false;
+    *view = preroll->picture[preroll->oldest];
+    *frame = preroll->frame[preroll->oldest];
+    drop_oldest(preroll);
+    return true;
+}

@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The thread between ring and disk. */
+#include <string.h>
+
+#include "crc32c.h"
+#include "program.h"
+#include "recording_thread.h"
+
+#define CHUNK (1u << 20) /* writes end at multiples of this, when so much is waiting */
+
+static void fail(struct recording *recording, int error) {
+    int none = 0;
+    atomic_compare_exchange_strong(&recording->error, &none, error);
+}
+
+/* The frame's last byte is out of the ring. */
+static void frame_is_out(struct recording *recording, const struct ring_frame *frame) {
+    if (recording->error) {
+        ddx_stats_lost(recording->plan.book, LOST_WRITE, 1);
+    } else {
+        segment_add(recording->segment, frame, recording->sum);
+    }
+    recording->sum = 0;
+    ring_drop_oldest(&recording->ring);
+    ddx_stats_write(recording->plan.book);
+}
+
+/* These bytes are written, or given up: which frames do they belong to? */
+static void account(struct recording *recording, const unsigned char *bytes, size_t size) {
+    struct ring_frame frame;
+    while (size && ring_oldest(&recording->ring, &frame)) {
+        bool inside = recording->position >= frame.begin;
+        uint64_t left = (inside ? frame.end : frame.begin) - recording->position;
+        size_t part = left < size ? (size_t)left : size;
+        if (inside && recording->plan.pool)
+            recording->sum = crc32c(recording->sum, bytes, part);
+        bytes += part;
+        size -= part;
+        recording->position += part;
+        if (recording->position == frame.end)
+            frame_is_out(recording, &frame);
+    }
+}
+
+static void begin_file(struct recording *recording) {
+    struct segment *segment;
+    const struct ddxvideo_geometry *geometry = &recording->plan.geometry;
+    int error = segment_open(recording->plan.output, recording->plan.pool, recording->plan.book, recording->session,
+                             &segment);
+    if (error) {
+        fail(recording, error);
+        return;
+    }
+    if (!*recording->path)
+        say("recording %s, %dx%d, to %s", recording->plan.output->name, geometry->width, geometry->height,
+            segment->path);
+    strcpy(recording->path, segment->path);
+    if (recording->plan.pool)
+        recording->session = segment->index->header.session;
+    segment->begin = recording->position;
+    flusher_add(&recording->flusher, segment);
+    recording->segment = segment;
+}
+
+/* Here one file ends and another one begins. The flusher hears of the new one first: it would give the old one its
+ * name, and until the new one is known on the disk the recording would look finished. */
+static void change_file(struct recording *recording) {
+    struct segment *before = recording->segment;
+    uint32_t bit = 1u << recording->ring.cuts_taken % RING_CUTS;
+    if (recording->begins & bit) {
+        recording->begins &= ~bit;
+        recording->session = 0; /* of the next file's own */
+    }
+    recording->position = ring_next_file(&recording->ring);
+    recording->segment = NULL;
+    if (!recording->error)
+        begin_file(recording);
+    if (before)
+        flusher_close_segment(&recording->flusher, before);
+}
+
+/* The former recording may still have to open its first file, on a disk that stands still. */
+static void wait_for_turn(struct recording *recording) {
+    struct recording_turn *turn = recording->plan.turn;
+    pthread_mutex_lock(&turn->lock);
+    while (turn->written < recording->turn)
+        pthread_cond_wait(&turn->changed, &turn->lock);
+    pthread_mutex_unlock(&turn->lock);
+}
+
+static void end_turn(struct recording *recording) {
+    struct recording_turn *turn = recording->plan.turn;
+    pthread_mutex_lock(&turn->lock);
+    turn->written++;
+    pthread_cond_broadcast(&turn->changed);
+    pthread_mutex_unlock(&turn->lock);
+}
+
+void *recording_write(void *argument) {
+    struct recording *recording = argument;
+    const unsigned char *bytes;
+    size_t size, limit = CHUNK;
+    enum ring_next next;
+    program_thread_signals();
+    wait_for_turn(recording);
+    while ((next = ring_peek(&recording->ring, &bytes, &size, limit)) != RING_END) {
+        if (next == RING_CUT) {
+            change_file(recording);
+            limit = CHUNK;
+            continue;
+        }
+        if (!recording->error) { /* else the ring is emptied, so that every frame is accounted for */
+            ssize_t done = segment_write(recording->segment, bytes, size);
+            if (done < 0)
+                fail(recording, (int)done);
+            else
+                size = (size_t)done;
+            limit = CHUNK - (size_t)(recording->segment->written % CHUNK);
+        }
+        account(recording, bytes, size);
+        ring_take(&recording->ring, size);
+    }
+    if (recording->segment) {
+        recording->segment->lost_store = recording->lost_store_last;
+        recording->segment->lost_ring = recording->lost_ring_last;
+        flusher_close_segment(&recording->flusher, recording->segment);
+        recording->segment = NULL;
+    }
+    end_turn(recording);
+    flusher_stop(&recording->flusher);
+    recording->done = true;
+    return NULL;
+}

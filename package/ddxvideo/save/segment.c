@@ -1,0 +1,151 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "segment.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "program.h"
+#include "segment_index.h"
+
+#define CHUNK (1u << 20)
+
+/* ---- Open ---- */
+
+static int open_plain(const struct output *output, struct segment *segment) {
+    struct stat status;
+    segment->fd = output_open(output, segment->path);
+    if (segment->fd < 0)
+        return segment->fd;
+    segment->regular = !fstat(segment->fd, &status) && S_ISREG(status.st_mode);
+    return 0;
+}
+
+static int open_pooled(const struct output *output, struct pool *pool, uint32_t session, struct segment *segment) {
+    segment->latency = calloc(INDEX_ENTRIES, sizeof(*segment->latency));
+    if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof(*segment->index)))
+        return -ENOMEM;
+    memset(segment->index, 0, sizeof(*segment->index));
+    struct index_header *header = &segment->index->header;
+    uint32_t number = pool_next_number(pool);
+    int error = pool_take(pool, &segment->file);
+    if (error)
+        return error;
+    header->recording = program_random();
+    header->state = INDEX_RECORDING;
+    pool_name(header, output->name, number);
+    header->session = session ? session : number;
+    snprintf(segment->path, sizeof(segment->path), "%s/%s", output->place, header->name);
+    segment->pool = pool;
+    segment->fd = segment->file.fd;
+    segment->regular = true;
+    return 0;
+}
+
+static void release(struct segment *segment) {
+    free(segment->index);
+    free(segment->latency);
+    free(segment);
+}
+
+int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, uint32_t session,
+                 struct segment **result) {
+    struct segment *segment = calloc(1, sizeof(*segment));
+    if (!segment)
+        return -ENOMEM;
+    segment->book = book;
+    int error = pool ? open_pooled(output, pool, session, segment) : open_plain(output, segment);
+    if (error)
+        release(segment);
+    else
+        *result = segment;
+    return error;
+}
+
+/* ---- Write ---- */
+
+/* Whole blocks, the first and the last of which hold more than these bytes: before, what the ring still has of the
+ * file; behind, anything, even what the reading thread is just putting there: it is written again with its frame. */
+static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes, size_t size) {
+    size_t before = (size_t)(segment->written % INDEX_BLOCK);
+    size_t length = (before + size + INDEX_BLOCK - 1) / INDEX_BLOCK * INDEX_BLOCK;
+    ssize_t done = pwrite(segment->fd, bytes - before, length, (off_t)(segment->written - before));
+    if (done < 0)
+        return -errno;
+    if ((size_t)done <= before)
+        return -EIO;
+    return (size_t)done - before < size ? done - (ssize_t)before : (ssize_t)size;
+}
+
+ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_t size) {
+    ssize_t done;
+    do {
+        if (segment->file.direct)
+            done = write_blocks(segment, bytes, size);
+        else if (segment->pool)
+            done = pwrite(segment->fd, bytes, size, (off_t)segment->written);
+        else
+            done = write(segment->fd, bytes, size);
+        if (done < 0 && !segment->file.direct)
+            done = -errno;
+    } while (done == -EINTR);
+    if (done < 0)
+        return done;
+    segment->written += (uint64_t)done;
+    if (segment->regular && !segment->file.direct && segment->written - segment->ordered >= CHUNK) {
+        /* So that the disk works steadily instead of in bursts. */
+        sync_file_range(segment->fd, (off_t)segment->ordered, (off_t)(segment->written - segment->ordered),
+                        SYNC_FILE_RANGE_WRITE);
+        segment->ordered = segment->written;
+    }
+    return done;
+}
+
+void segment_add(struct segment *segment, const struct ring_frame *frame, uint32_t sum) {
+    int64_t latency = ddx_time_now() - frame->facts.published;
+    if (segment->pool)
+        segment_index_add(segment, frame, sum, latency);
+    else
+        ddx_stats_out(segment->book, 1, latency);
+    segment->whole = frame->end - segment->begin;
+    segment->frames++; /* behind the entry: who counts it finds it */
+}
+
+/* ---- Make safe ---- */
+
+int segment_flush(struct segment *segment) {
+    if (segment->pool)
+        return segment_index_flush(segment);
+    return segment->regular && fdatasync(segment->fd) ? -errno : 0;
+}
+
+bool segment_is_promised(const struct segment *segment) {
+    return !segment->pool || segment->promised;
+}
+
+/* A frame that is half there is not recorded. */
+static void cut(struct segment *segment) {
+    if (!segment->whole)
+        unlink(segment->path); /* not one frame: an empty file would only be in the way */
+    else if (ftruncate(segment->fd, (off_t)segment->whole))
+        say("%s: cannot be cut behind its last whole frame: %s", segment->path, strerror(errno));
+}
+
+static int finish_plain(struct segment *segment, bool failed) {
+    int error = failed ? 0 : segment_flush(segment);
+    if (segment->regular && (failed || error))
+        cut(segment);
+    if (close(segment->fd) && !error)
+        error = -errno;
+    return error;
+}
+
+int segment_finish(struct segment *segment, bool failed) {
+    int error = segment->pool ? segment_index_finish(segment, failed) : finish_plain(segment, failed);
+    release(segment);
+    return error;
+}

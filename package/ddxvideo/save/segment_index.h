@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The index of a file of the pool while it is being recorded to. */
+#ifndef DDXVIDEO_SEGMENT_INDEX_H
+#define DDXVIDEO_SEGMENT_INDEX_H
+
+#include "segment.h"
+
+/* As segment_add(), segment_flush() and segment_finish(), for files of the pool. */
+void segment_index_add(struct segment *segment, const struct ring_frame *frame, uint32_t sum, int64_t latency);
+int segment_index_flush(struct segment *segment);
+int segment_index_finish(struct segment *segment, bool failed);
+
+#endif

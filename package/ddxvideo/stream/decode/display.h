@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A window with the latest picture. SDL2 is looked for at run time: without it, decode is headless. */
+#ifndef DDXVIDEO_DISPLAY_H
+#define DDXVIDEO_DISPLAY_H
+
+#include <libavutil/frame.h>
+#include <stdbool.h>
+
+struct display;
+
+/* NULL, and what is missing in *error. */
+struct display *display_open(const char *title, const char **error);
+void display_close(struct display *display);
+
+/* Show a picture; NULL, or what went wrong. */
+const char *display_show(struct display *display, const AVFrame *picture);
+
+/* False if the window was closed, or Escape or q was pressed. Call it often. */
+bool display_tick(struct display *display);
+
+#endif

@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Where packets come from: a multicast group, and whoever sends to this port directly. */
+#ifndef DDXVIDEO_INLET_H
+#define DDXVIDEO_INLET_H
+
+#include <sys/types.h>
+
+#include "network.h"
+
+struct inlet {
+    const char *group; /* dotted address, or NULL for none */
+    long port;
+    const char *interface; /* NULL: as the routing table says */
+    /* how it stands */
+    struct sockaddr_in address;
+    int fd;
+    bool joined;
+};
+
+/* Understand the settings; NULL, or what is wrong with them, in text[NETWORK_ERROR_MAX]. */
+const char *inlet_parse(struct inlet *inlet, char *text);
+
+/* 0 or -errno: the port. */
+int inlet_open(struct inlet *inlet);
+void inlet_close(struct inlet *inlet);
+
+/* Join the group unless that is done: to be tried again while there is no network. 0 or -errno. */
+int inlet_join(struct inlet *inlet);
+
+/* A datagram, without waiting; -1 if there is none. */
+ssize_t inlet_read(struct inlet *inlet, void *data, size_t size);
+
+#endif

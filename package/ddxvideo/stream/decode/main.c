@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* decode: shows what ddxvideosend sends. */
+#include <string.h>
+
+#include "viewer.h"
+
+int main(int argc, char **argv) {
+    static struct viewer viewer = {.inlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT}, .patience = 20};
+    const struct option_entry options[] = {
+        {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &viewer.inlet.port, 2, 65532},
+        {"group", "ADDRESS", "multicast group (default: " NETWORK_GROUP "), or none", OPTION_TEXT, &viewer.inlet.group,
+         0, 0},
+        {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
+         &viewer.inlet.interface, 0, 0},
+        {"headless", NULL, "no window", OPTION_FLAG, &viewer.headless, 0, 0},
+        {"name", "ITEM", "write the pictures into the store as well, as this video item", OPTION_TEXT,
+         &viewer.output.name, 0, 0},
+        {"record", "FILE", "record the stream as it comes, as .avi or .mkv", OPTION_TEXT, &viewer.movie.path, 0, 0},
+        {"print", NULL, "a line for each frame shown: its number, its latency", OPTION_FLAG, &viewer.print, 0, 0},
+        {"reorder", "MS", "wait so long for a packet that others overtook (default: 20)", OPTION_NUMBER,
+         &viewer.patience, 0, 1000},
+        {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
+    };
+    viewer.program = (struct program){
+        .name = "decode",
+        .purpose = "Receives a stream of ddxvideosend, from its multicast group or sent to this machine alone, and\n"
+                   "shows each frame as soon as its last packet is there. Missing packets leave marks in the picture\n"
+                   "that are gone after a second or two; a restarted sender is followed.",
+        .notes =
+            "The latency is from the capture to the picture; between two machines it is as right as their clocks\n"
+            "agree. Counters: lost.network = no packet of the frame came, lost.join = before the first frame that\n"
+            "can be shown, lost.decode = nothing to show in what came. Packets: item `<instance>.packets`.\n"
+            "The window closes on q and Escape.",
+        .options = options,
+    };
+    program_start(&viewer.program, argc, argv);
+    char text[NETWORK_ERROR_MAX];
+    if (!strcmp(viewer.inlet.group, "none"))
+        viewer.inlet.group = NULL;
+    const char *wrong = inlet_parse(&viewer.inlet, text);
+    if (!wrong && viewer.movie.path && !movie_is_possible(viewer.movie.path))
+        wrong = "-record: a file .avi or .mkv is needed, and a decode built with libavformat";
+    if (wrong) {
+        say("%s; see decode -help", wrong);
+        return EXIT_USAGE;
+    }
+    return viewer.program.check ? EXIT_OK : viewer_run(&viewer);
+}

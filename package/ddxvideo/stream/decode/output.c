@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "output.h"
+
+#include <errno.h>
+#include <stdbool.h>
+#include <string.h>
+
+struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate) {
+    bool known = rate.num > 0 && rate.den > 0;
+    return (struct ddxvideo_geometry){
+        .width = picture->width,
+        .height = picture->height,
+        .fields = 1,
+        .rate_num = known ? rate.num : 0,
+        .rate_den = known ? rate.den : 0,
+        .aspect_num = picture->sample_aspect_ratio.num,
+        .aspect_den = picture->sample_aspect_ratio.num ? picture->sample_aspect_ratio.den : 0,
+        .format = DDX_VIDEO_420_MPEG2,
+        .interlacing = 'p',
+        .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
+}
+
+/* An item for pictures like this one. */
+static int choose_item(struct output_item *output, DDX_STORE_ID *id, const struct ddxvideo_geometry *geometry) {
+    if (output->item && ddxvideo_same_layout(&output->geometry, geometry))
+        return 0;
+    output_close(output);
+    output->geometry = *geometry;
+    return ddxvideo_create(id, output->name, geometry, &output->item);
+}
+
+static void copy_planes(struct ddxvideo_frame *frame, const AVFrame *picture) {
+    for (int i = 0; i < 3; i++)
+        for (int row = 0; row < frame->rows[i]; row++)
+            memcpy(frame->plane[i] + (size_t)row * (size_t)frame->stride[i],
+                   picture->data[i] + row * (ptrdiff_t)picture->linesize[i], (size_t)frame->stride[i]);
+}
+
+int output_write(struct output_item *output, DDX_STORE_ID *id, const AVFrame *picture, AVRational rate,
+                 const struct ddxvideo_stamp *stamp) {
+    struct ddxvideo_geometry geometry = output_geometry(picture, rate);
+    struct ddxvideo_frame frame;
+    if (!output->name)
+        return 0;
+    if (picture->format != AV_PIX_FMT_YUV420P && picture->format != AV_PIX_FMT_YUVJ420P)
+        return -EINVAL;
+    int error = choose_item(output, id, &geometry);
+    if (!error)
+        error = ddxvideo_loan(output->item, &geometry, &frame);
+    if (error)
+        return error;
+    copy_planes(&frame, picture);
+    frame.stamp = *stamp;
+    return ddxvideo_publish(output->item, &frame);
+}
+
+void output_close(struct output_item *output) {
+    ddx_store_done_item(output->item);
+    output->item = NULL;
+}

@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Decoded pictures into a video item of this machine's store. */
+#ifndef DDXVIDEO_DECODE_OUTPUT_H
+#define DDXVIDEO_DECODE_OUTPUT_H
+
+#include <ddxvideo.h>
+#include <libavutil/frame.h>
+
+struct output_item {
+    const char *name; /* NULL: none */
+    DDX_STORE_ITEM *item;
+    struct ddxvideo_geometry geometry; /* that the item was made for */
+};
+
+/* What the picture is like as a video item. */
+struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate);
+
+/* Write the picture. 0, or -errno. */
+int output_write(struct output_item *output, DDX_STORE_ID *id, const AVFrame *picture, AVRational rate,
+                 const struct ddxvideo_stamp *stamp);
+
+void output_close(struct output_item *output);
+
+#endif

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef DDXVIDEO_VIEWER_H
+#define DDXVIDEO_VIEWER_H
+
+#include "counters.h"
+#include "decoder.h"
+#include "display.h"
+#include "inlet.h"
+#include "intake.h"
+#include "movie.h"
+#include "output.h"
+#include "program.h"
+
+struct viewer {
+    /* what to do */
+    struct program program;
+    struct inlet inlet;
+    long patience; /* ms that a packet waits for one before it */
+    bool headless, print;
+    const char *record; /* file, or NULL */
+    struct output_item output;
+    /* how it stands */
+    DDX_STORE_ID *id; /* NULL: no store here */
+    DDX_STATS_BOOK *book;
+    struct counters counters;
+    struct intake intake;
+    struct decoder decoder;
+    struct display *display; /* NULL: headless */
+    struct movie movie;
+    bool shown;      /* a picture of the present source was */
+    int64_t joining; /* when to try to join the group again */
+    bool said_join;
+    int status;
+    bool done;
+};
+
+/* Show until told to stop; returns the program's exit status. */
+int viewer_run(struct viewer *viewer);
+
+#endif

@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* H.264 in RTP (RFC 6184, packetization mode 1): single NAL units, STAP-A for small ones, FU-A for large ones. */
+#ifndef DDXVIDEO_H264_H
+#define DDXVIDEO_H264_H
+
+#include "chunk.h"
+
+enum { H264_SPS = 7, H264_PPS = 8, H264_STAP_A = 24, H264_FU_A = 28 };
+
+/* A NAL unit in a byte stream (Annex B), without its start code. */
+struct h264_nal {
+    const uint8_t *data;
+    size_t size;
+};
+
+/* The next NAL unit from *at on, which moves behind it. False at the end. */
+bool h264_next_nal(const uint8_t **at, const uint8_t *end, struct h264_nal *nal);
+
+/* ---- Frame to payloads ---- */
+
+struct h264_packer {
+    const uint8_t *at, *end; /* what has not been looked at */
+    struct h264_nal nal;     /* the next one, or what is left of it when it is fragmented */
+    bool has_nal;
+    uint8_t fragmented; /* the first byte of the NAL unit that is being fragmented, or 0 */
+};
+
+/* Begin with an encoded frame, which must stay as it is until all payloads were taken. */
+void h264_pack(struct h264_packer *packer, const uint8_t *frame, size_t size);
+
+/* The next payload into to[room]; its size, 0 when there is none left. *last: none follows. */
+size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, size_t room, bool *last);
+
+/* ---- Payloads to frame ---- */
+
+struct h264_unpacker {
+    bool in_fragments;
+    size_t begin; /* where the NAL unit that comes in fragments begins in the frame */
+};
+
+/*
+ * Append a payload to the frame. `gap`: packets before it are missing; NAL units that are not whole are left out.
+ * False if the payload is malformed; the frame is as it was, or holds what was whole of it.
+ */
+bool h264_unpack(struct h264_unpacker *unpacker, struct chunk *frame, const uint8_t *payload, size_t size, bool gap);
+
+/* The frame has no more payloads: what is not whole is taken out. */
+void h264_unpack_end(struct h264_unpacker *unpacker, struct chunk *frame);
+
+#endif

@@ -1,0 +1,120 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "mpeg4.h"
+
+#include <string.h>
+
+#include "bits.h"
+
+enum { VOL_FIRST = 0x20, VOL_LAST = 0x2f, GOV = 0xb3, VOP = 0xb6 }; /* the byte behind 00 00 01 */
+enum { CODING_I, CODING_P };
+
+#define MARKER_LEAST 16 /* zeros of a resync marker in an I-VOP; the most are 22 */
+
+static unsigned bits_for(unsigned values) {
+    unsigned bits = 1;
+    while (bits < 16 && 1u << bits < values)
+        bits++;
+    return bits;
+}
+
+/* A VOL header, behind its start code: how many bits vop_time_increment has. ISO 14496-2, 6.2.3 */
+static unsigned vol_time_bits(const uint8_t *data, size_t size) {
+    struct bits bits = {data, size, 0};
+    bits_get(&bits, 1 + 8); /* random_accessible_vol, video_object_type_indication */
+    if (bits_get(&bits, 1)) /* is_object_layer_identifier */
+        bits_get(&bits, 4 + 3);
+    if (bits_get(&bits, 4) == 15) /* aspect_ratio_info: extended_par */
+        bits_get(&bits, 8 + 8);
+    if (bits_get(&bits, 1)) { /* vol_control_parameters */
+        bits_get(&bits, 2 + 1);
+        if (bits_get(&bits, 1)) { /* vbv_parameters: 79 bits */
+            bits_get(&bits, 32);
+            bits_get(&bits, 32);
+            bits_get(&bits, 15);
+        }
+    }
+    bits_get(&bits, 2 + 1); /* video_object_layer_shape, marker_bit */
+    return bits_for(bits_get(&bits, 16));
+}
+
+/* A VOP header, behind its start code: how many zeros a resync marker of this VOP begins with. 6.2.5, 6.3.5.2 */
+static unsigned vop_marker_bits(const uint8_t *data, size_t size, unsigned time_bits) {
+    struct bits bits = {data, size, 0};
+    unsigned coding = bits_get(&bits, 2);
+    while (bits.at < 8 * size && bits_get(&bits, 1)) /* modulo_time_base */
+        continue;
+    bits_get(&bits, 1 + time_bits + 1);
+    if (!bits_get(&bits, 1) || coding != CODING_P) /* vop_coded */
+        return MARKER_LEAST;
+    bits_get(&bits, 1 + 3 + 5);                   /* vop_rounding_type, intra_dc_vlc_thr, vop_quant */
+    return MARKER_LEAST - 1 + bits_get(&bits, 3); /* vop_fcode_forward */
+}
+
+/* Whether a resync marker (or a start code) begins here, at a byte's boundary. */
+static bool is_marker(const uint8_t *at, const uint8_t *end, unsigned marker_bits) {
+    if (end - at < 4 || at[0] || at[1])
+        return false;
+    struct bits bits = {at, (size_t)(end - at), 0};
+    return bits_get(&bits, marker_bits + 1) == 1;
+}
+
+static const uint8_t *find_vop(struct mpeg4_packer *packer) {
+    for (const uint8_t *at = packer->at; packer->end - at >= 4; at++) {
+        if (at[0] || at[1] || at[2] != 1)
+            continue;
+        if (at[3] >= VOL_FIRST && at[3] <= VOL_LAST)
+            packer->time_bits = vol_time_bits(at + 4, (size_t)(packer->end - at - 4));
+        if (at[3] == VOP)
+            return at + 4;
+    }
+    return packer->end;
+}
+
+void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size) {
+    packer->at = frame;
+    packer->end = frame + size;
+    const uint8_t *vop = find_vop(packer);
+    packer->marker_bits = vop_marker_bits(vop, (size_t)(packer->end - vop), packer->time_bits);
+}
+
+/* The last start of a video packet that a payload of `room` bytes reaches; the end of the room if there is none. */
+static const uint8_t *choose_cut(const struct mpeg4_packer *packer, size_t room) {
+    const uint8_t *most = packer->at + room;
+    for (const uint8_t *cut = most; cut > packer->at; cut--)
+        if (is_marker(cut, packer->end, packer->marker_bits))
+            return cut;
+    return most;
+}
+
+size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, size_t room, bool *last) {
+    size_t size = (size_t)(packer->end - packer->at);
+    if (!size)
+        return 0;
+    if (size > room)
+        size = (size_t)(choose_cut(packer, room) - packer->at);
+    memcpy(to, packer->at, size);
+    packer->at += size;
+    *last = packer->at == packer->end;
+    return size;
+}
+
+size_t mpeg4_headers(const uint8_t *frame, size_t size) {
+    for (size_t at = 0; at + 4 <= size; at++)
+        if (!frame[at] && !frame[at + 1] && frame[at + 2] == 1 && (frame[at + 3] == VOP || frame[at + 3] == GOV))
+            return at;
+    return 0;
+}
+
+bool mpeg4_is_start(const uint8_t *payload, size_t size) {
+    return size > 2 && !payload[0] && !payload[1] && payload[2];
+}
+
+bool mpeg4_unpack(struct mpeg4_unpacker *unpacker, struct chunk *frame, const uint8_t *payload, size_t size, bool gap) {
+    if (!size)
+        return false;
+    if (gap || !frame->size)
+        unpacker->skipping = true;
+    if (mpeg4_is_start(payload, size))
+        unpacker->skipping = false;
+    return unpacker->skipping || chunk_add(frame, payload, size);
+}

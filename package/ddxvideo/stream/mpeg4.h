@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * MPEG-4 part 2 in RTP (RFC 6416). Every packet begins at a header or at a video packet (its resync marker), so that
+ * what arrives can be decoded without what does not; only a video packet too large for one packet is fragmented.
+ */
+#ifndef DDXVIDEO_MPEG4_H
+#define DDXVIDEO_MPEG4_H
+
+#include "chunk.h"
+
+struct mpeg4_packer {
+    const uint8_t *at, *end;
+    unsigned time_bits;   /* of vop_time_increment: the last VOL header told */
+    unsigned marker_bits; /* zeros of this frame's resync marker */
+};
+
+/* Begin with an encoded frame. The packer must have seen the stream's frames from the first one on, or start as 0. */
+void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size);
+
+/* As h264_pack_next(). */
+size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, size_t room, bool *last);
+
+/* Bytes of the headers before the first picture of a frame; 0 if it has none, or no picture. */
+size_t mpeg4_headers(const uint8_t *frame, size_t size);
+
+/* Whether a payload begins at a header or at a resync marker. */
+bool mpeg4_is_start(const uint8_t *payload, size_t size);
+
+struct mpeg4_unpacker {
+    bool skipping; /* up to the next start */
+};
+
+/* As h264_unpack(): after a gap, and in a new frame, nothing is taken up to the next start. */
+bool mpeg4_unpack(struct mpeg4_unpacker *unpacker, struct chunk *frame, const uint8_t *payload, size_t size, bool gap);
+
+#endif

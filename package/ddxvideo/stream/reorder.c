@@ -1,0 +1,134 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "reorder.h"
+
+#include <string.h>
+
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define __SANITIZE_ADDRESS__ 1 /* as gcc says it */
+#endif
+#endif
+#ifdef __SANITIZE_ADDRESS__
+#include <sanitizer/asan_interface.h>
+#else
+#define ASAN_POISON_MEMORY_REGION(address, size) ((void)(address), (void)(size))
+#define ASAN_UNPOISON_MEMORY_REGION(address, size) ((void)(address), (void)(size))
+#endif
+
+void slot_fill(struct reorder_slot *slot, const uint8_t *data, size_t size, int64_t now) {
+    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof(slot->data));
+    slot->used = true;
+    slot->arrival = now;
+    slot->size = size;
+    if (data != slot->data)
+        memcpy(slot->data, data, size);
+    ASAN_POISON_MEMORY_REGION(slot->data + size, sizeof(slot->data) - size);
+}
+
+void slot_clear(struct reorder_slot *slots, unsigned count) {
+    for (unsigned i = 0; i < count; i++)
+        ASAN_UNPOISON_MEMORY_REGION(slots[i].data, sizeof(slots[i].data));
+}
+
+static struct reorder_slot *slot_of(struct reorder *reorder, uint16_t sequence) {
+    return &reorder->slot[sequence % REORDER_PACKETS];
+}
+
+static bool is_remembered(const struct reorder *reorder, uint16_t sequence) {
+#ifdef DDX_FAULT_FORGET /* what the tests must find */
+    sequence = (uint16_t)(sequence + 1);
+#endif
+    return reorder->seen[sequence % REORDER_MEMORY / 8] >> sequence % 8 & 1;
+}
+
+/* Go on to the next number; the present one came, or is given up. */
+static void step(struct reorder *reorder, bool came) {
+    uint8_t *byte = &reorder->seen[reorder->next % REORDER_MEMORY / 8], bit = (uint8_t)(1 << reorder->next % 8);
+    *byte = came ? *byte | bit : *byte & (uint8_t)~bit;
+    reorder->lost_before += !came;
+    reorder->next++;
+}
+
+void reorder_init(struct reorder *reorder, int64_t patience) {
+    memset(reorder, 0, offsetof(struct reorder, slot));
+    for (unsigned i = 0; i < REORDER_PACKETS; i++)
+        reorder->slot[i].used = false;
+    reorder->patience = patience;
+}
+
+/* A number from far away is believed when it follows another such. */
+static bool is_confirmed(struct reorder *reorder, uint16_t sequence) {
+    bool confirmed = reorder->has_strange && reorder->strange == sequence;
+    reorder->strange = (uint16_t)(sequence + 1);
+    reorder->has_strange = true;
+    return confirmed;
+}
+
+/* The count went back: begin anew. Nothing is known to be lost. */
+static void begin_at(struct reorder *reorder, uint16_t sequence) {
+    memset(reorder->seen, 0, sizeof(reorder->seen));
+    reorder->next = sequence;
+    reorder->begun = true;
+}
+
+enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, const uint8_t *data, size_t size,
+                                int64_t now) {
+    if (!reorder->begun)
+        begin_at(reorder, sequence);
+    int distance = (int16_t)(sequence - reorder->next);
+    bool far = distance < -REORDER_MEMORY || distance > REORDER_JUMP;
+    if (size > RTP_DATAGRAM_MAX || (far && !is_confirmed(reorder, sequence)))
+        return REORDER_LATE;
+    if ((far || distance >= REORDER_PACKETS) && reorder->waiting) {
+        if (far)
+            reorder->strange = sequence; /* ask again */
+        return REORDER_FULL;
+    }
+    reorder->has_strange = false;
+    if (distance < -REORDER_MEMORY)
+        begin_at(reorder, sequence);
+    else if (distance < 0)
+        return is_remembered(reorder, sequence) ? REORDER_DUPLICATE : REORDER_LATE;
+    else if (distance >= REORDER_PACKETS) /* too far to wait for what is missing */
+        while (reorder->next != sequence)
+            step(reorder, false);
+
+    struct reorder_slot *slot = slot_of(reorder, sequence);
+    if (slot->used)
+        return REORDER_DUPLICATE;
+    bool overtaken = false;
+    for (int i = 1; reorder->waiting && i < REORDER_PACKETS && !overtaken; i++) {
+        uint16_t later = (uint16_t)(sequence + i);
+        overtaken = (uint16_t)(later - reorder->next) < REORDER_PACKETS && slot_of(reorder, later)->used;
+    }
+    slot_fill(slot, data, size, now);
+    reorder->waiting++;
+    return overtaken ? REORDER_OUT_OF_TURN : REORDER_TAKEN;
+}
+
+int64_t reorder_deadline(const struct reorder *reorder) {
+    int64_t first = INT64_MAX;
+    for (unsigned i = 0; reorder->waiting && i < REORDER_PACKETS; i++)
+        if (reorder->slot[i].used && reorder->slot[i].arrival < first)
+            first = reorder->slot[i].arrival;
+    return first > INT64_MAX - reorder->patience ? INT64_MAX : first + reorder->patience;
+}
+
+const struct reorder_slot *reorder_peek(struct reorder *reorder, int64_t now, bool force, unsigned *lost) {
+    if (!reorder->waiting)
+        return NULL;
+    struct reorder_slot *slot = slot_of(reorder, reorder->next);
+    if (!slot->used && !force && now < reorder_deadline(reorder))
+        return NULL;
+    for (; !slot->used; slot = slot_of(reorder, reorder->next))
+        step(reorder, false);
+    *lost = reorder->lost_before;
+    return slot;
+}
+
+void reorder_take(struct reorder *reorder) {
+    slot_of(reorder, reorder->next)->used = false;
+    reorder->waiting--;
+    step(reorder, true);
+    reorder->lost_before = 0;
+}

@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "rtp.h"
+
+#include "bits.h"
+
+#define VERSION 0x80
+#define PADDING 0x20
+#define EXTENSION 0x10
+#define FIXED 12        /* bytes of the header that every packet has */
+#define ONE_BYTE 0xBEDE /* RFC 8285: elements with headers of one byte */
+#define ID_CAPTURE 1
+#define ID_FRAME 2
+#define CAPTURE_BYTES 8
+#define FRAME_BYTES 10
+#define ELEMENT(id, bytes) ((uint8_t)((id) << 4 | ((bytes)-1)))
+
+#define NS UINT64_C(1000000000)
+#define NTP_EPOCH INT64_C(2208988800) /* s from 1900 to 1970 */
+
+static uint64_t ntp_of(int64_t ns) {
+    uint64_t seconds = (uint64_t)(ns / (int64_t)NS + NTP_EPOCH), rest = (uint64_t)ns % NS;
+    return seconds << 32 | ((rest << 32) + NS / 2) / NS;
+}
+
+static int64_t ns_of(uint64_t ntp) {
+    int64_t seconds = (int64_t)(ntp >> 32) - NTP_EPOCH;
+    return seconds * (int64_t)NS + (int64_t)(((ntp & UINT32_MAX) * NS + (UINT64_C(1) << 31)) >> 32);
+}
+
+size_t rtp_write(uint8_t *to, const struct rtp_packet *packet) {
+    uint8_t *at = to;
+    *at++ = packet->has_frame ? VERSION | EXTENSION : VERSION;
+    *at++ = (uint8_t)(packet->marker << 7 | packet->type);
+    at = put16(at, packet->sequence);
+    at = put32(at, packet->time);
+    at = put32(at, packet->ssrc);
+    if (!packet->has_frame)
+        return (size_t)(at - to);
+    at = put16(at, ONE_BYTE);
+    at = put16(at, (1 + CAPTURE_BYTES + 1 + FRAME_BYTES) / 4); /* 20 bytes: no padding */
+    *at++ = ELEMENT(ID_CAPTURE, CAPTURE_BYTES);
+    uint64_t ntp = ntp_of(packet->frame.capture);
+    at = put32(at, (uint32_t)(ntp >> 32));
+    at = put32(at, (uint32_t)ntp);
+    *at++ = ELEMENT(ID_FRAME, FRAME_BYTES);
+    at = put32(at, packet->frame.sequence);
+    at = put32(at, packet->frame.number);
+    at = put16(at, packet->frame.count);
+    return (size_t)(at - to);
+}
+
+/* The elements of the extension; what we do not know is skipped, what does not fit ends it. */
+static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_packet *packet) {
+    bool captured = false, counted = false;
+    while (at < end) {
+        uint8_t id = *at >> 4;
+        size_t bytes = (*at & 15) + 1u;
+        if (!*at++) /* padding */
+            continue;
+        if (id == 15 || bytes > (size_t)(end - at))
+            break;
+        if (id == ID_CAPTURE && bytes == CAPTURE_BYTES) {
+            packet->frame.capture = ns_of((uint64_t)get32(at) << 32 | get32(at + 4));
+            captured = true;
+        } else if (id == ID_FRAME && bytes == FRAME_BYTES) {
+            packet->frame.sequence = get32(at);
+            packet->frame.number = get32(at + 4);
+            packet->frame.count = get16(at + 8);
+            counted = true;
+        }
+        at += bytes;
+    }
+    packet->has_frame = captured && counted;
+}
+
+bool rtp_parse(const uint8_t *data, size_t size, struct rtp_packet *packet) {
+    const uint8_t *end = data + size;
+    if (size < FIXED || data[0] >> 6 != 2)
+        return false;
+    *packet = (struct rtp_packet){.type = data[1] & 0x7f,
+                                  .marker = data[1] >> 7,
+                                  .sequence = get16(data + 2),
+                                  .time = get32(data + 4),
+                                  .ssrc = get32(data + 8)};
+    size_t header = FIXED + 4u * (data[0] & 15); /* contributing sources */
+    if (header > size)
+        return false;
+    const uint8_t *at = data + header;
+    if (data[0] & EXTENSION) {
+        if (end - at < 4)
+            return false;
+        size_t bytes = 4u * get16(at + 2);
+        if (bytes > (size_t)(end - at - 4))
+            return false;
+        if (get16(at) == ONE_BYTE)
+            parse_elements(at + 4, at + 4 + bytes, packet);
+        at += 4 + bytes;
+    }
+    if (data[0] & PADDING) {
+        if (at == end || !end[-1] || end[-1] > end - at)
+            return false;
+        end -= end[-1];
+    }
+    packet->payload = at;
+    packet->size = (size_t)(end - at);
+    return packet->size > 0;
+}

@@ -1,0 +1,111 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "sdp.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "h264.h"
+#include "mpeg4.h"
+#include "network.h"
+
+#define PARAMETERS_MAX 200 /* bytes of a parameter set or a header that goes into the file */
+
+struct text {
+    char *data;
+    size_t length;
+};
+
+__attribute__((format(printf, 2, 3))) static void add(struct text *text, const char *format, ...) {
+    va_list arguments;
+    va_start(arguments, format);
+    int length = vsnprintf(text->data + text->length, SDP_MAX - text->length, format, arguments);
+    va_end(arguments);
+    text->length += (size_t)length;
+    if (text->length >= SDP_MAX)
+        text->length = SDP_MAX - 1;
+}
+
+static void add_base64(struct text *text, const uint8_t *data, size_t size) {
+    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    for (size_t i = 0; i < size; i += 3) {
+        unsigned group =
+            (unsigned)data[i] << 16 | (i + 1 < size ? data[i + 1] : 0u) << 8 | (i + 2 < size ? data[i + 2] : 0u);
+        add(text, "%c%c%c%c", digits[group >> 18], digits[group >> 12 & 63],
+            i + 1 < size ? digits[group >> 6 & 63] : '=', i + 2 < size ? digits[group & 63] : '=');
+    }
+}
+
+/* RFC 6184, 8.1 */
+static bool add_h264(struct text *text, const struct sdp *sdp) {
+    struct h264_nal nal, sps = {0}, pps = {0};
+    for (const uint8_t *at = sdp->frame; h264_next_nal(&at, sdp->frame + sdp->size, &nal);) {
+        if ((nal.data[0] & 31) == H264_SPS)
+            sps = nal;
+        else if ((nal.data[0] & 31) == H264_PPS)
+            pps = nal;
+    }
+    if (sps.size < 4 || sps.size > PARAMETERS_MAX || !pps.size || pps.size > PARAMETERS_MAX)
+        return false;
+    add(text, "a=rtpmap:%d H264/%d\r\n", sdp->type, RTP_CLOCK);
+    add(text, "a=fmtp:%d packetization-mode=1;profile-level-id=%02X%02X%02X;sprop-parameter-sets=", sdp->type,
+        sps.data[1], sps.data[2], sps.data[3]);
+    add_base64(text, sps.data, sps.size);
+    add(text, ",");
+    add_base64(text, pps.data, pps.size);
+    add(text, "\r\n");
+    return true;
+}
+
+/* RFC 6416, 7.1: all that stands before the first picture. */
+static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
+    size_t size = mpeg4_headers(sdp->frame, sdp->size);
+    if (!size || size > PARAMETERS_MAX)
+        return false;
+    add(text, "a=rtpmap:%d MP4V-ES/%d\r\na=fmtp:%d profile-level-id=1;config=", sdp->type, RTP_CLOCK, sdp->type);
+    for (size_t i = 0; i < size; i++)
+        add(text, "%02X", sdp->frame[i]);
+    add(text, "\r\n");
+    return true;
+}
+
+size_t sdp_write(const struct sdp *sdp, char *data) {
+    struct text text = {data, 0};
+    char host[INET_ADDRSTRLEN];
+    inet_ntop(AF_INET, &sdp->address.sin_addr, host, sizeof(host));
+    add(&text, "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=%.100s\r\n", sdp->name);
+    if (network_is_group(&sdp->address))
+        add(&text, "c=IN IP4 %s/%d\r\n", host, sdp->ttl);
+    else
+        add(&text, "c=IN IP4 %s\r\n", host);
+    add(&text, "t=0 0\r\nm=video %u RTP/AVP %d\r\n", ntohs(sdp->address.sin_port), sdp->type);
+    if (!(sdp->type == RTP_H264 ? add_h264(&text, sdp) : add_mpeg4(&text, sdp)))
+        return 0;
+    if (sdp->rate > 0)
+        add(&text, "a=framerate:%.3f\r\n", sdp->rate);
+    add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI "\r\na=recvonly\r\n");
+    return text.length;
+}
+
+int sdp_save(const struct sdp *sdp, const char *path) {
+    char text[SDP_MAX], fresh[PATH_MAX];
+    size_t length = sdp_write(sdp, text);
+    if (!length)
+        return -EBADMSG;
+    if (snprintf(fresh, sizeof(fresh), "%s.new", path) >= (int)sizeof(fresh))
+        return -ENAMETOOLONG;
+    FILE *file = fopen(fresh, "we");
+    if (!file)
+        return -errno;
+    bool written = fwrite(text, 1, length, file) == length;
+    written = !fclose(file) && written;
+    int error = written && !rename(fresh, path) ? 0 : -errno;
+    if (error)
+        unlink(fresh);
+    return error;
+}

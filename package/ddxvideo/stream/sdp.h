@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The .sdp file that tells a player where a stream is and what is in it. */
+#ifndef DDXVIDEO_SDP_H
+#define DDXVIDEO_SDP_H
+
+#include <netinet/in.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "rtp.h"
+
+struct sdp {
+    const char *name; /* of the session */
+    struct sockaddr_in address;
+    int ttl;
+    enum rtp_type type;
+    const uint8_t *frame; /* the stream's first one, with its parameter sets or headers */
+    size_t size;
+    double rate; /* frames per second */
+};
+
+#define SDP_MAX 4096
+
+/* The text into text[SDP_MAX]; its length, 0 if the frame has no parameters. */
+size_t sdp_write(const struct sdp *sdp, char *text);
+
+/* The same into a file, which is always whole. 0 or -errno (-EBADMSG: no parameters). */
+int sdp_save(const struct sdp *sdp, const char *path);
+
+#endif

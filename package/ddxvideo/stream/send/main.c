@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* ddxvideosend: a video item of the store to the network. */
+#include <string.h>
+
+#include "sender.h"
+
+int main(int argc, char **argv) {
+    const char *codec = "h264";
+    struct sender sender = {
+        .name = "video", .bitrate = 400, .outlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
+    const struct option_entry options[] = {
+        {"name", "ITEM", "the video item to send (default: video)", OPTION_TEXT, &sender.name, 0, 0},
+        {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
+        {"bitrate", "KBIT", "kbit/s of encoded video (default: 400)", OPTION_NUMBER, &sender.bitrate, 16, 100000},
+        {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &sender.outlet.port, 2, 65532},
+        {"group", "ADDRESS", "multicast group (default: " NETWORK_GROUP "), or none", OPTION_TEXT, &sender.outlet.group,
+         0, 0},
+        {"to", "ADDRESS,...", "single receivers, as well as the group; ADDRESS or ADDRESS:PORT", OPTION_TEXT,
+         &sender.outlet.to, 0, 0},
+        {"ttl", "HOPS", "how many routers a multicast packet may pass, and one (default: 1)", OPTION_NUMBER,
+         &sender.outlet.ttl, 0, 255},
+        {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
+         &sender.outlet.interface, 0, 0},
+        {"sdp", "FILE", "write a description of the stream for players", OPTION_TEXT, &sender.sdp, 0, 0},
+        {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
+    };
+    sender.program = (struct program){
+        .name = "ddxvideosend",
+        .purpose = "Sends a video item of the store over the network, as H.264 or MPEG-4 in RTP; `decode` shows it.\n"
+                   "Nothing is kept back: a frame is encoded and sent as soon as it is written, and one that comes\n"
+                   "while another is being encoded takes its turn only if no newer one has come.",
+        .notes = "PORT is for RTP; the three behind it are reserved for this stream (reports, repair packets), so a\n"
+                 "second stream goes to PORT + 4. Counters: lost.store = a newer frame came before it was read,\n"
+                 "lost.encode = the encoder failed, lost.network = no receiver was sent the whole frame. Packets and\n"
+                 "why they did not go out: item `<instance>.packets`.",
+        .options = options,
+    };
+    program_start(&sender.program, argc, argv);
+    if (!strcmp(codec, "h264") || !strcmp(codec, "mpeg4")) {
+        sender.type = *codec == 'h' ? RTP_H264 : RTP_MPEG4;
+    } else {
+        say("-codec %s: h264 or mpeg4 is needed; see ddxvideosend -help", codec);
+        return EXIT_USAGE;
+    }
+    if (sender.outlet.port % 2) {
+        say("-port %ld: an even number is needed; see ddxvideosend -help", sender.outlet.port);
+        return EXIT_USAGE;
+    }
+    if (!strcmp(sender.outlet.group, "none"))
+        sender.outlet.group = NULL;
+    char text[NETWORK_ERROR_MAX];
+    const char *wrong = outlet_parse(&sender.outlet, text);
+    if (wrong) {
+        say("%s; see ddxvideosend -help", wrong);
+        return EXIT_USAGE;
+    }
+    return sender.program.check ? EXIT_OK : sender_run(&sender);
+}

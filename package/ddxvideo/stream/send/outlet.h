@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Where packets go: a multicast group, and single receivers as well. Sending never waits. */
+#ifndef DDXVIDEO_OUTLET_H
+#define DDXVIDEO_OUTLET_H
+
+#include <netinet/in.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "network.h"
+
+#define OUTLET_RECEIVERS 16
+
+/* Why a packet did not go out. */
+enum outlet_loss { OUTLET_BUSY, OUTLET_ROUTE, OUTLET_OTHER, OUTLET_LOSSES };
+
+struct outlet {
+    const char *group; /* dotted address, or NULL for no group */
+    long port;
+    long ttl;
+    const char *interface; /* NULL: as the routing table says */
+    const char *to;        /* "address[:port],..." or NULL */
+    /* how it stands */
+    int fd;
+    struct sockaddr_in receiver[OUTLET_RECEIVERS];
+    unsigned receivers;
+    uint64_t packets, bytes, lost[OUTLET_LOSSES]; /* over all receivers */
+    int error;                                    /* errno of the last one that did not go out */
+};
+
+/* Understand the settings; NULL, or what is wrong with them, in text[NETWORK_ERROR_MAX]. */
+const char *outlet_parse(struct outlet *outlet, char *text);
+
+/* NULL, or what failed, in text. Close it in any case. */
+const char *outlet_open(struct outlet *outlet, char *text);
+void outlet_close(struct outlet *outlet);
+
+/* To all receivers. Returns a bit for each one that did not get it. */
+unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size);
+
+#endif

@@ -1,0 +1,214 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The path of a frame: out of the store, through the encoder, in packets to the network. Nothing is kept. */
+#include "sender.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <string.h>
+
+#include "h264.h"
+#include "mpeg4.h"
+#include "sdp.h"
+
+enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK };
+static const char *const reasons[] = {"store", "encode", "network", NULL};
+static const char *const names[] = {"packets", "bytes", "lost_busy", "lost_route", "lost_other"};
+
+#define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
+#define ROOM (RTP_PACKET_MAX - RTP_HEADER_MAX)
+
+static void fail(struct sender *sender, const char *what, const char *why) {
+    say("%s: %s", what, why);
+    sender->status = EXIT_FAILED;
+    sender->done = true;
+}
+
+/* ---- Packets ---- */
+
+static size_t next_payload(struct sender *sender, struct h264_packer *h264, uint8_t *to, bool *last) {
+    return sender->type == RTP_H264 ? h264_pack_next(h264, to, ROOM, last)
+                                    : mpeg4_pack_next(&sender->mpeg4, to, ROOM, last);
+}
+
+/* True if at least one receiver was sent the whole frame. */
+static bool send_frame(struct sender *sender, const AVPacket *encoded, const struct ddx_frame *frame,
+                       const struct ddxvideo_stamp *stamp) {
+    struct rtp_packet packet = {.type = (uint8_t)sender->type,
+                                .time = sender->time_offset + rtp_time(stamp->time),
+                                .ssrc = sender->ssrc,
+                                .has_frame = true,
+                                .frame = {.capture = stamp->time + stamp->wall_offset,
+                                          .sequence = (uint32_t)frame->sequence,
+                                          .number = (uint32_t)stamp->frame,
+                                          .count = sender->count++}};
+    struct h264_packer h264;
+    uint8_t data[RTP_PACKET_MAX];
+    size_t size;
+    unsigned missed = 0;
+    if (sender->type == RTP_H264)
+        h264_pack(&h264, encoded->data, (size_t)encoded->size);
+    else
+        mpeg4_pack(&sender->mpeg4, encoded->data, (size_t)encoded->size);
+    while ((size = next_payload(sender, &h264, data + RTP_HEADER_MAX, &packet.marker))) {
+        uint8_t header[RTP_HEADER_MAX];
+        packet.sequence = sender->sequence++;
+        size_t length = rtp_write(header, &packet);
+        uint8_t *begin = data + RTP_HEADER_MAX - length; /* right before the payload */
+        memcpy(begin, header, length);
+        missed |= outlet_send(&sender->outlet, begin, length + size);
+    }
+    return missed != (1u << sender->outlet.receivers) - 1;
+}
+
+static void show_counts(struct sender *sender) {
+    const struct outlet *outlet = &sender->outlet;
+    const uint64_t now[] = {outlet->packets, outlet->bytes, outlet->lost[OUTLET_BUSY], outlet->lost[OUTLET_ROUTE],
+                            outlet->lost[OUTLET_OTHER]};
+    memcpy(sender->counts, now, sizeof(now));
+}
+
+static void tell_network(struct sender *sender, bool good) {
+    char text[NETWORK_ERROR_MAX];
+    if (!good && !sender->failing)
+        say("packets to %s do not go out: %s", network_text(&sender->outlet.receiver[0], text),
+            strerror(sender->outlet.error));
+    sender->failing = !good;
+}
+
+/* ---- Frames ---- */
+
+/* An encoder for pictures like this one. */
+static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry *geometry, bool *fresh) {
+    const struct ddxvideo_geometry *now = &sender->encoder.geometry;
+    *fresh = !sender->encoder.context || !ddxvideo_same_layout(now, geometry) || now->rate_num != geometry->rate_num ||
+             now->rate_den != geometry->rate_den;
+    if (!*fresh)
+        return true;
+    encoder_close(&sender->encoder);
+    int error = encoder_open(&sender->encoder, sender->type, geometry, sender->bitrate * 1000, ROOM);
+    if (!error) {
+        say("sending %s, %dx%d, %ld kbit/s, SSRC %08" PRIx32, sender->name, geometry->width, geometry->height,
+            sender->bitrate, sender->ssrc);
+        return true;
+    }
+    fail(sender, "encoder", av_err2str(error));
+    return false;
+}
+
+static void save_sdp(struct sender *sender, const AVPacket *encoded) {
+    const struct ddxvideo_geometry *geometry = &sender->encoder.geometry;
+    struct sdp sdp = {.name = sender->program.instance,
+                      .address = sender->outlet.receiver[0],
+                      .ttl = (int)sender->outlet.ttl,
+                      .type = sender->type,
+                      .frame = encoded->data,
+                      .size = (size_t)encoded->size,
+                      .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
+    int error = sdp_save(&sdp, sender->sdp);
+    if (error)
+        fail(sender, sender->sdp, strerror(-error));
+}
+
+/* Whether a frame is ours to send, before any has been; what nobody sent since a forerunner died is counted. */
+static bool is_wanted(struct sender *sender, const struct ddx_frame *frame, uint64_t *missed) {
+    if (sender->delivered)
+        return true;
+    int64_t gap = ddx_stats_resume(sender->book, frame->sequence);
+    *missed = 0;
+    sender->delivered = gap != -EALREADY;
+    return sender->delivered;
+}
+
+static void handle(struct sender *sender, const struct ddx_frame *frame) {
+    struct ddxvideo_picture view;
+    const AVPacket *encoded;
+    uint64_t missed = frame->missed;
+    bool fresh;
+    if (!is_wanted(sender, frame, &missed))
+        return;
+    ddx_stats_in(sender->book, missed + 1, frame->sequence);
+    ddx_stats_lost(sender->book, LOST_STORE, missed);
+    int error = ddxvideo_view(sender->video, frame->data, &view);
+    if (error) {
+        ddx_stats_lost(sender->book, LOST_STORE, 1);
+        if (error == -EPROTOTYPE)
+            fail(sender, sender->name, ddx_error_text(error));
+        return;
+    }
+    if (!choose_encoder(sender, &view.geometry, &fresh)) {
+        ddx_stats_lost(sender->book, LOST_ENCODE, 1);
+        return;
+    }
+    error = encoder_encode(&sender->encoder, &view, &encoded);
+    if (error) {
+        say("frame %d is lost in the encoder: %s", view.stamp.frame, av_err2str(error));
+        ddx_stats_lost(sender->book, LOST_ENCODE, 1);
+        return;
+    }
+    bool good = send_frame(sender, encoded, frame, &view.stamp);
+    if (good)
+        ddx_stats_out(sender->book, 1, ddx_time_now() - frame->time);
+    else
+        ddx_stats_lost(sender->book, LOST_NETWORK, 1);
+    tell_network(sender, good);
+    if (fresh && sender->sdp)
+        save_sdp(sender, encoded);
+}
+
+static void send_all(struct sender *sender) {
+    while (!program_stopping() && !sender->done) {
+        struct ddx_frame frame;
+        int error = ddx_store_acquire(sender->video, &frame, READ_TIMEOUT, DDX_NEXT);
+        if (!error) {
+            handle(sender, &frame);
+            ddx_store_release(sender->video);
+            show_counts(sender);
+            counters_write(&sender->counters);
+            ddx_stats_write(sender->book);
+        } else if (error != -ETIMEDOUT) {
+            fail(sender, sender->name, ddx_error_text(error));
+        }
+        program_tick(sender->book);
+    }
+}
+
+/* ---- Start and end ---- */
+
+int sender_run(struct sender *sender) {
+    char text[NETWORK_ERROR_MAX];
+    sender->book = ddx_stats_open(sender->program.instance, reasons);
+    if (!sender->book) {
+        say("-instance %s: %s", sender->program.instance, ddx_error_text(-errno));
+        return EXIT_USAGE;
+    }
+    const char *wrong = outlet_open(&sender->outlet, text);
+    if (wrong)
+        say("%s", wrong);
+    av_log_set_level(AV_LOG_ERROR);
+    sender->counters = (struct counters){.instance = sender->program.instance,
+                                         .names = names,
+                                         .values = sender->counts,
+                                         .count = sizeof(names) / sizeof(*names)};
+    DDX_STORE_ID *id = wrong ? NULL : program_connect(&sender->program);
+    sender->ssrc = (uint32_t)program_random();
+    sender->sequence = (uint16_t)program_random();
+    sender->time_offset = (uint32_t)program_random();
+    if (wrong || (id && !program_attach(&sender->program, sender->book, id, sender->name)))
+        sender->status = EXIT_FAILED;
+    else if (id) {
+        sender->video = program_find(id, sender->name, sender->book);
+        sender->status = sender->video || errno == EINTR ? EXIT_OK : EXIT_FAILED;
+        counters_open(&sender->counters, id);
+        if (sender->video)
+            send_all(sender);
+    }
+    encoder_close(&sender->encoder);
+    counters_print(&sender->counters, stdout);
+    ddx_stats_print(sender->book, stdout);
+    counters_close(&sender->counters);
+    ddx_stats_close(sender->book);
+    ddx_store_done_item(sender->video);
+    ddx_store_close(id);
+    outlet_close(&sender->outlet);
+    return sender->status;
+}

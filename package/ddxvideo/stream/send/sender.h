@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef DDXVIDEO_SENDER_H
+#define DDXVIDEO_SENDER_H
+
+#include "counters.h"
+#include "encoder.h"
+#include "mpeg4.h"
+#include "outlet.h"
+#include "program.h"
+
+struct sender {
+    /* what to do */
+    struct program program;
+    const char *name; /* of the video item */
+    enum rtp_type type;
+    long bitrate; /* kbit/s */
+    struct outlet outlet;
+    const char *sdp; /* file, or NULL */
+    /* how it stands */
+    DDX_STATS_BOOK *book;
+    DDX_STORE_ITEM *video;
+    struct counters counters;
+    uint64_t counts[5];
+    struct encoder encoder;
+    struct mpeg4_packer mpeg4;
+    bool delivered; /* a frame has been counted */
+    bool failing;   /* packets do not go out, said so */
+    uint16_t sequence;
+    uint32_t ssrc, time_offset;
+    uint16_t count; /* frames sent */
+    int status;
+    bool done;
+};
+
+/* Send until told to stop; returns the program's exit status. */
+int sender_run(struct sender *sender);
+
+#endif

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Pictures of the store to RGB, and to files: PPM, PNG, JPEG. */
+#ifndef DDXVIDEO_IMAGE_H
+#define DDXVIDEO_IMAGE_H
+
+#include <ddxvideo.h>
+#include <libavutil/frame.h>
+
+enum image_format { IMAGE_UNKNOWN, IMAGE_PPM, IMAGE_PNG, IMAGE_JPEG };
+
+/* By the file's name: .ppm, .png, .jpg, .jpeg */
+enum image_format image_format_of(const char *path);
+
+/* An empty picture (black), 24 bits RGB. NULL: no memory. The caller's, until av_frame_free(). */
+AVFrame *image_new(int width, int height);
+
+/* Draw a picture of the store into a part of an image, scaled to fill it. 0, or -errno. */
+int image_draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height);
+
+/* Write the image as a file, which is whole or not there. 0, or -errno. */
+int image_save(const AVFrame *image, enum image_format format, const char *path);
+
+#endif

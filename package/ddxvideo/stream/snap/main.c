@@ -1,0 +1,137 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* ddxvideosnap: the newest frame of a video item, or of all of them, as a picture file. */
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "montage.h"
+#include "program.h"
+
+#define TIMEOUT 5.0 /* s that a first frame may take */
+
+struct snap {
+    struct program program;
+    const char *name, *path;
+    bool montage;
+    /* the pictures; their frames are held, so that they can be drawn where they lie */
+    DDX_STORE_ITEM *item[MONTAGE_MAX];
+    struct ddxvideo_picture picture[MONTAGE_MAX];
+    unsigned count;
+};
+
+static int fail(const char *what, int error) {
+    say("%s: %s", what, ddx_error_text(error));
+    return EXIT_FAILED;
+}
+
+/* Hold the newest frame of an item. 0, or -errno. */
+static int take(struct snap *snap, DDX_STORE_ID *id, const char *name, double timeout) {
+    struct ddx_frame frame;
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+    if (!item)
+        return -errno;
+    int error = ddx_store_acquire(item, &frame, timeout, DDX_CURRENT);
+    if (!error)
+        error = ddxvideo_view(item, frame.data, &snap->picture[snap->count]);
+    if (error) {
+        ddx_store_done_item(item);
+        return error;
+    }
+    snap->item[snap->count++] = item;
+    return 0;
+}
+
+/* All video items that have a frame; what cannot be shown is told and left out. */
+static int take_all(struct snap *snap, DDX_STORE_ID *id) {
+    struct ddx_item_info *items;
+    unsigned count;
+    int error = ddx_store_list(id, NULL, &items, &count);
+    if (error)
+        return fail("store", error);
+    for (unsigned i = 0; i < count && snap->count < MONTAGE_MAX; i++) {
+        if (strcmp(items[i].type, "DDX_VIDEO") || !items[i].sequence)
+            continue;
+        error = take(snap, id, items[i].name, 0);
+        if (error)
+            fail(items[i].name, error);
+    }
+    free(items);
+    if (!snap->count)
+        say("no video item has a frame");
+    return snap->count ? EXIT_OK : EXIT_FAILED;
+}
+
+static int draw_one(const struct snap *snap, AVFrame **image) {
+    const struct ddxvideo_geometry *geometry = &snap->picture[0].geometry;
+    *image = image_new(geometry->width, geometry->height);
+    return *image ? image_draw(*image, &snap->picture[0], 0, 0, geometry->width, geometry->height) : -ENOMEM;
+}
+
+static int draw_all(const struct snap *snap, AVFrame **image) {
+    struct ddxvideo_geometry geometry[MONTAGE_MAX];
+    struct montage_place place[MONTAGE_MAX];
+    int width, height, error = 0;
+    for (unsigned i = 0; i < snap->count; i++)
+        geometry[i] = snap->picture[i].geometry;
+    montage_plan(geometry, snap->count, place, &width, &height);
+    *image = image_new(width, height);
+    if (!*image)
+        return -ENOMEM;
+    for (unsigned i = 0; i < snap->count && !error; i++)
+        error = image_draw(*image, &snap->picture[i], place[i].x, place[i].y, place[i].width, place[i].height);
+    return error;
+}
+
+static int save(const struct snap *snap, enum image_format format) {
+    AVFrame *image;
+    int error = snap->montage ? draw_all(snap, &image) : draw_one(snap, &image);
+    if (!error)
+        error = image_save(image, format, snap->path);
+    av_frame_free(&image);
+    if (error) {
+        say("%s: %s", snap->path, strerror(-error));
+        return EXIT_FAILED;
+    }
+    return EXIT_OK;
+}
+
+static int run(struct snap *snap, enum image_format format) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, (int)snap->program.port, 1.0);
+    int status = EXIT_OK, error = id ? 0 : -errno;
+    if (!id)
+        return fail("store", error);
+    if (snap->montage)
+        status = take_all(snap, id);
+    else if ((error = take(snap, id, snap->name, TIMEOUT)))
+        status = fail(snap->name, error);
+    if (!status)
+        status = save(snap, format);
+    ddx_store_close(id);
+    return status;
+}
+
+int main(int argc, char **argv) {
+    static struct snap snap = {.name = "video"};
+    const struct option_entry options[] = {
+        {"name", "ITEM", "the video item (default: video)", OPTION_TEXT, &snap.name, 0, 0},
+        {"montage", NULL, "all video items side by side", OPTION_FLAG, &snap.montage, 0, 0},
+        {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
+    };
+    snap.program = (struct program){
+        .name = "ddxvideosnap",
+        .positional = "FILE",
+        .purpose = "The newest frame of a video item as a picture: .ppm, .png or .jpg, as FILE is called. A file that\n"
+                   "exists is replaced once the new one is whole.",
+        .notes = "A single picture has the pixels of the frame; in a montage pictures keep their shape.",
+        .options = options,
+        .brief = true,
+    };
+    program_start(&snap.program, argc, argv);
+    snap.path = snap.program.argument;
+    enum image_format format = image_format_of(snap.path);
+    if (!format) {
+        say("%s: a name that ends in .ppm, .png or .jpg is needed; see ddxvideosnap -help", snap.path);
+        return EXIT_USAGE;
+    }
+    return snap.program.check ? EXIT_OK : run(&snap, format);
+}
