@@ -28,3 +28,8 @@ define DDXVIDEO_GRUB2_INSTALL_MODULES
 endef
 GRUB2_POST_INSTALL_IMAGES_HOOKS += DDXVIDEO_GRUB2_INSTALL_MODULES
 GRUB2_CFG_i386-pc = $(BINARIES_DIR)/grub-sample.cfg
+
+# Built with its assembly code, x264 refuses to run on a processor that has MMX only, and is compiled for SSE2.
+ifeq ($(BR2_X86_CPU_HAS_SSE2),)
+X264_CONF_OPTS += --disable-asm
+endif
