@@ -2,21 +2,25 @@
 # The front door. Does nothing itself: everything is in tools/.
 #
 #   CLIP=my.y4m    the clip for `make run`
+#   SOURCE=vivid   how it comes in: clip (replayed, if not set), vivid (shown to a camera)
 #   ACCEL=tcg|kvm  QEMU's acceleration, instead of finding out what works
 #   BOARD=miniitx  which image, instead of the development image: run, test, image, flash
 #   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
 #   T=...          which tests, as pytest's -k expression
+#   SECONDS=       for `make fuzz`
 #   ROUNDS=, CASES=  for `make bench`: docs/bench.md
+#   DURATION=, CASES=  for `make bench-record`: docs/recording.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)')
 
-.PHONY: help setup setup-build build run test image crash bench legal sbom lint flash desktop clean distclean
+.PHONY: help setup setup-build build run test test-long again image reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
+	clean distclean
 
 help:            ## this list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
 setup:           ## install what building and testing need (Debian packages)
 	@tools/setup test
 setup-build:
@@ -25,21 +29,42 @@ build: setup-build  ## build the programs and the development image, output/dev/
 	@$(PYTHON) tools/build.py
 run: setup-build ## a clip through the appliance in QEMU, frame by frame; output/report.json
 	@$(PYTHON) tools/run.py "$(CLIP)"
-test: setup      ## all tests
+test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances
 	@$(PYTHON) tools/test.py $(if $(T),'$(T)')
+test-long: setup ## the tests that take minutes and hours; output/long/<test>.json; goes on where it was broken off
+	@$(PYTHON) tools/test.py -long $(if $(T),'$(T)')
+again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
+	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')
 image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py image "$(BOARD)"
+reproduce:       ## build the product a second time from nothing and compare: BOARD=; goes on where it was broken off
+	@tools/setup image
+	@$(PYTHON) tools/buildroot.py reproduce "$(BOARD)"
 crash: setup     ## kill parties of the store 10,000 times; docs/crash.md
 	@$(PYTHON) tools/crash.py
+powercut: setup  ## what is left of recordings when the power goes? CUTS=1000, SEED=; docs/recording.md; goes on as well
+	@$(PYTHON) tools/powercut.py $(if $(CUTS),-cuts '$(CUTS)') $(if $(SEED),-seed '$(SEED)')
+killed: setup    ## kill QEMU while it boots, checks and records: does it record again? TIMES=100, SEED=; goes on as well
+	@$(PYTHON) tools/killed.py $(if $(TIMES),-times '$(TIMES)') $(if $(SEED),-seed '$(SEED)')
+endurance: setup ## 10,000 toggles and an hour of video: does anything grow? docs/services.md; goes on where it was broken off
+	@$(PYTHON) tools/endurance.py
+fuzz: setup      ## look for what breaks the readers of foreign data: SECONDS=300 for each of tests/fuzz
+	@$(PYTHON) tools/fuzz.py $(if $(SECONDS),-seconds '$(SECONDS)')
 bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, see docs/bench.md
 	@tools/setup bench
 	@$(PYTHON) tools/bench.py $(RUN_BENCH)
+	@$(if $(CASES),:,$(PYTHON) tools/bench_stream.py)
+	@$(if $(CASES),:,$(PYTHON) tools/bench_replay.py)
+bench-record: setup  ## frames lost on slow and frozen disks, beside a naive writer: DURATION=600, CASES=; docs/recording.md
+	@$(PYTHON) tools/bench_record.py $(if $(DURATION),-duration '$(DURATION)') $(if $(CASES),-cases '$(CASES)')
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)
+docs: setup      ## type every command of docs/technician.md into the image, and take its pictures: BOARD=
+	@$(PYTHON) tools/docs.py "$(BOARD)"
 legal:           ## licences and sources of all that is in an image: BOARD=, see docs/licences.md
 	@tools/setup image
 	@$(PYTHON) tools/legal.py "$(BOARD)"

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Debian's archive with package lists of our own: packages are downloaded and unpacked, the host is left alone."""
+import contextlib
 import functools
 import pathlib
 import re
 import subprocess
 
-from common import CACHE, Failed, run, say
+from common import CACHE, Failed, alone, run, say
 
 KEYRING = "/usr/share/keyrings/debian-archive-keyring.gpg"
 SUITES = ["bookworm", "bookworm-backports"]
@@ -36,15 +37,21 @@ class Archive:
         lines = [f"deb [signed-by={KEYRING} target=Packages] {mirror} {suite} main\n" for suite in SUITES]
         lines.append(f"deb-src [signed-by={KEYRING} target=Sources] {mirror} {SUITES[0]} main\n")
         changed = not sources.exists() or sources.read_text() != "".join(lines)
-        sources.write_text("".join(lines))
+        if changed:
+            sources.write_text("".join(lines))
         options = ["-q", "-o", f"Dir::Etc::sourcelist={sources}", "-o", f"Dir::Etc::sourceparts={self.folder}/empty",
                    "-o", f"Dir::State::lists={self.folder}/lists", "-o", f"Dir::Cache={self.folder}",
                    "-o", "APT::Sandbox::User=", "-o", "Acquire::Languages=none",
                    "-o", "APT::Update::Post-Invoke-Success::=true"]
         if changed or not any((self.folder / "lists").glob("*_Packages*")):
             say("reading Debian's package lists ...")
-            run(["apt-get", *options, "update"])
+            with self._alone():
+                run(["apt-get", *options, "update"])
         return options
+
+    def _alone(self) -> contextlib.AbstractContextManager[None]:
+        """apt fails where another one has the lists or the archive; another build is waited for."""
+        return alone("archive", self.folder / "busy")
 
     def newest(self, pattern: str) -> str:
         """The package with the highest version whose name matches the pattern."""
@@ -56,10 +63,12 @@ class Archive:
 
     def _get(self, words: list[str], into: pathlib.Path) -> None:
         into.mkdir(parents=True, exist_ok=True)
-        if subprocess.run(["apt-get", *self._options, *words], cwd=into, capture_output=True).returncode != 0:
-            say("reading Debian's package lists again ...")  # a newer version may have replaced the one we know
-            run(["apt-get", *self._options, "update"])
-            run(["apt-get", *self._options, *words], cwd=into)
+        options = self._options
+        with self._alone():
+            if subprocess.run(["apt-get", *options, *words], cwd=into, capture_output=True).returncode != 0:
+                say("reading Debian's package lists again ...")  # a newer version may have replaced the one we know
+                run(["apt-get", *options, "update"])
+                run(["apt-get", *options, *words], cwd=into)
 
     def package(self, name: str) -> pathlib.Path:
         """Download a binary package; the .deb file."""

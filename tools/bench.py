@@ -99,7 +99,7 @@ def row(case: str, peer: str, slices: list[Slice]) -> dict[str, Any]:
             "cpu_percent": round(statistics.median(part.percent for part in slices), 2),
             "p50_quartiles_us": [round(percentile(p50, 25), 1), round(percentile(p50, 75), 1)],
             "deliveries": len(latency), "lost": sum(part.lost for part in slices),
-            "torn": sum(part.torn for part in slices)}
+            "torn": sum(part.torn for part in slices), "queued_ms": round(sum(part.queued for part in slices), 1)}
 
 
 def ratio(mine: list[Slice], theirs: list[Slice], what: str) -> float:
@@ -128,11 +128,11 @@ def report(wanted: list[Case], found: dict[tuple[str, str], list[Slice]]) -> dic
 
 
 def table(rows: list[dict[str, Any]]) -> None:
-    say(f"{'':34}{'p50':>9}{'p99':>9}{'writer':>9}{'reader':>9}{'lost':>6}   ddx / peer")
-    say(f"{'':34}{'us':>9}{'us':>9}{'CPU us':>9}{'CPU us':>9}{'':6}   p50  reader  writer")
+    say(f"{'':34}{'p50':>9}{'p99':>9}{'writer':>9}{'reader':>9}{'lost':>6}{'queued':>9}   ddx / peer")
+    say(f"{'':34}{'us':>9}{'us':>9}{'CPU us':>9}{'CPU us':>9}{'':6}{'ms':>9}   p50  reader  writer")
     for one in rows:
         line = (f"{one['case']:25}{one['peer']:9}{one['p50_us']:9.1f}{one['p99_us']:9.1f}{one['writer_cpu_us']:9.1f}"
-                f"{one['reader_cpu_us']:9.1f}{one['lost']:6}")
+                f"{one['reader_cpu_us']:9.1f}{one['lost']:6}{one['queued_ms']:9.1f}")
         if "ddx_ratio" in one:
             parts = one["ddx_ratio"]
             line += f"   {parts['p50']:.2f}    {parts['reader_cpu']:.2f}    {parts['writer_cpu']:.2f}"

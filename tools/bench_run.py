@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from common import OUTPUT, Failed
+from common import MORTAL, OUTPUT, Failed
 import native
 
 BUILD = OUTPUT / "bench/build"
@@ -45,6 +45,7 @@ class Slice:
     percent: float  # of one core: all processes together
     lost: int
     torn: int
+    queued: float  # ms that writers and readers were ready to run and others had their cores
 
     @property
     def p50(self) -> float:
@@ -121,7 +122,7 @@ class Store:
 
     def __init__(self, folder: pathlib.Path, memory: str = "256M") -> None:
         root = OUTPUT / "desk/root"
-        self.process = subprocess.Popen([root / "usr/bin/store", "-m", memory], stderr=subprocess.DEVNULL,
+        self.process = subprocess.Popen([*MORTAL, root / "usr/bin/store", "-m", memory], stderr=subprocess.DEVNULL,
                                         env={**os.environ, **native.environment(root), "DDX_DIR": str(folder)})
         os.sched_setaffinity(self.process.pid, cpus()[-1:])
 
@@ -179,4 +180,5 @@ def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up
     return Slice(latency=[ns / 1000 for found in read for ns in found["latency_ns"]], writer_cpu=writer_cpu,
                  reader_cpu=statistics.mean(reader_cpu),
                  percent=100 * (total / case.interval + store_cpu / 1e9 / seconds),
-                 lost=sum(found["lost"] for found in read), torn=sum(found["torn"] for found in read))
+                 lost=sum(found["lost"] for found in read), torn=sum(found["torn"] for found in read),
+                 queued=sum(found["queued_ns"] for found in wrote + read) / 1e6)

@@ -47,12 +47,14 @@ def compressed(image: pathlib.Path) -> int:
     return int(run(["sh", "-c", 'xz -6 -T2 --stdout "$1" | wc -c', "sh", image]))
 
 
-def memory(guest: Guest, given: int) -> float:
-    """Of `given` MiB, what is neither available nor a frame in the store."""
+def memory(guest: Guest) -> float:
+    """MiB that are neither available nor a frame in the store, of what the firmware leaves to the system."""
+    found = re.search(r"Memory: \d+K/(\d+)K available", guest.sh("dmesg"))
+    assert found
     kilobytes = {name: int(value) for name, value in re.findall(r"^(\w+):\s+(\d+) kB$", guest.sh("cat /proc/meminfo"),
                                                                re.M)}
     frames = json.loads(guest.sh("ddxctl list --json"))["bytes"]
-    return given - kilobytes["MemAvailable"] / 1024 - float(frames) / MIB
+    return (int(found[1]) - kilobytes["MemAvailable"]) / 1024 - float(frames) / MIB
 
 
 def starts(guest: Guest) -> list[tuple[str, float, float]]:

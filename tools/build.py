@@ -1,10 +1,14 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Build the programs, and the development image: build.py [desk|dev]"""
+"""Build the programs, and the development image: build.py [desk|dev|foreign]
+
+foreign: only what the image takes from others (kernel, BusyBox, FFmpeg), which can be built beside the programs.
+"""
 import pathlib
 import sys
 
 import busybox
+import ffmpeg
 import native
 import kernel
 import rootfs
@@ -14,15 +18,19 @@ DEV = OUTPUT / "dev"
 IMAGE = DEV / "disk.img"
 
 
+def foreign() -> tuple[pathlib.Path, pathlib.Path, pathlib.Path]:
+    """What is not ours: kernel, BusyBox, FFmpeg."""
+    return kernel.kernel(), busybox.busybox(), ffmpeg.ffmpeg()
+
+
 def dev(packages: list[pathlib.Path]) -> pathlib.Path:
     """The development image; `packages` are install trees."""
     tools = pathlib.Path(__file__).parent
-    kernel_folder = kernel.kernel()
-    busybox_folder = busybox.busybox()
+    kernel_folder, busybox_folder, codecs = foreign()
     root = DEV / "root"
 
     def make_root() -> None:
-        rootfs.assemble(root, busybox_folder, kernel_folder, packages)
+        rootfs.assemble(root, busybox_folder, kernel_folder, [*packages, codecs])
         shell = root / "bin/busybox"
         (root / "boot/vmlinuz").write_bytes((kernel_folder / "boot/vmlinuz").read_bytes())
         kernel.initramfs(kernel_folder, shell, rootfs.libraries(shell, []), root / "boot/initrd")
@@ -33,7 +41,7 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
 
     key = fingerprint([tools / "build.py", tools / "rootfs.py", tools / "kernel.py", TOP / "overlay", TOP / "board/dev",
                        TOP / "board/common/users.txt", TOP / "board/common/post-build.sh", DEV / "kernel.stamp",
-                       DEV / "busybox.stamp", *packages])
+                       DEV / "busybox.stamp", DEV / "ffmpeg.stamp", *packages])
     step("root file system", DEV / "root.stamp", key, make_root)
     step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
     return IMAGE
@@ -42,6 +50,9 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
 def main() -> int:
     what = sys.argv[1] if len(sys.argv) > 1 else "dev"
     try:
+        if what == "foreign":
+            foreign()
+            return 0
         packages = native.build()
         if what == "dev":
             say(f"image: {dev([packages]).relative_to(TOP)}")

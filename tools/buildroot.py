@@ -5,6 +5,7 @@
 usage: buildroot.py boards                     the boards there are: configs/ddxvideo_<board>_defconfig
        buildroot.py image BOARD                build everything, output/<board>/disk.img
        buildroot.py make BOARD [TARGET|V=...]  any target of Buildroot's: linux-rebuild, legal-info, menuconfig ...
+       buildroot.py reproduce BOARD            build everything once more from nothing, and compare the images
        buildroot.py check                      Buildroot's check-package on our tree
 
 BUILDROOT=folder         a checkout of Buildroot to use instead of one of our own; it has to be of the pinned commit
@@ -18,16 +19,18 @@ import shutil
 import subprocess
 import sys
 
+import disk
 import lint
 import machine
-from common import OUTPUT, TOP, Failed, fingerprint, finish, run, say
+from common import OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
 EXTERNAL = TOP / "buildroot-external"
 # What Buildroot would not notice: the target to make when one of the files has changed since the last build.
 RENEW = [("ddx-rebuild", ["package/ddx"]), ("ddxvideo-rebuild", ["package/ddxvideo", "package/ddx"]),
-         ("ddxgrow-rebuild", ["package/ddxgrow"]),
+         ("ddxlog-rebuild", ["package/ddxlog", "package/ddx"]), ("ddxgrow-rebuild", ["package/ddxgrow"]),
+         ("ffmpeg-reconfigure", ["buildroot-external/configs/ddxvideo_{board}_defconfig"]),
          ("busybox-reconfigure", ["board/common/busybox.config"]),
          ("linux-reconfigure", ["board/common/kernel", "board/{board}/kernel.fragment"])]
 DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
@@ -127,7 +130,7 @@ def gather(board: str) -> pathlib.Path:
         raise Failed(f"{len(config)} kernels were built in {output(board)}, one was expected")
     shutil.copy(config[0], place / "kernel/boot/config")
     for name in ["disk.img", "rootfs.squashfs"]:
-        run(["cp", "--sparse=always", "--reflink=auto", images / name, place / name])
+        copy(images / name, place / name)
     shutil.rmtree(place / "root", ignore_errors=True)
     run(["unsquashfs", "-quiet", "-no-progress", "-dest", place / "root", place / "rootfs.squashfs"])
     return place / "disk.img"
@@ -145,9 +148,37 @@ def image(board: str) -> pathlib.Path:
     make(board, *changed, "all", show=False)
     for stamp, key in stamps:
         stamp.write_text(key)
-    disk = gather(board)
-    (disk.parent / "sources").write_text(sources)
-    return disk
+    path = gather(board)
+    (path.parent / "sources").write_text(sources)
+    return path
+
+
+def differences(first: pathlib.Path, second: pathlib.Path) -> list[str]:
+    """Files of two unpacked root file systems that are not the same, or are in one of them only."""
+    done = subprocess.run(["diff", "--recursive", "--brief", "--no-dereference", first, second], check=False, text=True,
+                          stdout=subprocess.PIPE, env={**os.environ, "LC_ALL": "C"})
+    return done.stdout.splitlines()
+
+
+def reproduce(board: str) -> str:
+    """Two builds from nothing, in the same folder, have to give the same image. Goes on where it was broken off."""
+    place = OUTPUT / board
+    kept, sources = place / "first", machine.sources(board)
+    if not kept.exists() or (kept / "sources").read_text() != sources:
+        image(board)
+        shutil.rmtree(kept, ignore_errors=True)
+        part = place / "first.part"
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir()
+        for name in ["disk.img", "rootfs.squashfs", "root", "sources"]:
+            run(["cp", "-a", "--sparse=always", "--reflink=auto", place / name, part / name])
+        make(board, "clean", show=False)
+        part.rename(kept)
+    image(board)
+    names = ["disk.img", "rootfs.squashfs"]
+    if all(disk.digest(kept / name) == disk.digest(place / name) for name in names):
+        return disk.digest(place / names[0])
+    raise Failed("\n".join(["the two builds differ:", *differences(kept / "root", place / "root")]))
 
 
 def check(files: list[pathlib.Path] | None = None) -> int:
@@ -167,6 +198,8 @@ def main() -> int:
                 say(f"{board:12} {machine.meta(board)['title']}")
         case ["image", board]:
             say(f"image: {image(board).relative_to(TOP)}")
+        case ["reproduce", board]:
+            say(f"{board}: both builds gave the same image, {reproduce(board)}")
         case ["make", board, *words]:
             make(board, *words)
         case ["check"]:

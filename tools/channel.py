@@ -6,10 +6,14 @@ import re
 import socket
 import time
 
-# The guest's side: reads a line, runs it, marks its end. The quotes keep an echo of this line from looking like a mark.
-SERVER = ("stty -echo -onlcr; while IFS= read -r c; do eval \"$c\" < /dev/null; printf '\\n@E''ND %d@\\n' $?; done")
-END = re.compile(rb"\n?@END (\d+)@\r?\n")
-SEND_SECONDS = 10.0
+from common import PATIENCE
+
+# The guest's side: reads a number and a line, runs the line, marks its end. The number says whose end it is: the answer
+# of a command that nobody waits for any more may come while the next one's is awaited. The quotes keep an echo of this
+# line from looking like a mark.
+SERVER = ("stty -echo -onlcr; while read -r ddx_n ddx_c; do eval \"$ddx_c\" < /dev/null; "
+          "printf '\\n@E''ND %s %d@\\n' \"$ddx_n\" $?; done")
+END = re.compile(rb"\n?@END (\d+) (\d+)@\r?\n")
 
 
 class Timeout(Exception):
@@ -22,12 +26,13 @@ class Channel:
         self._socket = socket.socket(socket.AF_UNIX)
         self._socket.connect(str(path))
         self._buffer = b""
+        self._commands = 0
 
     def close(self) -> None:
         self._socket.close()
 
     def send(self, text: str) -> None:
-        self._socket.settimeout(SEND_SECONDS)  # not what was left for the last wait
+        self._socket.settimeout(PATIENCE)  # not what was left for the last wait
         try:
             self._socket.sendall(text.encode())
         except TimeoutError:
@@ -46,7 +51,7 @@ class Channel:
             raise Timeout(f"{self.path.name}: the guest has gone")
         self._buffer += data
 
-    def wait(self, pattern: bytes, timeout: float) -> re.Match[bytes]:
+    def wait(self, pattern: bytes, timeout: float = PATIENCE) -> re.Match[bytes]:
         """Wait for a pattern in what the guest prints; drops everything up to its end."""
         deadline = time.monotonic() + timeout
         while not (match := re.search(pattern, self._buffer)):
@@ -68,20 +73,20 @@ class Channel:
             except Timeout:
                 if time.monotonic() > deadline:
                     raise
-        self.send(SERVER + "\n:\n")
-        self.wait(END.pattern, max(5.0, deadline - time.monotonic()))
-        time.sleep(0.1)
-        self.run("echo")  # leftovers of the knocking have been read
-        self._buffer = b""
+        self.send(SERVER + "\n")
+        self.run(":", deadline - time.monotonic())  # leftovers of the knocking come before its answer
 
-    def run(self, command: str, timeout: float = 30.0) -> tuple[int, str]:
-        self.send(command.replace("\n", " ") + "\n")
+    def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
+        self._commands += 1
+        self.send(f"{self._commands} " + command.replace("\n", " ") + "\n")
         deadline = time.monotonic() + timeout
-        while not (match := END.search(self._buffer)):
-            self._receive(deadline)
-        text = self._buffer[:match.start()]
-        self._buffer = self._buffer[match.end():]
-        return int(match[1]), text.replace(b"\r", b"").decode(errors="replace")
+        while True:
+            while not (match := END.search(self._buffer)):
+                self._receive(deadline)
+            text = self._buffer[:match.start()]
+            self._buffer = self._buffer[match.end():]
+            if int(match[1]) == self._commands:
+                return int(match[2]), text.replace(b"\r", b"").decode(errors="replace")
 
     @property
     def raw(self) -> socket.socket:

@@ -57,11 +57,12 @@ def picture(number: int) -> bytes:
     return bytes(luma.tobytes() + blue.tobytes() + red.tobytes())
 
 
-def write(path: pathlib.Path, seconds: int = SECONDS) -> None:
+def write(path: pathlib.Path, seconds: int = SECONDS) -> pathlib.Path:
     with path.open("wb") as file:
         file.write(f"YUV4MPEG2 W{WIDTH} H{HEIGHT} F{RATE}:1 Ip A1:1 C420jpeg\n".encode())
         for number in range(seconds * RATE):
             file.write(b"FRAME\n" + picture(number))
+    return path
 
 
 if __name__ == "__main__":

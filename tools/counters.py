@@ -15,6 +15,7 @@ class Counters:
     latency: dict[str, int] = dataclasses.field(default_factory=dict)  # p50, p99, max in µs
     first_ns: int = 0
     starts: int = 0
+    skipped: int = 0
 
     @property
     def lost_total(self) -> int:
@@ -29,7 +30,7 @@ def parse(line: str) -> Counters | None:
     try:
         values: dict[str, Any] = json.loads(line[begin:])
         return Counters(values["instance"], values["in"], values["out"], values.get("waiting", 0), values["lost"],
-                        values["latency_us"], values["first_ns"], values.get("starts", 0))
+                        values["latency_us"], values["first_ns"], values.get("starts", 0), values.get("skipped", 0))
     except (ValueError, KeyError):
         return None
 

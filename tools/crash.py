@@ -29,7 +29,10 @@ def text(runs: list[Run]) -> str:
     def worst(name: str) -> float:
         return float(max(run[name] for run in runs))
 
-    mean = sum(run["takeover_mean_ms"] * run["takeovers"] for run in runs) / max(1, total("takeovers"))
+    def mean(name: str, some: list[Run]) -> float:
+        return float(sum(run[name] * run["takeovers"] for run in some) / max(1, sum(run["takeovers"] for run in some)))
+
+    urgent = [run for run in runs if run["urgent"]]
     both = total("writers_and_stores")
     seeds = sorted(run["seed"] for run in runs)
     lines = [
@@ -40,9 +43,18 @@ def text(runs: list[Run]) -> str:
         f"Three readers that lived all the time saw {total('seen')} and were told that they missed {total('missed')},",
         "each of these counts checked against what the writers wrote down.",
         f"Torn frames: {total('torn')}. Hangs: {total('hangs')}.",
-        f"Takeovers: {total('takeovers')}, {mean:.1f} ms on average, {worst('takeover_worst_ms'):.1f} ms at worst;",
+        f"Takeovers: {total('takeovers')}, {mean('takeover_mean_ms', runs):.1f} ms on average, "
+        f"{worst('takeover_worst_ms'):.1f} ms at worst;",
         f"{total('takeovers_store_away')} more while the store was being restarted, "
         f"{worst('takeover_worst_ms_store_away'):.1f} ms at worst."]
+    if urgent:
+        published = [mean(f"{part}_mean_ms", urgent) for part in ("noticed", "granted", "published")]
+        count, longest = sum(run["takeovers"] for run in urgent), max(run["published_worst_ms"] for run in urgent)
+        lines += [
+            f"With real-time priority ({count} of them) the first frame was published",
+            f"after {sum(published):.1f} ms on average, {longest:.1f} ms at worst:",
+            f"{published[0]:.1f} ms until the store noticed, {published[1]:.1f} until the next writer might write, "
+            f"{published[2]:.1f} until it had."]
     return "\n".join(lines) + "\n"
 
 
@@ -62,7 +74,7 @@ def main() -> int:
         say(f"crash: {len(runs) * RUN} of {kills} kills ...")
         command = ["nice", "-n", "8", str(program), "random", str(RUN), str(seed)]
         done = subprocess.run(command, capture_output=True, text=True, timeout=1800, check=False,
-                              env={**os.environ, "DDX_STORE_PROGRAM": str(store)})
+                              env={**os.environ, "DDX_STORE_PROGRAM": str(store), "DDX_CRASH_URGENT": "1"})
         if done.returncode:
             errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
             say("\n".join([f"crash: seed {seed} failed:", *errors]))

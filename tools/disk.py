@@ -5,7 +5,7 @@ import json
 import pathlib
 import tempfile
 
-from common import run
+from common import PATIENCE, run
 
 BOOT = 2048 * 512  # the boot partition, see board/common/disk.cfg
 BOOT_BYTES = 16 << 20
@@ -17,25 +17,29 @@ def digest(image: pathlib.Path) -> str:
 
 
 class Disk:
-    """A qcow2 file over an image, before a guest runs. `size` (bytes) is that of a larger card than the image needs."""
+    """A qcow2 file over an image, while no guest runs; the one in the folder, if there is one already. `size` (bytes)
+    is that of a larger card than the image needs."""
 
     def __init__(self, image: pathlib.Path, folder: pathlib.Path, size: int = 0) -> None:
         self.path = folder / "disk.qcow2"
+        if self.path.exists():
+            return
         run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), self.path,
-             *([str(size)] if size else [])])
+             *([str(size)] if size else [])], timeout=PATIENCE)
 
     def write(self, offset: int, data: bytes) -> None:
         with tempfile.NamedTemporaryFile() as file:
             file.write(data)
             file.flush()
-            run(["qemu-io", "-f", "qcow2", "-c", f"write -q -s {file.name} {offset} {len(data)}", self.path])
+            run(["qemu-io", "-f", "qcow2", "-c", f"write -q -s {file.name} {offset} {len(data)}", self.path],
+                timeout=PATIENCE)
 
     def read(self, offset: int, length: int) -> bytes:
         with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
             file = pathlib.Path(folder) / "part"
             source = {"driver": "raw", "offset": offset, "size": length,
                       "file": {"driver": "qcow2", "file": {"driver": "file", "filename": str(self.path)}}}
-            run(["qemu-img", "convert", "-O", "raw", f"json:{json.dumps(source)}", file])
+            run(["qemu-img", "convert", "-O", "raw", f"json:{json.dumps(source)}", file], timeout=PATIENCE)
             return file.read_bytes()
 
     def set_boot_files(self, files: dict[str, pathlib.Path]) -> None:

@@ -90,7 +90,7 @@ def kernel() -> pathlib.Path:
         shutil.copy(next((unpacked / "boot").glob("config-*")), out / "boot/config")
         source = next((unpacked / "lib/modules").iterdir())
         _copy_modules(source, [name for words in themes().values() for name in words], out)
-        _copy_modules(source, themes()["boot"], out / "initramfs")
+        _copy_modules(source, themes()["boot"] + themes()["mount"], out / "initramfs")
 
     step(f"kernel: unpacking {name}", OUTPUT / "cache/kernel.stamp", name, unpack)
     step("kernel: modules", OUTPUT / "dev/kernel.stamp", fingerprint([LIST, pathlib.Path(__file__)], name), modules)

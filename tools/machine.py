@@ -23,12 +23,14 @@ def meta(board: str) -> dict[str, str]:
 class Machine:
     board: str
     program: str
+    kind: str  # pc: IDE, ISA, 1996; q35: AHCI, PCIe, 2009
     cpu: str
+    memory: int  # MiB
     firmware: str = "bios"  # bios (SeaBIOS) or uefi (OVMF)
 
-    def arguments(self, folder: pathlib.Path) -> list[str]:
-        """QEMU's program, machine, processor and firmware; firmware that keeps settings keeps them in the folder."""
-        words = [self.program, "-machine", "pc", "-cpu", self.cpu]
+    def arguments(self, folder: pathlib.Path, more_memory: int = 0) -> list[str]:
+        """QEMU's program and its options; firmware that keeps settings keeps them in the folder."""
+        words = [self.program, "-machine", self.kind, "-cpu", self.cpu, "-m", str(self.memory + more_memory)]
         if self.firmware == "uefi":
             shutil.copy(OVMF / "OVMF_VARS_4M.fd", folder / "vars.fd")
             words += ["-drive", f"if=pflash,unit=0,format=raw,readonly=on,file={OVMF}/OVMF_CODE_4M.fd",
@@ -43,7 +45,8 @@ def machines(board: str) -> list[Machine]:
     names = about["firmware"].split()
     if wanted and wanted not in names:
         raise Failed(f"board {board} is tested with {' and '.join(names)}, not with {wanted}")
-    return [Machine(board, about["qemu"], about["cpu"], name) for name in names if not wanted or name == wanted]
+    return [Machine(board, about["qemu"], about["machine"], about["cpu"], int(about["memory"]), name)
+            for name in names if not wanted or name == wanted]
 
 
 def sources(board: str) -> str:

@@ -3,9 +3,9 @@
 import pathlib
 from collections.abc import Sequence
 
-from common import OUTPUT, TOP, run, say
+from common import OUTPUT, TOP, alone, run, say
 
-PACKAGES = ["ddx", "ddxgrow", "ddxvideo"]
+PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxvideo"]
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 
@@ -20,13 +20,17 @@ def environment(root: pathlib.Path) -> dict[str, str]:
 def build(name: str = "desk", options: Sequence[str] = (), packages: Sequence[str] = PACKAGES) -> pathlib.Path:
     """Build packages in output/<name>, with these options for meson; the install tree."""
     root = OUTPUT / name / "root"
-    for package in packages:
-        out = OUTPUT / name / package
-        env = {**environment(root), "DESTDIR": str(root)}
-        if not (out / "build.ninja").exists():
-            say(f"{name}: {package}: configuring ...")
-            run(["meson", "setup", *MESON, *options, out, TOP / "package" / package], env=env)
-        if "ninja: no work to do" not in run(["ninja", "-C", out], env=env):
-            say(f"{name}: {package}: built")
-        run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)
+    with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
+        for package in packages:
+            _build(OUTPUT / name / package, options, {**environment(root), "DESTDIR": str(root)})
     return root
+
+
+def _build(out: pathlib.Path, options: Sequence[str], env: dict[str, str]) -> None:
+    title = f"{out.parent.name}: {out.name}"
+    if not (out / "build.ninja").exists():
+        say(f"{title}: configuring ...")
+        run(["meson", "setup", *MESON, *options, out, TOP / "package" / out.name], env=env)
+    if "ninja: no work to do" not in run(["ninja", "-C", out], env=env):
+        say(f"{title}: built")
+    run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)

@@ -2,10 +2,14 @@
 """The outside view of a recording: taken out of the disk without the guest's help, compared with the clip."""
 import dataclasses
 import hashlib
+import itertools
 import pathlib
 import re
+import struct
+import tempfile
 
 import mbr
+import record_index
 import y4m
 from clip import frame_number
 from common import Failed, run
@@ -23,12 +27,68 @@ class Partition:
     def _debugfs(self, request: str) -> str:
         return run(["debugfs", "-R", request, self.place])
 
+    def _files(self, folder: str) -> dict[str, int]:
+        """Names and inodes of the files there; none if there is no such folder."""
+        found = re.findall(r"^/(\d+)/10\d+/\d+/\d+/([^/]+)/", self._debugfs(f"ls -p {folder}"), re.M)
+        return {name: int(inode) for inode, name in found}
+
     def names(self) -> list[str]:
-        found = re.findall(r"^/\d+/10\d+/\d+/\d+/([^/]+)/", self._debugfs("ls -p /"), re.M)
-        return sorted(found)
+        return sorted(self._files("/"))
 
     def take(self, name: str, into: pathlib.Path) -> pathlib.Path:
         self._debugfs(f'dump "/{name}" "{into}"')
+        return into
+
+    def _session(self, index: str) -> int:
+        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+            data = self.take(f"pool/{index}", pathlib.Path(folder) / "index").read_bytes()
+        magic, session = struct.unpack_from("<8s60xI", data)  # package/ddxvideo/save/index.h
+        if magic != b"DDXINDX1":
+            raise Failed(f"/pool/{index} is no index")
+        return int(session)
+
+    def recordings(self, item: str = "") -> list[list[str]]:
+        """Recordings, oldest first; of each the names of its files, which follow each other without a gap."""
+        pool = {inode: name.replace(".y4m", ".index") for name, inode in self._files("/pool").items()
+                if name.endswith(".y4m")}
+        found: list[tuple[int, str, int]] = []  # number, name, number of the first file
+        for name, inode in self._files("/").items():
+            match = re.fullmatch(r"(.*)-(\d+)-\d+T\d+Z\.y4m", name)
+            if match and item in ("", match[1]):
+                number = int(match[2])
+                found.append((number, name, self._session(pool[inode]) if inode in pool else number))
+        found.sort()
+        return [[name for _, name, _ in group] for _, group in itertools.groupby(found, lambda one: one[2])]
+
+    def indexes(self) -> dict[str, record_index.Index]:
+        """Of each finished file of a recording, by its name."""
+        found = {}
+        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+            for name in self._files("/pool"):
+                if name.endswith(".index"):
+                    data = self.take(f"pool/{name}", pathlib.Path(folder) / "index").read_bytes()
+                    if data[8] == record_index.NAMED:
+                        index = record_index.parse(data)
+                        found[index.name] = index
+        return found
+
+    def lost(self) -> list[str]:
+        """Where the recordings say that frames are missing, and who lost them."""
+        return [f"{name}: before frame {position}: {entry.lost_store} lost in the store, {entry.lost_ring} in the ring"
+                for name, index in sorted(self.indexes().items()) for position, entry in enumerate(index.entries)
+                if entry.lost_store or entry.lost_ring]
+
+    def take_only(self, item: str, into: pathlib.Path) -> pathlib.Path:
+        """The only recording of an item ("": of any), in one file."""
+        found = self.recordings(item)
+        if len(found) != 1:
+            raise Failed(f"one recording of {item or 'anything'} was expected, there are {found}")
+        return self.take_all(found[0], into)
+
+    def take_all(self, names: list[str], into: pathlib.Path) -> pathlib.Path:
+        """A recording in one file, with the times that it would have in one."""
+        with tempfile.TemporaryDirectory(prefix="ddx-", dir=into.parent) as folder:
+            y4m.join([self.take(name, pathlib.Path(folder) / name) for name in names], into)
         return into
 
     def features(self) -> list[str]:

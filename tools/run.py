@@ -1,11 +1,14 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make run: a clip through the appliance, frame by frame.
+"""make run: frames through the appliance, one by one.
 
-usage: run.py [CLIP.y4m]        BOARD=name chooses the board, FIRMWARE=bios|uefi and ACCEL=tcg|kvm how QEMU runs it
+usage: run.py [CLIP.y4m]        SOURCE=clip|vivid says how the clip comes in, BOARD=name which image is booted,
+                                FIRMWARE=bios|uefi and ACCEL=tcg|kvm how QEMU runs it
 
-Boots the image (without BOARD the development image), injects the clip, shows a line a second, compares the recording
-with the clip, writes output/report.json. Exit status 1 if a frame was lost or the programs' counters are wrong.
+Boots the image (without BOARD the development image), injects the clip, or shows it to a camera (vivid), records and
+streams at once, shows a line a second, compares the recording with the clip and what the stream's receiver showed with
+the recording, writes output/report.json and output/report.html. Exit status 1 if the recording lacks a frame or the
+programs' counters are wrong; the stream may lose frames, counted, since nothing waits for it.
 """
 import json
 import os
@@ -19,97 +22,123 @@ import machine
 import native
 import qemu
 import session
+import source
+import stream
 import terminal
-import testdisk
 import y4m
 from common import OUTPUT, TOP, Failed, say
 from counters import Counters
 from disk import digest
-from session import LOAD, SAVE
+from report import Report, Stage, page
+from session import SAVE
+from stream import DECODE, RECORDER, SEND
 
-REPORT = OUTPUT / "report.json"
+REPORT, PAGE = OUTPUT / "report.json", OUTPUT / "report.html"
 WORK = OUTPUT / "run"
-LARGEST = 480 * 10**6  # bytes; see rec.ext4 in board/common/disk.cfg
+LARGEST = 240 * 10**6  # bytes, since both recordings have to fit; see rec.ext4 in board/common/disk.cfg
+CAMERA_SECONDS = 12    # of the clip that is drawn for a camera, which is shown it slowly: a minute
 
 
-def show(seconds: float, seen: dict[str, Counters]) -> None:
-    load, save = seen.get(LOAD, Counters()), seen.get(SAVE, Counters())
-    lost = {**{f"load.{k}": v for k, v in load.lost.items() if v}, **{k: v for k, v in save.lost.items() if v}}
-    words = " ".join(f"{reason} {count}" for reason, count in lost.items()) or "none"
+class Follower:
+    """Shows a line a second, and remembers the counters for the page."""
 
-    def latency(counts: Counters) -> str:
-        return "/".join(str(counts.latency.get(key, 0)) for key in ("p50", "p99", "max"))
+    def __init__(self, grabber: str) -> None:
+        self.names = {"stored": grabber, "recorded": SAVE, "sent": SEND, "decoded": DECODE}
+        self.seconds: list[tuple[float, dict[str, int]]] = []
 
-    say(f"{seconds:4.0f} s  in {load.frames_in:5}  stored {load.out:5}  recorded {save.out:5}  lost: {words}  "
-        f"latency µs p50/p99/max  store {latency(load)}  record {latency(save)}")
-
-
-def report(result: session.Result, image: pathlib.Path, accel: str) -> dict[str, object]:
-    return {
-        "frames": {"in": result.outside.clip, "stored": result.load.out, "recorded": result.outside.recorded},
-        "lost": {"store": result.lost_store, "record": result.lost_record},
-        "latency_us": {"store": result.load.latency, "record": result.save.latency},
-        "boot": {"kernel_to_first_frame_s": round(result.load.first_ns / 1e9, 3)},
-        "image": str(image.relative_to(TOP)),
-        "accel": accel.split(",")[0],
-        "disagreements": result.disagreements,
-    }
+    def __call__(self, seconds: float, seen: dict[str, Counters]) -> None:
+        now = {stage: seen.get(name, Counters()) for stage, name in self.names.items()}
+        self.seconds.append((seconds, {stage: counts.out for stage, counts in now.items()}))
+        lost = " ".join(f"{stage}.{reason} {count}" for stage, counts in now.items()
+                        for reason, count in counts.lost.items() if count) or "none"
+        frames = "  ".join(f"{stage} {counts.out:5}" for stage, counts in now.items())
+        times = " ".join(f"{now[stage].latency.get('p50', 0) / 1000:.1f}"
+                         for stage in ("stored", "recorded", "decoded"))
+        say(f"{seconds:4.0f} s  {frames}  p50 {times} ms  lost: {lost}")
 
 
-def table(result: session.Result) -> None:
-    outside = result.outside
+def table(report: Report, result: session.Result) -> None:
     say("")
-    say(f"{'stage':8} {'frames':>8} {'lost':>6} {'p50 µs':>9} {'p99 µs':>9} {'max µs':>9}")
-    say(f"{'clip':8} {outside.clip:8}")
-    for name, frames, lost, counts in [("store", result.load.out, result.lost_store, result.load),
-                                       ("record", outside.recorded, result.lost_record, result.save)]:
-        times = " ".join(f"{counts.latency.get(key, 0):9}" for key in ("p50", "p99", "max"))
-        say(f"{name:8} {frames:8} {lost:6} {times}")
+    say(f"{'stage':9} {'frames':>8} {'lost':>6} {'p50 µs':>9} {'p99 µs':>9} {'max µs':>9}")
+    say(f"{'in':9} {report.frames_in:8}")
+    for one in report.stages:
+        times = " ".join(f"{one.counters.latency.get(key, 0):9}" for key in ("p50", "p99", "max"))
+        say(f"{one.name:9} {one.frames:8} {one.lost:6} {times}")
     say("")
-    if outside.missing:
-        say(f"missing in the recording: {', '.join(map(str, outside.missing[:20]))}"
-            f"{' ...' if len(outside.missing) > 20 else ''}")
-    for text in result.disagreements:
+    missing = result.outside.missing
+    if missing:
+        say(f"missing in the recording: {', '.join(map(str, missing[:20]))}{' ...' if len(missing) > 20 else ''}")
+    for text in report.disagreements:
         say(f"counters disagree: {text}")
-    how = "byte for byte" if outside.exact else "counted only, since its pictures were converted to 4:2:0"
-    say(f"{outside.recorded} of {outside.clip} frames recorded, in order, compared with the clip {how}; "
-        f"first frame {result.load.first_ns / 1e9:.1f} s after the kernel's start")
+
+
+def drawn_clip(seconds: int) -> pathlib.Path:
+    path = OUTPUT / ("clip.y4m" if seconds == default_clip.SECONDS else f"clip-{seconds}.y4m")
+    if not path.exists():
+        say("drawing the clip ...")
+        default_clip.write(path.with_suffix(".new"), seconds)
+        path.with_suffix(".new").rename(path)
+    return path
+
+
+def collect(guest: qemu.Guest, origin: source.Clip | source.Vivid, follower: Follower,
+            about: dict[str, object]) -> tuple[session.Result, Report]:
+    """After all have stopped: both recordings, taken out without the guest's help, and what the programs say."""
+    books = {stage: session.histogram(guest, name) for stage, name in follower.names.items()}
+    recorded, shown = WORK / "recorded.y4m", WORK / "shown.y4m"
+    ends = stream.collect(guest, origin.grabber, recorded, shown)
+    result = origin.judge(recorded, ends[origin.grabber], ends[SAVE])
+    seen = stream.judge(shown, stream.pictures(recorded), ends[SEND], ends[DECODE], ends[RECORDER])
+    stages = [Stage("stored", result.load.out - result.before, result.lost_store, result.load, books["stored"]),
+              Stage("recorded", result.outside.recorded, result.lost_record, result.save, books["recorded"]),
+              Stage("sent", seen.sent.out, seen.lost_send, seen.sent, books["sent"]),
+              Stage("decoded", seen.decoded.out, seen.lost_decode, seen.decoded, books["decoded"])]
+    about["boot"] = {"kernel_to_first_frame_s": round(result.load.first_ns / 1e9, 3)}
+    disagreements = result.disagreements + seen.disagreements
+    if seen.wrong:
+        disagreements.append(f"{len(seen.wrong)} pictures that {DECODE} showed are not those of their time")
+    return result, Report(result.outside.clip, stages, about, disagreements, follower.seconds)
 
 
 def main() -> int:
     begin = time.monotonic()
     board = machine.machines(os.environ.get("BOARD") or machine.DEV)[0]
+    kind = os.environ.get("SOURCE") or "clip"
+    if kind not in source.SOURCES:
+        say(f"run: SOURCE={kind}: there are {' and '.join(source.SOURCES)}")
+        return 2
     development = build.dev([native.build()])
     image = development if board.board == machine.DEV else machine.image(board.board)
     WORK.mkdir(parents=True, exist_ok=True)
     if len(sys.argv) > 1 and sys.argv[1]:
         clip = pathlib.Path(sys.argv[1]).resolve()
     else:
-        clip = OUTPUT / "clip.y4m"
-        if not clip.exists():
-            say("drawing the clip ...")
-            default_clip.write(clip.with_suffix(".new"))
-            clip.with_suffix(".new").rename(clip)
-    header, frames = y4m.read(clip)
+        clip = drawn_clip(default_clip.SECONDS if kind == "clip" else CAMERA_SECONDS)
+    origin = source.SOURCES[kind](clip)
     if clip.stat().st_size > LARGEST:
-        raise Failed(f"{clip.name} is larger than {LARGEST // 10**6} MB, the recording partition of this image")
-    count = sum(1 for _ in frames)
-    rate = [int(word) for word in (header.value("F") or "25:1").split(":")]
-    disk = testdisk.make(WORK / "test.img", clip)
+        raise Failed(f"{clip.name} is larger than {LARGEST // 10**6} MB, half the recording partition of this image")
     accel = qemu.acceleration(development)
+    disk = origin.disk(WORK, board.board, stream.settings(accel))
     say(f"booting {image.relative_to(TOP)} ({board.firmware}, {accel}), "
         f"console log in {(WORK / 'console.log').relative_to(TOP)} ...")
     flashed = digest(image)
-    with qemu.Guest(image, accel, board, test_disk=disk, memory=testdisk.memory(clip),
-                    log=WORK / "console.log") as guest:
+    follower = Follower(origin.grabber)
+    with qemu.Guest(image, accel, board, test_disk=disk, more_memory=origin.more_memory, log=WORK / "console.log",
+                    size=origin.size and image.stat().st_size + origin.size) as guest:
         guest.shell("hvc0")
-        say(f"up after {time.monotonic() - guest.begin:.1f} s; {clip.name}: {count} frames")
-        session.wait_for_clip(guest, count, show, rate[0] / rate[1])
+        say(f"up after {time.monotonic() - guest.begin:.1f} s; {clip.name}: {origin.frames} frames")
+        origin.play(guest, follower)
+        stream.stop(guest)
         session.stop_recorder(guest)
-        result = session.collect(guest, clip, WORK / "recorded.y4m")
-        table(result)
-        REPORT.write_text(json.dumps(report(result, image, accel), indent=2) + "\n")
-        say(f"{REPORT.relative_to(TOP)}; {time.monotonic() - begin:.0f} s in all")
+        about: dict[str, object] = {"source": kind, "image": str(image.relative_to(TOP)), "accel": accel.split(",")[0]}
+        result, report = collect(guest, origin, follower, about)
+        table(report, result)
+        REPORT.write_text(report.json())
+        PAGE.write_text(page(report))
+        say(f"{report.stages[1].frames} of {report.frames_in} frames recorded, in order, compared with the clip "
+            f"{'byte for byte' if result.outside.exact else 'by count, since they were converted to 4:2:0'}; "
+            f"first frame {result.load.first_ns / 1e9:.1f} s after the kernel's start")
+        say(f"{REPORT.relative_to(TOP)}, {PAGE.relative_to(TOP)}; {time.monotonic() - begin:.0f} s in all")
         if sys.stdin.isatty() and sys.stdout.isatty():
             guest.sh("mount -o remount,rw /rec && /etc/init.d/S*ddxvideosave start")
             terminal.attach(guest.channel("ttyS0"))
@@ -117,7 +146,7 @@ def main() -> int:
             guest.poweroff()
     if digest(image) != flashed:
         raise Failed(f"{image.relative_to(TOP)} was changed by the run")
-    return 0 if result.good else 1
+    return 0 if result.good and not report.disagreements else 1
 
 
 if __name__ == "__main__":

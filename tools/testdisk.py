@@ -4,6 +4,7 @@ import os
 import pathlib
 import shutil
 import tempfile
+from collections.abc import Mapping
 
 import y4m
 from common import run
@@ -18,21 +19,31 @@ def _budget(clip: pathlib.Path) -> int:
     return max(USUAL, -(-header.width * header.height * 3 // 2 * FRAMES // 2**20))
 
 
-def memory(clip: pathlib.Path) -> int:
-    """MiB of RAM that a guest needs for the clip."""
-    return 376 + 2 * _budget(clip)
+def more_memory(clip: pathlib.Path) -> int:
+    """MiB of RAM that a guest needs for the clip, beyond what its machine usually has."""
+    return 2 * (_budget(clip) - USUAL)
 
 
-def make(disk: pathlib.Path, clip: pathlib.Path) -> pathlib.Path:
+def make(disk: pathlib.Path, clip: pathlib.Path | None,
+         files: Mapping[str, pathlib.Path | str] | None = None) -> pathlib.Path:
+    """A disk with a clip that the image replays at its start, and other files: their names there, and where they are
+    (a path) or what they say (a text, such as a service's settings)."""
+    content: dict[str, pathlib.Path | str] = {"clip.y4m": clip} if clip else {}
+    content.update(files or {})
     with tempfile.TemporaryDirectory(prefix="ddx-") as name:
         folder = pathlib.Path(name)
-        try:
-            os.link(clip, folder / "clip.y4m")
-        except OSError:
-            shutil.copy(clip, folder / "clip.y4m")
-        if _budget(clip) > USUAL:
+        for where, source in content.items():
+            if isinstance(source, str):
+                (folder / where).write_text(source)
+                continue
+            try:
+                os.link(source, folder / where)
+            except OSError:
+                shutil.copy(source, folder / where)
+        if clip and _budget(clip) > USUAL:
             (folder / "store.conf").write_text(f"m={_budget(clip)}M\n")
-        size = clip.stat().st_size // 1024 + clip.stat().st_size // 50_000 + 8192
+        bytes_used = sum((folder / where).stat().st_size for where in content)
+        size = bytes_used // 1024 + bytes_used // 50_000 + 8192
         disk.unlink(missing_ok=True)
         run(["mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-L", "DDXTEST", "-m", "0", "-d", folder,
              disk, f"{size}k"])

@@ -74,3 +74,28 @@ def read(path: pathlib.Path) -> tuple[Header, Iterator[Frame]]:
                 yield Frame(tuple(words[1:]), data)
 
     return header, frames()
+
+
+def join(paths: list[pathlib.Path], into: pathlib.Path) -> None:
+    """Files that follow each other as one: the header, and each frame's time since the first one."""
+    begin: int | None = None
+    with into.open("wb") as out:
+        for path in paths:
+            with path.open("rb") as file:
+                line = file.readline(1024)
+            if not out.tell():
+                out.write(line)
+                first = line
+            elif line != first:
+                raise Malformed(f"{path.name}: another header than {paths[0].name}")
+            start = 0
+            for frame in read(path)[1]:
+                values = dict(parameter.partition("=")[::2] for parameter in frame.parameters)
+                start = int(values.get("XDDX_START", start))
+                begin = start if begin is None else begin
+                if start and frame.time is not None:
+                    values["XTIME"] = str(frame.time + start - begin)
+                if start != begin:
+                    values = {key: value for key, value in values.items() if key == "XTIME"}
+                words = [f"{key}={value}" if value else key for key, value in values.items()]
+                out.write(" ".join(["FRAME", *words]).encode() + b"\n" + frame.data)

@@ -1,0 +1,215 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""make bench-record: are frames lost on slow and frozen disks? bench_record.py [-duration S] [-cases WORD,...]
+
+Each case is a guest that records onto a disk of its own; pictures, index and counters have to say the same. Results:
+output/bench/record.json, where each finished case is kept (a run that was broken off goes on), and record.svg. See
+docs/recording.md.
+"""
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import pathlib
+import platform
+import sys
+import time
+from typing import Any
+
+import numpy
+
+import bench_record_plot
+import build
+import clip as default_clip
+import disk_session
+import machine
+import native
+import qemu
+import session
+import testdisk
+from channel import Timeout
+from common import OUTPUT, Failed, say
+from disk_session import Result
+from qemu import Guest
+from slow_disk import SlowDisk, Speed
+
+WORK = OUTPUT / "bench/record"
+RESULT, PICTURE = OUTPUT / "bench/record.json", OUTPUT / "bench/record.svg"
+SLOW, FAST = Speed(20, 100), Speed(110, 400)
+FAULT_SECONDS = 30  # a fault shows soon
+HD = (1920, 1080)
+HD_FRAMES = 100     # of the clip that goes round and round
+HD_MEMORY = 1024    # MiB more: the clip stays in memory, and the ring has its 256 MB
+NONE, SOME, ANY = "none", "some", "any"
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    name: str
+    seconds: int
+    lost: str = NONE          # frames that may be, or have to be lost
+    speed: Speed = SLOW
+    file_system: str = "ext4"
+    naive: bool = False
+    cold: bool = False        # no file was ready before
+    settings: str = ""        # of the recorder
+    freeze: float = 0         # s
+    every: float = 0          # s; 0: once, in the middle
+    hd: bool = False
+    limit: int = 4096         # MiB of the disk
+
+
+# ---- Which cases; each promise with a fault beside it ----
+
+def slow_disk(duration: int) -> list[Case]:
+    return [Case("slow", duration), Case("slow first-start", min(duration, 30), cold=True),
+            Case("slow ring-2", FAULT_SECONDS, SOME, settings="ring=2\n")]
+
+
+def full_hd(duration: int) -> list[Case]:
+    return [Case("1080p", min(duration, 60), speed=FAST, hd=True, limit=8192),
+            Case("1080p half-speed", 30, SOME, speed=Speed(55, 200), hd=True, limit=8192)]
+
+
+def frozen(duration: int) -> list[Case]:
+    return [Case("frozen-2s", min(duration, 80), freeze=2, every=20),
+            Case("frozen-2s ring-20", FAULT_SECONDS, SOME, settings="ring=20\n", freeze=2, every=20),
+            Case("frozen-5s", FAULT_SECONDS, SOME, freeze=5)]
+
+
+def comparison(duration: int) -> list[Case]:
+    """The paper's: its stalls came from ext3's journal."""
+    return [Case(f"{file_system} {'naive' if naive else 'ours'}", min(duration, 60), ANY if naive else NONE,
+                 file_system=file_system, naive=naive)
+            for file_system in ("ext3", "ext4-journal", "ext4") for naive in (True, False)]
+
+
+# ---- One case ----
+
+def hd_clip(path: pathlib.Path) -> pathlib.Path:
+    """Waves that move, with numbers."""
+    width, height = HD
+    y, x = numpy.mgrid[0:height, 0:width]
+    waves = (128 + 50 * numpy.sin(x / 17) + 40 * numpy.sin(y / 11)).astype(numpy.uint8)
+    chroma = bytes([128]) * (width * height // 2)
+    with path.open("wb") as file:
+        file.write(f"YUV4MPEG2 W{width} H{height} F{default_clip.RATE}:1 Ip A1:1 C420jpeg\n".encode())
+        for number in range(HD_FRAMES):
+            luma = numpy.roll(waves, 3 * number, axis=1)
+            default_clip.draw_number(luma, number)
+            file.write(b"FRAME\n" + luma.tobytes() + chroma)
+    return path
+
+
+def wait(case: Case, guest: Guest, disk: SlowDisk) -> None:
+    """For so long as frames come, and the disk is frozen now and then."""
+    start = time.monotonic()
+    freezes = ([case.every * (number + 0.5) for number in range(int(case.seconds / case.every))] if case.every else
+               [case.seconds / 2] if case.freeze else [])
+    told = 0.0
+    while (now := time.monotonic() - start) < case.seconds:
+        if freezes and now >= freezes[0]:
+            disk.frozen(case.freeze)
+            freezes.pop(0)
+        elif now >= told + 30:
+            told = now
+            seen = session.follow(guest, now).get(session.SAVE)
+            say(f"bench-record: {case.name}: {now:.0f} s" + (f", lost {seen.lost}" if seen else ""))
+        time.sleep(0.2)
+
+
+def run_case(case: Case, image: pathlib.Path, accel: str) -> Result:
+    clip = WORK / ("hd.y4m" if case.hd else "clip.y4m")
+    if not clip.exists():
+        if case.hd:
+            hd_clip(clip)
+        else:
+            default_clip.write(clip, disk_session.CLIP_SECONDS)
+    test = disk_session.test_disk(WORK, clip, case.settings)
+    memory = testdisk.more_memory(clip) + HD_MEMORY if case.hd else 0
+    with SlowDisk(case.limit, case.file_system) as disk, \
+            Guest(image, accel, machine.machines(machine.DEV)[0], test_disk=test, provision=disk_session.QUIET,
+                  more_memory=memory, extra=disk.drive(), log=WORK / "console.log") as guest:
+        disk_session.prepare(guest, disk)
+        disk_session.begin(guest, disk, case.speed, case.naive, case.cold)
+        wait(case, guest, disk)
+        return disk_session.end(guest, disk, case.naive, HD_FRAMES if case.hd else disk_session.FRAMES)
+
+
+def verdict(case: Case, result: Result) -> list[str]:
+    """What is wrong with it."""
+    found = result.found
+    bad = list(found.disagreements)
+    if found.wrong:
+        bad.append(f"{found.wrong} pictures are not what the index says")
+    if not found.recorded:
+        bad.append("nothing was recorded")
+    if case.lost == NONE and found.lost:
+        bad.append(f"{found.lost} frames were lost, none should be")
+    if case.lost == SOME and not found.lost:
+        bad.append("no frame was lost, some should be: the case shows nothing")
+    return bad
+
+
+def row(case: Case, result: Result, load: float) -> dict[str, Any]:
+    found = result.found
+    return {"case": case.name, "seconds": case.seconds, "speed": dataclasses.asdict(case.speed),
+            "file_system": case.file_system, "writer": "naive" if case.naive else "ours", "settings": case.settings,
+            "published": found.published, "recorded": found.recorded, "lost": found.lost,
+            "lost_counted": {reason: count for reason, count in found.counted.items() if count},
+            "longest_gap": found.longest, "stall_ms": result.stall_ms, "latency_us": result.save.latency,
+            "fsyncs": result.neighbour,
+            "host_load": round(load, 1), "wrong": verdict(case, result)}
+
+
+# ---- All of them ----
+
+def about() -> dict[str, Any]:
+    return {"cores": len(os.sched_getaffinity(0)), "kernel": platform.release(),
+            "accel": qemu.acceleration(build.IMAGE)}
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-duration", type=int, default=600, help="s, of the longest case")
+    parser.add_argument("-cases", default="", help="only cases with one of these words, separated by commas")
+    options = parser.parse_args()
+    WORK.mkdir(parents=True, exist_ok=True)
+    cases = [case for some in (slow_disk, full_hd, frozen, comparison) for case in some(options.duration)
+             if any(word in case.name for word in options.cases.split(","))]
+    try:
+        image = build.dev([native.build()])
+        accel = qemu.acceleration(image)
+        kept: dict[str, Any] = json.loads(RESULT.read_text()) if RESULT.exists() else {"machine": about(), "cases": []}
+        failed = False
+        for case in cases:
+            done = [one for one in kept["cases"] if (one["case"], one["seconds"]) == (case.name, case.seconds)]
+            if done:
+                continue
+            before = os.getloadavg()[0]
+            try:
+                result = run_case(case, image, accel)
+            except (Failed, Timeout) as error:
+                failed = True  # the others are still worth their while
+                say(f"bench-record: {case.name}: {error}")
+                continue
+            kept["cases"] = [one for one in kept["cases"] if one["case"] != case.name]
+            kept["cases"].append(row(case, result, max(before, os.getloadavg()[0])))
+            RESULT.write_text(json.dumps(kept, indent=1) + "\n")
+            say(f"bench-record: {json.dumps(kept['cases'][-1])}")
+    except Failed as error:
+        say(f"bench-record: {error}")
+        return 1
+    PICTURE.write_text(bench_record_plot.picture(kept["cases"]))
+    bad = [one for one in kept["cases"] if one["wrong"]]
+    bench_record_plot.table(kept["cases"])
+    for one in bad:
+        say(f"bench-record: {one['case']}: {'; '.join(one['wrong'])}")
+    say(f"bench-record: {RESULT}, {PICTURE}")
+    return 1 if bad or failed else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,87 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""make fuzz: feed the readers of foreign data with what breaks them. fuzz.py [-seconds N] [TARGET...]
+
+The targets are tests/fuzz/<target>.c, built by clang with libFuzzer and sanitizers. New inputs are kept in
+output/fuzz/<target>; one that breaks a target, as output/fuzz/<target>-crash-..., and the exit status is 1.
+"""
+import argparse
+import pathlib
+import subprocess
+import sys
+
+import native
+from common import OUTPUT, TOP, Failed, fingerprint, run, say, step
+
+FUZZ = OUTPUT / "fuzz"
+VIDEO = TOP / "package/ddxvideo"
+LOG = TOP / "package/ddxlog"
+STREAM = [f"stream/{name}.c" for name in ("chunk", "h264", "intake", "mpeg4", "reorder", "rtp")]
+Y4M = [f"common/y4m_{name}.c" for name in ("convert", "layout", "parse", "read")] + ["common/item.c"]
+MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
+    f"log/{name}.c" for name in ("declaration", "form", "schema")]
+# Sources of each, below a package.
+TARGETS = {"mcap": (LOG, MCAP), "rtp": (VIDEO, STREAM), "y4m": (VIDEO, Y4M)}
+LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "rtp": [], "y4m": ["-lddx", "-lswscale", "-lavutil"]}
+FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
+         "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
+LONGEST = 8192  # bytes of an input
+
+
+def build(target: str, *defines: str) -> pathlib.Path:
+    """The program; `defines`: a fault that is to be found, such as -DDDX_FAULT_STAP."""
+    FUZZ.mkdir(parents=True, exist_ok=True)
+    program = FUZZ / "-".join(["fuzz", target, *(word.lstrip("-") for word in defines)])
+    package, names = TARGETS[target]
+    folders = [LOG / "mcap", LOG / "log", VIDEO / "stream", VIDEO / "common", VIDEO / "include",
+               TOP / "package/ddx/include"]
+    libraries = OUTPUT / "desk/root" / native.LIBRARIES
+    sources = [TOP / f"tests/fuzz/{target}.c", *(package / name for name in names)]
+
+    def compile_it() -> None:
+        run(["clang", *FLAGS, *defines, *(f"-I{folder}" for folder in folders), *sources, "-o", program,
+             f"-L{libraries}", f"-Wl,-rpath,{libraries}", *LIBRARIES[target]])
+
+    key = fingerprint([*sources, *folders], *FLAGS)
+    step(f"fuzz: {program.name}", program.with_suffix(".stamp"), key, compile_it)
+    return program
+
+
+def fuzz(target: str, seconds: int, *defines: str, corpus: pathlib.Path | None = None) -> tuple[bool, str]:
+    """Run a target for so long. Whether nothing was found, and what libFuzzer says."""
+    program = build(target, *defines)
+    found = FUZZ / target if corpus is None else corpus
+    found.mkdir(parents=True, exist_ok=True)
+    artifacts = FUZZ if corpus is None else corpus
+    options = [f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-timeout=20", "-rss_limit_mb=2000",
+               "-print_final_stats=1", f"-artifact_prefix={artifacts}/{target}-"]
+    corpora = [found, TOP / "tests/fuzz/corpus" / target]
+    done = subprocess.run([program, *options, *corpora], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                          stderr=subprocess.STDOUT, text=True, errors="replace")
+    return done.returncode == 0, done.stdout
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-seconds", type=int, default=300, help="for each target")
+    parser.add_argument("targets", nargs="*", default=list(TARGETS))
+    options = parser.parse_args()
+    good = True
+    try:
+        native.build()
+        for target in options.targets or TARGETS:
+            if target not in TARGETS:
+                raise Failed(f"no target {target}; there are {', '.join(TARGETS)}")
+            say(f"fuzz: {target}: {options.seconds} s ...")
+            fine, text = fuzz(target, options.seconds)
+            lines = text.splitlines()
+            say("\n".join(line for line in lines if line.startswith("stat::")) if fine else "\n".join(lines[-60:]))
+            good &= fine
+    except Failed as error:
+        say(f"fuzz: {error}")
+        return 1
+    return 0 if good else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,161 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""make killed: does a machine whose plug is pulled record again, every time, without a person? See docs/recording.md.
+
+killed.py [-times N] [-seed N]: QEMU is killed (SIGKILL) while the guest records, while it boots and while it checks its
+file systems; then it is started again on the same disk. output/killed.json; a run that was broken off goes on behind
+what is in it. Removing output/killed begins anew.
+"""
+import argparse
+import dataclasses
+import hashlib
+import json
+import pathlib
+import random
+import sys
+import time
+from collections.abc import Callable
+
+import build
+import clip as default_clip
+import machine
+import native
+import qemu
+import session
+import testdisk
+import y4m
+from common import OUTPUT, Failed, say
+from qemu import Guest
+from recording import Partition
+from session import SAVE
+
+WORK = OUTPUT / "killed"
+RESULT = OUTPUT / "killed.json"
+CHECK = b"Starting storage"  # overlay/etc/init.d/S15storage
+SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SAVE}.conf": "segment=8\n"}
+RECORDS = 90.0               # s after power on, for an emulated machine
+KINDS = ("recording", "boot", "check")
+SIZE = 8 << 30               # of the disk: the recordings of a run fit
+
+
+@dataclasses.dataclass
+class Kill:
+    """One of them, and what the machine did afterwards."""
+    kind: str
+    after: float            # s, since power on, since the check began, or of recording
+    again: float = -1.0     # s from power on to the first frame that the index promises
+    thorough: bool = False  # the quick check of the recordings was not enough
+    files: int = 0          # of recordings, by then
+
+
+def plan(times: int, seed: int) -> list[Kill]:
+    """Half of them while it records: these need a boot each, which the others then use."""
+    chance = random.Random(seed)
+    limits = {"recording": 4.0, "boot": 8.0, "check": 1.0}
+    kinds = [KINDS[0] if number % 2 == 0 else KINDS[1 + number // 2 % 2] for number in range(times)]
+    return [Kill(kind, round(chance.uniform(0, limits[kind]), 3)) for kind in kinds]
+
+
+class Plug:
+    """A machine that is killed and started again, always with the same disk."""
+
+    patience = RECORDS
+
+    def __init__(self, image: pathlib.Path, accel: str, folder: pathlib.Path, clip: pathlib.Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.image, self.accel, self.folder, self.clip = image, accel, folder, clip
+        self.test = testdisk.make(folder / "test.img", clip, SETTINGS)
+
+    def boot(self) -> Guest:
+        return Guest(self.image, self.accel, machine.machines(machine.DEV)[0], test_disk=self.test, keep=self.folder,
+                     size=SIZE)
+
+    def pull(self, kill: Kill, guest: Guest) -> None:
+        """From a guest that has just been started; while recording: from one that records."""
+        if kill.kind == "check":
+            guest.wait_for_log(CHECK, RECORDS)
+        time.sleep(kill.after)
+        guest.process.kill()
+        guest.process.wait()
+
+    def judge(self, guest: Guest, kills: list[Kill]) -> None:
+        """After these kills nobody helps: the machine has to come up and record."""
+        while True:
+            seen = session.follow(guest, 0) if guest.shell(timeout=RECORDS) else {}
+            if SAVE in seen and seen[SAVE].out:
+                break
+            if time.monotonic() - guest.begin > self.patience:
+                raise Failed(f"does not record again after {kills}\n{guest.sh('ddxctl health || true')}\n"
+                             + guest.sh("cat /run/log/check.* || true"))
+            time.sleep(0.2)
+        thorough = "UNEXPECTED INCONSISTENCY" in guest.sh("cat /run/log/check.DDXREC")
+        for kill in kills:
+            kill.again, kill.thorough = round(time.monotonic() - guest.begin, 1), thorough
+            kill.files = int(guest.sh("ls /rec/*.y4m | wc -l"))
+
+    def end(self, guest: Guest) -> tuple[int, int]:
+        """Stop it for good: pictures in all recordings, and how many are not what the index says, from outside."""
+        session.stop_recorder(guest)
+        known = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(self.clip)[1])}
+        partition = Partition(guest.snapshot())
+        count = wrong = 0
+        for name, index in partition.indexes().items():
+            file = partition.take(name, self.folder / "one.y4m")
+            for entry, frame in zip(index.entries, y4m.read(file)[1], strict=True):
+                count += 1
+                wrong += known.get(hashlib.blake2b(frame.data).digest()) != (entry.sequence - 1) % len(known)
+            file.unlink()
+        return count, wrong
+
+
+def run(plug: Plug, kills: list[Kill], done: list[Kill], tell: Callable[[list[Kill]], None]) -> list[Kill]:
+    """Each is judged by the next boot that is left to come up; the result: those that still have to be."""
+    waiting: list[Kill] = []
+    for kill in kills[len(done):]:
+        with plug.boot() as guest:
+            if kill.kind == "recording":
+                plug.judge(guest, waiting)
+                done.extend(waiting)
+                waiting.clear()
+                tell(done)
+            waiting.append(kill)
+            plug.pull(kill, guest)
+    return waiting
+
+
+def keep(done: list[Kill]) -> None:
+    RESULT.write_text(json.dumps([dataclasses.asdict(one) for one in done]) + "\n")
+    say(f"killed: {len(done)} times, recorded again every time")
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-times", type=int, default=100)
+    parser.add_argument("-seed", type=int, default=1)
+    arguments = parser.parse_args()
+    WORK.mkdir(parents=True, exist_ok=True)
+    if not (WORK / "disk.qcow2").exists():
+        RESULT.unlink(missing_ok=True)
+    done = [Kill(**one) for one in json.loads(RESULT.read_text())] if RESULT.exists() else []
+    try:
+        image = build.dev([native.build()])
+        clip = default_clip.write(WORK / "clip.y4m", 20)
+        plug = Plug(image, qemu.acceleration(image), WORK, clip)
+        last = run(plug, plan(arguments.times, arguments.seed), done, keep)
+        with plug.boot() as guest:
+            plug.judge(guest, last)
+            done.extend(last)
+            keep(done)
+            count, wrong = plug.end(guest)
+    except Failed as error:
+        say(f"killed: {error}")
+        return 1
+    times = sorted(one.again for one in done)
+    say(f"killed: {len(done)} times, recorded again every time, after {times[len(times) // 2]} s (at most "
+        f"{times[-1]} s); the quick check was not enough {sum(one.thorough for one in done)} times; "
+        f"{count} pictures, {wrong} wrong")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,308 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""make powercut: what is left of recordings when the power goes? See docs/recording.md.
+
+powercut.py [-cuts N] [-seed N] [-naive]: a guest records, all its writes are kept; then the disk is made again as a
+power cut between any two of them may have left it, is checked and mounted as at a boot, and its pictures are compared
+with the clip. output/powercut.json; a run that was broken off goes on. -naive: into a file that grows, for comparison.
+"""
+import argparse
+import dataclasses
+import hashlib
+import json
+import pathlib
+import random
+import re
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import blocklog
+import build
+import clip as default_clip
+import crc32c
+import machine
+import mbr
+import native
+import qemu
+import record_index
+import testdisk
+import y4m
+from common import OUTPUT, Failed, say
+from qemu import Guest
+from session import SAVE
+
+WORK = OUTPUT / "powercut"
+REC, MARKS = 6, 3  # partitions; the second slot is empty
+RATE = 25
+SECONDS = 60       # of recording
+SEGMENT = 8        # MB: files end every two seconds
+MARK = b"mark %d "
+BLOCK = 4096
+ENTRY = 64
+NEAR = 2  # writes
+MAX_LOSS = 1.0  # s
+SETTINGS = {False: f"segment={SEGMENT}\\nfull=recycle\\n", True: "segment=0\\n"}
+# So that files are given up after some seconds; and somebody who wants all that he writes on the disk at once.
+NEIGHBOURS = ("dd if=/dev/zero of=/rec/filler bs=1M count={filler} 2> /dev/null; sync; "
+              "(while :; do date > /rec/neighbour; fsync /rec/neighbour; sleep 0.05; done) > /dev/null 2>&1 & "
+              "(while :; do printf 'mark %d ' "
+              "$(ddxctl show video.frame --json | sed 's/.*\"value\":\\([0-9]*\\).*/\\1/') | "
+              "dd of=/dev/vda3 bs=512 conv=sync,notrunc oflag=direct; sleep 0.1; done) > /dev/null 2>&1 &")
+
+
+@dataclasses.dataclass
+class Found:
+    """After one cut."""
+    cut: int
+    model: str
+    near: bool
+    thorough: bool = False  # the quick check was not enough
+    manual: bool = False    # nor was the thorough one
+    mounted: bool = True
+    frames: int = 0
+    acknowledged_lost: int = 0
+    corrupt: int = 0
+    loss: float = 0.0       # s
+
+
+# ---- Record ----
+
+def provide(disk: pathlib.Path, clip: pathlib.Path) -> dict[str, Any]:
+    """What record() needs its guest to be started with."""
+    return {"test_disk": testdisk.make(disk, clip, {"ddxvideoload.conf": "loop=\n"}),
+            "provision": f"service={SAVE} off\n"}
+
+
+def record(guest: Guest, naive: bool, seconds: int) -> None:
+    """Until the power goes, and what was not written yet is lost as well."""
+    guest.shell()
+    free = int(guest.sh("df -m /rec | awk 'NR == 2 { print $4 }'"))
+    guest.sh(f"printf '{SETTINGS[naive]}' > /data/ddx/{SAVE}.conf; "
+             + NEIGHBOURS.format(filler=max(0, free - SEGMENT * 12 - 32) if not naive else 0), 60)
+    guest.sh(f"ddxctl enable {SAVE}")
+    for second in range(seconds):
+        time.sleep(1)
+        if second % 10 == 9:
+            files = guest.sh("ls /rec | grep -c y4m || true")
+            say(f"powercut: recorded {second + 1} s of {seconds}, {files} files")
+    guest.process.kill()
+
+
+def recorded(image: pathlib.Path, accel: str, clip: pathlib.Path, naive: bool) -> pathlib.Path:
+    """The log of all writes, if need be that of an earlier run."""
+    log = WORK / ("naive.log" if naive else "pool.log")
+    if log.with_suffix(".done").exists():
+        return log
+    with Guest(image, accel, machine.machines(machine.DEV)[0], writes=log,
+               **provide(WORK / "test.img", clip)) as guest:
+        record(guest, naive, SECONDS)
+    log.with_suffix(".done").touch()
+    return log
+
+
+# ---- What was promised ----
+
+def promises(entry: blocklog.Entry) -> set[int]:
+    """Numbers in the store of the frames that index entries in this write stand for."""
+    found: set[int] = set()
+    for begin in range(0, len(entry.data) if len(entry.data) <= 64 * BLOCK else 0, BLOCK):
+        for at in range(begin, begin + BLOCK, ENTRY):
+            one = entry.data[at:at + ENTRY]
+            if not any(one[:8]) or int.from_bytes(one[60:], "little") != crc32c.crc32c(one[:60]):
+                break
+            found.add(int.from_bytes(one[8:16], "little"))
+    return found
+
+
+@dataclasses.dataclass
+class Moment:
+    """What was known when a write was done."""
+    acknowledged: int  # highest number in the store that the index on the disk had
+    newest: int        # frame in the store
+    event: bool        # a flush, or a write of metadata
+
+
+def moments(log: pathlib.Path, part: mbr.Partition, marks: mbr.Partition) -> list[Moment]:
+    found: list[Moment] = []
+    pending, acknowledged, newest = 0, 0, -1
+    for entry in blocklog.entries(log):
+        if entry.is_flush:
+            acknowledged = max(acknowledged, pending)
+        inside = part.begin <= entry.offset < part.end
+        numbers = promises(entry) if inside else set()
+        pending = max([pending, *numbers])
+        if marks.begin <= entry.offset < marks.end and (match := re.match(rb"mark (\d+) ", entry.data)):
+            newest = int(match[1])
+        metadata = inside and len(entry.data) <= BLOCK and not numbers
+        found.append(Moment(acknowledged, newest, entry.is_flush or metadata))
+    newest = found[-1].newest
+    for one in reversed(found):  # the frame that was there when the next mark was made
+        one.newest, newest = newest, one.newest
+    return found
+
+
+def choose(seen: list[Moment], cuts: int, chance: random.Random) -> dict[int, bool]:
+    """Writes behind which the power goes, half of them near an event; and whether they are."""
+    begin = next((number for number, one in enumerate(seen) if one.acknowledged or one.newest > 2 * RATE), len(seen))
+    events = [number for number in range(begin, len(seen)) if seen[number].event]
+    if not events:
+        raise Failed("nothing was recorded")
+    chosen: dict[int, bool] = {}
+    while len(chosen) < min(cuts, len(seen) - begin):
+        near = len(chosen) % 2 == 0
+        number = chance.choice(events) + chance.randint(-NEAR, NEAR) if near else chance.randrange(begin, len(seen))
+        if begin <= number < len(seen):
+            chosen.setdefault(number, near)
+    return chosen
+
+
+# ---- What is left ----
+
+def due(folder: pathlib.Path, size: int) -> dict[str, list[int]]:
+    """For each recording with an index: which pictures it says are in it. The clip has `size`, and goes round."""
+    found = {}
+    for path in folder.glob("pool/*.index"):
+        data = path.read_bytes()
+        if len(data) > BLOCK and data[8] == record_index.NAMED:  # else it was just being made
+            index = record_index.parse(data)
+            found[index.name] = [(entry.sequence - 1) % size for entry in index.entries]
+    return found
+
+
+def frames_of(folder: pathlib.Path, pictures: dict[bytes, int]) -> tuple[list[int], int]:
+    """Numbers of the pictures in all recordings, one after the other, -1 for what the clip does not have; and how many
+    are corrupt: those, files that cannot be read to their end, and pictures that are not those that the index says, or,
+    where there is none, not the next ones."""
+    numbers: list[int] = []
+    bad = 0
+    said = due(folder, len(pictures))
+    for path in sorted(folder.glob("*.y4m"), key=lambda path: int(path.name.split("-")[-2])):
+        begin = len(numbers)
+        try:
+            for frame in y4m.read(path)[1]:
+                numbers.append(pictures.get(hashlib.blake2b(frame.data).digest(), -1))
+        except (y4m.Malformed, KeyError, ValueError, IndexError, UnicodeDecodeError):
+            bad += 1
+        if path.name in said:
+            bad += said[path.name] != numbers[begin:]
+        else:
+            bad += sum((one + 1) % len(pictures) != later for one, later in zip(numbers[begin:], numbers[begin + 1:]))
+    return numbers, bad + numbers.count(-1)
+
+
+def check(image: pathlib.Path, found: Found) -> None:
+    """As overlay/etc/init.d/S15storage does it."""
+    if subprocess.run(["e2fsck", "-p", image], capture_output=True, check=False).returncode >= 2:
+        found.thorough = True
+        found.manual = subprocess.run(["e2fsck", "-fy", image], capture_output=True, check=False).returncode >= 2
+
+
+def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[bytes, int], naive: bool) -> None:
+    check(image, found)
+    with tempfile.TemporaryDirectory(prefix="ddx-") as name:
+        if subprocess.run(["mount", "-o", "loop,noatime", image, name], capture_output=True, check=False).returncode:
+            found.mounted = False
+            return
+        try:
+            if not naive:
+                root = OUTPUT / "desk/root/usr"
+                libraries = next(root.glob("lib/**/libddx.so")).parent
+                subprocess.run([root / "bin/ddxvideosave", "-output", name, "-segment", str(SEGMENT), "-recover"],
+                               env={"LD_LIBRARY_PATH": str(libraries)}, check=True, capture_output=True)
+            numbers, found.corrupt = frames_of(pathlib.Path(name), pictures)
+        finally:
+            subprocess.run(["umount", name], check=True)
+    found.frames = len(numbers)
+    if not numbers:
+        found.loss = (moment.newest + 1) / RATE
+        found.acknowledged_lost = moment.acknowledged
+        return
+    # Numbers in the store begin with 1, those of pictures with 0, and go round.
+    size = len(pictures)
+    behind = (moment.newest - numbers[-1]) % size  # the recording is never older than a round of the clip
+    found.loss = max(0.0, (behind if behind < size // 2 else 0) / RATE)
+    missing = (moment.acknowledged - 1 - numbers[-1]) % size
+    found.acknowledged_lost = missing if moment.acknowledged and missing < size // 2 else 0
+
+
+def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bool, cuts: int, seed: int,
+           done: Sequence[Found] = ()) -> Iterator[Found]:
+    """What is found after each cut, but those that are done."""
+    part = mbr.partition(image, REC)
+    seen = moments(log, part, mbr.partition(image, MARKS))
+    chosen = choose(seen, cuts, random.Random(seed))
+    pictures = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(clip)[1])}
+    with image.open("rb") as file:
+        file.seek(part.begin)
+        disk = blocklog.Disk(part.begin, file.read(part.end - part.begin))
+    old = {(one.cut, one.model) for one in done}
+    with tempfile.NamedTemporaryFile(prefix="ddx-", suffix=".ext4", dir="/dev/shm") as file:
+        scratch = pathlib.Path(file.name)
+        for number, entry in enumerate(blocklog.entries(log)):
+            disk.add(entry)
+            if number not in chosen:
+                continue
+            for model in ("prefix", "cache"):
+                if (number, model) in old:
+                    continue
+                chance = random.Random(f"{seed} {number}")
+                scratch.write_bytes(disk.all_written() if model == "prefix" else disk.some_written(chance))
+                found = Found(number, model, chosen[number])
+                judge(scratch, found, seen[number], pictures, naive)
+                yield found
+
+
+def summary(done: list[Found]) -> dict[str, float]:
+    return {"cuts": len(done), "near": sum(one.near for one in done),
+            "thorough_fsck": sum(one.thorough for one in done),
+            "manual_fsck": sum(one.manual for one in done), "mount_failures": sum(not one.mounted for one in done),
+            "acked_lost": sum(one.acknowledged_lost > 0 for one in done),
+            "corrupt": sum(one.corrupt > 0 for one in done), "max_loss_s": max(one.loss for one in done)}
+
+
+def broken(figures: dict[str, float]) -> bool:
+    """Whether anything was found that must not be."""
+    zero = ("manual_fsck", "mount_failures", "acked_lost", "corrupt")
+    return any(figures[key] for key in zero) or figures["max_loss_s"] > MAX_LOSS
+
+
+def keep(result: pathlib.Path, done: list[Found]) -> None:
+    """For a run that goes on behind these."""
+    result.write_text(json.dumps([dataclasses.asdict(one) for one in done]))
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-cuts", type=int, default=1000)
+    parser.add_argument("-seed", type=int, default=1)
+    parser.add_argument("-naive", action="store_true")
+    arguments = parser.parse_args()
+    WORK.mkdir(parents=True, exist_ok=True)
+    result = WORK / f"{'naive' if arguments.naive else 'pool'}-{arguments.seed}-{arguments.cuts}.json"
+    try:
+        image = build.dev([native.build()])
+        clip = default_clip.write(WORK / "clip.y4m", 20)
+        log = recorded(image, qemu.acceleration(image), clip, arguments.naive)
+        done = [Found(**one) for one in json.loads(result.read_text())] if result.exists() else []
+        for found in replay(log, image, clip, arguments.naive, arguments.cuts, arguments.seed, done):
+            done.append(found)
+            if len(done) % 20 == 0:
+                keep(result, done)
+                say(f"powercut: {len(done)} of {2 * arguments.cuts} disks")
+        keep(result, done)
+    except Failed as error:
+        say(f"powercut: {error}")
+        return 1
+    figures = summary(done)
+    name = "powercut-naive.json" if arguments.naive else "powercut.json"
+    (OUTPUT / name).write_text(json.dumps(figures, indent=1) + "\n")
+    say(f"powercut: {json.dumps(figures)}")
+    return int(broken(figures))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
