@@ -7,6 +7,7 @@
  * reader checks every mark, so both touch every page, and a torn or stale frame is found. Latency: from the writer's
  * look at the clock just before it publishes to the reader's just after it has checked the whole frame.
  */
+#include <glob.h>
 #include <inttypes.h>
 #include <sched.h>
 #include <stdint.h>
@@ -33,7 +34,7 @@ static bool writer;
 
 static struct {
     unsigned long frames, lost, torn, last;
-    int64_t cpu_begin, cpu_end;
+    int64_t cpu_begin, cpu_end, queued;
     int32_t *latency;
     bool over;
 } result;
@@ -43,6 +44,26 @@ static int64_t now(clockid_t clock) {
 
     clock_gettime(clock, &time);
     return (int64_t)time.tv_sec * SECOND + time.tv_nsec;
+}
+
+/* ns that this process was ready to run and others had its core, all its threads together. */
+static int64_t queued(void) {
+    int64_t sum = 0;
+    glob_t found;
+
+    if (glob("/proc/self/task/*/schedstat", 0, NULL, &found))
+        return 0;
+    for (size_t i = 0; i < found.gl_pathc; i++) {
+        FILE *file = fopen(found.gl_pathv[i], "r");
+        long long waited;
+
+        if (file && fscanf(file, "%*s %lld", &waited) == 1)
+            sum += waited;
+        if (file)
+            fclose(file);
+    }
+    globfree(&found);
+    return sum;
 }
 
 static uint64_t mark(unsigned long number, size_t page) {
@@ -190,8 +211,10 @@ int main(int argc, char **argv) {
     char line[8];
 
     if (options(argc, argv)) {
-        fprintf(stderr, "usage: %s role=writer|reader mode=zerocopy|copy|direct name= bytes= readers= frames= "
-                        "warm-up= interval=US cpu=\n", argv[0]);
+        fprintf(stderr,
+                "usage: %s role=writer|reader mode=zerocopy|copy|direct name= bytes= readers= frames= "
+                "warm-up= interval=US cpu=\n",
+                argv[0]);
         return 2;
     }
     result.latency = calloc(frames, sizeof *result.latency);
@@ -204,10 +227,15 @@ int main(int argc, char **argv) {
         return 1;
     puts("ready");
     fflush(stdout);
-    if (!fgets(line, sizeof line, stdin) || (writer ? write_all() : read_all()))
+    if (!fgets(line, sizeof line, stdin))
         return 1;
-    printf("{\"frames\": %lu, \"lost\": %lu, \"torn\": %lu, \"cpu_ns\": %" PRId64 ", \"latency_ns\": [", result.frames,
-           result.lost, result.torn, result.cpu_end - result.cpu_begin);
+    result.queued = -queued();
+    if (writer ? write_all() : read_all())
+        return 1;
+    result.queued += queued();
+    printf("{\"frames\": %lu, \"lost\": %lu, \"torn\": %lu, \"cpu_ns\": %" PRId64 ", \"queued_ns\": %" PRId64
+           ", \"latency_ns\": [",
+           result.frames, result.lost, result.torn, result.cpu_end - result.cpu_begin, result.queued);
     for (unsigned long i = 0; i < result.frames && !writer; i++)
         printf("%s%" PRId32, i ? "," : "", result.latency[i]);
     puts("]}");

@@ -121,24 +121,27 @@ static int take(struct reader *r, char way) {
     static FRAME copy;
     struct ddx_frame got = {0};
     const FRAME *frame;
+    DDX_TIME time = 0;
     int result;
 
     switch (way) {
     case 'c':
-        result = ddx_store_read(r->item, &copy, NULL, 0.3, DDX_IN_ORDER);
+        result = ddx_store_read(r->item, &copy, &time, 0.3, DDX_IN_ORDER);
         frame = &copy;
         break;
     case 'd':
-        result = ddx_store_read_direct(r->item, NULL, 0.3, DDX_NEXT);
+        result = ddx_store_read_direct(r->item, &time, 0.3, DDX_NEXT);
         frame = r->live;
         break;
     default:
         result = ddx_store_acquire(r->item, &got, 0.3, way == 'n' ? DDX_NEXT : DDX_IN_ORDER);
         frame = got.data;
+        time = got.time;
         break;
     }
     if (result)
         return result;
+    r->me->delay[r->me->frames % DELAYS] = (uint32_t)((ddx_time_now() - time) / 1000);
     uint64_t missed = ddx_store_missed(r->item) - r->missed;
     if (got.data && (missed != got.missed || got.sequence != frame->number))
         actor_fail("frame %llu has number %llu", (unsigned long long)frame->number, (unsigned long long)got.sequence);
@@ -153,7 +156,10 @@ static int take(struct reader *r, char way) {
     return 0;
 }
 
-/* Kinds: n newest, o in order, c copies in order, d stable pointer; m all of them in turn. */
+/*
+ * Kinds: n newest, o in order, k in order with patience for whatever the machine does, c copies in order, d stable
+ * pointer; m all of them but k in turn.
+ */
 static void play_reader(struct actor *me, unsigned stream, char kind) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
     struct reader r = {.me = me, .stream = &stage->stream[stream], .kind = kind};
@@ -162,7 +168,7 @@ static void play_reader(struct actor *me, unsigned stream, char kind) {
     if (!id)
         actor_fail("no store: %s", ddx_error_text(errno));
     r.item = actor_lookup(id, stream_name[stream]);
-    if (kind == 'o' && ddx_store_keep(r.item, 8))
+    if ((kind == 'o' || kind == 'k') && ddx_store_keep(r.item, kind == 'k' ? 64 : 8))
         actor_fail("keep is refused");
     r.live = kind == 'd' || kind == 'm' ? ddx_store_var_pointer(r.item) : NULL;
     r.earliest = r.stream->done;
@@ -178,6 +184,26 @@ static void play_reader(struct actor *me, unsigned stream, char kind) {
             if (before && now - before > me->longest)
                 me->longest = now - before;
             before = now;
+        }
+    }
+    ddx_store_close(id);
+}
+
+/* A reader that always holds a frame, each for a while. */
+static void play_holder(struct actor *me, unsigned stream) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
+    DDX_STORE_ITEM *item = id ? actor_lookup(id, stream_name[stream]) : NULL;
+    struct ddx_frame frame;
+
+    for (; !leaving; me->beats++) {
+        if (item && !ddx_store_acquire(item, &frame, 0.3, DDX_CURRENT)) {
+            const FRAME *held = frame.data;
+
+            me->frames++;
+            check_words(held, frame.sequence, held->term);
+            nap(0.02);
+            check_words(held, frame.sequence, held->term);
+            ddx_store_release(item);
         }
     }
     ddx_store_close(id);
@@ -233,6 +259,7 @@ int actor_main(char kind, unsigned stream, unsigned index, double period) {
     case 't': play_tourist(self); break;
     case 'v': play_vandal(self, stream); break;
     case 'f': play_flood(self); break;
+    case 'h': play_holder(self, stream); break;
     case 'l': play_liar(self, stream); break;
     default: play_reader(self, stream, kind); break;
     }

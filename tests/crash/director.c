@@ -12,8 +12,7 @@
 struct party party[ACTORS];
 pid_t store_process;
 unsigned store_descriptors;
-unsigned checks;
-double hang = 8;
+static int64_t longest_wait;
 static char folder[] = "/tmp/ddx-crash-XXXXXX";
 
 void fail(const char *format, ...) {
@@ -41,8 +40,6 @@ void fail(const char *format, ...) {
 void director_begin(void) {
     char path[64];
 
-    if (getenv("DDX_CRASH_HANG"))
-        hang = atof(getenv("DDX_CRASH_HANG"));
     if (!mkdtemp(folder))
         fail("no folder: %s", strerror(errno));
     snprintf(path, sizeof path, "%s/stage", folder);
@@ -88,6 +85,19 @@ void store_kill(void) {
     store_process = 0;
 }
 
+void store_ended(void) {
+    AWAIT(waitpid(store_process, NULL, WNOHANG) == store_process, "the store does not end");
+    store_process = 0;
+}
+
+void store_stop(void) {
+    int status;
+
+    if (kill(store_process, SIGSTOP) || waitpid(store_process, &status, WUNTRACED) != store_process ||
+        !WIFSTOPPED(status))
+        fail("the store cannot be stopped");
+}
+
 struct actor *actor_of(const struct party *p) {
     return &stage->actor[p->index];
 }
@@ -111,14 +121,9 @@ struct party *party_begin(char kind, unsigned stream, double period, const char 
 }
 
 void party_ended(struct party *p, int number) {
-    int64_t until = ddx_time_now() + (int64_t)(hang * 1e9);
-    int status;
-    pid_t got;
+    int status = 0;
 
-    while ((got = waitpid(p->pid, &status, WNOHANG)) == 0 && ddx_time_now() < until)
-        nap(0.0002);
-    if (got != p->pid)
-        fail("hang: %c%u does not end", p->kind, p->index);
+    AWAIT(waitpid(p->pid, &status, WNOHANG) == p->pid, "%c%u does not end", p->kind, p->index);
     if (number == SIGTERM ? status != 0 : !WIFSIGNALED(status) || WTERMSIG(status) != number)
         fail("%c%u ended with status %x", p->kind, p->index, (unsigned)status);
     p->pid = 0;
@@ -129,10 +134,28 @@ void party_end(struct party *p, int number) {
     party_ended(p, number);
 }
 
+void party_stop(struct party *p) {
+    int status;
+
+    p->stopped = true;
+    if (kill(p->pid, SIGSTOP) || waitpid(p->pid, &status, WUNTRACED) != p->pid || !WIFSTOPPED(status))
+        fail("%c%u cannot be stopped", p->kind, p->index);
+}
+
+void party_go_on(struct party *p) {
+    p->stopped = false;
+    kill(p->pid, SIGCONT);
+}
+
 struct party *owner_of(unsigned stream) {
     struct party *owner = &party[stage->stream[stream].owner];
 
     return owner->pid && owner->kind == 'w' && owner->stream == stream ? owner : NULL;
+}
+
+void waited(int64_t ns) {
+    if (ns > longest_wait)
+        longest_wait = ns;
 }
 
 void look(void) {
@@ -141,7 +164,7 @@ void look(void) {
 }
 
 static bool is_reader(const struct party *p, unsigned stream) {
-    return p->pid && !p->stopped && p->stream == stream && strchr("nodcm", p->kind);
+    return p->pid && !p->stopped && p->stream == stream && strchr("nokdcm", p->kind);
 }
 
 void await_frames(unsigned stream, unsigned frames, uint32_t term, const char *when) {
@@ -155,15 +178,16 @@ void await_frames(unsigned stream, unsigned frames, uint32_t term, const char *w
                   "%s: %c%u gets no frames", when, party[i].kind, i);
 }
 
-int64_t await_takeover(unsigned stream, uint32_t term, int64_t since, const char *when) {
-    int64_t first = INT64_MAX;
+struct party *await_takeover(unsigned stream, uint32_t term, const char *when) {
+    struct party *first = NULL;
 
     AWAIT(stage->stream[stream].terms >= term, "%s: nobody takes over", when);
     await_frames(stream, 1, term, when);
     for (unsigned i = 0; i < ACTORS; i++)
-        if (is_reader(&party[i], stream) && stage->actor[i].term == term && stage->actor[i].term_time < first)
-            first = stage->actor[i].term_time;
-    return first == INT64_MAX ? 0 : first - since;
+        if (is_reader(&party[i], stream) && stage->actor[i].term == term &&
+            (!first || stage->actor[i].term_time < actor_of(first)->term_time))
+            first = &party[i];
+    return first;
 }
 
 int64_t longest_gap(unsigned stream) {
@@ -196,4 +220,5 @@ void director_end(void) {
         unlink(path);
     }
     rmdir(folder);
+    printf("longest wait %.0f ms of %.0f\n", (double)longest_wait / 1e6, (double)HANG / 1e6);
 }

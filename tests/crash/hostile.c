@@ -60,7 +60,7 @@ int test_hostile(void) {
     store_begin(NULL);
     party_begin('w', 0, PERIOD, NULL);
     party_begin('n', 0, 0, NULL);
-    party_begin('o', 0, 0, NULL);
+    party_begin('k', 0, 0, NULL);
     await_frames(0, 10, 1, "at first");
     suffer('v', "a vandal", 1);
     suffer('l', "a liar", 1);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Programs that die, stop or lie, and others that must not notice:
- * crash walk [POINT] | random KILLS SEED | broken | hostile
+ * crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | stop | broken | hostile
  */
 #include <string.h>
 
@@ -20,12 +20,17 @@ int main(int argc, char **argv) {
         result = test_walk(argc > 2 ? argv[2] : NULL);
     else if (!strcmp(what, "random") && argc == 4)
         result = test_random((unsigned)atoi(argv[2]), (unsigned)atoi(argv[3]));
+    else if (!strcmp(what, "restart"))
+        result = test_restart();
+    else if (!strcmp(what, "stop"))
+        result = test_stop();
     else if (!strcmp(what, "broken"))
         result = test_broken();
     else if (!strcmp(what, "hostile"))
         result = test_hostile();
     else
-        fprintf(stderr, "usage: crash walk [POINT] | random KILLS SEED | broken | hostile\n");
+        fprintf(stderr, "usage: crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | stop | broken | "
+                        "hostile\n");
     if (!result)
         director_end();
     return result;

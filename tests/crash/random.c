@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * SIGKILL at random, of writers, readers and the store, as many times as asked for. The same seed kills the same
- * parties after the same pauses. Ends with one line of JSON.
+ * parties after the same pauses. With an odd seed all run with real-time priority, if allowed: takeovers are judged
+ * as if the machine had nothing else to do. Ends with one line of JSON.
  */
 #include <string.h>
 
-#include "director.h"
+#include "takeover.h"
 #include "tests.h"
 
 #define PERIOD 0.001
@@ -16,8 +17,8 @@ enum victim { WRITER, STANDBY, READER, STORE, WRITER_AND_STORE, VICTIMS };
 static uint64_t state;
 static unsigned killed[VICTIMS];
 static int64_t store_died;
-/* ns: worst and sum; [1]: with the store away */
-static int64_t worst[2], sum[2];
+/* ns: [1]: with the store away */
+static struct takeover worst[2], sum[2];
 static unsigned takeovers[2];
 
 static unsigned chance(unsigned below) {
@@ -47,21 +48,39 @@ static void kill_store(void) {
     store_begin(NULL);
 }
 
+static void most(int64_t *worst_one, int64_t value) {
+    *worst_one = value > *worst_one ? value : *worst_one;
+}
+
+static void book(struct takeover t, bool together) {
+    if (!together)
+        takeover_check(&t, "a killed writer");
+    most(&worst[together].whole, t.whole);
+    most(&worst[together].published, t.whole - t.seen);
+    sum[together].whole += t.whole;
+    sum[together].noticed += t.noticed;
+    sum[together].granted += t.granted;
+    sum[together].published += t.published;
+    sum[together].seen += t.seen;
+    takeovers[together]++;
+}
+
+static double mean_ms(int64_t ns) {
+    return takeovers[0] ? (double)ns / takeovers[0] / 1e6 : 0;
+}
+
 static void kill_writer(bool and_store) {
     struct party *owner = owner_of(0);
     uint32_t terms = stage->stream[0].terms;
-    int64_t since = ddx_time_now();
 
+    takeover_begin();
+    int64_t since = ddx_time_now();
     party_end(owner, SIGKILL);
     if (and_store)
         kill_store();
-    int64_t time = await_takeover(0, terms + 1, since, "a killed writer");
-    bool together = since - store_died < TOGETHER;
-    if (time > TAKEOVER && !together)
-        fail("takeover in %.0f ms", (double)time / 1e6);
-    worst[together] = time > worst[together] ? time : worst[together];
-    sum[together] += time;
-    takeovers[together]++;
+    const struct party *first = await_takeover(0, terms + 1, "a killed writer");
+    if (first)
+        book(takeover_done(0, terms + 1, since, first), since - store_died < TOGETHER);
     begin('w');
 }
 
@@ -89,6 +108,10 @@ static void kill_one(unsigned observers) {
 
 int test_random(unsigned kills, unsigned seed) {
     uint64_t seen = 0, missed = 0;
+
+    /* Times are judged where they are measured (`make crash`), and in half of the runs: the others, as all of the tests
+     * here, meet whatever else runs on this machine. */
+    bool urgent = getenv("DDX_CRASH_URGENT") && seed % 2 && takeover_urgent();
 
     state = seed;
     store_begin(NULL);
@@ -125,11 +148,14 @@ int test_random(unsigned kills, unsigned seed) {
     printf("{\"kills\":%u,\"seed\":%u,\"writers\":%u,\"standbys\":%u,\"readers\":%u,\"stores\":%u,"
            "\"writers_and_stores\":%u,"
            "\"frames_written\":%llu,\"terms\":%u,\"seen\":%llu,\"missed\":%llu,\"torn\":0,\"hangs\":0,"
-           "\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,\"takeovers\":%u,"
+           "\"takeovers\":%u,\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,"
+           "\"urgent\":%u,\"published_worst_ms\":%.1f,"
+           "\"noticed_mean_ms\":%.1f,\"granted_mean_ms\":%.1f,\"published_mean_ms\":%.1f,\"seen_mean_ms\":%.1f,"
            "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u}\n",
            kills, seed, killed[WRITER], killed[STANDBY], killed[READER], killed[STORE], killed[WRITER_AND_STORE],
            (unsigned long long)stage->stream[0].done, stage->stream[0].terms, (unsigned long long)seen,
-           (unsigned long long)missed, takeovers[0] ? (double)sum[0] / takeovers[0] / 1e6 : 0, (double)worst[0] / 1e6,
-           takeovers[0], (double)worst[1] / 1e6, takeovers[1]);
+           (unsigned long long)missed, takeovers[0], mean_ms(sum[0].whole), (double)worst[0].whole / 1e6, urgent,
+           (double)worst[0].published / 1e6, mean_ms(sum[0].noticed), mean_ms(sum[0].granted),
+           mean_ms(sum[0].published), mean_ms(sum[0].seen), (double)worst[1].whole / 1e6, takeovers[1]);
     return 0;
 }

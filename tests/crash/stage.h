@@ -17,6 +17,7 @@
 #define ACTORS 24
 #define STREAMS 2
 #define TERMS 32768
+#define DELAYS 1024
 
 DDX_STORE_TYPE(
     FRAME, struct {
@@ -38,6 +39,7 @@ struct term {
 struct stream {
     _Atomic(uint64_t) begun, done; /* as in its terms */
     _Atomic(uint32_t) terms, owner /* actor that writes */, allowed /* bit set: actors that may begin to */;
+    _Atomic(uint64_t) lost; /* what superseded writers published in vain */
     struct term term[TERMS];
 };
 
@@ -45,9 +47,9 @@ struct actor {
     _Atomic(uint64_t) beats; /* turns of its loop: it is not stuck */
     _Atomic(uint64_t) frames, missed, first, last;
     _Atomic(uint64_t) term;
-    _Atomic(int64_t) term_time;    /* when the first frame of this term was seen */
-    _Atomic(int64_t) longest;      /* between two frames, ns; the director sets it back */
-    _Atomic(int64_t) latest_delay; /* longest from writing to seeing, ns; likewise */
+    _Atomic(int64_t) term_time;      /* when the first frame of this term was seen */
+    _Atomic(int64_t) longest;        /* between two frames, ns; the director sets it back */
+    _Atomic(uint32_t) delay[DELAYS]; /* from writing to seeing, us, of the last frames; frame n is at n % DELAYS */
     _Atomic(uint32_t) failed;
     char failure[160];
 };

@@ -6,5 +6,7 @@ int test_walk(const char *only); /* points whose name contains this, or NULL for
 int test_random(unsigned kills, unsigned seed);
 int test_broken(void);
 int test_hostile(void);
+int test_restart(void);
+int test_stop(void);
 
 #endif

@@ -9,6 +9,7 @@ struct writer {
     struct stream *stream;
     struct term *term; /* NULL: stands by */
     uint32_t number;
+    uint64_t published; /* in this term, as the library said */
     DDX_STORE_ITEM *item, *look;
 };
 
@@ -32,6 +33,7 @@ static void begin(struct writer *w, unsigned index) {
                    (unsigned long long)last.number, (unsigned long long)before->done,
                    (unsigned long long)before->begun);
     w->term = &w->stream->term[w->number];
+    w->published = 0;
     w->term->first = last.number + 1;
     w->term->begun = w->term->done = last.number;
     w->stream->owner = index;
@@ -48,7 +50,12 @@ static void write_one(struct writer *w, void *data) {
         frame->word[i] = content(number, w->number, i);
     if (number % 50 == 7 && number != w->term->first) {
         frame->word[3] = 0;
-        if (ddx_store_cancel(w->item) || ddx_store_loan(w->item, &data))
+        int result = ddx_store_cancel(w->item);
+        if (!result)
+            result = ddx_store_loan(w->item, &data);
+        if (result == -EEXIST)
+            return; /* superseded just now */
+        if (result)
             actor_fail("a loaned frame cannot be given back");
         frame = data;
         frame->number = number;
@@ -61,10 +68,30 @@ static void write_one(struct writer *w, void *data) {
     if (number == w->term->first)
         w->term->time = ddx_time_now();
     int result = ddx_store_publish(w->item, NULL);
+    if (result == -EEXIST)
+        return;
     if (result)
         actor_fail("publish: %s", ddx_error_text(result));
+    w->published++;
     w->term->done = number;
     w->stream->done = number;
+}
+
+/* Another writer took over while this one was stopped: the library must know how many frames nobody saw. */
+static void superseded(struct writer *w) {
+    const struct term *next = &w->stream->term[w->number + 1];
+    int64_t until = ddx_time_now() + 8000000000;
+
+    while (w->stream->terms <= w->number) { /* it claimed the item, but has not written down what it found */
+        if (ddx_time_now() > until || leaving)
+            return;
+        nap(0.001);
+    }
+    uint64_t seen = next->first - w->term->first, lost = ddx_store_lost(w->item);
+    if (seen + lost != w->published)
+        actor_fail("%llu published, %llu of them seen, but %llu counted as lost", (unsigned long long)w->published,
+                   (unsigned long long)seen, (unsigned long long)lost);
+    w->stream->lost += lost;
 }
 
 void play_writer(struct actor *me, unsigned stream, unsigned index, double period) {
@@ -90,6 +117,7 @@ void play_writer(struct actor *me, unsigned stream, unsigned index, double perio
         }
         result = ddx_store_loan(w.item, &data);
         if (result == -EEXIST && w.term) { /* stopped for so long that another took over: begin anew */
+            superseded(&w);
             w.term = NULL;
             ddx_store_done_item(w.item);
             w.item = actor_lookup(id, stream_name[stream]);
@@ -105,8 +133,8 @@ void play_writer(struct actor *me, unsigned stream, unsigned index, double perio
             begin(&w, index);
         if (w.stream->terms == w.number)
             write_one(&w, data);
-        else
-            ddx_store_publish(w.item, NULL); /* nobody looks any more, and we are about to be told */
+        else if (!ddx_store_publish(w.item, NULL)) /* nobody looks any more, and we are about to be told */
+            w.published++;
         me->frames++;
         nap(period);
     }

@@ -10,6 +10,7 @@ import pytest
 import native
 
 from .programs import Compiler, Desk
+from .stream import Stream
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -24,6 +25,13 @@ def desk(tmp_path: pathlib.Path) -> Iterator[Desk]:
     desk = Desk(tmp_path)
     yield desk
     desk.end()
+
+
+@pytest.fixture
+def stream(tmp_path: pathlib.Path) -> Iterator[Stream]:
+    stream = Stream(tmp_path)
+    yield stream
+    stream.end()
 
 
 @pytest.fixture(scope="session")

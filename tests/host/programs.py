@@ -2,6 +2,7 @@
 """Programs of the desk build, each test with a store of its own."""
 from __future__ import annotations
 
+import functools
 import json
 import os
 import pathlib
@@ -11,10 +12,14 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from common import MORTAL
+
 TOP = pathlib.Path(__file__).resolve().parents[2]
 # Other builds are tested by naming their install tree, and what its users must be compiled with:
 # DDX_ROOT=output/address/root/usr DDX_CFLAGS=-fsanitize=address,undefined
 ROOT = pathlib.Path(os.environ.get("DDX_ROOT", TOP / "output/desk/root/usr"))
+
+KEEP = 64  # frames that the store keeps for a recorder: most of a second where frames come fastest
 
 Process = subprocess.Popen[str]
 Counters = dict[str, Any]
@@ -36,7 +41,7 @@ class Desk:
         wait_until(lambda: self.run("ddxctl", "list").returncode == 0)
 
     def start(self, program: str | pathlib.Path, *arguments: object, wrapper: tuple[str, ...] = ()) -> Process:
-        command = [*wrapper, str(ROOT / "bin" / program), *map(str, arguments)]
+        command = [*MORTAL, *wrapper, str(ROOT / "bin" / program), *map(str, arguments)]
         errors = open(self.folder / f"errors-{len(self.processes)}", "w+")
         process = subprocess.Popen(command, env=self.environment, cwd=self.folder, stdout=subprocess.PIPE,
                                    stderr=errors, text=True)
@@ -48,8 +53,8 @@ class Desk:
 
     def run(self, program: str | pathlib.Path, *arguments: object,
             timeout: float = 60) -> subprocess.CompletedProcess[str]:
-        return subprocess.run([ROOT / "bin" / program, *map(str, arguments)], env=self.environment, cwd=self.folder,
-                              capture_output=True, text=True, timeout=timeout)
+        return subprocess.run([*MORTAL, ROOT / "bin" / program, *map(str, arguments)], env=self.environment,
+                              cwd=self.folder, capture_output=True, text=True, timeout=timeout)
 
     def stats(self, instance: str) -> Counters:
         """What the stats item in the store says."""
@@ -57,6 +62,24 @@ class Desk:
         found = [counters for line in lines if (counters := json.loads(line))["instance"] == instance]
         assert found, f"no counters of {instance}: {lines}"
         return dict(found[0])
+
+    def out(self, instance: str) -> int:
+        """Frames so far; none as long as it is not in the store."""
+        lines = self.run("ddxctl", "stats", "--json").stdout.splitlines()
+        return sum(int(counters["out"]) for line in lines if (counters := json.loads(line))["instance"] == instance)
+
+    def item(self, name: str) -> dict[str, Any]:
+        """What the store says of an item; nothing if there is no such item."""
+        found = json.loads(self.run("ddxctl", "list", "--json").stdout)["items"]
+        return next((dict(one) for one in found if one["name"] == name), {})
+
+    def readers(self, item: str) -> int | None:
+        """How many an item has; None if there is no such item."""
+        return self.item(item).get("readers")
+
+    def sequence(self, item: str) -> int:
+        """Number of the newest value, which nobody reads for that; 0 if there is none."""
+        return int(self.item(item).get("sequence", 0))
 
     def end(self) -> None:
         for process in reversed(self.processes):
@@ -87,17 +110,23 @@ def lost(counters: Counters) -> int:
     return sum(counters["lost"].values())
 
 
-def wait_until(condition: Callable[[], bool], seconds: float = 10) -> None:
+def start_recorder(desk: Desk, *options: object, wrapper: tuple[str, ...] = ()) -> Process:
+    """One that may come late, on a machine that has other things to do: the store keeps more frames for it."""
+    return desk.start("ddxvideosave", "-keep", KEEP, *options, wrapper=wrapper)
+
+
+def wait_until(condition: Callable[[], bool], seconds: float = 60) -> None:
+    """The time is for a machine that hangs: nobody's test passes or fails by it."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited in vain"
         time.sleep(0.02)
 
 
-def record(desk: Desk, clip: pathlib.Path, output: pathlib.Path, *load: object,
-           instance: str = "ddxvideosave") -> tuple[Counters, Counters]:
+def record(desk: Desk, clip: pathlib.Path, output: pathlib.Path, *load: object, instance: str = "ddxvideosave",
+           keep: int = KEEP) -> tuple[Counters, Counters]:
     """Play a clip and record it, from the first frame to the last; the counters of both."""
-    saver = desk.start("ddxvideosave", "-output", output, "-instance", instance)
+    saver = desk.start("ddxvideosave", "-output", output, "-instance", instance, "-keep", keep)
     loader = desk.run("ddxvideoload", clip, "-readers", "1", "-instance", f"load.{instance}", *load)
     assert loader.returncode == 0, loader.stderr
     status, saved = stop(saver)
@@ -140,9 +169,14 @@ def ffmpeg(*arguments: object) -> bytes:
 def make_clip(path: pathlib.Path, size: str = "352x288", rate: str = "25", frames: int = 25, format: str = "yuv420p",
               *more: object) -> pathlib.Path:
     """A moving test picture, no frame like another."""
-    ffmpeg("-f", "lavfi", "-i", f"testsrc2=size={size}:rate={rate}", "-frames:v", frames, "-pix_fmt", format, *more,
-           "-strict", "-1", "-f", "yuv4mpegpipe", "-y", path)
+    path.write_bytes(picture_of(size, rate, frames, format, *more))
     return path
+
+
+@functools.lru_cache(maxsize=4)
+def picture_of(size: str, rate: str, frames: int, format: str, *more: object) -> bytes:
+    return ffmpeg("-f", "lavfi", "-i", f"testsrc2=size={size}:rate={rate}", "-frames:v", frames, "-pix_fmt", format,
+                  *more, "-strict", "-1", "-f", "yuv4mpegpipe", "-")
 
 
 def frame_md5(path: pathlib.Path) -> list[str]:

@@ -123,6 +123,20 @@ def missed(store: ddx.Store) -> None:
             assert now == [0, 1, 2, 3]
 
 
+def awaited(store: ddx.Store) -> None:
+    """Before there is an item; then everything from the first value on."""
+    with store.item("later", awaited=True) as item:
+        item.keep(4)
+        assert item.type == "" and item.fields == []
+        refused(TimeoutError, lambda: item.acquire(0, ddx.IN_ORDER))
+        refused(ddx.Error, lambda: store.item("later"))
+        with store.create("later", "SHORT", "struct { int number; }") as writer:
+            for number in range(1, 5):
+                writer.write({"number": number})
+            assert [item.read(0, ddx.IN_ORDER)["number"] for _ in range(4)] == [1, 2, 3, 4]
+            assert item.type == "SHORT" and item.missed == 0
+
+
 def errors(store: ddx.Store) -> None:
     assert "no item of this name" in refused(ddx.Error, lambda: store.item("nothing"))
     assert "bad argument" in refused(ddx.Error, lambda: store.create("p", "P", "struct { int *p; }"))

@@ -2,6 +2,7 @@
 """The product's tree, as far as it can be looked at without building it."""
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 
@@ -71,3 +72,31 @@ def test_a_third_board_is_data_only(tmp_path: pathlib.Path) -> None:
         env = {**os.environ, "BUILDROOT_OUTPUT": str(tmp_path / "out")}
         subprocess.run([PYTHON, "-B", tmp_path / "tools/buildroot.py", "make", "third", "-s", "printvars",
                         "VARS=LINUX_KCONFIG_FRAGMENT_FILES"], env=env, check=True, capture_output=True)
+
+
+def ffmpeg_parts(text: str, pattern: str) -> dict[str, set[str]]:
+    """encoder, decoder ... and what of each kind is wanted."""
+    found: dict[str, set[str]] = {}
+    for kind, names in re.findall(pattern, text):
+        found.setdefault(kind.lower(), set()).update(re.split("[, ]", names))
+    return found
+
+
+@pytest.mark.parametrize("board", buildroot.boards())
+def test_both_kinds_of_image_have_the_same_parts_of_ffmpeg(board: str) -> None:
+    development = ffmpeg_parts((TOP / "board/common/ffmpeg.config").read_text(), r"--enable-(\w+)=(\S+)")
+    text = (TOP / f"buildroot-external/configs/ddxvideo_{board}_defconfig").read_text()
+    assert ffmpeg_parts(text, r'FFMPEG_(\w+)S="([^"-]+)"') == development
+    assert set(development) == {"encoder", "decoder", "muxer", "protocol"}
+
+
+def test_two_builds_that_differ_say_where(tmp_path: pathlib.Path) -> None:
+    for name, text in [("first", "one"), ("second", "two")]:
+        (tmp_path / name / "usr/bin").mkdir(parents=True)
+        (tmp_path / name / "usr/bin/same").write_text("same")
+        (tmp_path / name / "usr/bin/program").write_text(text)
+        (tmp_path / name / "link").symlink_to(text)
+    (tmp_path / "second/more").touch()
+    assert not buildroot.differences(tmp_path / "first", tmp_path / "first")
+    found = "\n".join(buildroot.differences(tmp_path / "first", tmp_path / "second"))
+    assert [name for name in ("program", "link", "more", "same") if name in found] == ["program", "link", "more"]

@@ -9,16 +9,16 @@ import pytest
 
 from .programs import ROOT, library_folder
 
-LOADER, SAVER = "ddxvideoload", "ddxvideosave"
+LOADER, SAVER, SENDER, DECODE, SNAP = "ddxvideoload", "ddxvideosave", "ddxvideosend", "decode", "ddxvideosnap"
 
 
 def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     """Without any store: wrong usage is found before one is asked for."""
-    return subprocess.run([ROOT / "bin" / program, *map(str, arguments)], capture_output=True, text=True, timeout=10,
+    return subprocess.run([ROOT / "bin" / program, *map(str, arguments)], capture_output=True, text=True, timeout=60,
                           env={"LD_LIBRARY_PATH": str(library_folder()), "DDX_DIR": "/nonexistent"})
 
 
-@pytest.mark.parametrize("program", [LOADER, SAVER])
+@pytest.mark.parametrize("program", [LOADER, SAVER, SENDER, DECODE, SNAP])
 @pytest.mark.parametrize("option", ["-help", "--help"])
 def test_help(program: str, option: str) -> None:
     result = run(program, option)
@@ -43,12 +43,36 @@ def test_help(program: str, option: str) -> None:
     (SAVER, ["-output", "x.y4m", "more"], "unexpected argument more"),
     (SAVER, ["-output", "x.y4m", "-ring", "1"], "-ring 1: a number"),
     (SAVER, ["-output", "/tmp/x.y4m", "-instance", "n" * 60], "-instance"),
+    (SENDER, ["-codec", "h265"], "-codec h265"),
+    (SENDER, ["-port", "8001"], "-port 8001: an even number"),
+    (SENDER, ["-port", "70000"], "-port 70000: a number"),
+    (SENDER, ["-group", "10.0.0.1"], "-group 10.0.0.1: a multicast address"),
+    (SENDER, ["-group", "none"], "nobody to send to"),
+    (SENDER, ["-to", "robot.local"], "-to robot.local: addresses are needed"),
+    (SENDER, ["-to", "10.0.0.1:0"], "-to 10.0.0.1:0: addresses are needed"),
+    (SENDER, ["-to", ",".join(["10.0.0.1"] * 16)], "-to 10.0.0.1"),
+    (SENDER, ["-bitrate", "1"], "-bitrate 1: a number"),
+    (DECODE, ["-group", "239.255.20.5:8000"], "-group 239.255.20.5:8000: a multicast address"),
+    (DECODE, ["-record", "x.mp4"], "-record: a file .avi or .mkv"),
+    (SNAP, [], "FILE is missing"),
+    (SNAP, ["x.bmp"], "x.bmp: a name that ends in"),
+    (SNAP, ["ppm"], "ppm: a name that ends in"),
 ])
 def test_bad_usage(program: str, arguments: list[str], text: str) -> None:
     result = run(program, *arguments)
     assert result.returncode == 2
     assert result.stderr.startswith(program + ": ") and text in result.stderr
     assert result.stderr.count("\n") == 1 and not result.stdout
+
+
+@pytest.mark.parametrize("program,arguments", [
+    (LOADER, ["x.y4m"]), (SAVER, ["-output", "/nonexistent/x.y4m"]), (SENDER, ["-codec", "mpeg4"]), (DECODE, []),
+    (SNAP, ["x.png"])])
+def test_check_judges_and_does_nothing(program: str, arguments: list[str]) -> None:
+    """There is no store: what began would wait for one."""
+    good, bad = run(program, *arguments, "-check"), run(program, "-check", *arguments, "-name", "")
+    assert good.returncode == 0 and not good.stdout and not good.stderr
+    assert bad.returncode == 2 and "-name is empty" in bad.stderr
 
 
 @pytest.mark.parametrize("place", ["/nonexistent/out.y4m", "/nonexistent/", "/etc/passwd/out.y4m"])

@@ -6,7 +6,7 @@ import itertools
 import pathlib
 import subprocess
 
-from .programs import ROOT, Compiler, Desk, make_clip, pictures, stop, times
+from .programs import ROOT, Compiler, Desk, make_clip, pictures, start_recorder, stop, times
 
 
 def plane_sum(plane: bytes) -> int:
@@ -22,7 +22,7 @@ def test_paper_client(desk: Desk, compile_client: Compiler) -> None:
     client = desk.start(program, 10)
     loader = desk.run("ddxvideoload", clip, "-readers", "1")
     assert loader.returncode == 0
-    out, _ = client.communicate(timeout=10)
+    out, _ = client.communicate(timeout=60)
     assert client.returncode == 0, desk.errors(client)
     lines = [line.split() for line in out.splitlines()]
     assert [line[0] for line in lines] == ["live", "copy"] * 5
@@ -42,13 +42,13 @@ def test_larger_than_the_client(desk: Desk, compile_client: Compiler) -> None:
     clip = make_clip(desk.folder / "clip.y4m", "1280x720", "20", 10)
     client = desk.start(program, 1)
     loader = desk.start("ddxvideoload", clip, "-loop")
-    assert client.wait(10) == 1
+    assert client.wait(60) == 1
     loader.terminate()
 
 
 def test_grabber_of_the_papers_kind(desk: Desk, compile_client: Compiler) -> None:
     """An item that has the seven fields only is recorded, with the times of its writes."""
-    saver = desk.start("ddxvideosave", "-output", "out.y4m")
+    saver = start_recorder(desk, "-output", "out.y4m")
     assert desk.run(compile_client("item_client", "ddxvideo"), "paper_grabber").returncode == 0
     status, counters = stop(saver)
     assert status == 0 and counters["out"] == 20

@@ -8,7 +8,9 @@ import subprocess
 
 import pytest
 
-from .programs import TOP, Desk, make_clip, pictures
+from common import MORTAL
+
+from .programs import TOP, Desk, make_clip, pictures, wait_until
 
 CLIENT = pathlib.Path(__file__).with_name("python_client.py")
 PYTHON = ["/usr/bin/python3", "-B"]
@@ -52,12 +54,15 @@ def test_examples_of_the_manual(desk: Desk, installed: pathlib.Path, tmp_path: p
 
     # The item exists from its first writer on, so that both readers find it.
     assert desk.run("ddxvideoload", clip).returncode == 0
-    commands = [[str(program)], [*PYTHON, str(TOP / "examples/reader.py")]]
-    readers = [subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True) for command in commands]
-    loader = desk.run("ddxvideoload", clip, "-readers", "2")
+    # Each ends when there was no frame for a second, and keeps one frame: the slow starter first, and a slow clip.
+    readers = []
+    for command in [*PYTHON, str(TOP / "examples/reader.py")], [str(program)]:
+        readers.append(subprocess.Popen([*MORTAL, *command], env=environment, stdout=subprocess.PIPE, text=True))
+        wait_until(lambda: f'"readers":{len(readers)},' in desk.run("ddxctl", "list", "--json").stdout)
+    loader = desk.run("ddxvideoload", clip, "-readers", "2", "-rate", "0.2")
     assert loader.returncode == 0, loader.stderr
     for reader in readers:
-        out, _ = reader.communicate(timeout=30)
+        out, _ = reader.communicate(timeout=60)
         lines = [[int(word) for word in line.split()] for line in out.splitlines()]
         assert reader.returncode == 0
         assert [line[3] for line in lines] == sums

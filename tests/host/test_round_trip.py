@@ -2,12 +2,19 @@
 """What is played is what is recorded, frame by frame and time by time."""
 from __future__ import annotations
 
+import itertools
+import json
 import pathlib
+import signal
 import subprocess
+import time
 
 import pytest
 
-from .programs import ROOT, Desk, ffmpeg, frame_md5, header_of, lost, make_clip, pictures, record, stop, times
+from common import MORTAL
+
+from .programs import (ROOT, Counters, Desk, ffmpeg, frame_md5, header_of, lost, make_clip, pictures, record, result,
+                       start_recorder, stop, times, wait_until)
 
 MILLISECOND = 1_000_000
 # FFmpeg's converter told to do as ours: chroma samples sit on the left luma column before and after.
@@ -45,15 +52,22 @@ def test_uneven_times_are_kept(desk: Desk) -> None:
     clip.write_bytes(parts[0] + b"".join(b"FRAME XTIME=%d\n%s" % pair for pair in zip(steps, parts[1:])))
     loaded, _ = record(desk, clip, desk.folder / "out.y4m")
     assert times(desk.folder / "out.y4m") == steps
-    assert 0.39 < (loaded["last_ns"] - loaded["first_ns"]) / 1e9 < 0.9
+    assert loaded["last_ns"] - loaded["first_ns"] >= 399 * MILLISECOND
+    check_on_time(loaded)
+
+
+def check_on_time(loaded: Counters) -> None:
+    """Half of the frames are, whatever else the machine had to do."""
+    assert loaded["latency_us"]["p50"] < 100_000
 
 
 @pytest.mark.parametrize("rate,frames,seconds",
-                         [("1", 13, 0.48), ("2", 25, 0.48), ("0.5", 13, 0.96), ("29.97", 300, 0.399)])
+                         [("1", 13, 0.48), ("2", 25, 0.48), ("0.5", 13, 0.96), ("29.97", 100, 0.132)])
 def test_rate(desk: Desk, rate: str, frames: int, seconds: float) -> None:
     clip = make_clip(desk.folder / "clip.y4m", size="64x48", frames=frames)
-    loaded, _ = record(desk, clip, desk.folder / "out.y4m", "-rate", rate)
-    assert seconds - 0.02 < (loaded["last_ns"] - loaded["first_ns"]) / 1e9 < seconds + 0.5
+    loaded, _ = record(desk, clip, desk.folder / "out.y4m", "-rate", rate, keep=100)  # 750 a second
+    assert (loaded["last_ns"] - loaded["first_ns"]) / 1e9 > seconds - 0.001
+    check_on_time(loaded)
     assert times(desk.folder / "out.y4m")[-1] == pytest.approx(seconds * 1e9, rel=0.01)
 
 
@@ -67,18 +81,35 @@ def test_ntsc_rate_is_exact(desk: Desk) -> None:
 
 def test_rate_zero_does_not_wait(desk: Desk) -> None:
     clip = make_clip(desk.folder / "clip.y4m", size="64x48", frames=500)
-    result = desk.run("ddxvideoload", clip, "-rate", "0", timeout=5)
-    assert result.returncode == 0
+    assert desk.run("ddxvideoload", clip, "-rate", "0").returncode == 0
     assert desk.stats("ddxvideoload")["out"] == 500
+
+
+def test_behind_a_stall_it_catches_up_at_twice_its_pace(desk: Desk) -> None:
+    """Not in a burst, of which the store would keep the last few."""
+    clip = make_clip(desk.folder / "clip.y4m", size="64x48", rate="50", frames=75)
+    loader = desk.start("ddxvideoload", clip, "-readers", "1")
+    wait_until(lambda: "video.frame" in desk.run("ddxctl", "list").stdout)
+    watcher = desk.start("ddxctl", "watch", "video", "-json", "-count", "60")
+    wait_until(lambda: desk.out("ddxvideoload") > 10)
+    loader.send_signal(signal.SIGSTOP)
+    time.sleep(0.6)
+    loader.send_signal(signal.SIGCONT)
+    assert result(loader)[1]["out"] == 75
+    watcher.terminate()
+    writes = [json.loads(line) for line in watcher.communicate()[0].splitlines()]
+    steps = [(later["time_ns"] - one["time_ns"], later["sequence"] - one["sequence"])
+             for one, later in itertools.pairwise(writes)]
+    assert max(took for took, _ in steps) > 500 * MILLISECOND
+    assert all(took >= frames * 10 * MILLISECOND for took, frames in steps)
 
 
 def test_loop_goes_on(desk: Desk) -> None:
     """Times and numbers of the second pass follow those of the first, without a seam."""
     clip = make_clip(desk.folder / "clip.y4m", size="64x48", rate="100", frames=10)
-    saver = desk.start("ddxvideosave", "-output", "out.y4m")
+    saver = start_recorder(desk, "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    with pytest.raises(subprocess.TimeoutExpired):
-        loader.wait(0.75)
+    wait_until(lambda: desk.out("ddxvideoload") > 60)
     status, counters = stop(loader)
     assert status == 0 and counters["in"] == counters["out"] > 50
     assert stop(saver)[0] == 0
@@ -156,8 +187,8 @@ def test_alpha_is_left_out(desk: Desk) -> None:
 def test_from_a_pipe(desk: Desk) -> None:
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "100", 10)
     with open(clip, "rb") as source, subprocess.Popen(["cat"], stdin=source, stdout=subprocess.PIPE) as cat:
-        saver = desk.start("ddxvideosave", "-output", "out.y4m")
-        subprocess.run([ROOT / "bin/ddxvideoload", "/dev/stdin", "-readers", "1"], env=desk.environment,
+        saver = start_recorder(desk, "-output", "out.y4m")
+        subprocess.run([*MORTAL, ROOT / "bin/ddxvideoload", "/dev/stdin", "-readers", "1"], env=desk.environment,
                        stdin=cat.stdout, check=True, capture_output=True)
     assert stop(saver)[0] == 0
     assert pictures(desk.folder / "out.y4m") == pictures(clip)
@@ -169,7 +200,7 @@ def test_sizes(tmp_path: pathlib.Path, size: str) -> None:
     desk = Desk(tmp_path, memory="512M")
     try:
         clip = make_clip(tmp_path / "clip.y4m", size, "10", 4)
-        loaded, saved = record(desk, clip, tmp_path / "out.y4m")
+        loaded, saved = record(desk, clip, tmp_path / "out.y4m", keep=8)
         assert saved["out"] == 4 and lost(saved) == 0
         assert frame_md5(tmp_path / "out.y4m") == frame_md5(clip)
     finally:

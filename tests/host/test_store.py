@@ -2,6 +2,7 @@
 """The store's tools, its example, and programs of two word sizes around one store."""
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import pathlib
@@ -20,12 +21,13 @@ BUILT = TOP / "output"
 
 def test_example_of_the_manual(desk: Desk) -> None:
     example = BUILT / "desk/ddx/tests/test-example"
-    writer = desk.start(example, "write")
-    reader = desk.run(example)
-    assert reader.returncode == 0, reader.stderr
-    first, second = (int(line.split(":")[0]) for line in reader.stdout.splitlines())
+    reader = desk.start(example)  # waits for the item
+    wait_until(lambda: pathlib.Path(f"/proc/{reader.pid}/comm").read_text() == "test-example\n")
+    assert desk.run(example, "write").returncode == 0
+    status, out = reader.wait(60), reader.communicate()[0]
+    assert status == 0, desk.errors(reader)
+    first, second = (int(line.split(":")[0]) for line in out.splitlines())
     assert first < second
-    assert writer.wait(10) == 0
 
 
 @pytest.mark.parametrize("writer, readers, store", [("desk", "m32", "desk"), ("m32", "desk", "desk"),
@@ -51,16 +53,19 @@ def test_no_faults_in_what_is_installed() -> None:
 
 
 def test_list_and_show(desk: Desk) -> None:
-    desk.start(BUILT / "desk/ddx/tests/test-example", "write")
-    wait_until(lambda: desk.run("ddxctl", "show", "position").returncode == 0)
+    example = BUILT / "desk/ddx/tests/test-example"
+    assert desk.run(example, "write").returncode == 0
     shown = json.loads(desk.run("ddxctl", "show", "position", "--json").stdout)
     assert shown["type"] == "POSITION"
     assert shown["value"]["x"] == 0.5 and shown["value"]["y"] == -0.5
     assert shown["value"]["number"] == shown["sequence"]
     assert "x                        0.5" in desk.run("ddxctl", "show", "position").stdout
-    watched = desk.run("ddxctl", "watch", "position", "-count", "3", "-json").stdout.splitlines()
-    numbers = [json.loads(line)["sequence"] for line in watched]
-    assert numbers == list(range(numbers[0], numbers[0] + 3))
+    watcher = desk.start("ddxctl", "watch", "position", "-count", "3", "-json")
+    wait_until(lambda: '"readers":1,' in desk.run("ddxctl", "list", "--json").stdout)
+    assert desk.run(example, "write").returncode == 0
+    writes = [json.loads(line) for line in watcher.communicate(timeout=60)[0].splitlines()]
+    assert len(writes) == 3
+    assert all(later["sequence"] == one["sequence"] + 1 + later["missed"] for one, later in itertools.pairwise(writes))
     listed = json.loads(desk.run("ddxctl", "list", "--json").stdout)
     item = next(item for item in listed["items"] if item["name"] == "position")
     assert item["bytes"] <= item["reserved"] <= listed["reserved"] <= listed["budget"]
@@ -71,6 +76,7 @@ def test_list_and_show(desk: Desk) -> None:
     (["show", "nothing"], 1, "ddxctl: nothing: the store has no item of this name"),
     (["show"], 2, "ddxctl: show: needs the name of an item"),
     (["frobnicate"], 2, "ddxctl: frobnicate: unknown command"),
+    (["services"], 1, "ddxctl: services: there are services in the appliance only"),
     (["list", "-frobnicate"], 2, "ddxctl: -frobnicate: unknown option"),
     (["list", "-port", "7"], 1, "ddxctl: no store runs here"),
     (["list", "-port", "x"], 2, "ddxctl: x: -port takes a number"),
@@ -148,5 +154,5 @@ def test_nonsense_from_clients(guarded: Desk) -> None:
                     os.close(file)
     assert desk.store.poll() is None
     assert desk.run("ddxctl", "list").returncode == 0
-    assert writer.wait(10) == 0
+    assert writer.wait(60) == 0
     wait_until(lambda: bool(json.loads(desk.run("ddxctl", "list", "--json").stdout)["clients"] == 0))

@@ -153,6 +153,35 @@ static void test_published_means_latest(void) {
     CHECK_EQUAL(ddx_ring_pin(&control, &page[0].pin[0], slot, ddx_ring_published(&control, latest), &frame), -EAGAIN);
 }
 
+/* Who was away for more writes than a generation can count finds the oldest frame that is there. */
+static void test_long_behind(void) {
+    struct ddx_ring_writer writer = {
+        .control = &control, .notice = &notice, .epoch = 7, .slot_count = 4, .sequence = UINT64_C(0x280000000) - 3};
+    uint64_t first = writer.sequence + 1;
+    unsigned slot[6];
+    uint32_t generation;
+    struct ddx_ring_frame frame;
+
+    reset();
+    for (unsigned i = 0; i < 4; i++)
+        writer.slot[i] = (uint8_t)i;
+    for (unsigned i = 0; i < 6; i++) { /* across a point where the low bits begin anew */
+        CHECK_EQUAL(ddx_ring_choose(&writer, &slot[i]), 0);
+        ddx_ring_publish(&writer, slot[i], 0);
+    }
+    static const uint64_t away[] = {0, 5, 1u << 22, 1u << 23, 1u << 30, 1u << 31, UINT64_C(1) << 32};
+    for (unsigned i = 0; i < sizeof away / sizeof *away; i++) {
+        uint64_t seen = first + 1 - away[i], wanted = seen < first + 2 ? first + 2 : seen + 1;
+
+        CHECK_EQUAL(ddx_ring_next(&control, seen, &generation), slot[wanted - first]);
+        CHECK_EQUAL(ddx_ring_pin(&control, &page[0].pin[0], slot[wanted - first], generation, &frame), 0);
+        CHECK_EQUAL(frame.sequence, wanted);
+        ddx_ring_unpin(&page[0].pin[0]);
+    }
+    CHECK_EQUAL(ddx_ring_next(&control, first + 4, &generation), slot[5]);
+    CHECK_EQUAL(ddx_ring_next(&control, first + 5, &generation), DDX_NO_SLOT);
+}
+
 static void reset(void) {
     memset(&control, 0, sizeof control);
     control.epoch = 7;
@@ -164,6 +193,7 @@ static void reset(void) {
 
 int main(void) {
     test_published_means_latest();
+    test_long_behind();
     pthread_t thread[READERS];
     struct party party[READERS];
 

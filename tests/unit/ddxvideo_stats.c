@@ -14,6 +14,7 @@ static void test_counting(void) {
     ddx_stats_out(book, 4, 1500000);
     ddx_stats_lost(book, 0, 2);
     ddx_stats_lost(book, 1, 1);
+    ddx_stats_skipped(book, 40);
     CHECK_EQUAL(ddx_stats_write(book), 0); /* no store: counts only */
     ddx_stats_get(book, &stats);
     CHECK_EQUAL(stats.in, 10);
@@ -26,7 +27,7 @@ static void test_counting(void) {
     stats.last = 7;
     int length = ddx_stats_json(&stats, "tester", line, sizeof(line));
     CHECK_EQUAL(length, strlen(line));
-    CHECK(!strcmp(line, "{\"instance\":\"tester\",\"in\":10,\"out\":4,\"waiting\":3,"
+    CHECK(!strcmp(line, "{\"instance\":\"tester\",\"in\":10,\"out\":4,\"waiting\":3,\"skipped\":40,"
                         "\"lost\":{\"store\":2,\"ring\":1,\"restart\":0},"
                         "\"latency_us\":{\"p50\":1488,\"p99\":1488,\"max\":1500},"
                         "\"starts\":1,\"first_ns\":5,\"last_ns\":7}"));

@@ -110,10 +110,51 @@ static void test_loop_recorded(void) {
     CHECK_EQUAL(schedule_next(&schedule, NS * NS), NS * NS - 500 * NS);
 }
 
+/* Frames of 25 a second, whose player stands still for a second before the hundredth. */
+static void test_catching_up(void) {
+    enum { FRAMES = 300, LATE = 100 };
+    const int64_t period = NS / 25, stall = NS;
+    int64_t at[FRAMES], now = -NS;
+    struct schedule_pace pace = {.begun = false};
+    for (int i = 0; i < FRAMES; i++) {
+        int64_t due = i * period, then = schedule_catch_up(&pace, due);
+        now += NS / 10000; /* what else there is to do */
+        if (i == LATE)
+            now += stall;
+        if (then > now)
+            now = then;
+        at[i] = now;
+        pace = (struct schedule_pace){true, due, now};
+        CHECK(now >= due);
+    }
+    for (int i = 2; i < FRAMES; i++)
+        CHECK(at[i] - at[i - 2] >= period);
+    CHECK(at[LATE] > LATE * period + stall - period);
+    for (int i = 0; i < LATE; i++)
+        CHECK_EQUAL(at[i], i * period);
+    /* It gains half a period a frame. */
+    for (int i = LATE + 2 * 25; i < FRAMES; i++)
+        CHECK_EQUAL(at[i], i * period);
+}
+
+/* The clip's own steps count: what was recorded together is played together, and behind a gap it is on time. */
+static void test_catching_up_unevenly(void) {
+    struct schedule_pace pace = {.due = 5 * NS, .published = 9 * NS};
+    CHECK_EQUAL(schedule_catch_up(&pace, 6 * NS), 6 * NS);
+    pace.begun = true;
+    CHECK_EQUAL(schedule_catch_up(&pace, 5 * NS), 5 * NS);
+    CHECK_EQUAL(schedule_catch_up(&pace, 4 * NS), 4 * NS);
+    CHECK_EQUAL(schedule_catch_up(&pace, 5 * NS + 2), 9 * NS + 1);
+    CHECK_EQUAL(schedule_catch_up(&pace, 20 * NS), 20 * NS);
+    CHECK_EQUAL(schedule_catch_up(&pace, INT64_MAX), INT64_MAX);
+}
+
 int main(void) {
     test_no_drift();
     test_speed();
     test_loop_by_rate();
     test_loop_recorded();
+    test_catching_up();
+    test_catching_up_unevenly();
     return 0;
 }

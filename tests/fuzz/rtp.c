@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Fuzz target: datagrams into the intake (RTP, order, H.264 and MPEG-4 payloads). The input is a row of them: a byte
+ * for the milliseconds since the one before, two for the size, then the datagram.
+ */
+#include <assert.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "intake.h"
+
+#define MS INT64_C(1000000)
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+/* Every byte of a frame is looked at: the sanitizer knows which of them are not there. */
+static unsigned look_at(const struct intake_frame *frame) {
+    unsigned sum = 0;
+    assert(frame->type == RTP_H264 || frame->type == RTP_MPEG4);
+    assert(!frame->size || frame->data);
+    for (size_t i = 0; frame->size && i < frame->size + CHUNK_PADDING; i++)
+        sum += frame->data[i];
+    return sum;
+}
+
+static void take_all(struct intake *intake, int64_t now) {
+    static volatile unsigned sum;
+    struct intake_frame frame;
+    while (intake_take(intake, now, &frame))
+        sum = sum + look_at(&frame);
+}
+
+/* No packet is counted twice, none is forgotten. */
+static void check_counts(const struct intake *intake) {
+    const uint64_t *count = intake->count;
+    uint64_t known = count[INTAKE_USED] + count[INTAKE_LATE] + count[INTAKE_DUPLICATE] + count[INTAKE_FOREIGN] +
+                     count[INTAKE_GARBAGE] + intake->reorder.waiting;
+    assert(count[INTAKE_RECEIVED] == known);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    static struct intake intake;
+    int64_t now = MS;
+    intake_init(&intake, 20 * MS);
+    while (size >= 3) {
+        size_t bytes = (size_t)(data[1] << 8 | data[2]) % (RTP_DATAGRAM_MAX + 8);
+        now += data[0] * MS;
+        data += 3;
+        size -= 3;
+        if (bytes > size)
+            bytes = size;
+        uint8_t *datagram = malloc(bytes ? bytes : 1); /* exactly as large as it is */
+        memcpy(datagram, data, bytes);
+        intake_put(&intake, datagram, bytes, now);
+        free(datagram);
+        take_all(&intake, now);
+        check_counts(&intake);
+        data += bytes;
+        size -= bytes;
+    }
+    take_all(&intake, now + 1000 * MS);
+    check_counts(&intake);
+    intake_free(&intake);
+    return 0;
+}

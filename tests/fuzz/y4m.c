@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Fuzz target: a Y4M file, its lines, its frames in every layout that is converted. */
+#include <assert.h>
+#include <libavutil/log.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "y4m.h"
+
+#define PIXELS_MAX (1 << 18) /* larger pictures take long and show nothing new */
+#define FRAMES_MAX 4
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+static void read_frames(struct y4m_reader *reader) {
+    const struct ddxvideo_geometry *geometry = &reader->header.geometry;
+    size_t luma = (size_t)geometry->width * (size_t)geometry->height;
+    unsigned char *plane[3] = {malloc(luma), malloc(luma / 4), malloc(luma / 4)};
+    for (int i = 0; i < FRAMES_MAX; i++) {
+        int64_t time;
+        enum y4m_result result = y4m_read(reader, plane, &time);
+        if (result == Y4M_OK)
+            assert(time >= -1 && time <= Y4M_TIME_MAX);
+        else if (result != Y4M_END)
+            assert(*reader->error);
+        if (result != Y4M_OK && (result != Y4M_END || y4m_rewind(reader) != Y4M_OK))
+            break;
+    }
+    for (int i = 0; i < 3; i++)
+        free(plane[i]);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
+    char path[32];
+    struct y4m_reader reader;
+    int fd = memfd_create("y4m", MFD_CLOEXEC);
+    if (fd < 0 || write(fd, data, size) != (ssize_t)size)
+        abort();
+    av_log_set_level(AV_LOG_QUIET);
+    snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
+    enum y4m_result result = y4m_open(&reader, path);
+    const struct ddxvideo_geometry *geometry = &reader.header.geometry;
+    if (result == Y4M_OK) {
+        assert(!ddxvideo_geometry_error(geometry));
+        if (geometry->width * geometry->height <= PIXELS_MAX)
+            read_frames(&reader);
+    } else {
+        assert(*reader.error);
+    }
+    y4m_close(&reader);
+    close(fd);
+    return 0;
+}

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The image's scripts on the desk: under its own BusyBox, in a root of their own, with processes of their own."""
+from __future__ import annotations
+
+import pathlib
+import shutil
+import subprocess
+
+import busybox
+from common import MORTAL
+
+from .programs import TOP
+
+USERS = {"root": 0, "ddxhealth": 901, "ddxlog": 902}
+GROUPS = {"root": 0, "ddx": 900}
+SETUP = 'mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && exec chroot "$0" sh -c "echo ready && exec cat"'
+
+
+class Appliance:
+    """A root folder, for as long as its holder lives; what runs in it ends with it."""
+
+    def __init__(self, folder: pathlib.Path) -> None:
+        self.root = folder / "root"
+        shutil.copytree(busybox.busybox(), self.root, symlinks=True)
+        for name in ("dev", "proc", "etc/default", "run/service", "run/log", "usr/libexec/ddx"):
+            (self.root / name).mkdir(parents=True)
+        (self.root / "etc/passwd").write_text("".join(f"{name}:x:{id}:0::/:/bin/sh\n" for name, id in USERS.items()))
+        (self.root / "etc/group").write_text("".join(f"{name}:x:{id}:\n" for name, id in GROUPS.items()))
+        self.holder = subprocess.Popen([*MORTAL, "unshare", "--mount", "--pid", "--fork", "--kill-child", "sh", "-c",
+                                        SETUP, self.root], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        assert self.holder.stdout and self.holder.stdout.readline() == "ready\n"
+        inside = pathlib.Path(f"/proc/{self.holder.pid}/task/{self.holder.pid}/children").read_text().strip()
+        self.enter = ["nsenter", "--mount", "--pid", "--root", "--wd=/", "--target", inside, "env", "-i",
+                      "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "sh", "-c"]
+
+    def install(self, script: str, to: str) -> None:
+        """A script of the source tree."""
+        self.add(to, (TOP / script).read_text())
+
+    def add(self, to: str, text: str) -> None:
+        path = self.root / to
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+        path.chmod(0o755)
+
+    def start(self, command: str) -> subprocess.Popen[str]:
+        return subprocess.Popen([*self.enter, command], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+
+    def run(self, command: str) -> tuple[int, str]:
+        done = self.start(command)
+        text, _ = done.communicate(timeout=60)
+        return done.returncode, text
+
+    def end(self) -> None:
+        self.holder.communicate()

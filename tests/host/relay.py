@@ -1,0 +1,129 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A bad network between sender and receiver: relay.py FROM TO SEED WHAT=PERCENT ...  (UDP ports of 127.0.0.1)
+
+WHAT: drop, duplicate, reorder (a packet that up to three later ones overtake), delay (one that comes 200 ms late),
+foreign (an H.264 packet of another source, or another payload type), garbage (no RTP). `copy=FILE` keeps what came.
+
+At first everything passes. USR1 begins the mischief, and `bad` is printed; USR1 again ends it, and `good` is printed
+when what waited has gone on. TERM: prints what it did, as JSON.
+"""
+from __future__ import annotations
+
+import json
+import random
+import signal
+import socket
+import sys
+import time
+from types import FrameType
+
+HOLD = 0.005  # s that a reordered packet waits at most
+LATE = 0.2
+
+
+class Relay:
+    def __init__(self, source: int, target: int, seed: str, words: list[str]) -> None:
+        self.inlet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self.inlet.bind(("127.0.0.1", source))
+        self.target = ("127.0.0.1", target)
+        self.random = random.Random(seed)
+        self.percent = {"drop": 0.0, "duplicate": 0.0, "reorder": 0.0, "delay": 0.0, "foreign": 0.0, "garbage": 0.0}
+        self.copy = None
+        for word in words:
+            name, value = word.split("=", 1)
+            if name == "copy":
+                self.copy = open(value, "wb")
+            else:
+                self.percent[name] = float(value)
+        self.did = {name: 0 for name in ["came", *self.percent]}
+        self.held: list[tuple[float, int, bytes]] = []  # when it goes on, how many may overtake it still, packet
+        self.quiet, self.ended = True, False
+        self.said = "good"
+
+    def chance(self, name: str) -> bool:
+        if self.quiet or self.random.uniform(0, 100) >= self.percent[name]:
+            return False
+        self.did[name] += 1
+        return True
+
+    def go(self, packet: bytes) -> None:
+        self.inlet.sendto(packet, self.target)
+
+    def stranger(self) -> bytes:
+        """A packet of another stream: an unknown source, or a payload type that is not ours."""
+        number = self.random.getrandbits(16)
+        if self.random.random() < 0.5:
+            head = bytes([0x80, 96]) + number.to_bytes(2, "big")
+        else:
+            head = bytes([0x80, 33]) + number.to_bytes(2, "big")
+        return head + self.random.randbytes(8) + self.random.randbytes(self.random.randint(1, 1000))
+
+    def rubbish(self) -> bytes:
+        """Of any length, but not RTP's version 2; or too short for RTP."""
+        if self.random.random() < 0.3:
+            return b"\x80" + self.random.randbytes(self.random.randint(0, 10))
+        return bytes([self.random.getrandbits(7)]) + self.random.randbytes(self.random.randint(0, 1400))
+
+    def handle(self, packet: bytes) -> None:
+        self.did["came"] += 1
+        if self.copy:
+            self.copy.write(len(packet).to_bytes(4, "big") + packet)
+        now = time.monotonic()
+        if self.chance("drop"):
+            pass
+        elif self.chance("delay"):
+            self.held.append((now + LATE, 1 << 30, packet))
+        elif self.chance("reorder"):
+            self.held.append((now + HOLD, self.random.randint(1, 3), packet))
+            return
+        else:
+            self.go(packet)
+            if self.chance("duplicate"):
+                self.go(packet)
+        if self.chance("foreign"):
+            self.go(self.stranger())
+        if self.chance("garbage"):
+            self.go(self.rubbish())
+        self.held = [(when, rest - 1, held) for when, rest, held in self.held]
+
+    def release(self) -> None:
+        now = time.monotonic()
+        for one in list(self.held):
+            if self.quiet or one[0] <= now or one[1] <= 0:
+                self.go(one[2])
+                self.held.remove(one)
+
+    def run(self) -> None:
+        while not self.ended:
+            self.inlet.settimeout(0.002 if self.held else 0.05)
+            try:
+                self.handle(self.inlet.recv(65536))
+            except TimeoutError:
+                pass
+            self.release()
+            if self.said != (now := "good" if self.quiet else "bad"):
+                self.said = now
+                print(now, flush=True)
+        print(json.dumps(self.did), flush=True)
+
+
+def main() -> None:
+    relay = Relay(int(sys.argv[1]), int(sys.argv[2]), sys.argv[3], sys.argv[4:])
+
+    def turn(_number: int, _frame: FrameType | None) -> None:
+        relay.quiet = not relay.quiet
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        relay.ended = True
+
+    signal.signal(signal.SIGUSR1, turn)
+    signal.signal(signal.SIGTERM, end)
+    print("ready", flush=True)
+    relay.run()
+    if relay.copy:
+        relay.copy.close()
+
+
+if __name__ == "__main__":
+    main()

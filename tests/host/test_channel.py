@@ -1,0 +1,65 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A shell at a terminal behind a socket, as the tools talk to a guest's."""
+from __future__ import annotations
+
+import contextlib
+import os
+import pathlib
+import pty
+import select
+import socket
+import subprocess
+import threading
+from collections.abc import Iterator
+
+import pytest
+
+from channel import Channel, Timeout
+
+
+def relay(far: socket.socket, terminal: int) -> None:
+    """Until one of them has gone."""
+    with far, contextlib.suppress(OSError):
+        while True:
+            for one in select.select([far, terminal], [], [])[0]:
+                if not (data := far.recv(4096) if one is far else os.read(terminal, 4096)):
+                    return
+                if one is far:
+                    os.write(terminal, data)
+                else:
+                    far.sendall(data)
+
+
+@pytest.fixture
+def shell(tmp_path: pathlib.Path) -> Iterator[Channel]:
+    with socket.socket(socket.AF_UNIX) as listener:
+        listener.bind(str(tmp_path / "console"))
+        listener.listen()
+        channel = Channel(tmp_path / "console")
+        far, _ = listener.accept()
+    terminal, inside = pty.openpty()
+    process = subprocess.Popen(["sh"], stdin=inside, stdout=inside, stderr=inside, cwd=tmp_path, start_new_session=True)
+    os.close(inside)
+    thread = threading.Thread(target=relay, args=(far, terminal))
+    thread.start()
+    try:
+        channel.open_shell(60)
+        yield channel
+    finally:
+        channel.close()
+        process.kill()
+        process.wait()
+        thread.join()
+        os.close(terminal)
+
+
+def test_status_and_output_are_the_commands(shell: Channel) -> None:
+    assert shell.run("echo one; echo two; false") == (1, "one\ntwo\n")
+    assert shell.run("printf '%s' 'a  b\\n'") == (0, "a  b\\n")
+
+
+def test_a_late_answer_is_not_taken_for_the_next_ones(shell: Channel, tmp_path: pathlib.Path) -> None:
+    with pytest.raises(Timeout):
+        shell.run("until [ -e go ]; do sleep 0.01; done; echo late; false", 0.05)
+    (tmp_path / "go").touch()
+    assert shell.run("echo next") == (0, "next\n")

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What all tools and tests share: one run at a time, and programs that end with who started them."""
+from __future__ import annotations
+
+import os
+import pathlib
+import shutil
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from common import TOP
+
+from .programs import wait_until
+
+ALONE = """
+import pathlib, sys
+from common import alone, say
+with alone("tool", pathlib.Path(sys.argv[1])):
+    say("in")
+    sys.stdin.read()
+"""
+DESK = """
+import pathlib, sys
+from host.programs import Desk
+desk = Desk(pathlib.Path(sys.argv[1]))
+print(desk.store.pid, flush=True)
+sys.stdin.read()
+"""
+
+
+def start(code: str, *arguments: object) -> subprocess.Popen[str]:
+    return subprocess.Popen([sys.executable, "-B", "-c", code, *map(str, arguments)], stdin=subprocess.PIPE, text=True,
+                            stdout=subprocess.PIPE, env={**os.environ, "PYTHONPATH": f"{TOP}/tools:{TOP}/tests"})
+
+
+def line(process: subprocess.Popen[str]) -> str:
+    assert process.stdout
+    return process.stdout.readline().rstrip("\n")
+
+
+def test_one_at_a_time(tmp_path: pathlib.Path) -> None:
+    lock = tmp_path / "folder/lock"
+    first = start(ALONE, lock)
+    assert line(first) == "in"
+    second = start(ALONE, lock)
+    assert line(second) == f"tool: waiting for process {first.pid}, which is at it already ({lock})"
+    first.kill()  # whatever happens to it
+    first.communicate()
+    assert line(second) == "in"
+    second.communicate()
+    third = start(ALONE, lock)
+    assert line(third) == "in"
+    third.communicate()
+
+
+TESTS = """
+def test_good(tmp_path):
+    (tmp_path / "clip").write_text("large")
+def test_bad(tmp_path):
+    (tmp_path / "clip").write_text("evidence")
+    assert tmp_path.name == what
+"""
+
+
+@pytest.mark.parametrize("what, kept", [("test_bad0", []), ("something", ["evidence"])])
+def test_only_what_failing_tests_leave_is_kept(tmp_path: pathlib.Path, what: str, kept: list[str]) -> None:
+    folder, temporary = tmp_path / "tests", tmp_path / "temporary"
+    folder.mkdir()
+    temporary.mkdir()
+    shutil.copy(TOP / "tests/conftest.py", folder)
+    (folder / "test_it.py").write_text(f"what = {what!r}\n{TESTS}")
+    environment = {**os.environ, "PYTEST_DEBUG_TEMPROOT": str(temporary), "DDX_RESULTS": ""}
+    done = subprocess.run([sys.executable, "-B", "-m", "pytest", "-c", TOP / "pytest.ini", folder], cwd=TOP, text=True,
+                          env=environment, capture_output=True, check=False)
+    assert done.returncode == bool(kept), done.stdout
+    assert [file.read_text() for file in temporary.rglob("clip") if "current" not in str(file)] == kept
+
+
+def test_programs_end_with_who_started_them(tmp_path: pathlib.Path) -> None:
+    """Nobody would stop a store whose test was killed."""
+    test = start(DESK, tmp_path)
+    store = int(line(test))
+    assert pathlib.Path(f"/proc/{store}/comm").read_text() == "store\n"
+    test.send_signal(signal.SIGKILL)
+    test.communicate()
+    wait_until(lambda: not pathlib.Path(f"/proc/{store}").exists())

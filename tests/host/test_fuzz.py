@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The fuzz targets find nothing in a short time, and find a fault that was put there for them. `make fuzz` goes on."""
+from __future__ import annotations
+
+import pathlib
+
+import pytest
+
+import fuzz
+from common import TOP
+
+SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
+
+
+@pytest.mark.parametrize("target", fuzz.TARGETS)
+def test_nothing_is_found(target: str) -> None:
+    fine, text = fuzz.fuzz(target, SECONDS)
+    assert fine, text[-5000:]
+    executed = [int(line.split()[-1]) for line in text.splitlines() if "number_of_executed_units" in line]
+    corpus = list((TOP / "tests/fuzz/corpus" / target).iterdir())
+    assert executed and executed[0] > 10 * len(corpus)  # it did go beyond what is committed
+
+
+def test_a_planted_fault_is_found(tmp_path: pathlib.Path) -> None:
+    """The sizes in an aggregate are believed."""
+    fine, text = fuzz.fuzz("rtp", 60, "-DDDX_FAULT_STAP", corpus=tmp_path)
+    assert not fine and "AddressSanitizer" in text and "unpack_aggregate" in text

@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A log played back is the run once more: each value, in order, at its time; tables of it say the same."""
+from __future__ import annotations
+
+import csv
+import json
+import pathlib
+import subprocess
+import zlib
+
+import pytest
+
+import logs
+
+from .log_rules import begin, check_sample, only, write, written
+from .programs import (ROOT, Compiler, Counters, Desk, lost, make_clip, pictures, read_y4m, start_recorder, stop, times,
+                       wait_until)
+
+Replayed = list[tuple[str, bytes, int]]  # item, bytes, ns since the first
+
+
+def run_of(path: pathlib.Path, prefix: str = "") -> Replayed:
+    """What was written when; the logger's own items and the clock are not part of it."""
+    log = logs.read(path)
+    found = sorted((one.publish_time, topic, one.sequence, one.data) for topic, values in log.values.items()
+                   for one in values if topic.startswith(prefix) and not topic.startswith(("ddxlog", "run.clock")))
+    return [(topic.removeprefix(prefix), data, at - found[0][0]) for at, topic, _, data in found]
+
+
+@pytest.fixture(scope="module")
+def first(tmp_path_factory: pytest.TempPathFactory, compile_client: Compiler) -> pathlib.Path:
+    """A log of two seconds of four items."""
+    desk = Desk(tmp_path_factory.mktemp("first"))
+    try:
+        logger = begin(desk, "output first\nexcept *.stats\nitem *\n")
+        writers = [write(desk, compile_client, "imu", 200, 10000),
+                   write(desk, compile_client, "gps", 10, 200000, "other"),
+                   write(desk, compile_client, "rows", 20, 90000, "extent"),
+                   write(desk, compile_client, "n", 40, 40000, "int")]
+        for writer in writers:
+            written(desk, writer)
+        status, counters = stop(logger)
+        assert status == 0 and lost(counters) == 0 and counters["out"] == 270
+        return only(desk, "first")
+    finally:
+        desk.end()
+
+
+def replay(desk: Desk, path: pathlib.Path, *options: object, text: str | None = None) -> tuple[Counters, list[str]]:
+    done = subprocess.run([ROOT / "bin/ddxlog", "-replay", path, *map(str, options)], env=desk.environment, text=True,
+                          cwd=desk.folder, input=text, capture_output=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    lines = done.stdout.splitlines()
+    return dict(json.loads(lines[-1])), lines[:-1]
+
+
+def test_a_replay_is_the_run_once_more(desk: Desk, first: pathlib.Path) -> None:
+    logger = begin(desk, "output second\nitem again.*\n")
+    counters, _ = replay(desk, first, "-prefix", "again.", "-readers", "1")
+    assert stop(logger)[0] == 0
+    assert counters["in"] == counters["out"] == 270 and lost(counters) == 0
+    assert run_of(only(desk, "second"), "again.") == run_of(first)  # times to the nanosecond
+    # None too early, and half of them on time, whatever else the machine had to do.
+    assert counters["last_ns"] - counters["first_ns"] > 1.7e9 and counters["latency_us"]["p50"] < 100_000
+    # Types, too: a program that declares them reads what it would have read.
+    shown = json.loads(desk.run("ddxctl", "show", "again.imu", "--json").stdout)
+    assert shown["value"]["number"] == 200 and shown["value"]["part"][2]["corner"][1]["x"] == 403
+    assert json.loads(desk.run("ddxctl", "show", "again.rows", "--json").stdout)["value"]["end"] == 20
+
+
+def test_the_comparison_sees_a_value_too_late(first: pathlib.Path) -> None:
+    run = run_of(first)
+    name, data, at = run[100]
+    assert run != run[:100] + run[101:]
+    assert run != run[:100] + [(name, data, at + 1)] + run[101:]
+    assert run != run[:100] + [(name, bytes([data[0] ^ 1]) + data[1:], at)] + run[101:]
+
+
+def test_rate_and_part(desk: Desk, first: pathlib.Path) -> None:
+    whole = run_of(first)
+    counters, _ = replay(desk, first, "-rate", "4", "-prefix", "fast.")
+    assert counters["last_ns"] - counters["first_ns"] > 0.4e9 and counters["latency_us"]["p50"] < 100_000
+    logger = begin(desk, "output second\nitem part.*\n")
+    counters, _ = replay(desk, first, "-rate", "0", "-from", "0.5", "-to", "1", "-prefix", "part.", "-instance", "part",
+                         "-readers", "1")
+    stop(logger)
+    wanted = [one for one in whole if 0.5e9 <= one[2] <= 1e9]
+    assert counters["out"] == len(wanted) > 60
+
+
+def test_loop(desk: Desk, first: pathlib.Path) -> None:
+    player = desk.start("ddxlog", "-replay", first, "-loop", "-rate", "0")
+    wait_until(lambda: "ddxlog.replay.stats" in desk.run("ddxctl", "list").stdout)
+    wait_until(lambda: bool(desk.stats("ddxlog.replay")["out"] > 270 * 3))
+    status, counters = stop(player)
+    assert status == 0 and counters["in"] == counters["out"] + lost(counters)
+
+
+def test_steps(desk: Desk, first: pathlib.Path) -> None:
+    """A value for each line; or everything up to the next tick."""
+    order = [topic for topic, _, _ in run_of(first)]
+    counters, lines = replay(desk, first, "-step", "-prefix", "s.", text="\n" * 7)
+    assert [line.split()[0] for line in lines] == order[:7] and counters["out"] == 7
+    _, lines = replay(desk, first, "-tick", "gps", "-prefix", "t.", "-instance", "t", text="\n\n\n")
+    found = [line.split() for line in lines]
+    assert [words[1] for words in found if words[0] == "gps"] == ["1", "2", "3"] and found[-1][0] == "gps"
+    assert [words[0] for words in found] == order[:len(found)]
+
+
+def test_an_item_that_somebody_else_writes(desk: Desk, compile_client: Compiler, first: pathlib.Path) -> None:
+    """It is left out, said and counted; the others are replayed."""
+    other = write(desk, compile_client, "gps", 1000, 10000, "other", readers=0)
+    wait_until(lambda: desk.sequence("gps") > 0)
+    player = desk.run("ddxlog", "-replay", first, "-rate", "0")
+    other.terminate()
+    counters = json.loads(player.stdout.splitlines()[-1])
+    assert player.stderr.count("gps: another program writes") == 1 and "-prefix" in player.stderr
+    assert counters["lost"]["store"] == 10 and counters["in"] == 270 == counters["out"] + lost(counters)
+
+
+def test_a_log_that_was_cut_off(desk: Desk, first: pathlib.Path) -> None:
+    (desk.folder / "cut.mcap").write_bytes(first.read_bytes()[:-100])
+    counters, _ = replay(desk, desk.folder / "cut.mcap", "-rate", "0")
+    assert counters["out"] == 270  # only its end was missing
+
+
+@pytest.mark.parametrize("options,told", [
+    ([], "one of -c, -replay, -export and -recover"),
+    (["-replay", "x", "-c", "y"], "one of -c, -replay"),
+    (["-replay", "x", "-rate", "fast"], "-rate fast: a number"),
+    (["-replay", "x", "-from", "soon"], "-from soon: seconds"),
+    (["-replay", "x", "-from", "3", "-to", "2"], "-to 2: seconds"),
+    (["-replay", "x", "-clock", "c", "-rate", "0"], "-clock c: needs time"),
+    (["-replay", "x", "-readers", "-1"], "-readers -1: a number"),
+    (["-export", "x"], "FILE is missing"),
+    (["-replay", "x", "y"], "unexpected argument y"),
+])
+def test_bad_usage(desk: Desk, options: list[str], told: str) -> None:
+    done = desk.run("ddxlog", *options)
+    assert done.returncode == 2 and told in done.stderr and done.stderr.count("\n") == 1
+
+
+# ---- Together with a recording ----
+
+def start_of(recording: pathlib.Path) -> int:
+    """XDDX_START: CLOCK_MONOTONIC of the first frame."""
+    line = list(read_y4m(recording))[1][0]
+    return int(next(word for word in line.split() if word.startswith("XDDX_START="))[11:])
+
+
+def recorded_run(desk: Desk, log: pathlib.Path, video: pathlib.Path, prefix: str) -> Replayed:
+    """Frames and values on one axis: CLOCK_MONOTONIC."""
+    found = logs.read(log)
+    start = start_of(video)
+    both = [(start + at, "video", data) for at, data in zip(times(video), pictures(video))]
+    both += [(one.publish_time - found.wall_offset, topic.removeprefix(prefix), one.data)
+             for topic, values in found.values.items() if topic.startswith(prefix + "imu") for one in values]
+    both.sort()
+    return [(name, data, at - both[0][0]) for at, name, data in both]
+
+
+def test_log_and_recording_together(desk: Desk, compile_client: Compiler) -> None:
+    """A run of frames and values, then both replayed by one clock and recorded again: every frame, value and time."""
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 50)
+    logger, saver = begin(desk, "output one\nitem *\n", "one"), start_recorder(desk, "-output", "one.y4m")
+    writer = write(desk, compile_client, "imu", 250, 10000)
+    wait_until(lambda: desk.sequence("imu") > 0)  # the log begins first
+    assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
+    written(desk, writer)
+    assert stop(saver)[0] == 0 and stop(logger)[0] == 0
+    first = recorded_run(desk, only(desk, "one"), desk.folder / "one.y4m", "")
+    assert len(first) == 300
+
+    logger = begin(desk, "output two\nitem r.*\n", "two")
+    saver = start_recorder(desk, "-output", "two.y4m", "-name", "again")
+    loader = desk.start("ddxvideoload", "one.y4m", "-name", "again", "-clock", "run.clock", "-readers", "1")
+    # All that the replay waits for is its own readers: the loader has its own before it looks for the clock.
+    wait_until(lambda: desk.readers("again") == 1)
+    counters, _ = replay(desk, only(desk, "one"), "-prefix", "r.", "-clock", "run.clock", "-readers", "1",
+                         "-except", "*.stats,video*")
+    assert loader.wait(60) == 0, desk.errors(loader)
+    assert stop(saver)[0] == 0 and stop(logger)[0] == 0
+    second = recorded_run(desk, only(desk, "two"), desk.folder / "two.y4m", "r.")
+    assert second == first  # to the nanosecond
+    assert counters["out"] == 250
+
+
+def test_a_clock_needs_a_recording_that_knows_its_time(desk: Desk) -> None:
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 2)
+    done = desk.run("ddxvideoload", clip, "-clock", "run.clock")
+    assert done.returncode == 2 and "XDDX_START" in done.stderr
+
+
+# ---- Tables ----
+
+def test_tables(desk: Desk, first: pathlib.Path) -> None:
+    assert desk.run("ddxlog", "-export", "tables", first).returncode == 0
+    log = logs.read(first)
+    folder = desk.folder / "tables"
+    assert {one.name for one in folder.iterdir()} == {"imu.csv", "gps.csv", "rows.csv", "n.csv"}
+    rows = list(csv.DictReader((folder / "imu.csv").open()))
+    assert len(rows) == 200
+    for row, one in zip(rows, log.values["imu"]):
+        assert int(row["wall_ns"]) == one.publish_time and int(row["sequence"]) == one.sequence
+        assert int(row["monotonic_ns"]) == one.publish_time - log.wall_offset
+        number = int(row["number"])
+        check_sample(one.value, number)
+        assert row["text"] == f"n{number}" and float(row["part[2].wide"]) == number / 7 + 2
+        assert int(row["part[1].corner[0].y"]) == -number - 1 and float(row["gearsLeft[3]"]) == number + 0.75
+        assert float(row["ratio"]) == pytest.approx(number / 3, rel=1e-7)
+    rows = list(csv.DictReader((folder / "rows.csv").open()))
+    sums = [zlib.crc32(bytes([n]) * 1000) for n in range(1, 21)]
+    assert [row["row"] for row in rows] == [f"1000 bytes crc32={one:08x}" for one in sums]
+    assert [row["value"] for row in csv.DictReader((folder / "n.csv").open())] == [str(n) for n in range(1, 41)]
+    again = desk.run("ddxlog", "-export", "tables", first)
+    assert again.returncode == 1 and "name a new or an empty folder" in again.stderr

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The way to QEMU, without a guest that boots: it answers or there is an error, and nothing of it is left behind."""
+from __future__ import annotations
+
+import os
+import pathlib
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+import common
+import qemu
+from common import PATIENCE, TOP, Failed
+from qmp import Monitor
+
+GREETING = b'{"QMP": {"version": {}, "capabilities": []}}\n'
+DONE = b'{"return": {}}\n'
+
+
+def monitor(path: pathlib.Path, said: bytes, hang_up: bool = False) -> threading.Thread:
+    """A QEMU that says so whatever it is told, and then nothing any more."""
+    listener = socket.socket(socket.AF_UNIX)
+    listener.bind(str(path))
+    listener.listen()
+
+    def serve() -> None:
+        with listener, listener.accept()[0] as far:
+            far.sendall(said)
+            while not hang_up and far.recv(4096):
+                pass
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    return thread
+
+
+def test_orders_and_events(tmp_path: pathlib.Path) -> None:
+    reset = b'{"event": "STOP"}\n{"event": "RESET"}\n'
+    thread = monitor(tmp_path / "qmp", GREETING + DONE + b'{"event": "RESUME"}\n' + DONE + reset)
+    with Monitor(tmp_path / "qmp") as one:
+        one.execute("cont")
+        one.wait_for("RESET")
+    thread.join()
+
+
+def test_an_error_is_told(tmp_path: pathlib.Path) -> None:
+    monitor(tmp_path / "qmp", GREETING + DONE + b'{"error": {"desc": "no such thing"}}\n')
+    with Monitor(tmp_path / "qmp") as one, pytest.raises(Failed, match="frob: .*no such thing"):
+        one.execute("frob")
+
+
+def test_silence_ends(tmp_path: pathlib.Path) -> None:
+    monitor(tmp_path / "silent", b"")
+    with pytest.raises(Failed, match="nothing came"):
+        Monitor(tmp_path / "silent", 0.1)
+    monitor(tmp_path / "qmp", GREETING + DONE + b'{"event": "STOP"}\n')
+    with Monitor(tmp_path / "qmp", 0.1) as one, pytest.raises(Failed, match="RESET: nothing came"):
+        one.wait_for("RESET")
+
+
+def test_a_qemu_that_goes_is_noticed(tmp_path: pathlib.Path) -> None:
+    monitor(tmp_path / "qmp", GREETING, hang_up=True)
+    with pytest.raises(Failed):
+        Monitor(tmp_path / "qmp")
+
+
+def test_a_tool_that_hangs_is_ended() -> None:
+    with pytest.raises(Failed, match="not done after 0 s: sleep"):
+        common.run(["sleep", "1000"], timeout=0.1)
+
+
+@pytest.fixture
+def image(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
+    """Nothing to boot."""
+    path = tmp_path / "disk.img"
+    path.write_bytes(bytes(1 << 20))
+    (tmp_path / "tmp").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    return path
+
+
+def children() -> set[str]:
+    return set(pathlib.Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
+
+
+def test_a_guest_that_cannot_start_leaves_nothing(image: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = children()
+    with pytest.raises(Failed, match="no-such-card"):
+        qemu.Guest(image, "tcg", console=False, extra=("-device", "no-such-card"))
+    monkeypatch.setattr(qemu, "PATIENCE", -1.0)  # whatever it does, it is too late
+    with pytest.raises(Failed):
+        qemu.Guest(image, "tcg", console=False)
+    assert children() == before
+    assert list((image.parent / "tmp").iterdir()) == []
+
+
+def test_one_of_the_kept_guests_runs_and_none_when_another_starts(image: pathlib.Path,
+                                                                  monkeypatch: pytest.MonkeyPatch) -> None:
+    kept: list[qemu.Guest] = []
+    monkeypatch.setattr(qemu.Guest, "kept", kept)
+    with qemu.Guest(image, "tcg", console=False) as one:
+        kept.append(one)
+        with qemu.Guest(image, "tcg", console=False) as other:
+            assert (one.paused, other.paused) == (True, False)
+            kept.append(other)
+            one.channel("ttyS0")
+            assert (one.paused, other.paused) == (False, True)
+            other.channel("ttyS0")
+            assert (one.paused, other.paused) == (True, False)
+            with qemu.Guest(image, "tcg", console=False):
+                assert one.paused and other.paused
+
+
+STARTER = """
+import pathlib, qemu, sys, time
+guest = qemu.Guest(pathlib.Path(sys.argv[1]), "tcg", console=False)
+print(guest.process.pid, flush=True)
+time.sleep(1000)
+"""
+
+
+def test_it_ends_with_who_started_it(image: pathlib.Path) -> None:
+    with subprocess.Popen([sys.executable, "-B", "-c", STARTER, image], stdout=subprocess.PIPE, text=True,
+                          env={**os.environ, "PYTHONPATH": str(TOP / "tools")}) as starter:
+        assert starter.stdout
+        folder = pathlib.Path("/proc") / starter.stdout.readline().strip()
+        assert "qemu" in (folder / "cmdline").read_text()
+        starter.kill()
+    deadline = time.monotonic() + PATIENCE
+    while folder.exists() and "State:\tZ" not in (folder / "status").read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)

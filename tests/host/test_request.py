@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Requests: `ddxctl set` asks the program that writes an item, and programs ask each other."""
+from __future__ import annotations
+
+import signal
+import subprocess
+import time
+
+import pytest
+
+from .programs import Compiler, Desk, Process, wait_until
+
+
+def serve(desk: Desk, compile_client: Compiler, ms: int = 0) -> Process:
+    server = desk.start(compile_client("request_client"), "serve", "thing", ms)
+    assert server.stdout and server.stdout.readline() == "serves\n"
+    return server
+
+
+def done(server: Process) -> list[str]:
+    """What the server has set, in its order; ends it."""
+    server.kill()
+    return server.communicate()[0].split()
+
+
+def test_set_is_a_request(desk: Desk, compile_client: Compiler) -> None:
+    server = serve(desk, compile_client)
+    for words in [["level=0"], ["level=100", "gain=7"], ["gain=0x3"]]:
+        result = desk.run("ddxctl", "set", "thing", *words)
+        assert (result.returncode, result.stdout, result.stderr) == (0, "", "")
+    assert done(server) == ["level=0", "level=100", "gain=7", "gain=3"]
+
+
+@pytest.mark.parametrize("words, status, text", [
+    (["level=101"], 2, "level: takes a whole number from 0 to 100"),
+    (["gain=1", "level=-1"], 2, "level: takes a whole number from 0 to 100"),  # as a whole
+    (["colour=1"], 2, "colour: no such parameter"),
+    (["level=high"], 2, "level=high: not name=number"),
+    (["level=1.5"], 2, "level=1.5: not name=number"),
+    (["level="], 2, "level=: not name=number"),
+    (["level"], 2, "level: not name=number"),
+    (["level=99999999999999999999"], 2, "level=99999999999999999999: not name=number"),
+    (["x" * 40 + "=1"], 2, "x" * 40 + "=1: not name=number"),
+    (["level=1"] * 17, 2, "takes 1 to 16 changes at once"),
+])
+def test_refused_with_the_range_and_nothing_set(desk: Desk, compile_client: Compiler, words: list[str], status: int,
+                                                text: str) -> None:
+    server = serve(desk, compile_client)
+    result = desk.run("ddxctl", "set", "thing", *words)
+    assert (result.returncode, result.stderr) == (status, f"ddxctl: thing: {text}\n")
+    assert done(server) == []
+
+
+def test_requests_of_several_programs_queue_up(desk: Desk, compile_client: Compiler) -> None:
+    """None is lost, and each asker's come in its order."""
+    server = serve(desk, compile_client)
+    askers = [desk.start(compile_client("request_client"), "ask", "thing", count, name)
+              for name, count in [("level", 50), ("gain", 8), ("level", 50)]]
+    assert [asker.wait(60) for asker in askers] == [0, 0, 0]
+    made = done(server)
+    assert sorted(made) == sorted([f"level={i}" for i in range(50)] * 2 + [f"gain={i}" for i in range(8)])
+    gains = [word for word in made if word.startswith("gain")]
+    assert gains == sorted(gains)
+
+
+def test_a_server_that_does_not_answer_is_not_waited_for(desk: Desk, compile_client: Compiler) -> None:
+    server = serve(desk, compile_client)
+    server.send_signal(signal.SIGSTOP)
+    begin = time.monotonic()
+    result = desk.run("ddxctl", "set", "thing", "level=1")
+    assert (result.returncode, result.stderr) == (1, "ddxctl: thing: no answer in time\n")
+    assert time.monotonic() - begin < 5
+    server.send_signal(signal.SIGCONT)
+    assert desk.run("ddxctl", "set", "thing", "level=2").returncode == 0
+
+
+def test_an_asker_that_dies_blocks_nobody(desk: Desk, compile_client: Compiler) -> None:
+    server = serve(desk, compile_client, 1500)
+    asker = desk.start("ddxctl", "set", "thing", "level=1")
+    wait_until(lambda: desk.sequence("thing.request") > 0)
+    asker.kill()
+    assert desk.run("ddxctl", "set", "thing", "level=2").returncode == 0
+    assert done(server)[-1] == "level=2"
+
+
+def test_what_was_asked_of_others_is_not_done_again(desk: Desk, compile_client: Compiler) -> None:
+    former = serve(desk, compile_client)
+    assert desk.run("ddxctl", "set", "thing", "level=5").returncode == 0
+    assert done(former) == ["level=5"]
+    server = serve(desk, compile_client)
+    time.sleep(0.3)
+    assert done(server) == []
+
+
+def test_without_a_living_server_set_writes(desk: Desk, compile_client: Compiler) -> None:
+    assert desk.run(compile_client("sensor_client")).returncode == 0
+    server = desk.start(compile_client("request_client"), "serve", "sensor", 0)
+    assert server.stdout and server.stdout.readline() == "serves\n"
+    assert desk.run("ddxctl", "set", "sensor", "serial=7").returncode == 2  # no such parameter
+    done(server)
+    wait_until(lambda: desk.run("ddxctl", "set", "sensor", "serial=7").returncode == 0)
+    assert "serial" in desk.run("ddxctl", "show", "sensor").stdout
+
+
+def test_asking_where_nobody_listens(desk: Desk, compile_client: Compiler) -> None:
+    result: subprocess.CompletedProcess[str] = desk.run(compile_client("request_client"), "ask", "nothing", 1, "level")
+    assert (result.returncode, result.stdout) == (1, "-95 no program takes requests for it\n")

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What `make run` judges by: right runs are right, and each wrong picture, gap and counter shows."""
+import json
+import pathlib
+
+import pytest
+
+import camera_run
+import clip as default_clip
+import report
+import stream
+from counters import Counters
+from report import Report, Stage
+from stream import Picture
+
+MS = 1_000_000
+PERIODS = 5  # of the camera, that a frame of the clip is shown for
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    path = tmp_path_factory.mktemp("run") / "clip.y4m"
+    path.write_bytes(b"YUV4MPEG2 W352 H288 F25:1 C420jpeg\n"
+                     + b"".join(b"FRAME\n" + default_clip.picture(number) for number in range(4)))
+    return path
+
+
+def looped(path: pathlib.Path, frames: list[tuple[int, int]]) -> pathlib.Path:
+    """A recording: (ms, number of the clip's frame)."""
+    path.write_bytes(b"YUV4MPEG2 W352 H288 F25:1 C420jpeg\n" + b"".join(
+        f"FRAME XTIME={at * MS}\n".encode() + default_clip.picture(number) for at, number in frames))
+    return path
+
+
+def shown() -> list[tuple[int, int]]:
+    return [(40 * index, index // PERIODS) for index in range(4 * PERIODS)]
+
+
+def counters(name: str, out: int, lost: int = 0) -> Counters:
+    return Counters(name, out + lost, out, 0, {"driver": lost}, {"p50": 5, "p99": 9, "max": 10})
+
+
+def camera(clip: pathlib.Path, path: pathlib.Path, frames: list[tuple[int, int]], driver: int = 0,
+           times: tuple[int, ...] = (0, 200, 400, 600)) -> list[str]:
+    recording = looped(path, frames)
+    grab, save = counters("grab", len(frames), driver), counters("save", len(frames))
+    result = camera_run.judge(clip, recording, grab, save, list(times))
+    assert result.good == (not result.disagreements)
+    return result.disagreements
+
+
+def test_a_camera_is_judged_by_what_was_due(clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    path = tmp_path / "recorded.y4m"
+    assert not camera(clip, path, shown())
+    assert not camera(clip, path, shown()[:7] + shown()[10:], driver=3)
+    assert "missing by the time stamps: 3" in camera(clip, path, shown()[:7] + shown()[10:])[0]
+    back = shown()
+    back[18] = (back[18][0], 0)  # an old picture
+    assert "1 recorded frames that were not due" in camera(clip, path, back)[0]
+    late = [(at, min(number, 1)) for at, number in shown()]  # the far side was late, or the camera stuck
+    assert "5 recorded frames that were not due" in camera(clip, path, late)[0]
+    assert not camera(clip, path, late, times=(0, 200, 700, 800))
+    strange = shown()
+    strange[3] = (strange[3][0], 77)  # not the clip's
+    assert "not due" in camera(clip, path, strange)[0]
+    assert "rising" in camera(clip, path, [*shown()[:5], shown()[4], *shown()[6:]])[0]
+
+
+def test_a_stream_is_judged_by_what_was_recorded_at_that_time() -> None:
+    source = [Picture(40 * MS * index, index // 2) for index in range(40)]
+    seen = [Picture(one.time - source[7].time + 3000, one.number) for one in source[7:] if one.time % 3]
+    assert stream.unlike(seen, source) == []
+    frozen = [Picture(one.time, seen[min(index, 12)].number) for index, one in enumerate(seen)]
+    assert stream.unlike(frozen, source)[-1] == len(seen) - 1
+    assert len(stream.unlike(frozen, source)) >= len(seen) - 15
+    blank = [*seen[:5], Picture(seen[5].time, None), *seen[6:]]
+    assert stream.unlike(blank, source) == [5]
+    assert stream.unlike([Picture(0, None)], source) == [0]
+
+
+def test_what_decode_missed_shows(clip: pathlib.Path) -> None:
+    source = stream.pictures(clip)
+    good = stream.judge(clip, source, counters("send", 4), counters("decode", 4), counters("save", 4))
+    assert len(good.shown) == 4 and not good.disagreements
+    bad = stream.judge(clip, source, counters("send", 5), counters("decode", 4), counters("save", 3))
+    assert len(bad.disagreements) == 2
+
+
+def test_report() -> None:
+    histogram = [0] * 736
+    histogram[5], histogram[40], histogram[735] = 3, 2, 1
+    stages = [Stage(name, 10 - index, index, counters(name, 10 - index, index), histogram)
+              for index, name in enumerate(report.COLOURS)]
+    seconds = [(float(second), {name: 25 * second for name in report.COLOURS}) for second in range(4)]
+    found = Report(10, stages, {"image": "<disk>"}, ["one <thing>"], seconds)
+    values = json.loads(found.json())
+    assert values["frames"] == {"in": 10, "stored": 10, "recorded": 9, "sent": 8, "decoded": 7}
+    assert values["lost"] == {"store": 0, "record": 1, "send": 2, "stream": 3}
+    assert values["latency_us"]["stream"] == {"p50": 5, "p99": 9, "max": 10}
+    page = report.page(found)
+    assert "&lt;disk&gt;" in page and "one &lt;thing&gt;" in page and "src=" not in page and "href=" not in page
+    assert page.count("<polyline") == 4 and page.count("<title>3</title>") == 4
+
+
+def test_buckets_are_the_books() -> None:
+    """ddx_stats.h: below 32 µs one each, then 32 for each power of two, up to 2^27 µs."""
+    assert [report.bucket_us(index) for index in (0, 31, 32, 63, 64, 95)] == [0, 31, 32.5, 63.5, 65, 127]
+    assert 2**27 - 2**22 < report.bucket_us(735) < 2**27
+
+
+def test_a_window_in_which_the_host_stalls_does_not_count_a_slow_stream_does() -> None:
+    quick, slow = 300, 400  # buckets
+
+    def marks(*late: int) -> list[list[int]]:
+        """Windows of 100 frames, so many of each late."""
+        result = [[0] * 500]
+        for count in late:
+            result.append(list(result[-1]))
+            result[-1][quick] += 100 - count
+            result[-1][slow] += count
+        return result
+
+    def prompt(*late: int) -> float:
+        return stream.percentile(stream.quieter(marks(*late)), 99)
+
+    assert prompt(0, 80, 0, 0, 30, 0) == report.bucket_us(quick)
+    assert prompt(2, 80, 2, 2, 30, 2) == report.bucket_us(slow)
+    assert prompt(0) == report.bucket_us(quick) and prompt(2) == report.bucket_us(slow)

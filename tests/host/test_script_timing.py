@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The image's scripts where their timing is unlucky, which no boot shows often enough."""
+from __future__ import annotations
+
+import fcntl
+import os
+import pathlib
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from .appliance import Appliance
+from .programs import wait_until
+
+THING = "run/service/thing"
+
+
+@pytest.fixture
+def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
+    if os.geteuid() != 0:
+        pytest.skip("a root folder of one's own takes root")
+    appliance = Appliance(tmp_path)
+    yield appliance
+    appliance.end()
+
+
+@pytest.fixture
+def service(appliance: Appliance) -> Appliance:
+    """A service that has been started, and that nobody runs yet."""
+    for script in ("service", "finish"):
+        appliance.install(f"package/ddx/service/{script}", f"usr/libexec/ddx/{script}")
+    appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
+    (appliance.root / "etc/default/thing").write_text("user=root\n")
+    assert told(appliance, "start") == "Starting thing: OK\n"
+    return appliance
+
+
+def told(appliance: Appliance, action: str) -> str:
+    return appliance.run(f"/usr/libexec/ddx/service thing {action}")[1]
+
+
+def state(appliance: Appliance) -> str:
+    return dict(word.split("=") for word in told(appliance, "status").split()[1:])["state"]
+
+
+@contextmanager
+def runsv_without_ears(service: Appliance) -> Iterator[None]:
+    """It has looked for `down`, and waits for its logger's lock; at the end it listens."""
+    folder = service.root / THING / "log/supervise"
+    folder.mkdir()
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        service.start("cd /run/service && exec runsv thing")
+        wait_until((service.root / THING / "supervise/lock").exists)
+        yield
+    wait_until(lambda: service.run("sv status /run/service/thing")[0] == 0)
+
+
+def test_a_stop_is_heard_by_a_runsv_that_just_begins(service: Appliance) -> None:
+    with runsv_without_ears(service):
+        stop = service.start("/usr/libexec/ddx/service thing stop")
+        wait_until((service.root / THING / "down").exists)
+    assert stop.communicate(timeout=30)[0] == "Stopping thing: OK\n"
+    assert state(service) == "stopped"
+
+
+def test_a_start_is_heard_by_a_runsv_that_just_begins(service: Appliance) -> None:
+    told(service, "stop")
+    with runsv_without_ears(service):
+        start = service.start("/usr/libexec/ddx/service thing start")
+        wait_until(lambda: not (service.root / THING / "down").exists())
+    assert start.communicate(timeout=30)[0] == "Starting thing: OK\n"
+    wait_until(lambda: state(service) == "running")
+
+
+def test_nobody_is_waited_for_where_nobody_runs_it(service: Appliance) -> None:
+    assert told(service, "stop") == "Stopping thing: OK\n" and state(service) == "stopped"
+    assert told(service, "start") == "Starting thing: OK\n" and state(service) == "starting"
+
+
+@pytest.mark.parametrize("begin", ["", "\n", "soon 1.0\n", None])
+def test_it_is_not_known_when_a_program_began(service: Appliance, begin: str | None) -> None:
+    """The disk of /run was full, or it ended too early. It is counted, and not started at once again and again."""
+    folder = service.root / THING
+    (folder / "supervise/stat").write_text("finish, want up\n")
+    if begin is not None:
+        (folder / "begin").write_text(begin)
+    for restarts, delay in enumerate(["0", "1"], start=1):
+        status, text = service.run(f"cd /{THING} && ./finish 1")
+        assert (status, text) == (0, "")
+        assert (folder / "restarts").read_text() == f"{restarts}\n" and (folder / "delay").read_text() == f"{delay}\n"
+
+
+NOT_DONE = "ddxgrow: not done, the next boot goes on"
+
+
+@pytest.mark.parametrize("table, files, last", [(0, 0, "ddxgrow: done"), (0, 1, NOT_DONE), (1, 0, NOT_DONE)])
+def test_growing_says_when_it_is_done(appliance: Appliance, table: int, files: int, last: str) -> None:
+    appliance.install("package/ddxgrow/S16ddxgrow", "etc/init.d/S16ddxgrow")
+    appliance.add("usr/sbin/ddxgrow", f'#!/bin/sh\necho "table $*"\nexit {table}\n')
+    appliance.add("usr/sbin/resize2fs", f'#!/bin/sh\nusleep 300000\necho "files $*"\nexit {files}\n')
+    (appliance.root / "rec").mkdir()
+    (appliance.root / "sys/devices/sda/sda6").mkdir(parents=True)
+    (appliance.root / "sys/devices/sda/sda6/partition").write_text("6\n")
+    (appliance.root / "sys/class/block").mkdir(parents=True)
+    (appliance.root / "sys/class/block/sda6").symlink_to("../../devices/sda/sda6")
+    status, text = appliance.run("mount -t tmpfs /dev/sda6 /rec && /etc/init.d/S16ddxgrow start")
+    assert (status, text) == (0, "Starting ddxgrow: OK\n")  # at once
+    log = appliance.root / "run/log/ddxgrow"
+    wait_until(lambda: len(log.read_text().splitlines()) == 3)
+    assert log.read_text().splitlines() == ["table /dev/sda 6", "files /dev/sda6", last]

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The disk stands still: whoever takes frames from the store goes on, and every frame is recorded, or counted."""
+from __future__ import annotations
+
+import pathlib
+import subprocess
+
+import pytest
+
+from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_until
+from .test_record_orders import order, reached
+
+
+class Disk:
+    """A recorder's disk that stands still between stall() and go_on(): for what becomes of files, or for the first."""
+
+    def __init__(self, folder: pathlib.Path) -> None:
+        source = pathlib.Path(__file__).with_name("stalled_disk.c")
+        subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC", source, "-o", folder / "stall.so"],
+                       check=True)
+        self.files = {what: folder / f"stalled-{what}" for what in ("sync", "open")}
+        self.wrapper = ("env", f"LD_PRELOAD={folder}/stall.so",
+                        *(f"STALLED_{what.upper()}={file}" for what, file in self.files.items()))
+
+    def stall(self, what: str) -> None:
+        self.files[what].touch()
+
+    def go_on(self) -> None:
+        for file in self.files.values():
+            file.unlink(missing_ok=True)
+
+
+@pytest.fixture
+def disk(desk: Desk) -> Disk:
+    (desk.folder / "rec").mkdir()
+    return Disk(desk.folder)
+
+
+def start(desk: Desk, disk: Disk, clip: pathlib.Path, *options: object) -> tuple[Process, Process]:
+    saver = start_recorder(desk, "-output", "rec", *options, wrapper=disk.wrapper)
+    return saver, desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+
+
+def recorded(desk: Desk) -> list[list[bytes]]:
+    return [pictures(file) for file in sorted((desk.folder / "rec").glob("*.y4m"))]
+
+
+def count(desk: Desk, what: str) -> int:
+    return int(desk.stats("ddxvideosave")[what])
+
+
+def test_files_are_closed_by_who_writes_them(desk: Desk, disk: Disk) -> None:
+    """Frames come in, and files are begun, while three are waiting for the disk."""
+    clip = make_clip(desk.folder / "clip.y4m", frames=100)
+    saver, loader = start(desk, disk, clip)
+    reached(desk, "in", 5)
+    disk.stall("sync")
+    for _ in range(3):
+        order(desk, "split")
+        reached(desk, "in", count(desk, "in") + 2)
+    reached(desk, "in", count(desk, "in") + 70)  # more than the store keeps
+    assert len(recorded(desk)) == 4
+    disk.go_on()
+    _, loaded = stop(loader)
+    status, saved = stop(saver)
+    assert status == 0 and lost(saved) == 0 and saved["in"] == saved["out"] == loaded["out"]
+    played = pictures(clip) * 10
+    assert [picture for file in recorded(desk) for picture in file] == played[:loaded["out"]]
+
+
+def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: Disk) -> None:
+    """Numbers tell the order, also where the second recording was begun before the first one had a file."""
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", frames=250)
+    disk.stall("open")
+    saver, loader = start(desk, disk, clip)
+    reached(desk, "in", 10)
+    order(desk, "stop")
+    order(desk, "start")
+    reached(desk, "in", count(desk, "in") + 5)
+    disk.go_on()
+    reached(desk, "out", 15)
+    stop(loader)
+    status, saved = stop(saver)
+    played, (first, second) = pictures(clip), recorded(desk)
+    assert status == 0 and lost(saved) == 0 and len(first) + len(second) == saved["in"] == saved["out"]
+    assert first == played[:len(first)]
+    begin = len(first) + saved["skipped"]
+    assert second == played[begin:begin + len(second)]
+    assert [int(file.name.split("-")[1]) for file in sorted((desk.folder / "rec").iterdir())] == [1, 2]
+
+
+def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: Disk) -> None:
+    """Memory has an end. What has no ring is lost there, is counted, and the recorder goes on with the disk."""
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", frames=1000)
+    saver, loader = start(desk, disk, clip, "-ring", "16")
+    reached(desk, "in", 5)
+    disk.stall("sync")
+    for _ in range(10):
+        order(desk, "split")
+        reached(desk, "in", count(desk, "in"))
+    assert "the ring is full" in desk.errors(saver)
+    wait_until(lambda: int(desk.stats("ddxvideosave")["lost"]["ring"]) > 3)
+    disk.go_on()
+    reached(desk, "out", count(desk, "out") + 10)
+    _, loaded = stop(loader)
+    status, saved = stop(saver)
+    assert status == 0 and saved["lost"]["ring"] == lost(saved)
+    assert saved["in"] == loaded["out"] == saved["out"] + lost(saved)
+    shown = [picture for file in recorded(desk) for picture in file]
+    played = iter(pictures(clip))
+    assert len(shown) == saved["out"] and all(picture in played for picture in shown)  # in their order

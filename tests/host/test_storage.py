@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The script that mounts settings and recordings, with a `mount` that refuses: it asks again, and says so when all was
+in vain. Its programs and /run are ours, all else is the script as it ships."""
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+from common import TOP
+
+DISKS = {"DDXDATA": "/data", "DDXREC": "/rec", "DDXTEST": "/test"}
+# Refuses the first so many times for that folder, as often as `refuse.<folder>` says; then notes it as mounted.
+MOUNT = """#!/bin/sh
+for folder; do :; done
+name=${folder#/}
+if read -r left < refuse.$name && [ "$left" -gt 0 ]; then
+	echo $((left - 1)) > refuse.$name
+	echo "mount: mounting on $folder failed: No such device" >&2
+	exit 255
+fi
+echo "$folder" >> mounted
+"""
+FAKES = {
+    "mount": MOUNT,
+    "mountpoint": '#!/bin/sh\ngrep -qx "$2" mounted\n',
+    "blkid": "#!/bin/sh\n" + "".join(f"echo '/dev/{label}: LABEL=\"{label}\"'\n" for label in DISKS),
+    "modprobe": '#!/bin/sh\necho "$*" >> modprobe.said\n',
+    **{name: "#!/bin/sh\n" for name in ("e2fsck", "chown", "chmod", "mkdir", "sleep")}}
+
+
+class Machine:
+    def __init__(self, folder: pathlib.Path) -> None:
+        self.folder = folder
+        (folder / "log").mkdir()
+        (folder / "programs").mkdir()
+        (folder / "cmdline").write_text("quiet\n")
+        (folder / "mounted").touch()
+        for name, text in FAKES.items():
+            (folder / "programs" / name).write_text(text)
+            (folder / "programs" / name).chmod(0o755)
+        for name in ("storage", "S15storage"):
+            place = "etc/init.d" if name.startswith("S") else "usr/libexec/ddx"
+            text = (TOP / "overlay" / place / name).read_text()
+            for theirs, ours in [("/usr/libexec/ddx/", ""), ("/proc/", ""), ("/run/", "")]:
+                text = text.replace(theirs, f"{folder}/{ours}")
+            (folder / name).write_text(text)
+
+    def refuse(self, where: str, times: int) -> None:
+        (self.folder / f"refuse.{where}").write_text(f"{times}\n")
+
+    def start(self) -> tuple[int, str]:
+        path = f"{self.folder}/programs:{os.environ['PATH']}"
+        done = subprocess.run(["sh", self.folder / "S15storage", "start"], cwd=self.folder, text=True, check=False,
+                              env={"PATH": path}, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, timeout=300)
+        return done.returncode, done.stdout
+
+    @property
+    def mounted(self) -> set[str]:
+        return set((self.folder / "mounted").read_text().split())
+
+    def log(self, label: str) -> str:
+        return (self.folder / "log" / f"check.{label}").read_text()
+
+
+@pytest.fixture
+def machine(tmp_path: pathlib.Path) -> Machine:
+    return Machine(tmp_path)
+
+
+def test_everything_is_mounted_and_drivers_come_first(machine: Machine) -> None:
+    assert machine.start() == (0, "Starting storage: OK\n")
+    assert machine.mounted == set(DISKS.values())
+    assert {"ext4", "crc32c", "vfat"} <= set((machine.folder / "modprobe.said").read_text().split())
+
+
+@pytest.mark.parametrize("label", DISKS)
+def test_a_mount_that_fails_once_is_tried_again(machine: Machine, label: str) -> None:
+    machine.refuse(DISKS[label][1:], 1)
+    assert machine.start() == (0, "Starting storage: OK\n")
+    assert machine.mounted == set(DISKS.values())
+    assert "No such device" in machine.log(label)
+
+
+@pytest.mark.parametrize("label", DISKS)
+def test_a_mount_that_always_fails_is_told_and_the_others_are_there(machine: Machine, label: str) -> None:
+    folder = DISKS[label]
+    machine.refuse(folder[1:], 1000)
+    assert machine.start() == (1, f"Starting storage: FAIL: {folder[1:]}\n")
+    assert machine.mounted == set(DISKS.values()) - {folder}
+    assert "No such device" in machine.log(label)
+    assert int((machine.folder / f"refuse.{folder[1:]}").read_text()) > 900  # it ends soon

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A bad network: what decode counts is what the relay did, and good pictures come back."""
+from __future__ import annotations
+
+import json
+import pathlib
+import signal
+import time
+
+import pytest
+
+import clip as numbered_clip
+
+from .programs import Counters, Process, result, wait_until
+from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
+
+SECONDS = 4
+FRAMES = SECONDS * numbered_clip.RATE
+RECOVERY = 2 * numbered_clip.RATE  # frames after which the pictures are whole again
+GOOD = RECOVERY + 30  # frames that go through a good network at the end
+BAD = {
+    "all": ["drop=15", "duplicate=10", "reorder=10", "foreign=10", "garbage=10"],
+    "late": ["delay=10"],
+}
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", SECONDS)
+
+
+@pytest.fixture(scope="module")
+def short(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return numbered_clip.write(tmp_path_factory.mktemp("short") / "clip.y4m", 1)
+
+
+def end_relay(relay: Process) -> Counters:
+    relay.terminate()
+    return result(relay)[1]
+
+
+def turn(relay: Process, network: str) -> None:
+    relay.send_signal(signal.SIGUSR1)
+    assert relay.stdout and relay.stdout.readline() == f"{network}\n"
+
+
+def through_relay(stream: Stream, clip: pathlib.Path, codec: str, words: list[str],
+                  *options: object) -> tuple[Counters, Counters, dict[str, int], Counters, list[int]]:
+    """The clip through a bad network, then again through a good one. What the relay did; the frames' counters of the
+    sender; packets', frames' and printed numbers of decode."""
+    decode = stream.decode("-group", "none", *options)
+    relay = stream.relay(*words)
+    sender = stream.send("-codec", codec, "-bitrate", 1200, *TO_RELAY)
+    recorder = stream.record(clip)
+    turn(relay, "bad")
+    stream.play_frames(clip, FRAMES)
+    turn(relay, "good")
+    stream.play_frames(clip, GOOD)
+    (_, _, sent), = finish(sender)
+    did = end_relay(relay)
+    (lines, packets, shown), = finish(decode)
+    stop_recording(recorder)
+    return did, sent, packets, shown, printed(lines)
+
+
+def disagreements(did: Counters, packets: dict[str, int]) -> list[str]:
+    """What decode counts other than what was done to the packets."""
+    pairs = {"drop": packets["lost"] - packets["late"], "duplicate": packets["duplicate"],
+             "foreign": packets["foreign"], "garbage": packets["garbage"]}
+    found = [f"{name}: {did[name]}, counted {count}" for name, count in pairs.items() if did[name] != count]
+    parts = sum(packets[name] for name in ("used", "late", "duplicate", "foreign", "garbage"))
+    if packets["received"] != parts:
+        found.append(f"received {packets['received']}, accounted for {parts}")
+    return found
+
+
+@pytest.mark.parametrize("codec", ["h264", "mpeg4"])
+@pytest.mark.parametrize("bad", BAD)
+def test_counters_and_recovery(stream: Stream, clip: pathlib.Path, codec: str, bad: str) -> None:
+    did, sent, packets, shown, numbers = through_relay(stream, clip, codec, BAD[bad])
+    assert all(did[word.split("=")[0]] > 5 for word in BAD[bad])
+    assert disagreements(did, packets) == []
+    assert packets["reordered"] > 0 or not did["reorder"]
+    assert packets["late"] > 0 or not did["delay"]
+    assert packets["sources"] == 1
+    # Each frame that was sent was shown or is counted as lost.
+    assert shown["in"] == sent["out"] and shown["in"] == shown["out"] + sum(shown["lost"].values())
+    # Once the network is good, every frame is shown, and soon each picture is what it is said to be.
+    assert shown["out"] >= GOOD and len(numbers) == shown["out"]
+    said = [number % FRAMES for number in numbers]  # the clip is played over and over, and numbers go on
+    assert drawn(stream.folder / "seen.y4m")[-(GOOD - RECOVERY):] == said[-(GOOD - RECOVERY):]
+
+
+def test_a_wrong_count_is_seen(stream: Stream, clip: pathlib.Path) -> None:
+    """The check itself: without patience, packets that were only overtaken are counted as lost; and the sums."""
+    did, _, packets, _, _ = through_relay(stream, clip, "h264", ["drop=5", "duplicate=5"])
+    assert disagreements(did, packets) == []
+    for name in ("lost", "duplicate", "used", "received", "garbage"):
+        assert disagreements(did, {**packets, name: packets[name] + 1})
+
+
+@pytest.mark.parametrize("codec", ["h264", "mpeg4"])
+def test_restarted_sender(stream: Stream, short: pathlib.Path, codec: str) -> None:
+    """A new sender has another SSRC and other numbers; decode goes on with its first frame."""
+    decode, total = stream.decode(), 0
+    for number, kill in enumerate([signal.SIGKILL, signal.SIGTERM, signal.SIGTERM]):
+        sender = stream.send("-codec", codec)
+        stream.play(short, "-rate", "0.5", "-instance", f"load{number}")
+        wait_until(lambda: stream.packets("decode")["used"] == total + stream.packets("ddxvideosend")["packets"])
+        total = stream.packets("decode")["used"]
+        sender.send_signal(kill)
+        sender.communicate()
+        time.sleep(0.5)
+    (lines, packets, shown), = finish(decode)
+    assert packets["sources"] == 3 and packets["lost"] == packets["foreign"] == 0
+    assert shown["in"] == shown["out"]
+    assert printed(lines).count(0) == 3  # the first frame of each
+
+
+def test_quick_restart(stream: Stream, clip: pathlib.Path) -> None:
+    """Without a pause: the new sender is followed once the former one was silent for a while, and nothing is lost."""
+    decode = stream.decode()
+    loader = stream.desk.start("ddxvideoload", clip, "-loop")
+    for number in range(3):
+        sender = stream.send("-instance", f"send{number}")
+        wait_until(lambda: f'"send{number}","in":' in stream.desk.run("ddxctl", "stats", "--json").stdout)
+        wait_until(lambda: int(stream.desk.stats(f"send{number}")["out"]) >= numbered_clip.RATE, 60)
+        sender.kill()
+        sender.communicate()
+    loader.terminate()
+    (_, packets, shown), = finish(decode)
+    assert packets["sources"] == 3 and packets["lost"] == packets["foreign"] == 0
+    assert shown["in"] == shown["out"] >= 3 * numbered_clip.RATE
+
+
+@pytest.mark.parametrize("codec", ["h264", "mpeg4"])
+def test_joining_late(stream: Stream, clip: pathlib.Path, codec: str) -> None:
+    """The first key frame is long gone: pictures come with the next place where one can begin, whole ones."""
+    sender = stream.send("-codec", codec)
+    loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", 1)
+    wait_until(lambda: stream.packets("ddxvideosend").get("packets", 0) > numbered_clip.RATE, 60)
+    decode = stream.decode()
+    wait_until(lambda: int(stream.desk.stats("decode")["out"]) > 40, 60)
+    loader.terminate()
+    loader.wait()
+    (_, _, sent), (lines, packets, shown) = finish(sender, decode)
+    assert packets["lost"] == 0 and shown["lost"]["network"] == shown["lost"]["decode"] == 0
+    assert 0 < shown["lost"]["join"] <= 2 * numbered_clip.RATE + 1
+
+
+def test_settings_say_json(stream: Stream) -> None:
+    """The packets' counters are in the store as well."""
+    stream.decode()
+    names = stream.packets("decode")
+    assert {"received", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage"} <= set(names)
+    assert json.dumps(names)

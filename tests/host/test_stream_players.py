@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Debian's players open a stream by its .sdp file; what they show is read from their pictures."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import subprocess
+from collections.abc import Iterator
+
+import numpy
+import pytest
+
+import clip as numbered_clip
+from common import MORTAL
+
+from .programs import ROOT, Desk, pictures, wait_until
+from .stream import Stream
+
+SECONDS = 4
+FRAMES = SECONDS * numbered_clip.RATE
+CODECS = ["h264", "mpeg4"]
+
+
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", SECONDS)
+
+
+@pytest.fixture(params=CODECS)
+def sent(tmp_path: pathlib.Path, clip: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Stream]:
+    """A stream that goes on and on, with its description in stream.sdp."""
+    stream = Stream(tmp_path)
+    stream.send("-codec", request.param, "-bitrate", "800", "-sdp", "stream.sdp")
+    stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    wait_until((tmp_path / "stream.sdp").exists)
+    yield stream
+    stream.end()
+
+
+def run(stream: Stream, *command: str) -> str:
+    return subprocess.run([*stream.network.inside, *command], cwd=stream.folder, check=True, timeout=60, text=True,
+                          stdout=subprocess.PIPE).stdout
+
+
+WHITELIST = ["-protocol_whitelist", "file,udp,rtp"]
+
+
+def follows(numbers: list[int | None], least: int) -> bool:
+    """Now and then a picture is dropped or repeated; but they are the clip's, and go on as it does."""
+    steps = [(b - a) % FRAMES for a, b in zip(numbers, numbers[1:]) if a is not None and b is not None]
+    return len(steps) >= least and all(step < FRAMES // 2 for step in steps) and steps.count(0) < least // 2
+
+
+def test_check() -> None:
+    assert follows([97, 98, 99, 0, 1, 2, 2, 4], 6)
+    assert not follows([97, 98, 99], 6) and not follows([7, 7, 7, 7, 7, 7, 7, 7], 6)
+    assert not follows([5, 4, 3, 2, 1, 0, 1, 0], 6) and not follows([None] * 8, 6)
+
+
+def test_ffprobe(sent: Stream) -> None:
+    shown = json.loads(run(sent, "ffprobe", "-v", "error", *WHITELIST, "-show_streams", "-show_frames", "-of", "json",
+                           "-read_intervals", "%+#90", "stream.sdp"))
+    assert (shown["streams"][0]["width"], shown["streams"][0]["height"]) == (352, 288)
+    assert len(shown["frames"]) > 20
+
+
+def test_ffmpeg(sent: Stream) -> None:
+    run(sent, "ffmpeg", "-v", "error", "-nostdin", *WHITELIST, "-i", "stream.sdp", "-frames:v", "80", "-fps_mode",
+        "passthrough", "-pix_fmt", "yuv420p", "-y", "seen.y4m")
+    numbers = [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(sent.folder / "seen.y4m")]
+    assert follows(numbers[-30:], 25)
+
+
+def number_in_bmp(path: pathlib.Path) -> int | None:
+    """From a picture of a window: 24 or 32 bits a pixel, bottom up; green will do for the luma."""
+    data = path.read_bytes()
+    assert len(data) == int.from_bytes(data[2:6], "little")
+    begin, width, height = (int.from_bytes(data[at:at + 4], "little") for at in (10, 18, 22))
+    depth = int.from_bytes(data[28:30], "little") // 8
+    rows = numpy.frombuffer(data, numpy.uint8, offset=begin).reshape(height, -1)[::-1, :width * depth]
+    return numbered_clip.frame_number(rows[:, 1::depth].tobytes(), width, height)
+
+
+def window_numbers(folder: pathlib.Path) -> list[int | None]:
+    """Of the latest pictures."""
+    found = sorted(folder.glob("SDL_window*.bmp"), key=lambda path: int(path.stem.split("-")[-1]))
+    return [number_in_bmp(path) for path in found[-31:-1]]  # the very last one may have been cut short
+
+
+def watch_window(process: subprocess.Popen[bytes], folder: pathlib.Path) -> list[int | None]:
+    """What a player's window shows, after a while; then the player is ended."""
+    wait_until(lambda: len(list(folder.glob("SDL_window*.bmp"))) > 110, 60)
+    process.terminate()
+    process.communicate(timeout=60)
+    return window_numbers(folder)
+
+
+# SDL's dummy screen: each picture of the window becomes a file.
+SCREEN = {"SDL_VIDEODRIVER": "dummy", "SDL_VIDEO_DUMMY_SAVE_FRAMES": "1"}
+
+
+def test_ffplay(sent: Stream) -> None:
+    player = ["ffplay", "-v", "error", "-an", *WHITELIST, "stream.sdp"]
+    process = subprocess.Popen([*MORTAL, *sent.network.inside, *player], cwd=sent.folder, env={**os.environ, **SCREEN})
+    assert follows(watch_window(process, sent.folder), 20)
+
+
+def test_decode_window(sent: Stream) -> None:
+    """Our own window, at the same screen."""
+    process = subprocess.Popen([*MORTAL, *sent.network.inside, "env", *(f"{k}={v}" for k, v in SCREEN.items()),
+                                ROOT / "bin/decode", "-instance", "window"], cwd=sent.folder,
+                               env=sent.desk.environment, stdout=subprocess.PIPE)
+    assert follows(watch_window(process, sent.folder), 25)
+    assert process.returncode == 0
+
+
+def test_gstreamer(sent: Stream) -> None:
+    """Its own demuxer, jitter buffer and depacketiser; the result is looked at with FFmpeg."""
+    h264 = "H264" in (sent.folder / "stream.sdp").read_text()
+    chain = ["rtph264depay", "!", "h264parse", "!", "video/x-h264,stream-format=byte-stream"] if h264 else \
+        ["rtpmp4vdepay"]
+    subprocess.run([*sent.network.inside, "timeout", "--preserve-status", "--signal=INT", "4", "gst-launch-1.0", "-q",
+                    "-e", "filesrc", "location=stream.sdp", "!", "sdpdemux", "!", *chain, "!", "filesink",
+                    "location=seen.es"], cwd=sent.folder, timeout=60, check=False)
+    run(sent, "ffmpeg", "-v", "error", "-nostdin", "-f", "h264" if h264 else "m4v", "-i", "seen.es", "-fps_mode",
+        "passthrough", "-pix_fmt", "yuv420p", "-y", "seen.y4m")
+    numbers = [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(sent.folder / "seen.y4m")]
+    assert follows(numbers[-30:], 25)
+
+
+def test_without_sdl(desk: Desk) -> None:
+    """A machine without a screen, such as the image: said in one line, and the stream is received all the same."""
+    process = subprocess.Popen([*MORTAL, ROOT / "bin/decode"], env={**desk.environment, "SDL_VIDEODRIVER": "none"},
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stderr and "going on without" in process.stderr.readline()
+    process.terminate()
+    out, _ = process.communicate(timeout=60)
+    assert process.returncode == 0 and '"instance":"decode"' in out

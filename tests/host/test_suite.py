@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The run of the tests itself: who gets a second chance, what is said at the end, and that nobody passes by silence."""
+from __future__ import annotations
+
+import pathlib
+import shutil
+import tempfile
+
+import pytest
+
+import suite
+from common import TOP, run
+from suite import Suite
+
+# Fails when it is run for the first time in this folder, with these words.
+ONCE = """\
+import pathlib
+def test_it():
+    mark = pathlib.Path(__file__).with_name("mark")
+    again = mark.exists()
+    mark.touch()
+    assert again, {words!r}
+"""
+MESON = """\
+project('x')
+sh = find_program('sh')
+once = 'test -e @0@ || { touch @0@; echo @1@; exit 1; }'
+test('sleeps', sh, args: ['-c', once.format('@folder@/a', 'too late')])
+test('tears', sh, args: ['-c', once.format('@folder@/b', 'torn: frame 7')])
+test('crash at random', sh, args: ['-c', once.format('@folder@/c', 'torn: frame 8')])
+test('always', sh, args: ['-c', 'true'])
+"""
+
+
+@pytest.fixture
+def places(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
+    """Not the files of the run that this test is a part of."""
+    for name in ("TEST", "FAILED", "RESULTS"):
+        monkeypatch.setattr(suite, name, tmp_path / "out" if name == "TEST" else tmp_path / "out" / name.lower())
+    monkeypatch.setattr(suite, "OUTPUT", tmp_path)
+    return tmp_path
+
+
+def run_python(places: pathlib.Path, words: str, strict: bool = False) -> Suite:
+    # Below our own root, where a test's name leads back to it.
+    with tempfile.TemporaryDirectory(prefix="suite-", dir=TOP / "output") as name:
+        folder = pathlib.Path(name)
+        shutil.copy(TOP / "tests/conftest.py", folder)
+        (folder / "test_once.py").write_text(ONCE.format(words=words))
+        result = Suite(strict=strict)
+        with result.part("python"):
+            result.pytest([], ["-q", str(folder)])
+        return result
+
+
+def outcomes(result: Suite) -> list[str]:
+    return [test.outcome for test in result.tests]
+
+
+def test_a_second_chance_is_told_of(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = run_python(places, "it came too late")
+    assert outcomes(result) == ["flaky"]
+    assert result.verdict(places / "flaky.txt") == 0
+    last = capsys.readouterr().out.splitlines()
+    assert last[-2].startswith("FLAKY ") and "it came too late" in last[-2]
+    assert last[-1] == "1 passed, 0 failed, 0 skipped"
+    assert "it came too late" in (places / "flaky.txt").read_text()
+    assert "python" in result.table()
+
+
+@pytest.mark.parametrize("words", ["torn frame 3", "2 frames lost", "AddressSanitizer: heap", "runtime error: x"])
+def test_none_for_frames_and_memory(places: pathlib.Path, words: str) -> None:
+    result = run_python(places, words)
+    assert outcomes(result) == ["failed"] and result.verdict(places / "flaky.txt") == 1
+    kept = list((places / "out/failed").iterdir())
+    assert len(kept) == 1 and words in kept[0].read_text()
+
+
+def test_none_when_it_is_strict(places: pathlib.Path) -> None:
+    assert outcomes(run_python(places, "it came too late", strict=True)) == ["failed"]
+
+
+def test_tests_in_c(places: pathlib.Path) -> None:
+    source, build = places / "source", places / "desk/x"
+    source.mkdir()
+    (source / "meson.build").write_text(MESON.replace("@folder@", str(places)))
+    run(["meson", "setup", build, source])
+    result = Suite()
+    result.meson("desk", "x", {})
+    assert {test.name.rsplit(": ")[-1]: test.outcome for test in result.tests} == {
+        "sleeps": "flaky", "tears": "failed", "crash at random": "flaky", "always": "passed"}
+    assert result.verdict(places / "flaky.txt") == 1
+
+
+def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path) -> None:
+    result = Suite()
+    result.pytest([], ["--no-such-option"])
+    assert result.broken and result.verdict(places / "flaky.txt") == 1
+    assert Suite().verdict(places / "flaky.txt") == 1

@@ -1,0 +1,81 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Layouts as text and back: what a log says of a type, and what may be said by a file that is not a log. */
+#include "check.h"
+#include "form.h"
+
+#include <errno.h>
+
+static const char deep[] = "struct { int8_t a; struct { double b; struct { int16_t c; } d[2]; char e[3]; } f[2]; "
+                           "uint64_t gH_; }";
+
+static const struct form_leaf *leaf_named(const struct form *form, const char *name) {
+    for (unsigned i = 0; i < form->leaf_count; i++)
+        if (!strcmp(form->leaves[i].name, name))
+            return &form->leaves[i];
+    fprintf(stderr, "no %s\n", name);
+    exit(1);
+}
+
+/* CDR aligns numbers by their own size, from behind its header, and structs not at all. */
+static void test_places(void) {
+    struct form *form;
+    CHECK_EQUAL(form_of_text("DEEP_one", deep, "", &form), 0);
+    CHECK(!strcmp(form->declaration, deep));
+    CHECK(!strcmp(form->schema_name, "ddx/msg/DEEPOne"));
+    CHECK_EQUAL(leaf_named(form, "a")->message, 4);
+    CHECK_EQUAL(leaf_named(form, "f[0].b")->message, 4 + 8);
+    CHECK_EQUAL(leaf_named(form, "f[0].d[1].c")->message, 4 + 18);
+    CHECK_EQUAL(leaf_named(form, "f[0].e")->message, 4 + 20);
+    CHECK_EQUAL(leaf_named(form, "f[1].b")->message, 4 + 24);
+    CHECK_EQUAL(leaf_named(form, "gH_")->message, 4 + 40);
+    CHECK_EQUAL(form->message_size, 4 + 48);
+    CHECK(strstr(form->schema, "int8 a\nddx/DEEPOneF[2] f\nuint64 g_h\n====="));
+    CHECK(strstr(form->schema, "=\nMSG: ddx/DEEPOneF\nfloat64 b\nddx/DEEPOneFD[2] d\nuint8[3] e\n"));
+    form_free(form);
+}
+
+static void test_extents(void) {
+    struct form *form;
+    CHECK_EQUAL(form_of_text("V", "struct { char y[100]; char u[25]; int32_t n; }", "y=8 u=2", &form), 0);
+    CHECK_EQUAL(form->message_size, 4 + 16);
+    CHECK_EQUAL(leaf_named(form, "n")->message, 4 + 12);
+    CHECK(!strcmp(form->extents, "y=8 u=2"));
+    CHECK(strstr(form->schema, "uint8[8] y\nuint8[2] u\n"));
+    form_free(form);
+}
+
+static void test_names_that_meet(void) {
+    struct form *form;
+    CHECK_EQUAL(form_of_text("1", "struct { int8_t aB; int8_t a_b; int8_t _; int8_t X9; }", "", &form), 0);
+    CHECK(!strcmp(form->schema, "int8 a_b\nint8 a_b_again2\nint8 f\nint8 x9\n"));
+    CHECK(!strcmp(form->schema_name, "ddx/msg/T1"));
+    form_free(form);
+    CHECK_EQUAL(form_of_text("int", "int32_t", "", &form), 0);
+    CHECK(!strcmp(form->schema, "int32 value\n") && form->message_size == 8);
+    form_free(form);
+}
+
+static void test_what_is_no_declaration(void) {
+    static const char *const bad[] = {"", "struct { }", "struct {", "struct { int8_t }", "struct { int8_t a }",
+                                      "struct { long a; }", "struct { int8_t a[0]; }", "struct { int8_t a[-1]; }",
+                                      "struct { int8_t a[4294967297]; }", "struct { int8_t a; } b", "int8_t x",
+                                      "struct { struct { struct { struct { struct { struct { struct { struct { "
+                                      "struct { struct { int8_t a; } a; } a; } a; } a; } a; } a; } a; } a; } a; }"};
+    static const char *const extents[] = {"x=3", "a", "a=", "a=0", "a=11", "a=-1", "=3"};
+    struct form *form;
+    for (size_t i = 0; i < sizeof(bad) / sizeof(*bad); i++)
+        CHECK_EQUAL(form_of_text("T", bad[i], "", &form), -EINVAL);
+    for (size_t i = 0; i < sizeof(extents) / sizeof(*extents); i++)
+        CHECK_EQUAL(form_of_text("T", "struct { char a[10]; }", extents[i], &form), -EINVAL);
+    /* Legal, and larger than anything that can be. */
+    CHECK_EQUAL(form_of_text("T", "struct { struct { int8_t a; int8_t b; } s[100000]; }", "", &form), -E2BIG);
+    CHECK_EQUAL(form_of_text("T", "struct { double a[1073741824]; }", "", &form), -E2BIG);
+}
+
+int main(void) {
+    test_places();
+    test_extents();
+    test_names_that_meet();
+    test_what_is_no_declaration();
+    return 0;
+}

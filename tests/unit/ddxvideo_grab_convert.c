@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Pictures of every format and order of fields, compared with FFmpeg's program and with sums done by hand. */
+#include <linux/videodev2.h>
+
+#include "check.h"
+#include "convert.h"
+
+#define GUARD 64
+#define GUARD_BYTE 0x5a
+
+static unsigned char *noise(size_t size) {
+    unsigned char *data = malloc(size);
+    CHECK(data);
+    for (size_t i = 0; i < size; i++)
+        data[i] = (unsigned char)(rand() >> 7);
+    return data;
+}
+
+struct result {
+    unsigned char *memory[3], *plane[3];
+    int stride[3];
+    size_t size[3];
+};
+
+/* Planes without padding, as in the store, with guards around them. */
+static struct result result_make(int width, int height) {
+    struct result result;
+    for (int i = 0; i < 3; i++) {
+        result.stride[i] = i ? width / 2 : width;
+        result.size[i] = (size_t)result.stride[i] * (size_t)(i ? height / 2 : height);
+        result.memory[i] = malloc(result.size[i] + 2 * GUARD);
+        CHECK(result.memory[i]);
+        memset(result.memory[i], GUARD_BYTE, result.size[i] + 2 * GUARD);
+        result.plane[i] = result.memory[i] + GUARD;
+    }
+    return result;
+}
+
+static void result_free(struct result *result) {
+    for (int i = 0; i < 3; i++) {
+        for (int k = 0; k < GUARD; k++)
+            CHECK(result->memory[i][k] == GUARD_BYTE && result->plane[i][result->size[i] + (size_t)k] == GUARD_BYTE);
+        free(result->memory[i]);
+    }
+}
+
+static size_t bytes(const struct pixels *pixels) {
+    size_t offset[3];
+    int stride[3];
+    return pixels_planes(pixels, offset, stride);
+}
+
+static struct result convert(const struct pixels *from, const void *data, int width, int height, bool stack) {
+    struct converter converter;
+    struct result result = result_make(width, height);
+    CHECK_EQUAL(converter_open(&converter, from, width, height, stack), 0);
+    CHECK_EQUAL(converter_run(&converter, data, bytes(from) - 1, result.plane, result.stride), -74); /* cut off */
+    CHECK_EQUAL(converter_run(&converter, data, bytes(from), result.plane, result.stride), 0);
+    converter_close(&converter);
+    return result;
+}
+
+/* What FFmpeg makes of the same bytes; false if there is no such program. */
+static bool ask_ffmpeg(const char *format, const void *data, size_t size, int width, int height, int to_width,
+                       int to_height, const char *to, unsigned char *out, size_t out_size) {
+    char command[512], name[] = "/tmp/ddx-convert-XXXXXX";
+    int fd = mkstemp(name);
+    FILE *file = fdopen(fd, "wb");
+    CHECK(file && fwrite(data, 1, size, file) == size && !fclose(file));
+    snprintf(command, sizeof(command),
+             "ffmpeg -v error -nostdin -f rawvideo -pix_fmt %s -s %dx%d -i %s -vf scale=%d:%d:flags=bilinear "
+             "-pix_fmt %s -f rawvideo - 2>&1",
+             format, width, height, name, to_width, to_height, to);
+    FILE *pipe = popen(command, "r");
+    size_t got = pipe ? fread(out, 1, out_size, pipe) : 0;
+    int status = pipe ? pclose(pipe) : -1;
+    remove(name);
+    if (WEXITSTATUS(status) == 127)
+        return false;
+    CHECK_EQUAL(status, 0);
+    CHECK_EQUAL(got, out_size);
+    return true;
+}
+
+static bool test_against_ffmpeg(uint32_t fourcc, const char *format, int to_width, int to_height) {
+    const int width = 128, height = 96;
+    struct pixels from = {
+        .fourcc = fourcc, .width = width, .height = height, .stride = width * pixels_find(fourcc)->row_bytes};
+    unsigned char *data = noise(bytes(&from));
+    struct result result = convert(&from, data, to_width, to_height, false);
+    size_t total = result.size[0] + 2 * result.size[1], at = 0;
+    unsigned char *theirs = malloc(total);
+    bool there = ask_ffmpeg(format, data, bytes(&from), width, height, to_width, to_height,
+                            fourcc == V4L2_PIX_FMT_GREY ? "gray" : "yuv420p", theirs,
+                            fourcc == V4L2_PIX_FMT_GREY ? result.size[0] : total);
+    for (int i = 0; there && i < (fourcc == V4L2_PIX_FMT_GREY ? 1 : 3); at += result.size[i++])
+        CHECK(!memcmp(result.plane[i], theirs + at, result.size[i]));
+    if (there && fourcc != V4L2_PIX_FMT_GREY) { /* the check itself */
+        theirs[total - 1] ^= 1;
+        CHECK(memcmp(result.plane[2], theirs + total - result.size[2], result.size[2]) != 0);
+    }
+    free(theirs);
+    free(data);
+    result_free(&result);
+    return there;
+}
+
+/* Bytes of packed 4:2:2 at (x, y), by hand; u: 1, v: 3 (YUYV). */
+static void test_by_hand(void) {
+    const int width = 36, height = 20, stride = 2 * width + 24; /* rows with padding */
+    struct pixels from = {.fourcc = V4L2_PIX_FMT_YUYV, .width = width, .height = height, .stride = stride};
+    unsigned char *data = noise(bytes(&from));
+    struct result result = convert(&from, data, width, height, false);
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++)
+            CHECK_EQUAL(result.plane[0][y * width + x], data[y * stride + 2 * x]);
+    for (int plane = 1; plane < 3; plane++)
+        for (int y = 0; y < height / 2; y++)
+            for (int x = 0; x < width / 2; x++) {
+                const unsigned char *at = data + 2 * y * stride + 4 * x + (plane == 1 ? 1 : 3);
+                int twice = at[0] + at[stride], ours = result.plane[plane][y * (width / 2) + x];
+                CHECK(2 * ours >= twice - 1 && 2 * ours <= twice + 1);
+            }
+    result_free(&result);
+    free(data);
+}
+
+/* A picture where every byte of the top field is 10 and more, of the bottom field 100 and more, whatever the order. */
+static void fill_fields(unsigned char *data, const struct pixels *pixels) {
+    size_t offset[3];
+    int stride[3];
+    pixels_planes(pixels, offset, stride);
+    const struct pixels_format *format = pixels_find(pixels->fourcc);
+    for (int i = 0; i < format->planes; i++) {
+        int rows = i ? pixels->height / format->chroma_row_step : pixels->height;
+        for (int row = 0; row < rows; row++) {
+            bool bottom = pixels->order == PIXELS_INTERLEAVED ? row % 2 : (row >= rows / 2);
+            if (pixels->order == PIXELS_BOTTOM_TOP)
+                bottom = !bottom;
+            memset(data + offset[i] + (ptrdiff_t)row * stride[i], bottom ? 100 : 10, (size_t)stride[i]);
+        }
+    }
+}
+
+static void test_fields(uint32_t fourcc, enum pixels_order order, bool stack) {
+    const int width = 64, height = 32;
+    struct pixels from = {.fourcc = fourcc,
+                          .width = width,
+                          .height = height,
+                          .order = order,
+                          .stride = width * pixels_find(fourcc)->row_bytes};
+    unsigned char *data = malloc(bytes(&from));
+    fill_fields(data, &from);
+    for (int scaled = 0; scaled < 2; scaled++) { /* fields do not mix, not even when they are scaled */
+        int to_width = scaled ? 48 : width, to_height = scaled ? 24 : height;
+        struct result result = convert(&from, data, to_width, to_height, stack);
+        for (int i = 0; i < (fourcc == V4L2_PIX_FMT_GREY ? 1 : 3); i++) {
+            int rows = i ? to_height / 2 : to_height;
+            for (int row = 0; row < rows; row++) {
+                bool bottom = stack ? row >= rows / 2 : row % 2;
+                for (int x = 0; x < result.stride[i]; x++)
+                    CHECK_EQUAL(result.plane[i][row * result.stride[i] + x], bottom ? 100 : 10);
+            }
+        }
+        result_free(&result);
+    }
+    free(data);
+}
+
+static void test_refusals(void) {
+    struct converter converter;
+    struct pixels from = {.fourcc = V4L2_PIX_FMT_YUYV, .width = 32, .height = 32, .stride = 64};
+    CHECK_EQUAL(converter_open(&converter, &from, 32, 32, true), -22); /* no fields to stack */
+    from.order = PIXELS_INTERLEAVED;
+    CHECK_EQUAL(converter_open(&converter, &from, 32, 30, true), -22);
+    from.fourcc = V4L2_PIX_FMT_RGB24;
+    CHECK_EQUAL(converter_open(&converter, &from, 32, 32, false), -22);
+}
+
+int main(void) {
+    static const struct {
+        uint32_t fourcc;
+        const char *name;
+    } formats[] = {{V4L2_PIX_FMT_YUV420, "yuv420p"},
+                   {V4L2_PIX_FMT_NV12, "nv12"},
+                   {V4L2_PIX_FMT_YUYV, "yuyv422"},
+                   {V4L2_PIX_FMT_UYVY, "uyvy422"},
+                   {V4L2_PIX_FMT_GREY, "gray"}};
+    bool asked = true;
+    test_by_hand();
+    test_refusals();
+    for (size_t i = 0; i < sizeof(formats) / sizeof(*formats); i++) {
+        for (int order = PIXELS_INTERLEAVED; order <= PIXELS_BOTTOM_TOP; order++)
+            for (int stack = 0; stack < 2; stack++)
+                test_fields(formats[i].fourcc, (enum pixels_order)order, stack);
+        asked &= test_against_ffmpeg(formats[i].fourcc, formats[i].name, 128, 96);
+        asked &= test_against_ffmpeg(formats[i].fourcc, formats[i].name, 88, 72);
+    }
+    return asked ? 0 : 77;
+}

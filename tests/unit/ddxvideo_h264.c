@@ -1,0 +1,244 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* H.264 payloads by the rules of RFC 6184, from frame to packets and back, with and without loss. */
+#include "h264.h"
+
+#include "check.h"
+
+#define ROOM 1160
+#define NALS_MAX 40
+#define PAYLOADS_MAX 200
+
+struct payload {
+    size_t size;
+    uint8_t data[ROOM];
+    bool last;
+    int first_nal, last_nal; /* of the frame's NAL units, which of them are in it, at least in part */
+};
+
+static struct payload payloads[PAYLOADS_MAX];
+static struct chunk nals[NALS_MAX];
+static unsigned seed = 1;
+
+static unsigned next_random(void) {
+    seed = seed * 1664525u + 1013904223u;
+    return seed >> 8;
+}
+
+/* A NAL unit without start codes in it: no zero bytes. */
+static void make_nal(struct chunk *nal, size_t size) {
+    static const uint8_t heads[] = {0x67, 0x68, 0x06, 0x65, 0x41, 0x01};
+    nal->size = 0;
+    CHECK(chunk_add(nal, NULL, size));
+    for (size_t i = 0; i < size; i++)
+        nal->data[i] = (uint8_t)(1 + next_random() % 255);
+    nal->data[0] = heads[next_random() % sizeof(heads)];
+}
+
+static void join(struct chunk *frame, int count, bool short_codes) {
+    static const uint8_t code[] = {0, 0, 0, 1};
+    frame->size = 0;
+    for (int i = 0; i < count; i++) {
+        bool shorter = short_codes && i % 2;
+        CHECK(chunk_add(frame, code + shorter, sizeof(code) - shorter));
+        CHECK(chunk_add(frame, nals[i].data, nals[i].size));
+    }
+}
+
+static int pack(const struct chunk *frame) {
+    struct h264_packer packer;
+    int count = 0;
+    h264_pack(&packer, frame->data, frame->size);
+    for (; count < PAYLOADS_MAX; count++) {
+        struct payload *payload = &payloads[count];
+        payload->last = false;
+        payload->size = h264_pack_next(&packer, payload->data, ROOM, &payload->last);
+        if (!payload->size)
+            break;
+    }
+    return count;
+}
+
+/* NULL if the payloads carry exactly these NAL units, by the rules; else the rule that is broken. */
+static const char *judge(int count, int nal_count) {
+    int nal = 0;
+    size_t inside = 0; /* bytes of the present NAL unit that came in fragments */
+    for (int i = 0; i < count; i++) {
+        struct payload *payload = &payloads[i];
+        uint8_t type = payload->data[0] & 31, importance = 0;
+        payload->first_nal = nal;
+        if (nal >= nal_count)
+            return "payload beyond the frame";
+        if (payload->size > ROOM)
+            return "too large";
+        if (payload->last != (i == count - 1))
+            return "marker";
+        if (inside && type != H264_FU_A)
+            return "fragments are interrupted";
+        if (type == H264_FU_A) {
+            uint8_t position = payload->data[1] >> 6;
+            if (payload->data[1] & 0x20 || position == 3)
+                return "5.8: R is 0, S and E are not both set";
+            if ((position == 2) != !inside)
+                return "5.8: S at the first fragment only";
+            if (((payload->data[0] & 0xe0) | (payload->data[1] & 31)) != nals[nal].data[0])
+                return "5.8: F, NRI and type of the NAL unit";
+            inside += !inside;
+            if (inside + payload->size - 2 > nals[nal].size ||
+                memcmp(payload->data + 2, nals[nal].data + inside, payload->size - 2))
+                return "other bytes";
+            inside += payload->size - 2;
+            if ((inside == nals[nal].size) != (position == 1))
+                return "5.8: E at the last fragment only";
+            payload->last_nal = nal;
+            if (position == 1) {
+                nal++;
+                inside = 0;
+            }
+            continue;
+        }
+        if (type != H264_STAP_A) {
+            if (payload->size != nals[nal].size || memcmp(payload->data, nals[nal].data, payload->size))
+                return "5.6: a NAL unit as it is";
+            payload->last_nal = nal++;
+            continue;
+        }
+        size_t at = 1;
+        while (at < payload->size && nal < nal_count) {
+            size_t size = (size_t)(payload->data[at] << 8 | payload->data[at + 1]);
+            if (size != nals[nal].size || at + 2 + size > payload->size ||
+                memcmp(payload->data + at + 2, nals[nal].data, size))
+                return "5.7.1: size and NAL unit";
+            if ((nals[nal].data[0] & 0x60) > importance)
+                importance = nals[nal].data[0] & 0x60;
+            at += 2 + size;
+            nal++;
+        }
+        if (at != payload->size || nal - payload->first_nal < 2)
+            return "5.7: two or more NAL units, nothing behind them";
+        if ((payload->data[0] & 0x60) != importance)
+            return "5.7: NRI is the highest of them";
+        payload->last_nal = nal - 1;
+    }
+    return nal == nal_count && !inside ? NULL : "NAL units are missing";
+}
+
+/* Unpack all payloads but `missing` (-1: none); exactly the NAL units that are whole come out. */
+static void check_unpacked(int count, int nal_count, int missing) {
+    struct h264_unpacker unpacker = {0};
+    struct chunk frame = {0}, expected = {0};
+    static const uint8_t code[] = {0, 0, 0, 1};
+    for (int i = 0; i < count; i++)
+        if (i != missing)
+            CHECK(h264_unpack(&unpacker, &frame, payloads[i].data, payloads[i].size, i && i - 1 == missing));
+    h264_unpack_end(&unpacker, &frame);
+    for (int i = 0; i < nal_count; i++) {
+        if (missing >= 0 && i >= payloads[missing].first_nal && i <= payloads[missing].last_nal)
+            continue;
+        CHECK(chunk_add(&expected, code, sizeof(code)) && chunk_add(&expected, nals[i].data, nals[i].size));
+    }
+    CHECK_EQUAL(frame.size, expected.size);
+    CHECK(!frame.size || !memcmp(frame.data, expected.data, frame.size));
+    chunk_free(&frame);
+    chunk_free(&expected);
+}
+
+static void test_frames(void) {
+    static const size_t sizes[] = {1,
+                                   2,
+                                   5,
+                                   30,
+                                   500,
+                                   ROOM - 4,
+                                   ROOM - 3,
+                                   ROOM - 1,
+                                   ROOM,
+                                   ROOM + 1,
+                                   ROOM + 2,
+                                   2 * (ROOM - 2),
+                                   2 * (ROOM - 2) + 1,
+                                   2 * (ROOM - 2) + 2,
+                                   5000,
+                                   70000};
+    struct chunk frame = {0};
+    for (int round = 0; round < 300; round++) {
+        int count = 1 + (int)(next_random() % 12);
+        for (int i = 0; i < count; i++)
+            make_nal(&nals[i], sizes[next_random() % (sizeof(sizes) / sizeof(*sizes) - (round % 10 != 0))]);
+        join(&frame, count, round % 2);
+        int packets = pack(&frame);
+        const char *broken = judge(packets, count);
+        if (broken)
+            fprintf(stderr, "round %d: %s\n", round, broken);
+        CHECK(!broken);
+        for (int missing = -1; missing < packets; missing++)
+            check_unpacked(packets, count, missing);
+    }
+    chunk_free(&frame);
+}
+
+/* The judge sees what is wrong. */
+static void test_judge(void) {
+    struct chunk frame = {0};
+    make_nal(&nals[0], 20);
+    make_nal(&nals[1], 10);
+    nals[0].data[0] = 0x67;
+    nals[1].data[0] = 0x41;
+    make_nal(&nals[2], 3000);
+    join(&frame, 3, false);
+    int count = pack(&frame);
+    CHECK_EQUAL(count, 4); /* STAP-A, three fragments */
+    CHECK(!judge(count, 3));
+#define CHECK_RED(change)                     \
+    do {                                      \
+        struct payload kept[4];               \
+        memcpy(kept, payloads, sizeof(kept)); \
+        change;                               \
+        CHECK(judge(count, 3));               \
+        memcpy(payloads, kept, sizeof(kept)); \
+        CHECK(!judge(count, 3));              \
+    } while (0)
+    CHECK_RED(payloads[0].data[0] = 0x38);  /* NRI too low */
+    CHECK_RED(payloads[0].data[2]++);       /* size in the aggregate */
+    CHECK_RED(payloads[0].size++);          /* a byte more */
+    CHECK_RED(payloads[1].data[1] ^= 0x80); /* no S */
+    CHECK_RED(payloads[2].data[1] |= 0x40); /* E too early */
+    CHECK_RED(payloads[3].data[1] ^= 0x40); /* no E */
+    CHECK_RED(payloads[3].data[9] ^= 1);    /* another byte */
+    CHECK_RED(payloads[2] = payloads[3]);   /* a fragment missing */
+    CHECK_RED(payloads[3].last = false);    /* no marker */
+    chunk_free(&frame);
+}
+
+static void test_malformed(void) {
+    static const uint8_t bad[][6] = {{0},
+                                     {24},
+                                     {24, 0},
+                                     {24, 0, 0},
+                                     {24, 0, 9, 1},
+                                     {24, 0, 1, 0x41, 0},
+                                     {25, 0, 0, 0, 1, 0x41},
+                                     {28},
+                                     {28, 0x81},
+                                     {29, 0x81, 0, 0, 1},
+                                     {30, 1},
+                                     {31, 1}};
+    static const size_t sizes[] = {1, 1, 2, 3, 4, 5, 6, 1, 2, 5, 2, 2};
+    for (size_t i = 0; i < sizeof(sizes) / sizeof(*sizes); i++) {
+        struct h264_unpacker unpacker = {0};
+        struct chunk frame = {0};
+        CHECK(!h264_unpack(&unpacker, &frame, bad[i], sizes[i], false));
+        chunk_free(&frame);
+    }
+    struct h264_unpacker unpacker = {0};
+    struct chunk frame = {0};
+    CHECK(!h264_unpack(&unpacker, &frame, bad[0], 0, false));
+}
+
+int main(void) {
+    test_frames();
+    test_judge();
+    test_malformed();
+    for (int i = 0; i < NALS_MAX; i++)
+        chunk_free(&nals[i]);
+    return 0;
+}

@@ -1,0 +1,80 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Checksums as the RFC has them; an index is believed as far as it is whole, and not further. */
+#include <stdlib.h>
+
+#include "check.h"
+#include "crc32c.h"
+#include "index.h"
+
+#define FRAMES 100
+
+static void test_sums(void) {
+    /* RFC 3720, B.4, and the check value of the catalogue of CRCs */
+    unsigned char bytes[32] = {0};
+    CHECK_EQUAL(crc32c(0, "123456789", 9), 0xe3069283u);
+    CHECK_EQUAL(crc32c(0, bytes, 32), 0x8a9136aau);
+    memset(bytes, 0xff, sizeof(bytes));
+    CHECK_EQUAL(crc32c(0, bytes, 32), 0x62a8ab43u);
+    for (unsigned char i = 0; i < 32; i++)
+        bytes[i] = i;
+    CHECK_EQUAL(crc32c(0, bytes, 32), 0x46dd794eu);
+    for (size_t cut = 0; cut <= 32; cut++) /* in two pieces, of any alignment */
+        CHECK_EQUAL(crc32c(crc32c(0, bytes, cut), bytes + cut, 32 - cut), 0x46dd794eu);
+}
+
+static struct index_file *make(void) {
+    struct index_file *index = calloc(1, sizeof(*index));
+    index->header.state = INDEX_RECORDING;
+    index->header.recording = 7;
+    index_seal_header(&index->header);
+    for (uint32_t i = 0; i < FRAMES; i++) {
+        index->entry[i] = (struct index_entry){.recording = 7, .position = i, .offset = 100 + i * 50, .bytes = 50};
+        index_seal_entry(&index->entry[i]);
+    }
+    return index;
+}
+
+static void test_count(void) {
+    struct index_file *index = make();
+    CHECK(index_good_header(&index->header));
+    CHECK_EQUAL(index_count(index, UINT64_MAX), FRAMES);
+    CHECK_EQUAL(index_count(index, 100 + 10 * 50), 10); /* the file is shorter */
+    CHECK_EQUAL(index_count(index, 100 + 10 * 50 - 1), 9);
+    CHECK_EQUAL(index_count(index, 0), 0);
+
+    index->entry[40].recording = 8; /* an older recording's, in good order */
+    index_seal_entry(&index->entry[40]);
+    CHECK_EQUAL(index_count(index, UINT64_MAX), 40);
+    index->entry[30].offset += 50; /* a hole */
+    index_seal_entry(&index->entry[30]);
+    CHECK_EQUAL(index_count(index, UINT64_MAX), 30);
+    index->entry[20].bytes = UINT32_MAX;
+    index_seal_entry(&index->entry[20]);
+    CHECK_EQUAL(index_count(index, 100 + FRAMES * 50), 20);
+    free(index);
+}
+
+/* Whatever bit is wrong: it is noticed. */
+static void test_spoilt(void) {
+    struct index_file *index = make();
+    for (size_t bit = 0; bit < 8 * sizeof(struct index_entry); bit++) {
+        unsigned char *byte = (unsigned char *)&index->entry[10] + bit / 8;
+        *byte ^= (unsigned char)(1u << bit % 8);
+        CHECK_EQUAL(index_count(index, UINT64_MAX), 10);
+        *byte ^= (unsigned char)(1u << bit % 8);
+    }
+    for (size_t bit = 0; bit < 8 * sizeof(struct index_header); bit++) {
+        unsigned char *byte = (unsigned char *)&index->header + bit / 8;
+        *byte ^= (unsigned char)(1u << bit % 8);
+        CHECK(!index_good_header(&index->header));
+        *byte ^= (unsigned char)(1u << bit % 8);
+    }
+    free(index);
+}
+
+int main(void) {
+    test_sums();
+    test_count();
+    test_spoilt();
+    return 0;
+}

@@ -1,0 +1,334 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Datagrams to frames: order, loss, duplicates, other sources; what is counted is what was done to the packets. */
+#include "intake.h"
+
+#include "check.h"
+
+#define MS INT64_C(1000000)
+#define PATIENCE (20 * MS)
+#define SSRC 0x1001u
+
+static unsigned seed = 1;
+static int64_t now = MS;
+
+static unsigned next_random(unsigned below) {
+    seed = seed * 1664525u + 1013904223u;
+    return (seed >> 8) % below;
+}
+
+/* A sender: a frame is `packets` NAL units, one in each packet, that hold the frame's and the packet's number. */
+struct source {
+    uint32_t ssrc;
+    uint16_t sequence;
+    uint16_t count;
+    bool plain; /* no extension */
+};
+
+struct datagram {
+    uint8_t data[100];
+    size_t size;
+};
+
+static struct datagram make(struct source *source, uint32_t frame, unsigned index, unsigned packets) {
+    struct datagram datagram;
+    struct rtp_packet packet = {.type = RTP_H264,
+                                .marker = index + 1 == packets,
+                                .sequence = source->sequence++,
+                                .time = frame * 3600,
+                                .ssrc = source->ssrc,
+                                .has_frame = !source->plain,
+                                .frame = {.sequence = frame + 1, .number = frame, .count = source->count}};
+    source->count += packet.marker;
+    datagram.size = rtp_write(datagram.data, &packet);
+    const uint8_t nal[] = {0x41, (uint8_t)(1 + frame % 200), (uint8_t)(1 + index)};
+    memcpy(datagram.data + datagram.size, nal, sizeof(nal));
+    datagram.size += sizeof(nal);
+    return datagram;
+}
+
+static void put(struct intake *intake, const struct datagram *datagram) {
+    uint8_t *copy = malloc(datagram->size); /* so that a sanitizer sees a read beyond */
+    memcpy(copy, datagram->data, datagram->size);
+    intake_put(intake, copy, datagram->size, now);
+    free(copy);
+}
+
+static uint64_t count_of(const struct intake *intake, enum intake_count which) {
+    return intake->count[which];
+}
+
+/* Frames of one packet, put in an order given by their numbers; the frames that come out, as a text. */
+static const char *play(struct intake *intake, struct source *source, const char *order) {
+    static char out[200];
+    struct datagram datagrams[26];
+    struct intake_frame frame;
+    *out = 0;
+    for (unsigned i = 0; i < 26; i++)
+        datagrams[i] = make(source, i, 0, 1);
+    for (; *order; order++) {
+        if (*order == ' ') /* time passes */
+            now += PATIENCE;
+        else
+            put(intake, &datagrams[*order - 'a']);
+        while (intake_take(intake, now, &frame)) {
+            char one[8];
+            snprintf(one, sizeof(one), "%s%c", frame.damaged ? "!" : "", (char)('a' + frame.frame.number));
+            strcat(out, one);
+            for (unsigned i = 0; i < frame.missing; i++)
+                strcat(out, "-");
+        }
+        now += MS / 10;
+    }
+    return out;
+}
+
+static void check_order(const char *order, const char *expected, unsigned lost, unsigned late, unsigned duplicate,
+                        unsigned reordered) {
+    for (int wrap = 0; wrap < 2; wrap++) { /* also where the sequence numbers start again from 0 */
+        struct intake intake;
+        struct source source = {.ssrc = SSRC, .sequence = wrap ? 65533 : 100, .count = wrap ? 65530 : 0};
+        intake_init(&intake, PATIENCE);
+        const char *found = play(&intake, &source, order);
+        if (strcmp(found, expected))
+            fprintf(stderr, "%s gives %s, not %s\n", order, found, expected);
+        CHECK(!strcmp(found, expected));
+        CHECK_EQUAL(count_of(&intake, INTAKE_LOST), lost);
+        CHECK_EQUAL(count_of(&intake, INTAKE_LATE), late);
+        CHECK_EQUAL(count_of(&intake, INTAKE_DUPLICATE), duplicate);
+        CHECK_EQUAL(count_of(&intake, INTAKE_REORDERED), reordered);
+        CHECK_EQUAL(count_of(&intake, INTAKE_RECEIVED),
+                    count_of(&intake, INTAKE_USED) + late + duplicate + intake.reorder.waiting);
+        intake_free(&intake);
+    }
+}
+
+/* "!": packets are missing in or before this frame; "-": a whole frame before this one is. */
+static void test_order(void) {
+    check_order("abcdef", "abcdef", 0, 0, 0, 0);
+    check_order("abdcef", "abcdef", 0, 0, 0, 1);
+    check_order("afedcbg", "abcdefg", 0, 0, 0, 4);
+    check_order("abbbacdc", "abcd", 0, 0, 4, 0);
+    check_order("abddcc", "abcd", 0, 0, 2, 1);
+    check_order("abde", "ab", 0, 0, 0, 0); /* c may still come */
+    check_order("abde ", "ab!d-e", 1, 0, 0, 0);
+    check_order("abde cfg", "ab!d-efg", 1, 1, 0, 0); /* too late */
+    check_order("abfg h", "ab!f---gh", 3, 0, 0, 0);
+    check_order("acbd", "abcd", 0, 0, 0, 1);
+    check_order("bacd", "bcd", 0, 1, 0, 0); /* nothing is known of what came before the first one */
+    check_order("ac ce e", "a!c-!e-", 2, 0, 2, 0);
+}
+
+/* Frames of several packets: each packet's absence shows, in its own frame or, for a last one, in this or the next. */
+static void test_frames(void) {
+    for (unsigned missing = 0; missing < 12; missing++) {
+        struct intake intake;
+        struct source source = {.ssrc = SSRC};
+        struct intake_frame frame;
+        unsigned found = 0, damaged = 0, bytes = 0;
+        intake_init(&intake, PATIENCE);
+        for (unsigned i = 0; i < 12; i++) {
+            struct datagram datagram = make(&source, i / 4, i % 4, 4);
+            if (i != missing)
+                put(&intake, &datagram);
+            now += 2 * PATIENCE;
+            while (intake_take(&intake, now, &frame)) {
+                CHECK_EQUAL(frame.frame.number, found);
+                CHECK_EQUAL(frame.missing, 0);
+                CHECK(frame.first == !found);
+                found++;
+                damaged += frame.damaged;
+                bytes += (unsigned)frame.size;
+            }
+        }
+        CHECK_EQUAL(found, missing == 11 ? 2 : 3); /* the last one is not known to be whole */
+        CHECK(missing == 0 || missing == 11 ? damaged == 0 : damaged >= 1);
+        CHECK_EQUAL(bytes, missing == 11 ? 8 * 7 : 11 * 7);
+        intake_free(&intake);
+    }
+}
+
+/* A seeded relay: what it did is what is counted. */
+static void test_counts(void) {
+    enum { PACKETS = 20000, QUEUE = 16 };
+    struct intake intake;
+    struct source source = {.ssrc = SSRC, .sequence = 60000}, foreign = {.ssrc = 0x2002};
+    struct datagram queue[QUEUE];
+    unsigned waiting = 0, dropped = 0, duplicated = 0, strangers = 0, garbage = 0, frames = 0, missing = 0;
+    struct intake_frame frame;
+    intake_init(&intake, PATIENCE);
+    for (unsigned i = 0; i < PACKETS; i++, now += 3 * MS) {
+        struct datagram datagram = make(&source, i / 2, i % 2, 2);
+        bool quiet = i < 2 || i >= PACKETS - 100; /* a loss at the very end is not seen */
+        if (!quiet && next_random(100) < 20) {
+            dropped++;
+        } else if (!quiet && waiting < 3 && next_random(100) < 10) {
+            queue[waiting++] = datagram; /* up to three later ones overtake it */
+            continue;
+        } else {
+            put(&intake, &datagram);
+            if (!quiet && next_random(100) < 10) {
+                put(&intake, &datagram);
+                duplicated++;
+            }
+        }
+        if (next_random(100) < 5) {
+            datagram = make(&foreign, i, 0, 1);
+            put(&intake, &datagram);
+            foreign.sequence += 7; /* no two that follow each other */
+            strangers++;
+        }
+        if (next_random(100) < 5) {
+            datagram.data[0] = (uint8_t)next_random(128); /* not version 2 */
+            put(&intake, &datagram);
+            garbage++;
+        }
+        if (waiting == 3 || (waiting && (quiet || next_random(2))))
+            put(&intake, &queue[--waiting]);
+        while (intake_take(&intake, now, &frame)) {
+            frames++;
+            missing += frame.missing;
+        }
+    }
+    CHECK(dropped > 3000 && duplicated > 1000 && strangers > 500 && garbage > 500);
+    CHECK_EQUAL(count_of(&intake, INTAKE_GARBAGE), garbage);
+    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), strangers);
+    CHECK_EQUAL(count_of(&intake, INTAKE_DUPLICATE), duplicated);
+    CHECK_EQUAL(count_of(&intake, INTAKE_LOST) - count_of(&intake, INTAKE_LATE), dropped);
+    CHECK(count_of(&intake, INTAKE_REORDERED) > 500);
+    CHECK_EQUAL(count_of(&intake, INTAKE_USED), PACKETS - count_of(&intake, INTAKE_LOST));
+    CHECK_EQUAL(frames + missing, PACKETS / 2);
+    CHECK_EQUAL(count_of(&intake, INTAKE_SOURCES), 1);
+    intake_free(&intake);
+}
+
+static unsigned send(struct intake *intake, struct source *source, uint32_t frame) {
+    struct datagram datagram = make(source, frame, 0, 1);
+    struct intake_frame out;
+    unsigned found = 0;
+    put(intake, &datagram);
+    while (intake_take(intake, now, &out))
+        found++;
+    return found;
+}
+
+/* A restarted sender is followed, from its first frame on; a stream beside the present one never is. */
+static void test_sources(void) {
+    struct intake intake;
+    struct source one = {.ssrc = SSRC, .sequence = 7}, two = {.ssrc = 0x2002, .sequence = 9000}, three = {.ssrc = 3};
+    intake_init(&intake, PATIENCE);
+    for (uint32_t i = 0; i < 100; i++, now += 40 * MS) {
+        CHECK_EQUAL(send(&intake, &one, i), 1);
+        CHECK_EQUAL(send(&intake, &two, i), 0);
+    }
+    CHECK_EQUAL(intake.ssrc, SSRC);
+    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 100);
+    now += INTAKE_SILENCE; /* the first one is gone */
+    CHECK_EQUAL(send(&intake, &three, 0), 0);
+    now += MS;
+    CHECK_EQUAL(send(&intake, &three, 1), 2); /* with its first frame */
+    CHECK_EQUAL(intake.ssrc, 3);
+    CHECK_EQUAL(count_of(&intake, INTAKE_SOURCES), 2);
+    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 100);
+    CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
+    CHECK_EQUAL(send(&intake, &one, 100), 0);
+    intake_free(&intake);
+
+    /* A single stray packet at the start does not keep the stream out. */
+    intake_init(&intake, PATIENCE);
+    one = (struct source){.ssrc = SSRC};
+    CHECK_EQUAL(send(&intake, &two, 0), 1);
+    CHECK_EQUAL(send(&intake, &one, 0), 0);
+    CHECK_EQUAL(send(&intake, &one, 1), 2);
+    CHECK_EQUAL(send(&intake, &one, 2), 1);
+    intake_free(&intake);
+}
+
+/* A sender that is back at once: all its frames are shown, once it is clear that the former one is gone. */
+static void test_quick_restart(void) {
+    struct intake intake;
+    struct source one = {.ssrc = SSRC}, two = {.ssrc = 0x2002, .sequence = 65530}, stray = {.ssrc = 3};
+    unsigned found = 0;
+    intake_init(&intake, PATIENCE);
+    for (uint32_t i = 0; i < 5; i++, now += 40 * MS)
+        found += send(&intake, &one, i);
+    for (uint32_t i = 0; i < 20; i++, now += 40 * MS) {
+        found += send(&intake, &two, i);
+        CHECK(found == 5 || i >= 9);
+        if (i % 3 == 1) {
+            CHECK_EQUAL(send(&intake, &stray, i), 0);
+            stray.ssrc++;
+        }
+    }
+    CHECK_EQUAL(found, 5 + 20);
+    CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
+    CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 7);
+    /* One that showed itself and died does not stand in the way of the next one. */
+    now += INTAKE_SILENCE / 2;
+    found = send(&intake, &stray, 1);
+    found += send(&intake, &stray, 2);
+    now += 2 * INTAKE_SILENCE;
+    for (uint32_t i = 0; i < 3; i++)
+        found += send(&intake, &one, i);
+    CHECK_EQUAL(found, 3);
+    CHECK_EQUAL(intake.ssrc, SSRC);
+    intake_free(&intake);
+}
+
+/* Numbers from far away: one is a stray packet, two are a new place in the count. */
+static void test_jumps(void) {
+    static const int jumps[] = {500, 5000, -5000, 30000, -30000};
+    for (unsigned i = 0; i < sizeof(jumps) / sizeof(*jumps); i++) {
+        struct intake intake;
+        struct source source = {.ssrc = SSRC, .sequence = 20000};
+        intake_init(&intake, PATIENCE);
+        for (uint32_t frame = 0; frame < 10; frame++)
+            CHECK_EQUAL(send(&intake, &source, frame), 1);
+        source.sequence = (uint16_t)(source.sequence + jumps[i]);
+        unsigned found = 0;
+        for (uint32_t frame = 10; frame < 20; frame++)
+            found += send(&intake, &source, frame);
+        CHECK(found >= 9);
+        if (jumps[i] > 0)
+            CHECK_EQUAL(count_of(&intake, INTAKE_LOST) - count_of(&intake, INTAKE_LATE), jumps[i]);
+        intake_free(&intake);
+    }
+}
+
+/* One packet from far away that bears our source's name changes nothing. */
+static void test_stray(void) {
+    struct intake intake;
+    struct source source = {.ssrc = SSRC, .sequence = 20000}, stray = {.ssrc = SSRC, .sequence = 40000};
+    intake_init(&intake, PATIENCE);
+    for (uint32_t frame = 0; frame < 20; frame++) {
+        CHECK_EQUAL(send(&intake, &source, frame), 1);
+        if (frame % 5 == 0) {
+            CHECK_EQUAL(send(&intake, &stray, 7), 0);
+            stray.sequence += 3000;
+        }
+    }
+    CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
+    CHECK_EQUAL(count_of(&intake, INTAKE_LATE), 4);
+    intake_free(&intake);
+}
+
+/* Other senders say nothing of frames. */
+static void test_plain(void) {
+    struct intake intake;
+    struct source source = {.ssrc = SSRC, .plain = true};
+    intake_init(&intake, PATIENCE);
+    for (uint32_t i = 0; i < 10; i++)
+        CHECK_EQUAL(send(&intake, &source, i), 1);
+    intake_free(&intake);
+}
+
+int main(void) {
+    test_order();
+    test_frames();
+    test_counts();
+    test_sources();
+    test_quick_restart();
+    test_jumps();
+    test_stray();
+    test_plain();
+    return 0;
+}
