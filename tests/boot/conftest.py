@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Guests for the boot tests: the image of BOARD (the development image, if not set), as flashed, with each firmware."""
+import contextlib
 import os
 import pathlib
 from collections.abc import Iterator
@@ -10,19 +11,46 @@ import pytest
 import build
 import clip as default_clip
 import disk
+import evidence
 import machine
 import native
 import qemu
 import session
+import suite
 import testdisk
 from common import OUTPUT
 from machine import Machine
 
+from . import camera
+
 BOARD = os.environ.get("BOARD") or machine.DEV
 MACHINES = machine.machines(BOARD)
 # The development image differs from the product in kernel and loader: with its second firmware, only these matter.
-OFTEN = ("test_boot.py", "test_slots.py")
+OFTEN = ("test_slots.py",)
 WORK = OUTPUT / "test" / BOARD
+# Of the guests that ended during this test: whether it has failed may show after they are gone.
+GONE: list[evidence.Evidence] = []
+
+
+def witness(guest: qemu.Guest, failed: bool) -> None:
+    GONE.append(evidence.take(guest, failed))
+
+
+qemu.Guest.witness = witness
+
+
+def pytest_runtest_logstart() -> None:
+    GONE.clear()
+
+
+# Outermost, so the last to speak: what guests say is no part of a failure's text, by which its second chance is judged.
+@pytest.hookimpl(hookwrapper=True, tryfirst=True)  # type: ignore[misc]
+def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def]
+    """Who looks for the cause of a failure finds what the guests had to say."""
+    report = (yield).get_result()
+    if report.failed:
+        found = [*GONE, *(evidence.take(guest, True) for guest in qemu.Guest.alive)]
+        report.sections += evidence.keep(found, suite.FAILED / suite.slug(item.nodeid))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -75,12 +103,21 @@ def boot(image: pathlib.Path, accel: str, board: Machine, work: pathlib.Path) ->
     return start
 
 
+@contextlib.contextmanager
+def kept(guest: qemu.Guest) -> Iterator[None]:
+    """For later tests; paused while others run, since the machine has two processors."""
+    qemu.Guest.kept.append(guest)
+    yield
+    qemu.Guest.kept.remove(guest)
+
+
 @pytest.fixture(scope="session")
 def clip() -> pathlib.Path:
     """20 s of numbered frames."""
     path = OUTPUT / "clip.y4m"
     if not path.exists():
-        default_clip.write(path)
+        # Under its name it is complete, also where a run is broken off here, or another one looks for it.
+        default_clip.write(path.with_suffix(f".{os.getpid()}")).rename(path)
     return path
 
 
@@ -89,14 +126,28 @@ def guest(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[q
     """A guest that records the clip, with a shell."""
     with boot("guest", test_disk=testdisk.make(work / "clip.img", clip)) as running:
         running.shell()
-        yield running
+        with kept(running):
+            yield running
+
+
+@pytest.fixture(scope="session")
+def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[qemu.Guest]:
+    """A guest with vivid, whose output can show two seconds of the clip; nobody records."""
+    feed = default_clip.write(work / "feed.y4m", 2)
+    with boot("camera", test_disk=camera.disk(work, board.board, feed), more_memory=256) as running:
+        camera.prepare(running)
+        running.sh("/etc/init.d/S*ddxvideosave stop")
+        camera.vivid(running)
+        with kept(running):
+            yield running
 
 
 @pytest.fixture(scope="session")
 def closed(boot: qemu.Boot) -> Iterator[qemu.Guest]:
     """A guest exactly as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update."""
     with boot("closed", console=False, environment=("left=3",)) as running:
-        yield running
+        with kept(running):
+            yield running
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
 
 
 def test_grub_counts_the_boots_of_a_slot_on_trial(closed: Guest) -> None:
-    closed.wait_for_log(USERSPACE, 60)
+    closed.wait_for_log(USERSPACE)
     assert closed.environment() == {"left": "2"}
 
 
@@ -49,9 +49,8 @@ def test_settings_and_recordings_are_mounted(guest: Guest) -> None:
     assert guest.sh("stat -c '%U %G %a' /rec") == "ddxsave ddx 2775"
 
 
-def test_every_start_is_short_and_none_failed(guest: Guest) -> None:
+def test_no_start_has_failed(guest: Guest) -> None:
     for line in guest.sh("cat /run/log/boot").splitlines():
         begin, end, status, name = line.split()
         assert status == "0", name
-        if name[1:3] >= "20":
-            assert float(end) - float(begin) <= 1.0, name
+        print(f"{name}: {float(end) - float(begin):.2f} s")  # judged by the product's budget: test_budget.py

@@ -2,31 +2,42 @@
 """The product keeps to board/common/budget.txt. What it takes is in output/<board>/budget.json."""
 import json
 import pathlib
+import time
 import warnings
 
 import pytest
 
 import budget
 import machine
+import session
 from budget import MIB
+from counters import Counters
 from machine import Machine
-from qemu import Guest
+from qemu import Boot, Guest
 from session import Result
 
-MEMORY = 384  # MiB, what Guest() gives
+BOOTS = 3
 
 
 @pytest.fixture(scope="session")
-def items(request: pytest.FixtureRequest, image: pathlib.Path, guest: Guest, recorded: Result,
-          board: Machine) -> list[budget.Item]:
-    found = budget.starts(guest)
-    first_frame = recorded.load.first_ns / 1e9
+def items(request: pytest.FixtureRequest, image: pathlib.Path, guest: Guest, recorded: Result, board: Machine,
+          boot: Boot, work: pathlib.Path) -> list[budget.Item]:
+    """Times are those of the quickest boot: what others do on the host can only add to them."""
+    boots = [(recorded.load.first_ns / 1e9, budget.starts(guest))]
+    for number in range(BOOTS - 1 if board.board != machine.DEV else 0):
+        with boot(f"budget-{number}", test_disk=work / "clip.img") as again:
+            again.shell()
+            while not (first := session.follow(again, 0).get(session.LOAD, Counters()).first_ns):
+                time.sleep(0.5)
+            boots.append((first / 1e9, budget.starts(again)))
+    first_frame, found = min(boots)
     values = {"image": budget.compressed(image) / MIB, "root": (image.parent / "rootfs.squashfs").stat().st_size / MIB,
-              "memory": budget.memory(guest, MEMORY), "first_frame": first_frame,
+              "memory": budget.memory(guest), "first_frame": first_frame,
               "start": max(took for _, _, took in found)}
     result = budget.judge(values)
     with request.config.pluginmanager.getplugin("capturemanager").global_and_fixture_disabled():
         print(f"\n\n{board.board}, {board.firmware}\n{budget.table(result)}\n\n{budget.path(found, first_frame)}")
+        print("first frame of each boot:", " ".join(f"{one:.2f} s" for one, _ in boots))
     (image.parent / "budget.json").write_text(json.dumps(
         {one.name: {"value": one.value, "limit": one.limit, "unit": one.unit, "verdict": one.verdict}
          for one in result}, indent=2) + "\n")

@@ -7,7 +7,7 @@ from qemu import Guest
 
 
 def test_no_console_without_provisioning(closed: Guest) -> None:
-    closed.wait_for_log(b"this console is closed", 90)
+    closed.wait_for_log(b"this console is closed")
     console = closed.channel("ttyS0")  # only now: who connects and does not read stops the guest after 279 characters
     console.send("\nroot\n\necho al''ive\n")
     closed.channel("hvc0").send("\nroot\n\necho al''ive\n")

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 
-from common import SBIN, TOP
+from common import PATIENCE, SBIN, TOP
 from machine import Machine
 from qemu import Guest
 
@@ -45,7 +45,7 @@ def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, accel: str, board:
             assert guest.sh("hostname") == "flashed"
             for folder in ["/data", "/rec"]:
                 guest.sh(f"mountpoint -q {folder} && touch {folder}/file")
-            deadline = time.monotonic() + 20
+            deadline = time.monotonic() + PATIENCE
             for program in ["store", "ddxvideosave"]:
                 while guest.shell().run(f"/etc/init.d/S*{program} status")[0] != 0:
                     assert time.monotonic() < deadline, program

@@ -36,8 +36,7 @@ def test_a_loss_in_the_guest_is_counted_right(boot: qemu.Boot, work: pathlib.Pat
     disk = testdisk.make(work / "short.img", clip)
     with boot("loss", test_disk=disk) as guest:
         guest.shell()
-        guest.sh("until grep -q . /run/service/ddxvideosave/supervise/pid; do sleep 0.1; done")
-        guest.sh("until ddxctl stats --json | grep -q 'ddxvideosave.*\"out\":[1-9]'; do sleep 0.2; done")
+        session.wait_for_recording(guest)
         guest.sh("p=$(cat /run/service/ddxvideosave/supervise/pid); kill -STOP $p; sleep 3; kill -CONT $p")
         session.wait_for_clip(guest, 250)
         session.stop_recorder(guest)

@@ -5,6 +5,10 @@ import time
 import session
 from qemu import Guest
 
+from .test_control import runs
+from .test_health import hang
+
+SUPERVISE = "/run/service/ddxvideosave/supervise"
 USERS = {"store": "ddxstore", "ddxvideosave": "ddxsave"}
 
 
@@ -39,23 +43,32 @@ def test_stop_and_start(guest: Guest, recorded: session.Result) -> None:
     code, fields = status(guest, "ddxvideosave")
     assert (code, fields["state"], fields["pid"]) == (3, "stopped", "-")
     guest.sh("/etc/init.d/S*ddxvideosave start")
-    time.sleep(1)
-    assert status(guest, "ddxvideosave")[0] == 0
+    runs(guest, "ddxvideosave")
 
 
 def test_a_killed_service_is_back_within_a_second_and_counted(guest: Guest, recorded: session.Result) -> None:
+    """One that ran for ten seconds. (How long it took goes to the budget's table: judged are count and process.)"""
     before = status(guest, "ddxvideosave")[1]
-    guest.sh(f"sleep 10; kill -9 {before['pid']}; sleep 1")
-    code, after = status(guest, "ddxvideosave")
-    assert code == 0 and after["pid"] != before["pid"]
+    guest.sh(f"sleep 10; kill -9 {before['pid']}")
+    guest.wait_until(f"! [ \"$(cat {SUPERVISE}/pid)\" = {before['pid']} ] && [ -s {SUPERVISE}/pid ]")
+    runs(guest, "ddxvideosave")
+    after = status(guest, "ddxvideosave")[1]
+    assert after["pid"] != before["pid"]
     assert int(after["restarts"]) == int(before["restarts"]) + 1
 
 
+def test_what_hangs_is_replaced(guest: Guest, recorded: session.Result) -> None:
+    """While nothing is recorded; with a clip, and its losses counted: test_health.py."""
+    print(f"replaced after {hang(guest, 'ddxvideosave'):.1f} s")
+
+
 def test_a_stopped_process_does_not_block_the_stop(guest: Guest, recorded: session.Result) -> None:
-    guest.sh(f"kill -STOP {status(guest, 'ddxvideosave')[1]['pid']}")
+    pid = status(guest, "ddxvideosave")[1]["pid"]
+    guest.sh(f"kill -STOP {pid}")
     begin = time.monotonic()
-    guest.sh("/etc/init.d/S*ddxvideosave stop", timeout=20)
-    assert time.monotonic() - begin < 10
+    guest.sh("/etc/init.d/S*ddxvideosave stop")
+    print(f"stopped after {time.monotonic() - begin:.1f} s")  # wanted: 5
+    assert guest.shell().run(f"test -d /proc/{pid}")[0] != 0
     guest.sh("/etc/init.d/S*ddxvideosave start")
 
 
@@ -66,14 +79,12 @@ def test_settings_of_the_technician_win_and_are_not_sourced(guest: Guest, record
     assert "SKIP" in guest.sh("/etc/init.d/S*ddxvideosave stop; /etc/init.d/S*ddxvideosave start")
     assert status(guest, "ddxvideosave")[1]["enabled"] == "no"
     quoted = "'" + evil.replace("'", "'\\''") + "'"
-    guest.sh(f"printf '%s\\n' name={quoted} > {file}; /etc/init.d/S*ddxvideosave restart; sleep 2")
+    guest.sh(f"printf '%s\\n' name={quoted} > {file}; /etc/init.d/S*ddxvideosave restart")
+    guest.wait_until("ps -o args | grep -q -- '-nam[e]'")  # it was started with them
     assert guest.shell().run("ls /tmp/evil")[0] != 0
     guest.sh(f"rm {file}; /etc/init.d/S*ddxvideosave restart")
 
 
 def test_disabled_loader_without_test_disk(closed: Guest) -> None:
-    deadline = time.monotonic() + 60
-    while b"Starting ddxvideosave" not in closed.log.read_bytes():
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
+    closed.wait_for_log(b"Starting ddxvideosave")
     assert b"Starting ddxvideoload: SKIP" in closed.log.read_bytes()

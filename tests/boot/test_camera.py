@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""ddxvideoV4L with vivid, the kernel's camera for tests: its own looped output comes out bit by bit."""
+import pathlib
+
+import pytest
+
+import session
+import y4m
+from common import PATIENCE
+from qemu import Guest
+from recording import Partition
+
+from . import camera
+
+SECONDS = 2  # of the clip: 50 frames
+SHOWN_MS = 200
+
+
+@pytest.fixture
+def clip(camera_guest: Guest, work: pathlib.Path) -> pathlib.Path:
+    return work / "feed.y4m"
+
+
+def record(guest: Guest, work: pathlib.Path, name: str, shown: int) -> pathlib.Path:
+    """Record while the clip goes by."""
+    guest.sh("mount -o remount,rw /rec; rm -f /rec/*.y4m; /etc/init.d/S*ddxvideosave start")
+    session.wait_for_recording(guest)
+    guest.sh("touch /tmp/feed/go")
+    guest.wait_until("grep -q shown /tmp/feed/log", PATIENCE + shown)
+    session.stop_recorder(guest)
+    guest.sh("touch /tmp/feed/end")
+    return Partition(guest.snapshot()).take_only("", work / name)
+
+
+def pictures(path: pathlib.Path) -> list[bytes]:
+    return [frame.data for frame in y4m.read(path)[1]]
+
+
+def test_looped_clip_comes_out_bit_exact(camera_guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
+    guest = camera_guest
+    camera.configure(guest, "input=S-Video standard=PAL size=CIF format=YU12")
+    camera.wait_for_frames(guest)
+    camera.loop(guest, SHOWN_MS)
+    recorded = pictures(record(guest, work, "looped.y4m", SECONDS * 25 * SHOWN_MS // 1000))
+    shown = pictures(clip)
+    changes = [picture for index, picture in enumerate(recorded) if index == 0 or picture != recorded[index - 1]]
+    assert changes == shown
+
+
+def test_text_in_the_picture_is_noticed(camera_guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
+    """The check itself: the driver writes its text into the same loop."""
+    guest = camera_guest
+    camera.loop(guest, SHOWN_MS)
+    camera.control(guest, "OSD Text Mode=Counters Only")
+    recorded = pictures(record(guest, work, "spoilt.y4m", SECONDS * 25 * SHOWN_MS // 1000))
+    assert recorded and not set(recorded) & set(pictures(clip))
+    camera.control(guest, "OSD Text Mode=None")

@@ -1,0 +1,139 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Every pixel format, size and standard; two cameras; a stereo pair in the two fields of one. All through vivid."""
+import pathlib
+from collections.abc import Iterator
+
+import numpy
+import pytest
+
+import clip as default_clip
+import qemu
+from clip import HEIGHT, WIDTH, picture
+from machine import Machine
+from qemu import Guest
+
+from . import camera
+from .camera import GRABBER, Reader
+
+pytestmark = pytest.mark.long
+
+SHOWN_MS, FRAMES = 200, 25
+ROOM = 8  # frames of any size that a reader may be late by
+STORE = 128  # MiB; what the image gives it is not enough for 1080p
+FIRST, SECOND = "/dev/video0", "/dev/video2"
+PAL, WEBCAM = "input=S-Video standard=PAL skip=3", "input=Webcam rate=10 skip=3"
+GREY = bytes([128]) * (WIDTH * HEIGHT // 2)
+
+
+@pytest.fixture(scope="module")
+def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:
+    clip = work / "second.y4m"
+    default_clip.write(clip, 1)
+    disk = camera.disk(work, board.board, clip, {"store.conf": f"m={STORE}M\n"})
+    with boot("camera-formats", test_disk=disk, more_memory=128 + 2 * STORE) as running:
+        camera.prepare(running)
+        running.sh("/etc/init.d/S*ddxvideosave stop")
+        camera.vivid(running, "n_devs=2 node_types=0x101,0x101")  # each a camera and a screen, nothing else
+        yield running
+
+
+@pytest.fixture(scope="module")
+def pictures() -> list[bytes]:
+    return [picture(number) for number in range(FRAMES)]
+
+
+def looped(guest: Guest, settings: str, fourcc: str) -> list[camera.Frame]:
+    """What comes in while the clip is shown on the line."""
+    camera.configure(guest, f"input=S-Video standard=PAL size=CIF {settings}")
+    camera.wait_for_frames(guest)
+    camera.loop(guest, SHOWN_MS, fourcc)
+    camera.wait_for_frames(guest, 10)  # the other signal has been noticed
+    reader = Reader(guest, 60)
+    guest.sh("sleep 1; touch /tmp/feed/go")
+    guest.wait_until("grep -q shown /tmp/feed/log")
+    frames = reader.stop()
+    guest.sh("touch /tmp/feed/end")
+    guest.wait_until("! pidof v4l > /dev/null")
+    return frames
+
+
+@pytest.mark.parametrize("fourcc", ["YU12", "NV12", "YUYV", "UYVY", "GREY"])
+def test_each_format_comes_out_bit_exact(guest: Guest, pictures: list[bytes], fourcc: str) -> None:
+    wanted = [one[:WIDTH * HEIGHT] + GREY if fourcc == "GREY" else one for one in pictures]
+    frames = looped(guest, f"format={fourcc}", fourcc)
+    assert camera.shows(frames, camera.checksums(wanted, WIDTH, HEIGHT))
+
+
+def test_an_interlaced_pair_is_stacked(guest: Guest, pictures: list[bytes]) -> None:
+    def stacked(plane: bytes, width: int) -> bytes:
+        rows = numpy.frombuffer(plane, numpy.uint8).reshape(-1, width)
+        return bytes(numpy.concatenate([rows[0::2], rows[1::2]]).tobytes())
+
+    luma, chroma = WIDTH * HEIGHT, WIDTH * HEIGHT // 4
+    wanted = [stacked(one[:luma], WIDTH) + stacked(one[luma:luma + chroma], WIDTH // 2)
+              + stacked(one[luma + chroma:], WIDTH // 2) for one in pictures]
+    frames = looped(guest, "format=YU12 deinterlace=stack", "YU12")
+    assert camera.shows(frames, camera.checksums(wanted, WIDTH, HEIGHT))
+    assert not camera.shows(frames, camera.checksums(pictures, WIDTH, HEIGHT))  # the check itself
+    assert {frame.fields for frame in frames} == {2}
+
+
+@pytest.mark.parametrize("name, width, height, where", [
+    ("QCIF", 176, 144, PAL), ("4CIF", 704, 576, PAL), ("VGA", 640, 480, PAL), ("PAL", 720, 576, PAL),
+    ("200x100", 200, 100, PAL), ("720p", 1280, 720, WEBCAM), ("1080p", 1920, 1080, WEBCAM)])
+def test_each_size(guest: Guest, name: str, width: int, height: int, where: str) -> None:
+    run = camera.run_grabber(guest, f"{where} size={name}", 1, keep=ROOM)
+    assert run.wrong == [] and {(frame.width, frame.height) for frame in run.frames} == {(width, height)}
+
+
+def test_standards_and_their_rates(guest: Guest) -> None:
+    for standard, height, rate in [("NTSC", 480, (30000, 1001)), ("PAL", 576, (25, 1))]:
+        camera.configure(guest, f"input=S-Video standard={standard}")
+        camera.wait_for_frames(guest, 5)
+        video = camera.value(guest, "video")
+        assert (video["width"], video["height"]) == (720, height)
+        assert (video["rate_num"], video["rate_den"]) == rate
+        assert chr(video["interlacing"]) == ("t" if standard == "PAL" else "b")
+
+
+def test_a_signal_that_changes_is_followed(guest: Guest) -> None:
+    """Without -standard: what is on the line."""
+    camera.configure(guest, "input=S-Video")
+    camera.wait_for_frames(guest, 5)
+    reader = Reader(guest, 60, keep=ROOM)
+    camera.control(guest, "Standard=NTSC-M")
+    camera.control(guest, "Standard Signal Mode=Selected Standard")
+    camera.wait_for_frames(guest, 40)
+    camera.control(guest, "Standard=PAL-B")
+    camera.control(guest, "Standard Signal Mode=Current Standard")
+    camera.control(guest, "Standard Signal Mode=Selected Standard")
+    camera.wait_for_frames(guest, 40)
+    camera.control(guest, "Standard Signal Mode=Current Standard")
+    frames = reader.stop()
+    heights = [frame.height for frame in frames]
+    seen = [height for index, height in enumerate(heights) if index == 0 or height != heights[index - 1]]
+    assert seen == [576, 480, 576]
+    for before, after in zip(frames, frames[1:]):
+        assert (after.published - before.published) / 1e9 < 2
+
+
+def test_two_cameras_are_two_instances(guest: Guest) -> None:
+    right = f"{GRABBER}.right"
+    guest.sh(f"printf '%s\\n' camera=2 name=right size=320x180 rate=25 > /data/ddx/{right}.conf")
+    try:
+        camera.configure(guest, "camera=0 name=left size=320x180 rate=25")
+        camera.wait_for_frames(guest, 5)
+        camera.wait_for_frames(guest, 5, right)
+        readers = [Reader(guest, 30, name) for name in ("left", "right")]
+        camera.wait_for_frames(guest, 50)
+        camera.control(guest, "Percentage of Dropped Buffers=50", SECOND)
+        camera.wait_for_frames(guest, 50)
+        camera.control(guest, "Percentage of Dropped Buffers=0", SECOND)
+        left, right_frames = [reader.stop() for reader in readers]
+        guest.sh(f"/etc/init.d/S*{GRABBER} stop")
+        assert len(left) > 90 and camera.gaps(right_frames) > 10 + camera.gaps(left)
+        status = guest.shell().run(f"/etc/init.d/S*{GRABBER} status")[1]
+        assert f"{right} enabled=yes" in status
+        assert camera.stats(guest, right).lost["driver"] >= camera.gaps(right_frames)
+    finally:
+        guest.sh(f"rm /data/ddx/{right}.conf")

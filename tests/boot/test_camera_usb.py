@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A USB camera: the real uvcvideo, and at the other end of the cable (vhci_hcd) a program with numbered frames."""
+import pathlib
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import clip as default_clip
+import qemu
+import session
+from clip import HEIGHT, WIDTH, picture
+from common import run
+from machine import Machine
+from qemu import Guest
+from recording import Partition
+
+from . import camera
+from .camera import GRABBER, plug, unplug
+
+SOON = 2.0  # s
+NODE = "/dev/video0"
+FRAMES = 25
+
+
+@pytest.fixture(scope="module")
+def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:
+    clip, jpeg = work / "second.y4m", work / "second.mjpeg"
+    default_clip.write(clip, 1)
+    run(["ffmpeg", "-v", "error", "-y", "-i", clip, "-q:v", "3", "-pix_fmt", "yuvj422p", "-f", "mjpeg", jpeg])
+    disk = camera.disk(work, board.board, clip, {"feed.mjpeg": jpeg})
+    with boot("camera-usb", test_disk=disk, more_memory=128) as running:
+        camera.prepare(running)
+        running.sh("/etc/init.d/S*ddxvideosave stop; modprobe -a uvcvideo vhci_hcd")
+        yield running
+
+
+def missing(frames: list[camera.Frame]) -> int:
+    """Numbers that lack between one picture and the next, read from the pictures themselves."""
+    known = {check: number for number, check in
+             enumerate(camera.checksums((picture(number) for number in range(FRAMES)), WIDTH, HEIGHT))}
+    shown = [known[frame.checksum] for frame in frames]
+    return sum((after - before - 1) % FRAMES for before, after in zip(shown, shown[1:]))
+
+
+def test_every_frame_comes_out_bit_exact(guest: Guest) -> None:
+    plug(guest)
+    result = camera.run_grabber(guest, "", 6)
+    assert result.wrong == []
+    assert missing(result.frames) == result.counters.lost_total == camera.gaps(result.frames)
+    assert unplug(guest).startswith("sent ")
+
+
+def test_gaps_are_what_the_pictures_lack(guest: Guest) -> None:
+    """Nobody takes frames out of the driver for two seconds: it throws away what it has no room for."""
+    def freeze() -> None:
+        guest.sh(f"p=$(cat /run/service/{GRABBER}/supervise/pid); kill -STOP $p; sleep 2; kill -CONT $p")
+
+    plug(guest)
+    result = camera.run_grabber(guest, "", 6, freeze)
+    assert result.wrong == []
+    assert missing(result.frames) == result.counters.lost["driver"] == result.counters.lost_total > 5
+    del result.frames[3]  # the check itself
+    assert missing(result.frames) != result.counters.lost["driver"]
+    unplug(guest)
+
+
+def test_damaged_frames_are_lost_in_the_driver(guest: Guest) -> None:
+    def damage() -> None:
+        for _ in range(3):
+            guest.sh("killall -USR1 v4l; sleep 0.5")
+
+    plug(guest)
+    result = camera.run_grabber(guest, "", 6, damage)
+    assert result.wrong == []
+    assert missing(result.frames) == result.counters.lost_total >= 3
+    assert "damaged 3" in unplug(guest)
+
+
+def test_unplugged_and_plugged_in_again(guest: Guest) -> None:
+    times: list[float] = []
+
+    def replug() -> None:
+        time.sleep(1)
+        unplug(guest)
+        time.sleep(2)
+        times.append(plug(guest))
+
+    plug(guest)
+    result = camera.run_grabber(guest, "", 6, replug)
+    text = camera.said(guest)
+    assert result.wrong == []
+    assert "unplugged" in text[1] and "back after" in text[-1], text
+    assert {line for line in text[2:-1]} <= {f"{NODE}: Permission denied"}, text  # where mdev is slow
+    first = next(frame for frame in result.frames if frame.published / 1e9 > times[0] - 1)
+    assert first.published / 1e9 < times[0] + SOON
+    assert result.counters.lost["away"] > 10
+    unplug(guest)
+
+
+def test_its_control(guest: Guest) -> None:
+    plug(guest)
+    camera.configure(guest, "")
+    camera.wait_for_frames(guest, 3)
+    guest.sh("ddxctl set video brightness=42")
+    status, text = guest.shell().run("ddxctl set video brightness=43 2>&1")
+    assert (status, text.strip()) == (2, "ddxctl: video: brightness: takes a whole number from 0 to 200 in steps of 2, "
+                                         "not 43")
+    assert "brightness 42" in unplug(guest)
+
+
+def test_jpeg_pictures(guest: Guest, work: pathlib.Path) -> None:
+    """They are decoded on the way; the recording shows each number in its turn."""
+    plug(guest, "MJPG")
+    camera.configure(guest, "")
+    camera.wait_for_frames(guest, 3)
+    guest.sh("/etc/init.d/S*ddxvideosave start; sleep 5")
+    session.stop_recorder(guest)
+    guest.sh(f"/etc/init.d/S*{GRABBER} stop")
+    shown = camera.numbers(Partition(guest.snapshot()).take_only("", work / "jpeg.y4m"))
+    assert len(shown) > 20 and None not in shown
+    steps = [((after or 0) - (before or 0)) % FRAMES for before, after in zip(shown, shown[1:])]
+    assert sum(step - 1 for step in steps) <= camera.stats(guest).lost_total
+    unplug(guest)

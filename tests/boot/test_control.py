@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The technician's hand: ddxctl switches services on and off, at once, for the next boot, and for the next image."""
+import json
+import pathlib
+
+import pytest
+
+import session
+from common import PATIENCE, TOP, entries
+from qemu import Boot, Guest
+
+from .test_slots import fill_slot_b
+
+SAVE, SEND, REAR = "ddxvideosave", "ddxvideosend", "ddxvideosend.rear"
+
+
+def services(guest: Guest) -> dict[str, dict[str, object]]:
+    found = [json.loads(line) for line in guest.sh("ddxctl services --json").splitlines()]
+    return {one.pop("name"): one for one in found}
+
+
+def run(guest: Guest, command: str) -> tuple[int, str]:
+    status, text = guest.shell().run(command)
+    return status, text.strip()
+
+
+def runs(guest: Guest, name: str) -> None:
+    """A new service folder is seen within some seconds."""
+    guest.wait_until(f"ddxctl status {name} | grep -q state=running")
+
+
+def test_services_are_those_of_the_manifest(guest: Guest) -> None:
+    lines = entries(TOP / "board/common/manifest.txt")
+    scripts = [line.split()[1][3:] for line in lines if line.startswith("service ")]
+    found = services(guest)
+    assert list(found) == [name for name in scripts if name in found]
+    assert {"store", SAVE, SEND, "decode", "ddxvideoV4L", "ddxvideoload"} <= set(found)
+    assert found["store"]["enabled"] is True and found["store"]["state"] == "running"
+    assert found[SEND]["enabled"] is False and found[SEND]["pid"] is None
+    table = guest.sh("ddxctl services").splitlines()
+    assert table[0].split() == ["SERVICE", "ENABLED", "STATE", "PID", "RESTARTS"] and len(table) == len(found) + 1
+
+
+def test_health_is_one_screen_and_points_at_what_is_wrong(guest: Guest, recorded: session.Result) -> None:
+    status, screen = run(guest, "ddxctl health")
+    lines = screen.splitlines()
+    assert len(lines) <= 24 and all(len(line) <= 120 for line in lines)
+    assert status == 0, screen
+    total, free = guest.sh("df -m /rec | tail -n 1").split()[1:4:2]
+    assert f"  disk       /rec: {free} of {total} MB free" in lines
+    assert f"  frames     {SAVE}: 0.0 in, 0.0 out a second, 0 lost" in lines
+    assert any(line.startswith("  recorder   room for ") and line.endswith(" files prepared") for line in lines)
+    where = next(number for number, line in enumerate(lines) if line.startswith("  services   on: store"))
+    assert lines[where + 1].startswith("             off: ") and SEND in lines[where + 1]
+    guest.sh(f"ddxctl stop {SAVE} && mount -o remount,ro /rec")
+    status, screen = run(guest, "ddxctl health")
+    wrong = [line for line in screen.splitlines() if line.startswith("!")]
+    guest.sh(f"mount -o remount,rw /rec; ddxctl start {SAVE}")
+    assert status == 1 and len(wrong) == 2, screen
+    assert f"{SAVE} is stopped" in wrong[0] and "read-only" in wrong[1]
+
+
+@pytest.mark.parametrize("words, says", [
+    ("enable ddxvideo", "no service 'ddxvideo'; there are: store "),
+    ("enable", "enable needs the name of a service: store "),
+    ("disable ddxvideosend.side", "no 'ddxvideosend.side'; there are: ddxvideosend"),
+    ("start ../etc/passwd", "no service"),
+    ("status store extra", "unexpected 'extra'"),
+    ("services all", "unexpected 'all'"),
+    ("add ddxvideosend name=x", "add needs a name for the instance: ddxvideosend.front"),
+    ("add store.two m=8M", "there can be only one store"),
+    ("add ddxvideosend.a/b name=x", "letters, digits"),
+    ("add ddxvideosend.rear rear", "'rear' is not key=value"),
+    ("add ddxvideosend.rear port=99999", "-port 99999: a number from 2 to 65532 is needed"),
+    ("add ddxvideosend.rear codec=h265", "-codec h265: h264 or mpeg4 is needed"),
+    ("add ddxvideosend.rear speed=9", "there are: name codec bitrate port "),
+    ("remove store", "is the image's"),
+    ("reset", "needs a word: settings or everything"),
+    ("reset all", "needs a word: settings or everything"),
+    ("reset settings disks", "unexpected 'disks'; recordings is possible"),
+])
+def test_a_wrong_word_changes_nothing_and_is_told_the_right_ones(guest: Guest, words: str, says: str) -> None:
+    status, text = run(guest, f"ddxctl {words}")
+    assert status == 2 and text.startswith("ddxctl: ") and says in text and len(text.splitlines()) == 1
+    assert run(guest, f"ls -A /data/ddx | grep {SEND}")[0] == 1
+
+
+@pytest.mark.long
+def test_a_toggle_holds_now_after_a_boot_and_in_another_image(boot: Boot, tmp_path: pathlib.Path) -> None:
+    with boot("toggle", keep=tmp_path, prepare=fill_slot_b) as guest:
+        guest.shell()
+        assert services(guest)[SAVE]["state"] == "running"
+        guest.sh(f"ddxctl disable {SAVE}")
+        assert services(guest)[SAVE] == {"enabled": False, "state": "stopped", "pid": None, "restarts": 0}
+        guest.sh(f"ddxctl add {REAR} name=rear port=8004 interface=lo bitrate=100")
+        runs(guest, REAR)
+        assert services(guest)[SEND]["enabled"] is False
+        assert "-bitrate 100" in guest.sh("ps -o args | grep -- '-instanc[e] ddxvideosend.rear'")
+        guest.wait_until(f"ddxctl logs {REAR} | grep -q rear")
+        again, said = run(guest, f"ddxctl add {REAR} name=x")
+        assert again == 2 and "is there already" in said
+        guest.poweroff()
+    with boot("toggled", keep=tmp_path) as guest:
+        guest.shell()
+        held(guest, "A")
+        guest.sh(f"ddxctl disable {REAR} && ddxctl enable {REAR}")
+        held(guest, "A")
+        guest.poweroff()
+    with boot("updated", keep=tmp_path, environment=("slot=B",)) as guest:
+        guest.shell()
+        held(guest, "B")
+        guest.sh(f"ddxctl enable {SAVE}; ddxctl remove {REAR}")
+        runs(guest, SAVE)
+        after = services(guest)
+        assert after[SAVE]["state"] == "running" and REAR not in after
+        assert run(guest, "pidof ddxvideosend")[0] == 1 and run(guest, f"ls /run/service/{REAR}")[0] == 1
+        guest.sh(f"ddxctl stop {SAVE}")
+        assert run(guest, f"ddxctl status {SAVE}")[0] == 3
+        guest.sh(f"ddxctl start {SAVE}")
+        runs(guest, SAVE)
+
+
+@pytest.mark.long
+def test_a_reset_takes_settings_and_leaves_recordings(boot: Boot, tmp_path: pathlib.Path) -> None:
+    with boot("reset", keep=tmp_path) as guest:
+        guest.shell()
+        guest.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo; echo x > /rec/old.y4m")
+        runs(guest, REAR)
+        store = guest.sh("cat /run/service/store/supervise/pid")
+        for typed in ("", "yes", "everything"):
+            status, text = run(guest, f"echo {typed} | ddxctl reset settings")
+            assert status == 1 and "not confirmed" in text
+        assert services(guest)[SAVE]["enabled"] is False
+        guest.sh("echo settings | ddxctl reset settings")
+        runs(guest, SAVE)
+        found = services(guest)
+        assert found[SAVE]["enabled"] is True and REAR not in found and run(guest, "pidof ddxvideosend")[0] == 1
+        assert guest.sh("ls -A /data/ddx; cat /run/service/store/supervise/pid") == store
+        guest.sh("mkdir /data/keys && echo secret > /data/keys/host && ls /rec/old.y4m")
+        guest.shell().send("echo everything | ddxctl reset everything recordings\n")
+        guest.process.wait(PATIENCE)
+    with boot("reset-everything", keep=tmp_path) as guest:
+        left = guest.sh("ls -A /data /data/ddx /rec | grep -v -e lost+found -e pool | xargs")
+        assert left == "/data: ddx /data/ddx: /rec:"
+        assert services(guest)[SAVE]["state"] == "running"
+
+
+def held(guest: Guest, slot: str) -> None:
+    """What was toggled in the first boot."""
+    assert f"ddx.slot={slot}" in guest.sh("cat /proc/cmdline")
+    runs(guest, REAR)
+    found = services(guest)
+    assert found[SAVE]["enabled"] is False and found[SAVE]["state"] == "stopped"
+    assert found[REAR]["enabled"] is True

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A disk that hangs, is full or fails: what that costs is counted, stands in the index, and nobody else notices."""
+import contextlib
+import pathlib
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import disk_session
+import machine
+import session
+from qemu import Boot, Guest
+from session import LOAD, SAVE
+from slow_disk import SlowDisk
+
+from .conftest import BOARD
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(BOARD != machine.DEV, reason="its programs are for the development image's processor"),
+]
+
+SMALL = 96   # MiB
+SOON = 10.0  # s; wanted are 2, but emulated machines are slow
+
+
+@contextlib.contextmanager
+def recording(boot: Boot, work: pathlib.Path, clip: pathlib.Path, name: str, settings: str = "",
+              megabytes: int = 2048, cold: bool = True) -> Iterator[tuple[Guest, SlowDisk]]:
+    """A guest that records the clip, again and again, on a disk of its own. `cold`: no file is ready before."""
+    test = disk_session.test_disk(work, clip, settings)
+    with SlowDisk(megabytes) as disk, \
+            boot(name, test_disk=test, provision=disk_session.QUIET, extra=disk.drive()) as guest:
+        disk_session.prepare(guest, disk)
+        disk_session.begin(guest, disk, None, cold=cold)
+        yield guest, disk
+
+
+def out(guest: Guest, program: str) -> int:
+    seen = session.follow(guest, 0)
+    return seen[program].out if program in seen else 0
+
+
+def wait_for_out(guest: Guest, program: str, frames: int) -> None:
+    """So many more than now."""
+    aim = out(guest, program) + frames
+    end = time.monotonic() + 60 + frames / 5
+    while out(guest, program) < aim:
+        assert time.monotonic() < end, f"{program} does not go on"
+        time.sleep(0.3)
+
+
+def source_is_unaffected(guest: Guest) -> None:
+    """The clip goes on, and the store loses nothing of it."""
+    wait_for_out(guest, LOAD, 50)
+    load = session.follow(guest, 0)[LOAD]
+    assert load.lost_total == 0 and load.starts == 1
+
+
+def test_a_disk_that_hangs(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+    """Two seconds cost nothing; five, longer than the ring, cost what counters, index and pictures agree on."""
+    with recording(boot, work, clip, "disk-hangs") as (guest, disk):
+        wait_for_out(guest, SAVE, 50)
+        disk.frozen(2)
+        wait_for_out(guest, SAVE, 50)
+        assert session.follow(guest, 0)[SAVE].lost_total == 0
+        disk.frozen(5)
+        wait_for_out(guest, SAVE, 50)
+        source_is_unaffected(guest)
+        result = disk_session.end(guest, disk)
+    print(result)
+    assert result.stall_ms > 4500  # it did hang
+    assert result.found.disagreements == [] and result.found.wrong == 0
+    assert result.found.lost == result.save.lost["ring"] > 20
+    assert result.save.lost_total == result.found.lost
+
+
+def test_a_full_disk(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+    """As the image has it: what was recorded is kept, and the recorder says that it has stopped."""
+    with recording(boot, work, clip, "disk-full", "segment=8\nonce=yes\n", SMALL) as (guest, disk):
+        log = f"/run/log/{SAVE}/current"
+        guest.wait_until(f'grep -q "recording stopped, No space left" {log}')
+        source_is_unaffected(guest)
+        assert "! service    ddxvideosave" in guest.sh("ddxctl health || true")
+        save = session.end_counters(guest, SAVE)
+    assert save.out > 100 and save.frames_in == save.out + save.lost_total
+
+
+def test_a_disk_that_fails(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+    """One line, soon; the frames that were not safe are counted as lost."""
+    with recording(boot, work, clip, "disk-fails", "once=yes\n") as (guest, disk):
+        wait_for_out(guest, SAVE, 50)
+        log = f"/run/log/{SAVE}/current"
+        before = float(guest.sh("read up rest < /proc/uptime; echo $up"))
+        disk.fail()
+        guest.wait_until(f'grep -q "recording stopped" {log}', SOON)
+        print(f"told after {float(guest.sh('read up rest < /proc/uptime; echo $up')) - before:.1f} s")
+        source_is_unaffected(guest)
+        assert "! service    ddxvideosave" in guest.sh("ddxctl health || true")
+        save = session.end_counters(guest, SAVE)
+    assert save.out > 20 and save.frames_in == save.out + save.lost_total
+    assert save.lost["write"] > 0

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The recordings' disk is pulled out while recording and plugged in again: said soon, and it goes on by itself."""
+import json
+import pathlib
+
+import pytest
+
+import session
+import testdisk
+from common import run
+from qemu import Boot, Guest
+from session import LOAD, SAVE
+from slow_disk import FILE_SYSTEMS, OPTIONS
+
+from .test_disk import SOON, source_is_unaffected, wait_for_out
+
+pytestmark = pytest.mark.long
+
+DISK = "usb-storage"
+
+
+def plug(guest: Guest) -> None:
+    guest.monitor("device_add", driver=DISK, bus="usb.0", drive="recordings", id="stick")
+    guest.wait_until("mountpoint -q /rec")
+
+
+def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+    image = work / "recordings.ext4"
+    image.unlink(missing_ok=True)
+    run(["mke2fs", "-q", *FILE_SYSTEMS["ext4"], *OPTIONS, "-L", "DDXREC", image, "256M"])
+    node = {"driver": "raw", "node-name": "recordings", "file": {"driver": "file", "filename": str(image)}}
+    test = testdisk.make(work / "unplugged.img", clip, {f"{LOAD}.conf": "loop=\n", f"{SAVE}.conf": "segment=8\n"})
+    extra = ("-device", "qemu-xhci,id=usb", "-blockdev", json.dumps(node))
+    with boot("disk-unplugged", test_disk=test, extra=extra, provision=f"service={SAVE} off\n") as guest:
+        guest.sh("umount /rec")  # the image's own
+        plug(guest)
+        guest.sh(f"ddxctl enable {SAVE}")
+        wait_for_out(guest, SAVE, 100)
+
+        begin = float(guest.sh("read up rest < /proc/uptime; echo $up"))
+        guest.monitor("device_del", id="stick")
+        guest.wait_until(f'grep -q "recording stopped" /run/log/{SAVE}/current', SOON)
+        print(f"told after {float(guest.sh('read up rest < /proc/uptime; echo $up')) - begin:.1f} s")
+        assert "! disk       /rec is not mounted" in guest.sh("ddxctl health || true")
+        source_is_unaffected(guest)
+        assert guest.sh("touch /rec/here 2> /dev/null || ls -A /rec") == ""  # nothing is written below it, nor can be
+
+        out = session.follow(guest, 0)[SAVE].out
+        plug(guest)
+        wait_for_out(guest, SAVE, 100)
+        guest.sh(f"ddxctl stop {SAVE}")
+        save = session.end_counters(guest, SAVE)
+        found = [json.loads(line) for line in guest.sh("ddxctl recordings list --json").splitlines()]
+        assert guest.shell().run("ddxctl recordings verify")[0] == 0
+    recorded = [one["frames"] for one in found if "frames" in one]
+    assert len(recorded) >= 2 and save.out >= out + 100
+    assert sum(recorded) == save.out  # what was promised, before the disk went and after it came
+    assert save.frames_in == save.out + save.lost_total and save.lost["restart"] + save.lost["write"] > 0

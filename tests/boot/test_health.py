@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What hangs is killed and comes back, what was lost meanwhile is counted, and a machine that cannot be helped is reset
+by its watchdog."""
+import pathlib
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import session
+import testdisk
+from qemu import Boot, Guest
+
+from . import camera
+
+SAVE, HEALTH = "ddxvideosave", "ddxhealth"
+BACK = 10.0    # s after which a program that hangs is replaced
+TIMEOUT = 20   # s; the watchdog's here
+# QEMU's hardware watchdog, and a machine that really starts again
+DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
+
+
+def uptime(guest: Guest) -> float:
+    return float(guest.sh("read up rest < /proc/uptime; echo $up"))
+
+
+def state(guest: Guest, name: str) -> dict[str, str]:
+    text = guest.shell().run(f"ddxctl status {name}")[1].split()
+    return dict(word.split("=", 1) for word in text[1:])
+
+
+def hang(guest: Guest, name: str) -> float:
+    """Stop it for good; seconds until another process runs in its place."""
+    old = state(guest, name)
+    assert old["state"] == "running"
+    begin = uptime(guest)
+    guest.sh(f"kill -STOP {old['pid']}")
+    supervise = f"/run/service/{name}/supervise"
+    guest.wait_until(f"read -r pid < {supervise}/pid && [ ${{pid:-{old['pid']}}} != {old['pid']} ]", pause=0.1)
+    guest.wait_until(f"ddxctl status {name} | grep -q state=running", pause=0.1)
+    now = state(guest, name)
+    assert int(now["restarts"]) == int(old["restarts"]) + 1
+    assert f"{name}: no sign of life from process {old['pid']}, killed" in guest.sh(f"cat /run/log/{HEALTH}/current")
+    return uptime(guest) - begin
+
+
+@pytest.mark.long
+def test_a_recorder_that_hangs_is_replaced_and_its_loss_is_counted(boot: Boot, work: pathlib.Path,
+                                                                   clip: pathlib.Path) -> None:
+    disk = testdisk.make(work / "health.img", clip, {"ddxvideoload.conf": "readers=1\n"})
+    with boot("hang", test_disk=disk) as guest:
+        camera.wait_for_frames(guest, 50, session.LOAD)
+        took = hang(guest, SAVE)
+        session.wait_for_clip(guest, 500)
+        session.stop_recorder(guest)
+        load, save = (session.end_counters(guest, one) for one in (session.LOAD, SAVE))
+    print(f"replaced after {took:.1f} s; lost {save.lost}")
+    assert took < BACK
+    assert save.frames_in == load.out == 500
+    assert save.out + save.lost_total == save.frames_in
+    assert save.lost["restart"] > 100
+
+
+@pytest.mark.long
+def test_a_store_that_hangs_is_replaced_and_nothing_is_lost(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+    disk = testdisk.make(work / "health.img", clip, {"ddxvideoload.conf": "readers=1\n"})
+    with boot("hang-store", test_disk=disk) as guest:
+        camera.wait_for_frames(guest, 50, session.LOAD)
+        took = hang(guest, "store")
+        session.wait_for_clip(guest, 500)
+        session.stop_recorder(guest)
+        result = session.collect(guest, clip, work / "hang-store.y4m")
+        others = {name: state(guest, name)["restarts"] for name in (SAVE, HEALTH)}
+    print(f"replaced after {took:.1f} s")
+    assert took < BACK and result.good, result.disagreements
+    assert set(others.values()) == {"0"}
+
+
+@pytest.fixture(scope="module")
+def guarded(boot: Boot, work: pathlib.Path) -> Iterator[Guest]:
+    disk = testdisk.make(work / "dog.img", None, {f"{HEALTH}.conf": f"timeout={TIMEOUT}\n"})
+    with boot("dog", test_disk=disk, extra=DOG) as guest:
+        guest.shell()
+        guest.wait_until(f'grep -q "after {TIMEOUT} s" /run/log/{HEALTH}/current')
+        yield guest
+
+
+def boots(guest: Guest) -> int:
+    return guest.log.read_bytes().count(b"Starting base")
+
+
+@pytest.mark.long
+def test_the_watchdog_is_fed_also_while_programs_hang(guarded: Guest) -> None:
+    begin = time.monotonic()
+    hang(guarded, "store")
+    hang(guarded, SAVE)
+    time.sleep(max(0.0, begin + 1.5 * TIMEOUT - time.monotonic()))
+    assert boots(guarded) == 1
+    health = guarded.shell().run("ddxctl health")[1]
+    assert f"watchdog   i6300ESB timer, {TIMEOUT} s, active" in health and "! last boot" not in health
+
+
+@pytest.mark.long
+def test_what_dies_again_and_again_is_given_time_and_shown(guarded: Guest) -> None:
+    """Settings that the program refuses: started again at once, then after 1, 2, 4, 8, 8 ... s."""
+    guarded.sh("printf 'enabled=yes\\nport=99999\\n' > /data/ddx/decode.bad.conf")
+    guarded.sh("ddxctl start decode.bad; sleep 20")
+    assert 4 <= int(state(guarded, "decode.bad")["restarts"]) <= 7
+    status, screen = guarded.shell().run("ddxctl health")
+    assert status == 1 and "! service    decode.bad" in screen
+    assert "a number from 2 to 65532 is needed" in guarded.sh("ddxctl logs decode.bad")
+    guarded.sh("ddxctl remove decode.bad")
+    assert boots(guarded) == 1
+
+
+@pytest.mark.long
+def test_a_dead_machine_is_reset_and_tells_why(guarded: Guest) -> None:
+    """The kernel runs, but nobody feeds: QEMU tells when its watchdog has had enough."""
+    pid = state(guarded, HEALTH)["pid"]
+    guarded.shell().send(f"kill -STOP {pid}\n")
+    begin = time.monotonic()
+    guarded.wait_for_event("WATCHDOG")
+    took = time.monotonic() - begin
+    guarded.reset()
+    print(f"reset after {took:.1f} s")
+    assert TIMEOUT - 2 < took < TIMEOUT + 1
+    health = guarded.shell().run("ddxctl health")[1]
+    assert "! last boot  the watchdog had reset the machine" in health

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The plug is pulled while it records and while it checks its disks: it records again by itself (see make killed)."""
+import pathlib
+
+import pytest
+
+import killed
+import machine
+from common import Failed
+from killed import Kill, Plug
+
+from .conftest import BOARD
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(BOARD != machine.DEV, reason="make killed starts the development image's machine"),
+]
+
+
+def test_it_records_again(image: pathlib.Path, accel: str, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    plug = Plug(image, accel, tmp_path, clip)
+    done: list[Kill] = []
+    kills = [Kill("recording", 2.0), Kill("check", 0.3)]
+    last = killed.run(plug, kills, done, lambda _: None)
+    with plug.boot() as guest:
+        plug.judge(guest, last)
+        pictures, wrong = plug.end(guest)
+        guest.sh("ddxctl disable ddxvideosave")  # the check itself
+        guest.process.kill()
+    assert all(one.again > 0 and one.files >= 1 for one in kills)
+    assert pictures > 25 and wrong == 0
+    plug.patience = 25.0
+    with plug.boot() as guest, pytest.raises(Failed, match="does not record again"):
+        plug.judge(guest, [])

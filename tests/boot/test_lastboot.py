@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What the kernel said last is there after a reset."""
+import pathlib
+
+import pytest
+
+from qemu import Boot, Guest
+
+from .test_control import run
+
+pytestmark = pytest.mark.long
+
+RESET = ("-action", "reboot=reset")
+WORDS = "the last words of this machine"
+MEMORY = 1600  # MiB more: the next kernel, which lies anywhere, then lies over them one time in fifty
+ATTEMPTS = 3
+
+
+def last_words(guest: Guest, command: str) -> str:
+    """What is kept of a boot that ends with this command, or, if there is none, with a reset from outside."""
+    for _ in range(ATTEMPTS):
+        guest.shell()
+        if command:
+            guest.shell().send(f"{command}\n")
+            guest.wait_for_event("RESET")
+        else:
+            guest.sh(f"echo '<3>{WORDS}' > /dev/kmsg; sleep 1")
+            guest.monitor("system_reset")
+        guest.reset()
+        if said := guest.sh("ddxctl logs lastboot"):
+            return said
+    return ""
+
+
+def test_why_the_kernel_stopped_is_told_after_the_reset(boot: Boot) -> None:
+    with boot("lastboot-panic", extra=RESET, more_memory=MEMORY) as guest:
+        assert "! last boot" not in run(guest, "ddxctl health")[1]
+        assert guest.sh("ddxctl logs lastboot") == ""
+        assert "sysrq_handle_crash" in last_words(guest, "echo c > /proc/sysrq-trigger")
+        screen = run(guest, "ddxctl health")[1]
+        assert "! last boot  the kernel: Kernel panic - not syncing: sysrq triggered crash; ddxctl logs" in screen
+
+
+def test_the_console_is_there_after_a_reset_that_nobody_saw_coming(boot: Boot, image: pathlib.Path) -> None:
+    """As the hardware watchdog's: the kernel has no time to say anything more."""
+    if "CONFIG_PSTORE_CONSOLE=y" not in (image.parent / "kernel/boot/config").read_text():
+        pytest.skip("Debian's kernel, in the development image, has no PSTORE_CONSOLE; the product's has")
+    with boot("lastboot-reset", extra=RESET, more_memory=MEMORY) as guest:
+        assert WORDS in last_words(guest, "")

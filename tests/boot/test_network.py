@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What ddx.txt says of network, clock and services is so; what it says wrong is shown; without it there is nothing."""
+import pathlib
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import clip as default_clip
+import session
+import testdisk
+from common import Failed
+from qemu import Boot, Guest
+
+from . import camera
+from .segment import Segment
+from .test_control import run, runs, services
+
+PROVISION = """\
+hostname=robot1
+network=eth0 dhcp
+network=eth1 192.168.7.2/24 192.168.7.1
+network=eth2 192.168.8.300/24
+service=ddxvideosend on
+service=ddxvideosave off
+"""
+WRONG_LINE = 1 + 4  # the test opens the console in a line before these
+
+
+def cards(*numbers: int) -> tuple[str, ...]:
+    return tuple(word for number in numbers for word in (
+        "-netdev", f"user,id=net{number},ipv6=off", "-device", f"virtio-net-pci,netdev=net{number},id=card{number}"))
+
+
+@pytest.fixture(scope="module")
+def told(boot: Boot) -> Iterator[Guest]:
+    with boot("network", provision=PROVISION, extra=cards(0, 1, 2)) as guest:
+        guest.shell()
+        yield guest
+
+
+def test_interfaces_are_as_told(told: Guest) -> None:
+    told.wait_until("ip -o addr show eth0 | grep -q 10.0.2.15/24")
+    told.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
+    assert told.sh("hostname") == "robot1"
+    told.wait_until("grep -q 10.0.2.3 /etc/resolv.conf")
+    assert "via 10.0.2.2 dev eth0" in told.sh("ip route show default")
+    assert told.sh("cat /sys/class/net/eth2/flags") == "0x1002"  # not up: its line was wrong
+
+
+def test_a_wrong_line_is_shown(told: Guest) -> None:
+    text = f"ddx.txt, line {WRONG_LINE}: network=eth2 192.168.8.300/24: dhcp is needed, or an address"
+    told.wait_for_log(text.encode())
+    status, screen = run(told, "ddxctl health")
+    assert status == 1 and f"! ddx.txt    line {WRONG_LINE}: " in screen
+
+
+def test_an_interface_that_comes_back_is_set_up_again(told: Guest) -> None:
+    """Also when it is back before anybody could see that it was gone."""
+    told.sh("sv pause /run/service/network.eth1")
+    told.monitor("device_del", id="card1")
+    told.wait_until("! test -d /sys/class/net/eth1")
+    for _ in range(20):  # QEMU is done with the old one a little later than Linux
+        try:
+            told.monitor("device_add", driver="virtio-net-pci", netdev="net1", id="card1")
+            break
+        except Failed as error:
+            assert "Duplicate" in str(error)
+            time.sleep(0.1)
+    told.wait_until("test -d /sys/class/net/eth1")
+    told.sh("sv cont /run/service/network.eth1")
+    told.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
+
+
+def test_a_lease_is_asked_for_again_when_the_cable_is_back(told: Guest) -> None:
+    asked = "grep -c 'renew' /run/log/network.eth0/current"
+    before = int(told.sh(f"{asked} || true"))
+    for up in (False, True):
+        told.monitor("set_link", name="card0", up=up)
+        told.wait_until(f"grep -q {int(up)} /sys/class/net/eth0/carrier")
+        time.sleep(3)  # what looks every 2 s has seen it
+    told.wait_until(f"test $({asked}) -gt {before}")
+
+
+def test_services_are_as_told_until_the_technician_says_otherwise(told: Guest) -> None:
+    runs(told, "ddxvideosend")
+    assert services(told)["ddxvideosave"]["enabled"] is False
+    told.sh("ddxctl enable ddxvideosave")
+    runs(told, "ddxvideosave")
+
+
+@pytest.mark.long
+def test_the_time_comes_from_the_network_and_disturbs_no_frame(boot: Boot, work: pathlib.Path, tmp_path: pathlib.Path,
+                                                               clip: pathlib.Path) -> None:
+    disk = testdisk.make(work / "ntp.img", clip)
+    segment = Segment(tmp_path, "1", 0, 0)
+    with boot("ntp-server", provision="network=eth0 10.0.0.2/24\n",
+              extra=(*segment.card(1), "-rtc", "base=2031-05-06T12:00:00")) as server:
+        server.sh("ntpd -l")
+        with boot("ntp", provision="network=eth0 10.0.0.1/24\nntp=10.0.0.2\n", test_disk=disk,
+                  extra=(*segment.card(0), "-rtc", "base=2026-03-01T12:00:00")) as guest:
+            camera.wait_for_frames(guest, 25, session.LOAD)
+            guest.wait_until('test "$(date -u +%Y)" = 2031')
+            session.wait_for_clip(guest, default_clip.SECONDS * default_clip.RATE)
+            session.stop_recorder(guest)
+            result = session.collect(guest, clip, work / "ntp.y4m")
+            said = guest.sh("cat /run/log/ntp/current")
+    segment.end()
+    assert result.good, result.disagreements
+    assert "setting time" in said

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The session that the paper's users know, typed into a shell of the image. ddxvideoview, ddxlog and catalog, which are
+not part of it yet, aside."""
+import json
+import re
+
+import pytest
+
+import qemu
+
+from . import camera
+
+pytestmark = pytest.mark.long
+
+RECORDED = 15
+
+
+def test_as_typed(boot: qemu.Boot) -> None:
+    network = ("-netdev", "user,id=net,restrict=on", "-device", "virtio-net-pci,netdev=net")
+    with boot("session", more_memory=128, extra=network) as guest:
+        guest.shell()
+        guest.sh("for name in ddxvideoV4L ddxvideosave store; do /etc/init.d/S*$name stop; done; cd /tmp")
+        guest.sh("ip link set eth0 up && ip addr add 10.0.0.1/24 dev eth0 && ip route add default via 10.0.0.2")
+        guest.sh("modprobe vivid n_devs=3 node_types=0x1,0x1,0x1")
+        guest.wait_until("[ -c /dev/video2 ]")
+
+        guest.sh("store -m 8M & sleep 1")
+        guest.sh("ddxvideoV4L -camera 2 -skip 5 -size CIF -name video &")
+        guest.sh("ddxvideosave -name video -output /tmp/test.y4m &")
+        guest.sh("ddxvideosend -port 8000 &")
+        guest.sh("decode > /tmp/decoded 2>&1 &")
+        camera.wait_for_frames(guest, RECORDED, "ddxvideosave")
+        camera.wait_for_frames(guest, 5, "decode")
+        guest.sh("killall decode ddxvideosend ddxvideosave ddxvideoV4L; sleep 2")
+        times = [int(word) for word in re.findall(r"XTIME=(\d+)", guest.sh("grep -ao 'XTIME=[0-9]*' /tmp/test.y4m"))]
+        rate = re.search(r" F(\d+):(\d+) ", guest.sh("head -n 1 /tmp/test.y4m"))
+        said = guest.sh("ddxvideoload /tmp/test.y4m")
+        decoded = guest.sh("cat /tmp/decoded")
+    counters = json.loads(next(line for line in said.splitlines() if line.startswith("{")))
+    assert counters["in"] == counters["out"] == len(times) >= RECORDED
+    assert rate
+    period = int(rate[2]) / int(rate[1]) * 1e9
+    steps = [(after - before) / period for before, after in zip(times, times[1:])]
+    assert all(abs(step - round(step)) < 0.3 for step in steps), steps  # every fifth of the camera's frames
+    assert "going on without" in decoded and "receiving H.264" in decoded
+

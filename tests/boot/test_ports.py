@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What a stranger on the same cable can reach: the ports in board/common/manifest.txt if all is on, else none."""
+import pathlib
+import struct
+import tempfile
+from collections.abc import Iterator
+
+import pytest
+
+import clip as default_clip
+import manifest
+import session
+import testdisk
+from qemu import Boot, Guest
+
+from .outsider import ARP, GUEST_IPV4, GUEST_MAC, IP4, IPV4, MAC, TCP, Outsider, ethernet, ip
+from .scan import ALL, SYN, listening
+from .test_control import runs
+
+pytestmark = pytest.mark.long
+
+SECONDS = 4
+KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBkvAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcd someone@there"
+ADDRESS = "10.0.0.1/24"
+LOWER = range(1, 10000)
+LOWEST = range(1, 2048)
+# Linux says "no such port" a few times a second only; it is to say so for each of them.
+TALKATIVE = "sysctl -w net.ipv4.icmp_ratelimit=0 net.ipv4.icmp_msgs_per_sec=1000000 net.ipv4.icmp_msgs_burst=10000 " \
+            "net.ipv6.icmp.ratelimit=0"
+
+
+@pytest.fixture
+def outsider() -> Iterator[Outsider]:
+    with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+        one = Outsider(pathlib.Path(folder))
+        yield one
+        one.end()
+
+
+def everywhere(guest: Guest, outsider: Outsider, ports: range = ALL) -> set[tuple[str, int]]:
+    """The scan at both of its addresses: the one it was given and the one that IPv6 makes itself. There the lower ports
+    will do: what listens by IPv6 alone is rare, and would be somebody's service."""
+    guest.sh(TALKATIVE)
+    neighbour = outsider.ipv6_neighbour(60)
+    assert neighbour, "no answer by IPv6: is it on at all?"
+    by_ipv6 = LOWER if ports == ALL else ports
+    return listening(outsider, GUEST_IPV4, ports) | listening(outsider, neighbour, by_ipv6)
+
+
+def call(outsider: Outsider) -> None:
+    """Ask for the guest in each way that does not need its help."""
+    question = struct.pack("!HHBBH", 1, IP4, 6, 4, 1) + MAC + IPV4 + bytes(6) + GUEST_IPV4
+    connect = struct.pack("!HHIIBBHHH", 40000, 22, 1000, 0, 5 << 4, SYN, 1024, 0, 0)
+    outsider.send(ethernet(b"\xff" * 6, ARP, question))
+    outsider.send(ethernet(GUEST_MAC, IP4, ip(IPV4, GUEST_IPV4, TCP, connect)))
+
+
+def test_an_image_that_was_told_nothing_is_silent_and_has_no_open_port(boot: Boot, outsider: Outsider) -> None:
+    with boot("ports-none", extra=outsider.card()) as guest:
+        guest.wait_until("test -d /sys/class/net/eth0")
+        guest.sh("sleep 2")  # somebody might do something with it
+        call(outsider)
+        assert outsider.ipv6_neighbour(3) == b"" and outsider.came == []
+        guest.sh(f"ip link set eth0 up && ip addr add {ADDRESS} dev eth0")  # as somebody might, by hand
+        assert everywhere(guest, outsider, LOWEST) == set()  # with everything on, the next test looks at all of them
+        assert len(outsider.came) > 3 * len(LOWEST)  # it did answer
+
+
+def test_with_everything_on_only_what_was_declared_is_open(boot: Boot, work: pathlib.Path, outsider: Outsider) -> None:
+    clip = default_clip.write(work / "ports.y4m", SECONDS)
+    send = "enabled=yes\ncodec=mpeg4\ninterface=eth0\n"
+    disk = testdisk.make(work / "ports.img", clip, {"ddxvideosend.conf": send, "ddxvideoload.conf": "readers=2\n"})
+    provision = f"network=eth0 {ADDRESS}\nssh_key={KEY}\nservice=decode on\n"
+    declared = {(kind, int(port)) for kind, port, _ in manifest.wanted("port")}
+    with boot("ports", provision=provision, test_disk=disk, extra=outsider.card()) as guest:
+        session.wait_for_clip(guest, SECONDS * default_clip.RATE)
+        guest.wait_until("netstat -tln | grep -q :22")
+        runs(guest, "decode")
+        runs(guest, "ddxvideosend")
+        found = everywhere(guest, outsider)
+        stream = [frame for frame in outsider.came if frame[:3] == b"\x01\x00\x5e" and frame[36:38] == b"\x1f\x40"]
+        assert len(stream) > 10  # the sender has sent
+        assert found == declared
+
+        # The same look sees what is there beyond that.
+        guest.sh("dropbear -E -R -p 4444 -r /run/other-key 2> /dev/null; ntpd -l")
+        assert everywhere(guest, outsider, LOWER) == declared | {("tcp", 4444), ("udp", 123)}

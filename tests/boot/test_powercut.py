@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The power goes while the machine records: the short form of `make powercut`, and what it stands on."""
+import pathlib
+import statistics
+import subprocess
+import time
+
+import pytest
+
+import blocklog
+import mbr
+import powercut
+import testdisk
+from qemu import Boot, Guest
+
+pytestmark = pytest.mark.long
+
+CUTS = {False: 10, True: 4}
+SECONDS = 12  # recorded before them
+MARK = b"without flushes"
+
+
+@pytest.mark.parametrize("naive", [False, True], ids=["recorder", "naive"])
+def test_what_is_left_of_recordings(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
+                                    naive: bool) -> None:
+    """A file that simply grows loses more than it may: else the test is broken."""
+    if subprocess.run(["losetup", "-f"], capture_output=True, check=False).returncode:
+        pytest.skip("no loop devices here: no disk was mounted as a power cut leaves it")
+    log = tmp_path / "writes"
+    with boot(f"powercut-{naive}", writes=log, **powercut.provide(tmp_path / "test.img", clip)) as guest:
+        powercut.record(guest, naive, SECONDS)
+    figures = powercut.summary(list(powercut.replay(log, image, clip, naive, CUTS[naive], 7)))
+    print(figures)
+    assert figures["cuts"] == 2 * CUTS[naive]
+    assert powercut.broken(figures) is naive, figures
+
+
+def mark(guest: Guest) -> None:
+    guest.sh(f"printf '{MARK.decode()}' | dd of=/dev/vda{powercut.MARKS} bs=512 conv=sync,notrunc oflag=direct")
+
+
+def flushes(image: pathlib.Path, log: pathlib.Path) -> tuple[list[int], list[int]]:
+    """From each write of the index to the next one, before and after the mark."""
+    part = mbr.partition(image, powercut.REC)
+    before: list[int] = []
+    after: list[int] = []
+    found, count, last = before, 0, 0
+    for entry in blocklog.entries(log):
+        numbers = powercut.promises(entry) if part.begin <= entry.offset < part.end else set()
+        if entry.data.startswith(MARK):
+            found = after
+        count += entry.is_flush
+        if numbers and min(numbers) != last + 1:  # else the next block of the same promise
+            found += [count] if last else []
+            count = 0
+        last = max([last, *numbers])
+    return before, after
+
+
+def test_each_promise_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """The disk is told twice: when the frames are to be safe, and when the index is that promises them."""
+    log = tmp_path / "writes"
+    disk = testdisk.make(tmp_path / "test.img", clip, {"ddxvideoload.conf": "loop=\n"})
+    with boot("flushes", writes=log, test_disk=disk) as guest:
+        guest.wait_until("ls /rec/pool/*.index")
+        time.sleep(10)
+        mark(guest)
+        guest.sh("mount -o remount,nobarrier /rec")  # the check itself
+        time.sleep(5)
+        guest.sh("touch /data/file; fsync /data/file")  # QEMU closes its log at a flush
+        guest.process.kill()
+    flushed, without = flushes(image, log)
+    print(f"flushes for each promise: {flushed}; without barriers: {without}")
+    assert len(flushed) > 5 and min(flushed) >= 2 and statistics.mode(flushed) == 2
+    assert len(without) > 2 and statistics.mode(without) == 0

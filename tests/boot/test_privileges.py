@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Who may do what: as the kernel says it of each process, with every service switched on."""
+import re
+import time
+
+import pytest
+
+import session
+from qemu import Guest
+
+# What starts and supervises the others, and the shells that the test's own provisioning file opened.
+ROOTS = {"init", "runsvdir", "runsv", "mdev", "sh", "console", "grep", "readlink"}
+# A service is one of the first three, one after the other, before it is what it is: for some milliseconds. And BusyBox'
+# timeout, with which the tests look, stays for a second behind what it watched.
+PASSING = {"run", "chpst", "setpriv", "timeout"}
+REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
+SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode")
+OWN = {"store": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905, "decode": 906, "ddxhealth": 907,
+       "svlogd": 908, "ddxlog": 909}
+
+Fields = dict[str, str]
+
+
+def look(guest: Guest) -> list[Fields]:
+    """/proc/<pid>/status of each process; threads of the kernel have no program."""
+    text = guest.sh("for p in /proc/[0-9]*; do readlink $p/exe > /dev/null && grep -H : $p/status; done; true")
+    found: dict[str, Fields] = {}
+    for pid, name, value in re.findall(r"^/proc/(\d+)/status:(\w+):[ \t]*(.*?)[ \t]*$", text, re.M):
+        found.setdefault(pid, {})[name] = value
+    return list(found.values())
+
+
+@pytest.fixture(scope="module")
+def processes(guest: Guest, recorded: session.Result) -> list[Fields]:
+    for one in SWITCHED_ON:
+        guest.sh(f"ddxctl enable {one}")
+        guest.wait_until(f"ddxctl status {one} | grep -q state=running")
+    for _ in range(10):
+        found = look(guest)
+        if not any(one.get("Name", "run") in PASSING for one in found):  # one that is ending may have no name any more
+            break
+        time.sleep(1)
+    for one in SWITCHED_ON:
+        guest.sh(f"ddxctl disable {one}; rm /data/ddx/{one}.conf")
+    return found
+
+
+def test_each_service_is_its_own_user(processes: list[Fields]) -> None:
+    users = {one["Name"]: {int(number) for number in one["Uid"].split()} for one in processes}
+    assert {name: users.get(name) for name in OWN} == {name: {number} for name, number in OWN.items()}
+
+
+def test_nobody_but_supervisors_is_root(processes: list[Fields]) -> None:
+    for one in processes:
+        if one["Name"] not in ROOTS:
+            assert "0" not in one["Uid"].split() + one["Gid"].split() + one["Groups"].split(), one["Name"]
+
+
+def test_no_capabilities_and_no_way_to_get_any(processes: list[Fields]) -> None:
+    for one in processes:
+        if one["Name"] not in ROOTS:
+            held = [one[kind] for kind in ("CapInh", "CapPrm", "CapEff", "CapAmb")]
+            assert set(held) == {"0" * 16} and one["NoNewPrivs"] == "1", one["Name"]
+    root = next(one for one in processes if one["Name"] == "init")  # the check itself
+    assert root["CapEff"] != "0" * 16 and root["NoNewPrivs"] == "0"
+
+
+def test_real_time_is_for_who_would_miss_something(guest: Guest, processes: list[Fields]) -> None:
+    """FIFO, without root, and for nobody else."""
+    for one in processes:
+        if one["Name"] in ROOTS:
+            continue
+        status, text = guest.shell().run(f"chrt -p {one['Pid']}")
+        if status == 0:  # else it was one of those that were switched on
+            assert ("SCHED_FIFO" in text) == (one["Name"] in REALTIME), (one["Name"], text)

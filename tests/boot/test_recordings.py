@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Recordings are taken home on a USB stick while the recorder goes on, and nothing is lost by that."""
+import json
+import pathlib
+import subprocess
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import counters
+import testdisk
+import y4m
+from common import PATIENCE, run
+from qemu import Boot, Guest
+from recording import Partition
+
+SAVE = "ddxvideosave"
+STICK_MB = 64
+SLOW = 3_000_000  # bytes a second: the stick, so that there is time to pull it out
+USB = ("-device", "qemu-xhci,id=usb")
+
+
+@pytest.fixture(scope="module")
+def stick(work: pathlib.Path) -> pathlib.Path:
+    path = work / "stick.img"
+    path.unlink(missing_ok=True)
+    run(["mkfs.vfat", "-C", path, str(STICK_MB << 10)])
+    return path
+
+
+@pytest.fixture(scope="module")
+def recorder(boot: Boot, work: pathlib.Path, clip: pathlib.Path, stick: pathlib.Path) -> Iterator[Guest]:
+    """A machine that records without an end into files of 8 MB, with a slow stick plugged in."""
+    disk = testdisk.make(work / "stick-test.img", clip, {"ddxvideoload.conf": "loop=\nreaders=1\n",
+                                                         "ddxvideosave.conf": "segment=8\n"})
+    extra = (*USB, "-drive", f"if=none,id=stick,file={stick},format=raw,cache=unsafe,throttling.bps-write={SLOW}",
+             "-device", "usb-storage,bus=usb.0,drive=stick,id=stick,removable=on")
+    with boot("recordings", test_disk=disk, extra=extra, more_memory=64) as guest:
+        guest.shell()
+        guest.wait_until("ls /rec/*.y4m | wc -l | grep -q '[3-9]'")
+        yield guest
+
+
+def ctl(guest: Guest, words: str, seconds: float = PATIENCE) -> tuple[int, str]:
+    status, text = guest.shell().run(f"ddxctl recordings {words}", seconds)
+    return status, text.strip()
+
+
+def book(guest: Guest) -> counters.Counters:
+    """What the recorder has counted until now."""
+    text = guest.sh("ddxctl stats --json")
+    found = [one for line in text.splitlines() if (one := counters.parse(line)) and one.instance == SAVE]
+    return found[0]
+
+
+def on_stick(stick: pathlib.Path) -> list[str]:
+    return sorted(run(["mdir", "-b", "-i", stick]).replace("::/", "").split())
+
+
+def test_an_export_while_recording(recorder: Guest, stick: pathlib.Path, work: pathlib.Path) -> None:
+    before = book(recorder)
+    begin = time.monotonic()
+    status, text = ctl(recorder, "export all usb")
+    print(f"export took {time.monotonic() - begin:.1f} s")
+    assert status == 0, text
+    assert text.splitlines()[-1] == "/dev/sda: may be removed"
+    after = book(recorder)
+    assert after.lost_total == before.lost_total and after.out > before.out + 25
+    assert recorder.shell().run("grep -q export /proc/mounts")[0] == 1
+    names = on_stick(stick)
+    assert len(names) >= 3
+    listed = [json.loads(line) for line in ctl(recorder, "list --json")[1].splitlines()]
+    assert [one["state"] for one in listed] == ["recording"] and listed[0]["files"][:len(names)] == names
+    recorder.sh("sync")
+    disk = Partition(recorder.snapshot())
+    for name in names:
+        run(["mcopy", "-n", "-o", "-i", stick, f"::/{name}", work / "copy.y4m"])
+        assert (work / "copy.y4m").read_bytes() == disk.take(name, work / "original.y4m").read_bytes()
+        assert len(list(y4m.read(work / "copy.y4m")[1])) > 30
+
+
+@pytest.mark.parametrize("target, says", [
+    ("/dev/vda", "is the machine's own disk"),
+    ("/dev/vda6", "is the machine's own disk"),
+    ("/rec", "is on the machine's own disk"),
+    ("/data", "is on the machine's own disk"),
+    ("/tmp", "is in the machine's memory"),
+    ("/dev/vdb", "is in use at /test"),
+    ("/dev/sdz", "there is no such device"),
+    ("/nowhere", "there is no such device or folder"),
+])
+def test_where_nothing_may_be_written(recorder: Guest, target: str, says: str) -> None:
+    status, text = ctl(recorder, f"export newest {target}")
+    assert status == 2 and says in text and len(text.splitlines()) == 1
+
+
+def test_a_full_stick_is_refused_before(recorder: Guest, stick: pathlib.Path) -> None:
+    names = on_stick(stick)
+    recorder.wait_until(f"[ $(ls /rec/*.y4m | wc -l) -gt {STICK_MB // 8} ]")
+    status, text = ctl(recorder, "export all usb")
+    lines = text.splitlines()
+    assert status == 1 and "nothing was copied" in lines[-2] and lines[-1].endswith("may be removed"), text
+    assert on_stick(stick) == names
+
+
+def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
+    """In the recording on the machine; where its frames are, its bytes tell."""
+    before = book(recorder)
+    name = json.loads(ctl(recorder, "list --json")[1].splitlines()[0])["files"][0]
+    assert ctl(recorder, f"verify {name}")[0] == 0
+    recorder.sh("sync")
+    data = Partition(recorder.snapshot()).take(name, work / "original.y4m").read_bytes()
+    _, frames = y4m.read(work / "original.y4m")
+    at = data.index(b"\n") + 1
+    for number, frame in enumerate(frames):
+        at = data.index(b"\n", at) + 1 + len(frame.data)
+        if number == 17:
+            break
+    byte = data[at - 1] ^ 16
+    recorder.sh(f"printf '\\{byte:03o}' | dd of=/rec/{name} bs=1 seek={at - 1} conv=notrunc 2> /dev/null; sync")
+    status, text = ctl(recorder, f"verify {name}")
+    assert status == 1 and f"{name}: frame 17 is not what was recorded" in text
+    back = data[at - 1]
+    recorder.sh(f"printf '\\{back:03o}' | dd of=/rec/{name} bs=1 seek={at - 1} conv=notrunc 2> /dev/null; sync")
+    assert ctl(recorder, f"verify {name}")[0] == 0
+    assert book(recorder).lost_total == before.lost_total
+
+
+def test_a_stick_that_is_pulled_out(recorder: Guest, stick: pathlib.Path) -> None:
+    """One clear line; what has its name on the stick is whole."""
+    recorder.sh("mkdir -p /run/old && mount /dev/sda /run/old && rm -f /run/old/* && umount /run/old")
+    newest = json.loads(ctl(recorder, "list --json")[1].splitlines()[0])["files"][:4]
+    recorder.sh(f"(ddxctl recordings export {' '.join(newest)} usb; echo status $?) > /run/said 2>&1 &")
+    recorder.wait_until(f"grep -q {newest[0]}: /run/said")
+    time.sleep(1)
+    before = book(recorder)
+    recorder.monitor("device_del", id="stick")
+    recorder.wait_until("grep -q status /run/said")
+    said = recorder.sh("cat /run/said").splitlines()
+    assert said[-1] == "status 1"
+    wrong = [line for line in said if line.startswith("ddx")]
+    assert len(wrong) == 1 and "was the stick pulled out?" in wrong[0], said
+    assert not any("may be removed" in line for line in said)
+    assert recorder.shell().run("grep -q export /proc/mounts")[0] == 1
+    assert ctl(recorder, "export newest usb")[1] == "ddxctl: export: no USB stick is plugged in"
+    left = [name for name in on_stick(stick) if name.endswith(".y4m")]
+    assert newest[0] in left and len(left) < len(newest)
+    for name in left:
+        copy = subprocess.run(["mtype", "-i", stick, f"::/{name}"], capture_output=True, check=True).stdout
+        assert len(copy) == int(recorder.sh(f"stat -c %s /rec/{name}"))
+    time.sleep(2)
+    after = book(recorder)
+    assert after.lost_total == before.lost_total and after.out > before.out

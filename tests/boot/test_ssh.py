@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""SSH: whose key is in ddx.txt gets in, nobody else; recordings come out; nothing else listens."""
+import pathlib
+import re
+import socket
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+import clip as default_clip
+import manifest
+import session
+import testdisk
+from common import PATIENCE, run
+from qemu import Boot, Guest
+from recording import Partition
+
+from .test_control import runs
+
+SECONDS = 4
+
+
+class Robot:
+    """The guest, seen from the network."""
+
+    def __init__(self, guest: Guest, port: int, folder: pathlib.Path) -> None:
+        self.guest, self.port, self.folder = guest, port, folder
+
+    def options(self, key: str) -> list[str]:
+        words = ["BatchMode=yes", "IdentitiesOnly=yes", f"IdentityFile={self.folder / key}", "ConnectTimeout=30",
+                 f"UserKnownHostsFile={self.folder}/known_hosts", "StrictHostKeyChecking=accept-new"]
+        return ["-F", "none", *(part for word in words for part in ("-o", word))]
+
+    def ssh(self, *command: str, key: str = "mine") -> "subprocess.CompletedProcess[str]":
+        words = ["ssh", *self.options(key), "-p", str(self.port), "root@127.0.0.1", *command]
+        return subprocess.run(words, capture_output=True, text=True, check=False, timeout=PATIENCE)
+
+
+def forward(port: int) -> tuple[str, ...]:
+    return ("-netdev", f"user,id=net,hostfwd=tcp:127.0.0.1:{port}-:22", "-device", "virtio-net-pci,netdev=net")
+
+
+def free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+@pytest.fixture(scope="module")
+def place(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    folder = tmp_path_factory.mktemp("ssh")
+    for name in ("mine", "other"):
+        run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", name, "-f", folder / name])
+    return folder
+
+
+@pytest.fixture(scope="module")
+def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot]:
+    clip = default_clip.write(work / "ssh.y4m", SECONDS)
+    disk = testdisk.make(work / "ssh.img", clip)
+    port = free_port()
+    provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}service=decode on\n"
+    with boot("ssh", provision=provision, test_disk=disk, keep=place, extra=forward(port)) as guest:
+        guest.shell()
+        session.wait_for_clip(guest, SECONDS * default_clip.RATE)
+        session.stop_recorder(guest)
+        guest.wait_until("netstat -tln | grep -q :22")
+        yield Robot(guest, port, place)
+
+
+def test_who_has_the_key_is_in(robot: Robot) -> None:
+    done = robot.ssh("id -u; ddxctl services")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("0\n") and "ddxvideosave" in done.stdout
+
+
+def test_nobody_else_is(robot: Robot) -> None:
+    done = robot.ssh("true", key="other")
+    assert done.returncode == 255 and "Permission denied (publickey)" in done.stderr  # a password is not even asked for
+
+
+def test_recordings_come_out(robot: Robot, tmp_path: pathlib.Path) -> None:
+    partition = Partition(robot.guest.snapshot())
+    name = partition.recordings()[0][0]
+    wanted = partition.take(name, tmp_path / "wanted.y4m").read_bytes()
+    options = robot.options("mine")
+    shell = " ".join(["ssh", *options, "-p", str(robot.port)])
+    run(["rsync", "-e", shell, f"root@127.0.0.1:/rec/{name}", tmp_path / "rsync.y4m"])
+    run(["sftp", "-q", *options, "-P", str(robot.port), f"root@127.0.0.1:/rec/{name}", tmp_path / "sftp.y4m"])
+    assert (tmp_path / "rsync.y4m").read_bytes() == (tmp_path / "sftp.y4m").read_bytes() == wanted
+
+
+def test_what_listens_is_what_was_declared(robot: Robot) -> None:
+    runs(robot.guest, "decode")
+    found = set(re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M))
+    assert found == {(kind, port, program) for kind, port, program in manifest.wanted("port")}
+
+
+@pytest.mark.long
+def test_the_machine_keeps_its_own_key(robot: Robot, boot: Boot) -> None:
+    """A second boot, on the same disk: the client knows it already, and would refuse another one."""
+    known = (robot.folder / "known_hosts").read_text()
+    assert "ssh-ed25519" in known
+    robot.guest.poweroff()
+    with boot("ssh-again", keep=robot.folder, extra=forward(robot.port)) as guest:
+        guest.shell()
+        guest.wait_until("netstat -tln | grep -q :22")
+        assert Robot(guest, robot.port, robot.folder).ssh("true").returncode == 0
+    assert (robot.folder / "known_hosts").read_text() == known

@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A stream in the image: from the store through the network to decode, while the recorder runs."""
+import json
+import pathlib
+import re
+
+import clip as default_clip
+import qemu
+import session
+import testdisk
+
+SECONDS = 10
+FRAMES = SECONDS * default_clip.RATE
+
+
+def test_off_until_wanted(guest: qemu.Guest) -> None:
+    code, text = guest.shell().run("/etc/init.d/S*ddxvideosend status")
+    assert code == 3 and "enabled=no state=stopped" in text
+
+
+def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
+    """MPEG-4, since an emulated processor is too slow for H.264: each frame that is shown is the one that is said."""
+    clip = work / "stream.y4m"
+    default_clip.write(clip, SECONDS)
+    settings = {"ddxvideosend.conf": "codec=mpeg4\ninterface=lo\n", "ddxvideoload.conf": "readers=2\n"}
+    with boot("stream", test_disk=testdisk.make(work / "stream.img", clip, settings)) as guest:
+        guest.shell()
+        guest.sh("decode -headless -interface lo -print > /tmp/shown 2> /tmp/said &")
+        guest.wait_until("netstat -uln | grep -q :8000")
+        guest.sh("ddxctl enable ddxvideosend")  # the second reader: now the clip begins
+        guest.wait_until("ddxctl stats --json | grep -q 'ddxvideosend.*\"out\":[1-9]'")
+        session.wait_for_clip(guest, FRAMES)
+        guest.sh("sleep 1; kill $(pidof decode); sleep 1")
+        shown = guest.sh("cat /tmp/shown")
+        said = guest.sh("cat /tmp/said /run/log/ddxvideosend/current")
+        session.stop_recorder(guest)
+        result = session.collect(guest, clip, work / "stream-recorded.y4m")
+    assert result.good, result.disagreements  # the recording path takes no notice
+    *lines, packets, frames = shown.splitlines()
+    counters, book = json.loads(packets), json.loads(frames)
+    numbers = [int(match[1]) for line in lines if (match := re.match(r"frame (\d+) ", line))]
+    assert numbers and numbers == sorted(set(numbers)), said
+    assert counters["lost"] == counters["garbage"] == 0
+    assert book["in"] == book["out"] + sum(book["lost"].values())
+    print(f"{len(numbers)} of {FRAMES} frames shown, {book}")

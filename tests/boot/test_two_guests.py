@@ -1,0 +1,100 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A robot and an operator, the same image in two machines, and a bad network between them."""
+import json
+import pathlib
+import tempfile
+import time
+
+import pytest
+
+import clip as default_clip
+import qemu
+import session
+import stream
+import testdisk
+from qemu import Guest
+from recording import Partition
+
+from . import camera
+from .segment import Segment
+
+pytestmark = pytest.mark.long
+
+SEED, DROP, DUPLICATE = "17", 10.0, 10.0
+QUIET, BAD = 2, 10  # s of the clip's 20 that the network is good at first, and bad then
+END = 3  # s after that: MPEG-4 has had key frames since, so the last pictures are right again
+
+
+def network(guest: Guest, address: str) -> None:
+    guest.sh(f"ip link set eth0 up && ip addr add {address}/24 dev eth0")
+
+
+def service(guest: Guest, program: str, settings: str, instance: str = "") -> None:
+    """As a technician switches it on."""
+    guest.sh(f"printf '{settings}' > /data/ddx/{program}{instance}.conf; /etc/init.d/S*{program} start")
+
+
+def packets(guest: Guest, instance: str) -> dict[str, int]:
+    return dict(json.loads(guest.sh(f"ddxctl show {instance}.packets --json"))["value"])
+
+
+def arrive(operator: Guest, segment: Segment) -> None:
+    """What is on its way reaches decode, and its counters, which it tells once a second; what does not is missing."""
+    end = time.monotonic() + 20
+    while time.monotonic() < end:
+        if packets(operator, stream.DECODE)["received"] >= segment.came - segment.dropped + segment.duplicated:
+            break
+        time.sleep(1)
+
+
+def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+    disk = testdisk.make(work / "robot.img", clip, {"ddxvideoload.conf": "readers=2\n"})
+    with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+        segment = Segment(pathlib.Path(folder), SEED, DROP, DUPLICATE)
+        with boot("operator", extra=segment.card(1)) as operator, \
+                boot("robot", test_disk=disk, extra=segment.card(0)) as robot:
+            network(operator, "10.0.0.2")
+            service(operator, "ddxvideosave", "name=seen\\n", ".seen")
+            service(operator, "decode", "enabled=yes\\ninterface=eth0\\n")
+            operator.wait_until("grep -q ':1F40 ' /proc/net/udp")  # port 8000: before anybody sends
+            network(robot, "10.0.0.1")
+            service(robot, "ddxvideosend", "enabled=yes\\ncodec=mpeg4\\ninterface=eth0\\n")
+            sent, mended = watch(robot, segment)
+            robot.sh("/etc/init.d/S*ddxvideosend stop")
+            arrive(operator, segment)
+            received = packets(operator, stream.DECODE)
+            operator.sh("/etc/init.d/S*decode stop")
+            session.stop_recorder(operator)
+            ends = {one: session.end_counters(operator, one) for one in (stream.DECODE, stream.RECORDER)}
+            Partition(operator.snapshot()).take_only(stream.ITEM, work / "two-shown.y4m")
+            ends[stream.SEND] = session.end_counters(robot, stream.SEND)
+            session.stop_recorder(robot)
+            result = session.collect(robot, clip, work / "two-recorded.y4m")
+        segment.end()
+    print(f"network: {segment.came} packets, {segment.dropped} lost, {segment.duplicated} twice; decode: {received}")
+    assert result.good, result.disagreements  # the robot has noticed nothing
+    assert sent["packets"] == segment.came and segment.dropped > 10 and segment.duplicated > 10
+    assert received["received"] == segment.came - segment.dropped + segment.duplicated
+    assert (received["lost"] - received["late"], received["duplicate"]) == (segment.dropped, segment.duplicated)
+    assert received["garbage"] == received["foreign"] == 0
+
+    source = stream.pictures(work / "two-recorded.y4m")
+    seen = stream.judge(work / "two-shown.y4m", source, ends[stream.SEND], ends[stream.DECODE], ends[stream.RECORDER])
+    assert seen.disagreements == []
+    right = [one.time for index, one in enumerate(seen.shown) if index not in seen.wrong]
+    quiet = [one.time for one in seen.shown if one.time < (QUIET - 1) * 1e9 or one.time > (mended + END) * 1e9]
+    assert seen.shown[-1].time > (mended + END) * 1e9 and set(quiet) <= set(right)
+    assert 0 < len(seen.wrong) < len(seen.shown)  # marks of what was lost, and an end of them
+
+
+def watch(robot: Guest, segment: Segment) -> tuple[dict[str, int], float]:
+    """The clip goes by; in its midst the network is bad. The sender's packets in the end; since when it was good again,
+    in seconds of the clip."""
+    camera.wait_for_frames(robot, 25 * QUIET, session.LOAD)
+    segment.bad = True
+    camera.wait_for_frames(robot, 25 * BAD, session.LOAD)
+    segment.bad = False
+    mended = camera.stats(robot, session.LOAD).out / default_clip.RATE
+    session.wait_for_clip(robot, 500)
+    time.sleep(1)
+    return packets(robot, stream.SEND), mended

@@ -1,0 +1,111 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""For all tests: two tiers, and what each run leaves behind for its summary.
+
+Tests marked `long` take minutes of video or many repetitions; `make test-long` runs them, `make test` the others. The
+outcome of each test is written to $DDX_RESULTS (JSON lines), a long one's also to output/long/<name>.json, with the
+commit that it was run on and its figures (pytest's record_property). A long test that passed on this commit is not
+run again.
+"""
+import json
+import os
+import pathlib
+import re
+import shutil
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import qemu
+from common import OUTPUT, commit
+
+LONG = OUTPUT / "long"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--tier", choices=("gate", "long", "all"), default="all", help="which tests: short or long ones")
+
+
+def record(item: pytest.Item) -> pathlib.Path:
+    """Where a long test's outcome is kept."""
+    name = re.sub(r"[^A-Za-z0-9]+", "-", item.nodeid.split("tests/", 1)[-1].replace(".py", "")).strip("-")
+    return LONG / f"{name}.json"
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    tier = config.getoption("tier")
+    dropped = []
+    for item in items:
+        is_long = item.get_closest_marker("long") is not None
+        if tier == "gate" and is_long or tier == "long" and not is_long:
+            dropped.append(item)
+        elif tier == "long" and record(item).exists():
+            kept = json.loads(record(item).read_text())
+            if kept["commit"] == commit() and kept["outcome"] == "passed":
+                dropped.append(item)
+    config.hook.pytest_deselected(items=dropped)
+    items[:] = [item for item in items if item not in dropped]
+
+
+class Outcomes:
+    """What came of each test: its three phases are one outcome."""
+
+    def __init__(self) -> None:
+        self.items: dict[str, pytest.Item] = {}
+        self.seconds: dict[str, float] = {}
+        self.failures: dict[str, str] = {}
+        self.skipped: set[str] = set()
+
+    def add(self, item: pytest.Item, report: pytest.TestReport) -> None:
+        self.items[report.nodeid] = item
+        self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
+        if report.failed:
+            said = "".join(f"\n{title}\n{text}" for title, text in report.sections)
+            self.failures.setdefault(report.nodeid, report.longreprtext + said)
+        if report.skipped:
+            self.skipped.add(report.nodeid)
+
+    def end(self, item: pytest.Item) -> None:
+        name = item.nodeid
+        outcome = "failed" if name in self.failures else "skipped" if name in self.skipped else "passed"
+        line = {"test": name, "outcome": outcome, "seconds": round(self.seconds.get(name, 0.0), 2),
+                "guests": qemu.Guest.started}
+        if where := os.environ.get("DDX_RESULTS"):
+            with open(where, "a") as file:
+                file.write(json.dumps({**line, "failure": self.failures.get(name, "")}) + "\n")
+        if item.get_closest_marker("long") and outcome != "skipped":
+            LONG.mkdir(parents=True, exist_ok=True)
+            when = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+            record(item).write_text(json.dumps({**line, "commit": commit(), "when": when,
+                                                "figures": dict(item.user_properties)}, indent=2) + "\n")
+
+
+OUTCOMES = Outcomes()
+
+
+@pytest.fixture
+def tmp_path(tmp_path: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[pathlib.Path]:
+    """Clips, recordings and disks are large: only what a failing test leaves behind is kept."""
+    yield tmp_path
+    if request.node.nodeid not in OUTCOMES.failures:
+        shutil.rmtree(tmp_path, ignore_errors=True)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_leftovers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The same for what several tests share."""
+    yield
+    if not OUTCOMES.failures:
+        shutil.rmtree(tmp_path_factory.getbasetemp(), ignore_errors=True)
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def]
+    result = yield
+    OUTCOMES.add(item, result.get_result())
+
+
+@pytest.hookimpl(hookwrapper=True)
+def pytest_runtest_protocol(item: pytest.Item):  # type: ignore[no-untyped-def]
+    yield
+    OUTCOMES.end(item)

@@ -1,0 +1,70 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * frames ITEM SECONDS [KEEP [MS]]: a line for each frame of a video item: its number, the source's number, what the
+ * source has lost so far, its time in ns, when it was published, fields, width, height, how many were missed, a
+ * checksum. Before them "ready". It may be late by KEEP frames, or by as many as the store has room for. With MS it is
+ * a slow reader, which holds each frame for so long. Built into one static file with libddx, so that it runs in any
+ * image.
+ */
+#define DDXVIDEO_UNDECLARED /* any video item will do */
+#include <ddxvideo.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define PATIENCE 60.0 /* s, until there is an item */
+#define KEEP 64
+
+/* FNV-1a over words of eight bytes: emulated machines are slow. */
+static uint64_t checksum(const struct ddxvideo_picture *view) {
+    uint64_t sum = UINT64_C(14695981039346656037);
+    for (int i = 0; i < 3; i++)
+        for (int k = 0; k + 8 <= view->stride[i] * view->rows[i]; k += 8) {
+            uint64_t word;
+            memcpy(&word, view->plane[i] + k, 8);
+            sum = (sum ^ word) * UINT64_C(1099511628211);
+        }
+    return sum;
+}
+
+int main(int argc, char **argv) {
+    DDX_STORE_ID *id = ddx_store_open(NULL, 0, 5.0);
+    DDX_STORE_ITEM *item = NULL;
+    int64_t begin = ddx_time_now();
+    unsigned keep = argc > 3 ? (unsigned)atoi(argv[3]) : KEEP;
+    useconds_t hold = argc > 4 ? (useconds_t)atoi(argv[4]) * 1000 : 0;
+    if (!id || argc < 3 || argc > 5)
+        return 2;
+    while (!item && ddx_time_now() < begin + (int64_t)(PATIENCE * 1e9)) {
+        item = ddx_store_lookup_item(id, argv[1], NULL, 0);
+        if (!item)
+            usleep(5000);
+    }
+    if (!item || ddx_store_keep(item, keep))
+        return 1;
+    setvbuf(stdout, NULL, _IOLBF, 0); /* it is killed in the end */
+    int64_t end = ddx_time_now() + (int64_t)(atof(argv[2]) * 1e9);
+    for (bool ready = false; ddx_time_now() < end; ready = true) {
+        struct ddx_frame frame;
+        struct ddxvideo_picture view;
+        int error = ddx_store_acquire(item, &frame, 0.1, DDX_IN_ORDER);
+        for (; error == -EBUSY && keep > 1; error = ddx_store_acquire(item, &frame, 0.1, DDX_IN_ORDER))
+            ddx_store_keep(item, keep /= 2); /* as many as the store has room for */
+        if (!ready)
+            printf("ready\n"); /* from here on it sees every frame */
+        if (error)
+            continue;
+        if (!ddxvideo_view(item, frame.data, &view))
+            printf("%d %" PRId64 " %" PRId64 " %" PRId64 " %" PRId64 " %d %d %d %" PRIu64 " %#018" PRIx64 "\n",
+                   view.stamp.frame, view.stamp.source_sequence, view.stamp.source_lost, view.stamp.time, frame.time,
+                   view.geometry.fields, view.geometry.width, view.geometry.height, frame.missed, checksum(&view));
+        usleep(hold);
+        ddx_store_release(item);
+    }
+    ddx_store_close(id);
+    return 0;
+}

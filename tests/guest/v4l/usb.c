@@ -1,0 +1,138 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "usb.h"
+
+#include <arpa/inet.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "v4l.h"
+
+#define ATTACH "/sys/devices/platform/vhci_hcd.0/attach"
+#define HIGH_SPEED 3
+#define DEVICE_ID 0x10002
+
+enum { CMD_SUBMIT = 1, CMD_UNLINK, RET_SUBMIT, RET_UNLINK };
+
+/* Every message begins with these, all in network order. */
+struct message {
+    uint32_t command, number, device, direction, endpoint;
+    union {
+        struct {
+            uint32_t flags, length, start, packets, interval;
+            uint8_t setup[8];
+        } submit;
+        struct {
+            uint32_t status, length, start, packets, errors, padding[2];
+        } done;
+        uint32_t unlink; /* the number of what is to be taken back; in the answer: status */
+    };
+};
+_Static_assert(sizeof(struct message) == 48, "the protocol");
+
+static void put(int fd, const void *data, size_t size) {
+    for (size_t at = 0; at < size;) {
+        ssize_t sent = write(fd, (const char *)data + at, size - at);
+        if (sent <= 0)
+            fail("host");
+        at += (size_t)sent;
+    }
+}
+
+static void get(int fd, void *data, size_t size) {
+    for (size_t at = 0; at < size;) {
+        ssize_t got = read(fd, (char *)data + at, size - at);
+        if (got <= 0)
+            fail("host");
+        at += (size_t)got;
+    }
+}
+
+void usb_plug(struct usb_device *device, unsigned port) {
+    int ends[2];
+    FILE *file = fopen(ATTACH, "w");
+    if (!file || socketpair(AF_UNIX, SOCK_STREAM, 0, ends))
+        fail(ATTACH);
+    fprintf(file, "%u %d %u %u", port, ends[1], DEVICE_ID, HIGH_SPEED);
+    if (fclose(file))
+        fail("plug in");
+    close(ends[1]);
+    device->socket = ends[0];
+}
+
+static void finish(struct usb_device *device, uint32_t number, int status, const void *data, size_t size,
+                   size_t transferred) {
+    struct message message = {.command = htonl(RET_SUBMIT), .number = htonl(number)};
+    message.done.status = htonl((uint32_t)status);
+    message.done.length = htonl((uint32_t)transferred);
+    put(device->socket, &message, sizeof(message));
+    put(device->socket, data, size);
+}
+
+bool usb_send(struct usb_device *device, const void *data, size_t size) {
+    if (!device->pending_count)
+        return false;
+    uint32_t number = device->pending[0].number;
+    memmove(&device->pending[0], &device->pending[1], --device->pending_count * sizeof(device->pending[0]));
+    finish(device, number, 0, data, size, size);
+    return true;
+}
+
+static void serve_control(struct usb_device *device, const struct message *message) {
+    const uint8_t *s = message->submit.setup;
+    const struct usb_request request = {s[0], s[1], (uint16_t)(s[2] | s[3] << 8), (uint16_t)(s[4] | s[5] << 8),
+                                        (uint16_t)(s[6] | s[7] << 8)};
+    uint8_t data[512] = {0};
+    bool in = request.type & 0x80;
+    if (!in && request.length)
+        get(device->socket, data, request.length < sizeof(data) ? request.length : sizeof(data));
+    int length = device->control(&request, data);
+    if (length > request.length)
+        length = request.length;
+    if (length < 0)
+        finish(device, ntohl(message->number), -32, NULL, 0, 0); /* EPIPE: stalled */
+    else
+        finish(device, ntohl(message->number), 0, data, in ? (size_t)length : 0, in ? (size_t)length : request.length);
+}
+
+static void serve_unlink(struct usb_device *device, const struct message *message) {
+    struct message answer = {.command = htonl(RET_UNLINK), .number = message->number};
+    for (unsigned i = 0; i < device->pending_count; i++) {
+        if (device->pending[i].number != ntohl(message->unlink))
+            continue;
+        device->pending_count--;
+        memmove(&device->pending[i], &device->pending[i + 1], (device->pending_count - i) * sizeof(device->pending[0]));
+        answer.unlink = htonl((uint32_t)-104); /* ECONNRESET: taken back before it was done */
+        break;
+    }
+    put(device->socket, &answer, sizeof(answer));
+}
+
+static void serve_message(struct usb_device *device) {
+    struct message message;
+    get(device->socket, &message, sizeof(message));
+    if (ntohl(message.command) == CMD_UNLINK) {
+        serve_unlink(device, &message);
+    } else if (!message.endpoint) {
+        serve_control(device, &message);
+    } else if (device->pending_count < USB_PENDING) {
+        device->pending[device->pending_count].number = ntohl(message.number);
+        device->pending[device->pending_count++].length = ntohl(message.submit.length);
+    } else {
+        fail("too many transfers");
+    }
+}
+
+void usb_serve(struct usb_device *device, long ms, bool until_pending) {
+    int64_t end = now_ms() + ms;
+    for (;;) {
+        int64_t left = end - now_ms();
+        struct pollfd look = {.fd = device->socket, .events = POLLIN};
+        if (left < 0 || (until_pending && device->pending_count))
+            return;
+        if (poll(&look, 1, (int)left) > 0)
+            serve_message(device);
+    }
+}

@@ -1,0 +1,40 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * A USB device made of software: the kernel's vhci_hcd takes its end of a socket for a cable (the USB/IP protocol), so
+ * that the real driver for its kind talks to it. When the process ends it is unplugged.
+ */
+#ifndef USB_H
+#define USB_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#define USB_PENDING 32
+
+struct usb_request {
+    uint8_t type, request;
+    uint16_t value, index, length;
+};
+
+struct usb_device {
+    /* Answer a control request: bytes for `data` (at most 512), or what came in it. The length, or -1 to refuse. */
+    int (*control)(const struct usb_request *request, uint8_t *data);
+    int socket;
+    /* Transfers from the one IN endpoint that the host waits for, oldest first. */
+    struct {
+        uint32_t number, length;
+    } pending[USB_PENDING];
+    unsigned pending_count;
+};
+
+/* Plug it in. */
+void usb_plug(struct usb_device *device, unsigned port);
+
+/* Serve the host for so many milliseconds at most, or until there is another transfer waiting. */
+void usb_serve(struct usb_device *device, long ms, bool until_pending);
+
+/* Complete the oldest waiting transfer with these bytes. False if there is none. */
+bool usb_send(struct usb_device *device, const void *data, size_t size);
+
+#endif
