@@ -67,14 +67,15 @@ def test_gaps_are_what_the_pictures_lack(guest: Guest) -> None:
 
 def test_damaged_frames_are_lost_in_the_driver(guest: Guest) -> None:
     def damage() -> None:
-        for _ in range(3):
-            guest.sh("killall -USR1 v4l; sleep 0.5")
+        for number in (1, 2, 3):  # each is sent before the next is asked for: signals that meet are one
+            guest.sh("killall -USR1 v4l")
+            guest.wait_until(f"grep -qx 'damaged {number}' /tmp/uvc", pause=0.05)
 
     plug(guest)
     result = camera.run_grabber(guest, "", 6, damage)
     assert result.wrong == []
     assert missing(result.frames) == result.counters.lost_total >= 3
-    assert "damaged 3" in unplug(guest)
+    assert "damaged 3 brightness" in unplug(guest)
 
 
 def test_unplugged_and_plugged_in_again(guest: Guest) -> None:

@@ -3,7 +3,8 @@
  *
  * A USB camera (vhci_hcd) that shows a file again and again, a frame each MS milliseconds while the host wants them:
  * YUYV a 4:2:0 clip, MJPG JPEG pictures one after the other. One control: brightness, 0 to 200 in steps of 2.
- * USR1: the next frame is sent as damaged. Ended by TERM it prints how many it sent, and how many of them damaged. */
+ * USR1: the next frame is sent as damaged, and then it prints "damaged" and how many they were. A signal that follows
+ * before that may be one with it. Ended by TERM it prints how many it sent, and how many of them damaged. */
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -287,10 +288,14 @@ int uvc(int argc, char **argv) {
         size_t size = source.jpeg ? next_jpeg(&clip, &at, &picture) : source.largest;
         if (!source.jpeg)
             to_yuyv(&clip, number % clip.frames, yuyv);
-        send_frame(&device, picture, size, number, damage != 0);
-        damaged += damage != 0;
-        damage -= damage != 0;
+        bool hurt = damage != 0;
+        send_frame(&device, picture, size, number, hurt);
         sent++;
+        if (hurt) {
+            damage = 0;
+            printf("damaged %u\n", ++damaged);
+            fflush(stdout);
+        }
     }
     printf("sent %u damaged %u brightness %d\n", sent, damaged, brightness);
     return 0;
