@@ -16,7 +16,7 @@ PYTHON = /usr/bin/python3 -B
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)')
 
-.PHONY: help setup setup-build build run test test-long again image reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
+.PHONY: help setup setup-build build run test test-long again defects image reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
 	clean distclean
 
 help:            ## this list
@@ -35,6 +35,8 @@ test-long: setup ## the tests that take minutes and hours; output/long/<test>.js
 	@$(PYTHON) tools/test.py -long $(if $(T),'$(T)')
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
 	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')
+defects: setup   ## put defects back that once were: the test against each turns red; T= words of a name
+	@$(PYTHON) tools/defects.py $(T)
 image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py image "$(BOARD)"

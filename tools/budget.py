@@ -29,10 +29,12 @@ class Item:
 
 
 def judge(values: dict[str, float]) -> list[Item]:
-    """Every line of the budget with what was measured for it."""
+    """The lines of the budget for which something was measured."""
     items = []
     for line in entries(BUDGET):
         name, limit, unit, text = line.split(None, 3)
+        if name not in values:
+            continue
         items.append(Item(name, round(values[name], 2), float(limit), unit, text))
     return items
 

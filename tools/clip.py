@@ -15,6 +15,7 @@ import numpy
 from numpy.typing import NDArray
 
 WIDTH, HEIGHT, RATE, SECONDS = 352, 288, 25, 20
+SHORT = 10  # s; of the clip that every run of the boot tests records
 BLOCK, ACROSS, DOWN = 16, 8, 4
 BLACK, WHITE = 24, 224
 LEAST_CONTRAST = 40

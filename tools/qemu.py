@@ -20,7 +20,7 @@ from disk import BOOT, Disk
 from machine import Machine
 from qmp import Monitor
 
-PROBE_SECONDS = 10
+PROBE_SECONDS = 6
 TCG = "tcg,thread=multi"
 USERSPACE = b"Starting base"  # our own scripts' first line
 # With several processors under TCG, QEMU 7.2 may execute the breakpoint by which a kernel changes its own code (jump

@@ -122,9 +122,15 @@ def clip() -> pathlib.Path:
 
 
 @pytest.fixture(scope="session")
-def guest(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[qemu.Guest]:
-    """A guest that records the clip, with a shell."""
-    with boot("guest", test_disk=testdisk.make(work / "clip.img", clip)) as running:
+def short_clip(work: pathlib.Path) -> pathlib.Path:
+    """Its first half."""
+    return default_clip.write(work / "short-clip.y4m", default_clip.SHORT)
+
+
+@pytest.fixture(scope="session")
+def guest(boot: qemu.Boot, work: pathlib.Path, short_clip: pathlib.Path) -> Iterator[qemu.Guest]:
+    """A guest that records the short clip, with a shell."""
+    with boot("guest", test_disk=testdisk.make(work / "clip.img", short_clip)) as running:
         running.shell()
         with kept(running):
             yield running
@@ -132,8 +138,8 @@ def guest(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[q
 
 @pytest.fixture(scope="session")
 def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[qemu.Guest]:
-    """A guest with vivid, whose output can show two seconds of the clip; nobody records."""
-    feed = default_clip.write(work / "feed.y4m", 2)
+    """A guest with vivid, whose output can show a second of the clip; nobody records."""
+    feed = default_clip.write(work / "feed.y4m", 1)
     with boot("camera", test_disk=camera.disk(work, board.board, feed), more_memory=256) as running:
         camera.prepare(running)
         running.sh("/etc/init.d/S*ddxvideosave stop")
@@ -151,10 +157,10 @@ def closed(boot: qemu.Boot) -> Iterator[qemu.Guest]:
 
 
 @pytest.fixture(scope="session")
-def recorded(guest: qemu.Guest, clip: pathlib.Path, work: pathlib.Path) -> session.Result:
+def recorded(guest: qemu.Guest, short_clip: pathlib.Path, work: pathlib.Path) -> session.Result:
     """The clip has gone through, and the recording was compared with it."""
-    session.wait_for_clip(guest, default_clip.SECONDS * default_clip.RATE)
+    session.wait_for_clip(guest, default_clip.SHORT * default_clip.RATE)
     session.stop_recorder(guest)
-    result = session.collect(guest, clip, work / "recorded.y4m")
+    result = session.collect(guest, short_clip, work / "recorded.y4m")
     guest.sh("mount -o remount,rw /rec && /etc/init.d/S*ddxvideosave start")
     return result

@@ -45,7 +45,7 @@ def missing(frames: list[camera.Frame]) -> int:
 
 def test_every_frame_comes_out_bit_exact(guest: Guest) -> None:
     plug(guest)
-    result = camera.run_grabber(guest, "", 6)
+    result = camera.run_grabber(guest, "", 4)
     assert result.wrong == []
     assert missing(result.frames) == result.counters.lost_total == camera.gaps(result.frames)
     assert unplug(guest).startswith("sent ")
@@ -55,9 +55,10 @@ def test_gaps_are_what_the_pictures_lack(guest: Guest) -> None:
     """Nobody takes frames out of the driver for two seconds: it throws away what it has no room for."""
     def freeze() -> None:
         guest.sh(f"p=$(cat /run/service/{GRABBER}/supervise/pid); kill -STOP $p; sleep 2; kill -CONT $p")
+        camera.wait_for_frames(guest, 3)
 
     plug(guest)
-    result = camera.run_grabber(guest, "", 6, freeze)
+    result = camera.run_grabber(guest, "", 4, freeze)
     assert result.wrong == []
     assert missing(result.frames) == result.counters.lost["driver"] == result.counters.lost_total > 5
     del result.frames[3]  # the check itself
@@ -70,9 +71,10 @@ def test_damaged_frames_are_lost_in_the_driver(guest: Guest) -> None:
         for number in (1, 2, 3):  # each is sent before the next is asked for: signals that meet are one
             guest.sh("killall -USR1 v4l")
             guest.wait_until(f"grep -qx 'damaged {number}' /tmp/uvc", pause=0.05)
+        camera.wait_for_frames(guest, 3)
 
     plug(guest)
-    result = camera.run_grabber(guest, "", 6, damage)
+    result = camera.run_grabber(guest, "", 2, damage)
     assert result.wrong == []
     assert missing(result.frames) == result.counters.lost_total >= 3
     assert "damaged 3 brightness" in unplug(guest)
@@ -86,9 +88,10 @@ def test_unplugged_and_plugged_in_again(guest: Guest) -> None:
         unplug(guest)
         time.sleep(2)
         times.append(plug(guest))
+        camera.wait_for_frames(guest, 3)
 
     plug(guest)
-    result = camera.run_grabber(guest, "", 6, replug)
+    result = camera.run_grabber(guest, "", 2, replug)
     text = camera.said(guest)
     assert result.wrong == []
     assert "unplugged" in text[1] and "back after" in text[-1], text

@@ -8,7 +8,7 @@ import qemu
 import session
 from recording import Partition
 
-FRAMES = default_clip.RATE * default_clip.SECONDS
+FRAMES = default_clip.RATE * default_clip.SHORT
 RATE = 4  # times as fast
 # What the logger has counted.
 OUT = "out=$(ddxctl stats --json | sed -n '/\"ddxlog\"/s/.*\"out\":\\([0-9]*\\).*/\\1/p');"

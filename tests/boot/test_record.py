@@ -3,16 +3,17 @@
 import pathlib
 
 import clip as default_clip
+import counters
 import qemu
 import session
-import testdisk
 import y4m
+from recording import Partition
 
 
 def test_every_frame_is_recorded_bit_exact_and_in_order(recorded: session.Result) -> None:
     outside = recorded.outside
     assert outside.exact and outside.numbered
-    assert outside.recorded == outside.clip == default_clip.SECONDS * default_clip.RATE
+    assert outside.recorded == outside.clip == default_clip.SHORT * default_clip.RATE
     assert outside.missing == [] and outside.foreign == [] and outside.unordered == 0
 
 
@@ -25,31 +26,46 @@ def test_frames_keep_their_pace(recorded: session.Result, work: pathlib.Path) ->
     _, frames = y4m.read(work / "recorded.y4m")
     times = [frame.time or 0 for frame in frames]
     assert times[0] == 0
-    late = [time - index * 1_000_000_000 // default_clip.RATE for index, time in enumerate(times)]
-    assert max(abs(time) for time in late) < 500_000_000
+    period = 1_000_000_000 // default_clip.RATE
+    late = sorted(time - index * period for index, time in enumerate(times))
+    # None too early by more than the first one was late; and a host that stalls makes a few late, not most of them.
+    assert late[0] > -500_000_000 and late[len(late) // 2] < 500_000_000
 
 
-def test_a_loss_in_the_guest_is_counted_right(boot: qemu.Boot, work: pathlib.Path) -> None:
-    """The recorder is frozen for three seconds: what it missed is what its file lacks, and the verdict is bad."""
-    clip = work / "short.y4m"
-    default_clip.write(clip, 10)
-    disk = testdisk.make(work / "short.img", clip)
-    with boot("loss", test_disk=disk) as guest:
-        guest.shell()
-        session.wait_for_recording(guest)
-        guest.sh("p=$(cat /run/service/ddxvideosave/supervise/pid); kill -STOP $p; sleep 3; kill -CONT $p")
-        session.wait_for_clip(guest, 250)
-        session.stop_recorder(guest)
-        result = session.collect(guest, clip, work / "loss.y4m")
+def test_a_loss_in_the_guest_is_counted_right(guest: qemu.Guest, recorded: session.Result, short_clip: pathlib.Path,
+                                              work: pathlib.Path) -> None:
+    """A recorder is frozen for three seconds: what it missed is what its file lacks, and the verdict is bad."""
+    def start(program: str, options: str) -> None:
+        guest.sh(f"/usr/bin/{program} {options} -name loss -instance loss.{program} > /tmp/loss.{program} 2>&1 & "
+                 f"echo $! > /tmp/loss.pid")
+
+    def wait(program: str) -> None:
+        """Until it has said how it ended."""
+        guest.wait_until(f"grep -q '\"instance\":\"loss.{program}\"' /tmp/loss.{program}")
+
+    start(session.LOAD, "/test/clip.y4m -readers 1")
+    start(session.SAVE, "-output /rec/loss.y4m")
+    guest.wait_until(f"ddxctl stats --json | grep -q 'loss.{session.SAVE}.*\"out\":[1-9]'")
+    guest.sh("p=$(cat /tmp/loss.pid); kill -STOP $p; sleep 3; kill -CONT $p")
+    wait(session.LOAD)
+    guest.sh("kill $(cat /tmp/loss.pid)")
+    wait(session.SAVE)
+    load, save = (counters.last(guest.sh(f"cat /tmp/loss.{name}")) for name in (session.LOAD, session.SAVE))
+    guest.sh("sync")
+    recording = Partition(guest.snapshot()).take("loss.y4m", work / "loss.y4m")
+    guest.sh("rm /rec/loss.y4m")
+    result = session.judge(short_clip, recording, load, save)
     missing = result.outside.missing
-    assert 20 <= len(missing) <= 100
+    frames = default_clip.SHORT * default_clip.RATE
+    assert 0 < len(missing) < frames
     assert not result.good
-    assert result.outside.recorded == 250 - len(missing)
+    assert result.outside.recorded == frames - len(missing)
     assert result.save.lost_total == len(missing) == result.lost_store + result.lost_record
     assert result.disagreements == []
 
 
-def test_frames_missing_in_a_file_are_found(recorded: session.Result, clip: pathlib.Path, work: pathlib.Path) -> None:
+def test_frames_missing_in_a_file_are_found(recorded: session.Result, short_clip: pathlib.Path,
+                                               work: pathlib.Path) -> None:
     """The check itself: frames taken out of a good recording, two exchanged, one changed."""
     header, frames = y4m.read(work / "recorded.y4m")
     line = f"YUV4MPEG2 {' '.join(header.parameters)}\n".encode()
@@ -58,7 +74,7 @@ def test_frames_missing_in_a_file_are_found(recorded: session.Result, clip: path
     def verdict(changed: list[tuple[tuple[str, ...], bytes]]) -> session.Result:
         path = work / "changed.y4m"
         path.write_bytes(line + b"".join(f"FRAME {' '.join(p)}\n".encode() + d for p, d in changed))
-        return session.judge(clip, path, recorded.load, recorded.save)
+        return session.judge(short_clip, path, recorded.load, recorded.save)
 
     assert verdict(every).good
     removed = verdict(every[:100] + every[103:])

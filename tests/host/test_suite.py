@@ -76,6 +76,10 @@ def test_none_for_frames_and_memory(places: pathlib.Path, words: str) -> None:
     assert len(kept) == 1 and words in kept[0].read_text()
 
 
+def test_counters_that_are_printed_accuse_nobody(places: pathlib.Path) -> None:
+    assert outcomes(run_python(places, "2 >= 3, of Counters(lost={'driver': 2})")) == ["flaky"]
+
+
 def test_none_when_it_is_strict(places: pathlib.Path) -> None:
     assert outcomes(run_python(places, "it came too late", strict=True)) == ["failed"]
 

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Defects that were once in the product: how each is put back, which test stands against it, and what that test says
+then (a pattern). tools/defects.py puts them back one by one, in a copy of the tree."""
+import dataclasses
+
+
+@dataclasses.dataclass(frozen=True)
+class Defect:
+    name: str
+    file: str
+    now: str    # stands in the file once
+    then: str   # is put there instead
+    test: str   # of pytest, as it is named on its command line; or `C: name`, a test in C
+    words: str
+
+
+DEFECTS = [
+    Defect("a reader's number counts with a store that did not give it", "package/ddx/lib/service.c",
+           '(writer->confirmed[i] || DDX_BROKEN("numbers"))', "(writer->confirmed[i] || true)",
+           "C: frames stay while the store is restarted", "torn"),
+    Defect("a reader counts before frames are kept for it", "package/ddx/store/reader.c",
+           "epoch && epoch_ready(epoch) && epoch->slots >= 2 + item->kept", "epoch || true",
+           "tests/host/test_first_frames.py", "the loader has time, and a reader"),
+    Defect("at full speed the loader waits for no reader", "package/ddxvideo/load/player.c",
+           "player->patient = !player->speed.num && player->readers;", "player->patient = false;",
+           "tests/host/test_first_frames.py", "the loader has time, and a reader"),
+    Defect("the loader makes up for a stall at once", "package/ddx/program/schedule.c",
+           "return due > soonest ? due : soonest;", "return soonest < 0 ? soonest : due;",
+           "C: schedule", "schedule"),
+    Defect("the disk is waited for where frames are read", "package/ddxvideo/save/recording.c",
+           "    recording->split = recording->file_bytes > 0;\n",
+           "    recording->split = recording->file_bytes > 0;\n    (void)fdatasync(0);\n",
+           "tests/host/test_stalled_disk.py::test_files_are_closed_by_who_writes_them", "Failed|Error"),
+    Defect("the recorder's patience cannot be set", "package/ddxvideo/save/recorder.c",
+           "recorder->keep_frames ? (unsigned)recorder->keep_frames : KEEP_FRAMES", "KEEP_FRAMES",
+           "tests/host/test_faults.py::test_so_many_frames_are_kept_as_it_asks_for", "lost|assert"),
+    Defect("two mounts load one driver", "overlay/etc/init.d/S15storage", "modprobe -qa ext4 crc32c vfat &", "true &",
+           "tests/host/test_storage.py", "modprobe.said"),
+    Defect("a mount that is refused is not tried again", "overlay/usr/libexec/ddx/storage", "-le 5 ]", "-le 1 ]",
+           "tests/host/test_storage.py", "FAIL"),
+    Defect("ddxgrow does not say that it is done", "package/ddxgrow/S16ddxgrow", 'echo "$DAEMON: done"', ":",
+           "tests/host/test_script_timing.py::test_growing_says_when_it_is_done", "Failed|Error"),
+    Defect("a service's stop is lost before runsv listens", "package/ddx/service/service",
+           'pgrep -x -f "runsv $1" > /dev/null || return 1', "return 1",
+           "tests/host/test_script_timing.py::test_a_stop_is_heard_by_a_runsv_that_just_begins", "stopped"),
+    Defect("finish breaks on an empty `begin`", "package/ddx/service/finish", "''|*[!0-9.]*) started=$now ;;",
+           "none) started=$now ;;", "tests/host/test_script_timing.py::test_it_is_not_known_when_a_program_began",
+           "assert"),
+    Defect("a slot that cannot be read is found out by GRUB's menu", "board/common/grub.cfg",
+           'if [ ! -f "($disk,$partition)/boot/vmlinuz" ]; then', "if false; then",
+           "tests/boot/test_slots.py", "Press any key"),
+]
