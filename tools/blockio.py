@@ -15,21 +15,22 @@ BLKFLSBUF = 0x1261
 
 
 class Source:
-    """The image, with a part of it replaced; behind its end there are zeros."""
+    """The image, with parts of it replaced; behind its end there are zeros."""
 
     def __init__(self, image: pathlib.Path) -> None:
         self._file = image.open("rb", buffering=0)
-        self._begin, self._part = 0, b""
+        self._parts: list[tuple[int, bytes]] = []
 
     def replace(self, begin: int, part: bytes) -> None:
-        self._begin, self._part = begin, part
+        self._parts.append((begin, part))
 
     def read(self, offset: int, size: int) -> bytes:
         data = bytearray(os.pread(self._file.fileno(), size, offset))
         data += bytes(size - len(data))
-        begin, end = max(offset, self._begin), min(offset + size, self._begin + len(self._part))
-        if begin < end:
-            data[begin - offset:end - offset] = self._part[begin - self._begin:end - self._begin]
+        for where, part in self._parts:
+            begin, end = max(offset, where), min(offset + size, where + len(part))
+            if begin < end:
+                data[begin - offset:end - offset] = part[begin - where:end - where]
         return bytes(data)
 
     def close(self) -> None:

@@ -7,6 +7,7 @@ Exit status 2: refused, nothing was written. 1: failed or interrupted; the disk 
 import contextlib
 import dataclasses
 import pathlib
+import secrets
 import signal
 import sys
 import time
@@ -20,6 +21,7 @@ from blockmap import Range
 from common import OUTPUT, Failed, say
 
 WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "CONSOLE"]
+SIGNATURE = 440  # of the disk, in its boot sector; four bytes
 START = 2**20  # boot sector, partition table and boot loader: written last, so that a disk that boots is complete
 
 
@@ -133,6 +135,8 @@ def prepare(words: dict[str, str]) -> Job:
             say(f"  {line}")
         disk.refuse(need)
     source = Source(image)
+    # Two flashed disks may be in one machine: the loader tells the kernel which one it came from by this number.
+    source.replace(SIGNATURE, secrets.token_bytes(4))
     if lines:
         source.replace(*provision.boot_partition(image, lines))
         say(f"for this machine: {', '.join(line[:60] for line in lines)}")

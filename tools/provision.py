@@ -10,7 +10,7 @@ import mbr
 from common import Failed, run
 
 FILE = "::ddx.txt"
-HOST_NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")  # as in overlay/etc/init.d/S17provision
+HOST_NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")  # as in overlay/etc/init.d/S14provision
 KEY = re.compile(r"(ssh-ed25519|ssh-rsa|ecdsa-sha2-nistp(256|384|521)|sk-[a-z0-9-]+@openssh\.com) (\S+)( .*)?")
 ENOUGH = 65536  # the machine reads no more of the file
 

@@ -69,7 +69,7 @@ class Guest:
             again = keep is not None and (keep / "disk.qcow2").exists()
             disk = Disk(image, keep or self.folder, size)
             if not again:
-                provision = ("console=open\n" if console else "") + provision
+                provision = ("console=open\n" if console else "") + ("test=yes\n" if test_disk else "") + provision
             self._set_boot_files(disk, provision, environment)
             if prepare:
                 prepare(disk)

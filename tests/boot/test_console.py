@@ -26,4 +26,4 @@ def test_no_password_and_no_key_in_the_image(root: pathlib.Path) -> None:
 
 
 def test_console_opened_by_provisioning(guest: Guest) -> None:
-    assert guest.sh("cat /run/provision") == "console=open"
+    assert guest.sh("cat /run/provision") == "console=open\ntest=yes"

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A disk that was full of old data, flashed, boots and serves."""
+"""A disk that was full of old data, flashed, boots and serves; another one in the same machine is left alone."""
 import os
 import pathlib
 import subprocess
 import sys
 import time
 
-from common import PATIENCE, SBIN, TOP
+import pytest
+
+from common import PATIENCE, SBIN, TOP, run
 from machine import Machine
 from qemu import Guest
 
@@ -36,15 +38,25 @@ def flash(image: pathlib.Path, disk: pathlib.Path) -> None:
             subprocess.run(["losetup", "--detach", device], env={**os.environ, **SBIN}, check=True)
 
 
-def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, accel: str, board: Machine,
-                                         tmp_path: pathlib.Path) -> None:
-    disk = tmp_path / "disk.img"
+# Whose name in Linux comes before that of the disk that is booted, vda, and after it.
+@pytest.mark.parametrize("other", [
+    ("-device", "qemu-xhci", "-device", "usb-storage,drive=other"),
+    pytest.param(("-device", "virtio-blk-pci,drive=other"), marks=pytest.mark.long)], ids=["sda", "vdb"])
+def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, accel: str, board: Machine, tmp_path: pathlib.Path,
+                                         other: tuple[str, ...]) -> None:
+    disk, strange = tmp_path / "disk.img", tmp_path / "strange.qcow2"
     flash(image, disk)
+    # As it comes from the image: with the same labels, and a ddx.txt that opens no console.
+    run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), strange])
+    extra = ("-drive", f"if=none,id=other,file={strange},format=qcow2", *other)
     try:
-        with Guest(disk, accel, board, console=False) as guest:  # nothing but what was flashed tells it anything
+        # Nothing but what was flashed tells it anything.
+        with Guest(disk, accel, board, console=False, extra=extra) as guest:
             assert guest.sh("hostname") == "flashed"
+            assert len(guest.sh("blkid | grep DDXDATA").splitlines()) == 2
             for folder in ["/data", "/rec"]:
-                guest.sh(f"mountpoint -q {folder} && touch {folder}/file")
+                assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith("/dev/vda")
+                guest.sh(f"touch {folder}/file")
             deadline = time.monotonic() + PATIENCE
             for program in ["store", "ddxvideosave"]:
                 while guest.shell().run(f"/etc/init.d/S*{program} status")[0] != 0:

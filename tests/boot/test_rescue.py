@@ -4,6 +4,7 @@
 from channel import Timeout
 from qemu import USERSPACE, Boot, Guest
 
+OWN = "/usr/libexec/ddx/own-partition"
 DOWN = "\x1b[B"
 CHOSEN = rb"\x1b\[7m\x1b\[\d+;3H\*[^\x1b]*"  # the entry that GRUB shows in reverse
 
@@ -39,5 +40,5 @@ def test_rescue_touches_nothing(boot: Boot) -> None:
         assert guest.shell().run("pidof store ddxvideosave ddxvideoload resize2fs")[0] != 0
         assert guest.sh("ls /run/service") == ""
         # what it is for: the file systems can be looked after, by hand
-        guest.sh("e2fsck -fn $(findfs LABEL=DDXREC) && e2fsck -fy $(findfs LABEL=DDXDATA)")
-        guest.sh("mount -t ext4 -o ro LABEL=DDXREC /rec && umount /rec")
+        guest.sh(f"e2fsck -fn $({OWN} 6) && e2fsck -fy $({OWN} 5)")
+        guest.sh(f"mount -t ext4 -o ro $({OWN} 6) /rec && umount /rec")

@@ -32,14 +32,14 @@ def read(defaults: pathlib.Path, text: str | bytes) -> tuple[list[str], list[str
 @pytest.mark.parametrize("line", [
     "hostname=robot1", "console=open", "console=closed", f"ssh_key={KEY}", "network=eth0 dhcp",
     "network=enp3s0 192.168.1.5/24", "network=eth1 192.168.1.5/24 192.168.1.1", "dns=192.168.1.1 10.0.0.1",
-    "ntp=pool.ntp.org 192.168.1.1", "service=ddxvideosend on", "service=store off"])
+    "ntp=pool.ntp.org 192.168.1.1", "service=ddxvideosend on", "service=store off", "test=yes", "test=no"])
 def test_a_right_line_is_taken(defaults: pathlib.Path, line: str) -> None:
     assert read(defaults, line + "\n") == ([line], [])
 
 
 def shown(line: str) -> str:
     """What is told of a line: not what comes after a word that we do not know, which may be a secret."""
-    known = ("console", "country", "dns", "hostname", "network", "ntp", "service", "ssh_key")
+    known = ("console", "country", "dns", "hostname", "network", "ntp", "service", "ssh_key", "test")
     key, equals, _ = line.partition("=")
     if not equals:
         first, space, _ = line.partition(" ")
@@ -57,7 +57,8 @@ def shown(line: str) -> str:
     ("network=eth0 dhcp 192.168.1.1", "dhcp is needed"), ("network=../x dhcp", "an interface"),
     ("dns=name", "an address"),
     ("dns=", "an address is needed"), ("ntp=-p", "host's name"), ("ntp=$(reboot)", "host's name"),
-    ("service=store", "on or off"), ("service=stor on", "there is no service 'stor'; there are: store ddxvideosend"),
+    ("service=store", "on or off"), ("test=1", "yes or no"),
+    ("service=stor on", "there is no service 'stor'; there are: store ddxvideosend"),
     ("service=../etc/passwd on", "there is no service"), ("country=de", "two capital letters"),
     ("country=DEU", "two capital letters"), ("wfi=hall secret123", "not a key"), ("wifi hall secret123", "key=value")])
 def test_a_wrong_line_is_told_and_left_out(defaults: pathlib.Path, line: str, says: str) -> None:

@@ -27,6 +27,7 @@ FAKES = {
     "mount": MOUNT,
     "mountpoint": '#!/bin/sh\ngrep -qx "$2" mounted\n',
     "blkid": "#!/bin/sh\n" + "".join(f"echo '/dev/{label}: LABEL=\"{label}\"'\n" for label in DISKS),
+    "own-partition": '#!/bin/sh\ncase $1 in 5) echo /dev/DDXDATA ;; 6) echo /dev/DDXREC ;; esac\n',
     "modprobe": '#!/bin/sh\necho "$*" >> modprobe.said\n',
     **{name: "#!/bin/sh\n" for name in ("e2fsck", "chown", "chmod", "mkdir", "sleep")}}
 
@@ -38,9 +39,11 @@ class Machine:
         (folder / "programs").mkdir()
         (folder / "cmdline").write_text("quiet\n")
         (folder / "mounted").touch()
+        (folder / "provision").write_text("hostname=robot\ntest=yes\n")
         for name, text in FAKES.items():
             (folder / "programs" / name).write_text(text)
             (folder / "programs" / name).chmod(0o755)
+        (folder / "own-partition").symlink_to("programs/own-partition")
         for name in ("storage", "S15storage"):
             place = "etc/init.d" if name.startswith("S") else "usr/libexec/ddx"
             text = (TOP / "overlay" / place / name).read_text()
@@ -74,6 +77,12 @@ def test_everything_is_mounted_and_drivers_come_first(machine: Machine) -> None:
     assert machine.start() == (0, "Starting storage: OK\n")
     assert machine.mounted == set(DISKS.values())
     assert {"ext4", "crc32c", "vfat"} <= set((machine.folder / "modprobe.said").read_text().split())
+
+
+def test_a_test_disk_that_nobody_asked_for_is_left_alone(machine: Machine) -> None:
+    (machine.folder / "provision").write_text("hostname=robot\ntest=no\n")
+    assert machine.start() == (0, "Starting storage: OK\n")
+    assert machine.mounted == {"/data", "/rec"}
 
 
 @pytest.mark.parametrize("label", DISKS)

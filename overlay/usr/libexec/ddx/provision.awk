@@ -6,7 +6,7 @@
 function wrong(why, line) {
 	line = raw
 	if (!at) sub(/ .*/, " ...", line)
-	else if (key !~ /^(console|country|dns|hostname|network|ntp|service|ssh_key)$/) line = key "=..."
+	else if (key !~ /^(console|country|dns|hostname|network|ntp|service|ssh_key|test)$/) line = key "=..."
 	tell(NR, line, why)
 	bad = 1
 }
@@ -162,6 +162,9 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 	} else if (key == "console") {
 		if (value !~ /^(open|closed)$/) wrong("open or closed is needed")
 		else once(key)
+	} else if (key == "test") {
+		if (value !~ /^(yes|no)$/) wrong("yes or no is needed")
+		else once(key)
 	} else if (key == "ssh_key") {
 		if (value !~ /^(ssh-ed25519|ssh-rsa|ecdsa-sha2-nistp(256|384|521)|sk-[a-z0-9@.-]+) AAAA[A-Za-z0-9+\/]+=*( [ -~]*)?$/)
 			wrong("a public key is needed, as in a file that ends in .pub")
@@ -179,7 +182,7 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 	else if (key == "service")
 		service()
 	else
-		wrong("not a key; there are: console country dns hostname network ntp service ssh_key wifi")
+		wrong("not a key; there are: console country dns hostname network ntp service ssh_key test wifi")
 	if (!bad) good[NR] = key "=" value
 }
 END {
