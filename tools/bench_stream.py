@@ -3,8 +3,8 @@
 """The stream's part of make bench: from a frame that is ready to its decoded pixels, and what the sender costs.
 
 bench_stream.py [-rounds N] in a network of its own. Prints a table, writes output/bench/stream.json. A round is 15 s of
-the real clip at CIF 25 for each codec; the figures come from the pictures' numbers, the store's times and the kernel's
-CPU accounting, not from what the programs say.
+the real clip at CIF 25 for each codec, and as much of the sender's encoder alone (bench/encode.c); the figures come
+from the pictures' numbers, the store's times and the kernel's CPU accounting, not from what the programs say.
 """
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ import numpy
 import native
 from bench_run import cpus, percentile
 from clip import draw_number, frame_number
-from common import OUTPUT, TOP, Failed, finish, say
+from common import MORTAL, OUTPUT, TOP, Failed, finish, say
 from footage import footage
 
 SIZE = 352, 288
@@ -33,6 +33,7 @@ BITRATE = 200
 LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 2.0
 CODECS = ["h264", "mpeg4"]
 CLIP = OUTPUT / "bench/stream.y4m"
+ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
 
 
 def numbered_clip() -> pathlib.Path:
@@ -133,6 +134,21 @@ def slice_of(codec: str, folder: pathlib.Path) -> dict[str, Any]:
     return {"codec": codec, "latency_ms": latency, "sender_percent": sender_percent, "decode_percent": decode_percent}
 
 
+def alone(codec: str) -> float:
+    """The encoder without a sender: percent of a core, for as long as the sender was measured."""
+    encoder = subprocess.Popen([*MORTAL, ENCODE, CLIP, codec, str(BITRATE)])
+    try:
+        time.sleep(WARM_UP)
+        before, begin = cpu_seconds(encoder), time.monotonic()
+        time.sleep(SECONDS - WARM_UP - 2)
+        if encoder.poll() is not None:
+            raise Failed(f"{ENCODE.name} ended with status {encoder.returncode}")
+        return 100 * (cpu_seconds(encoder) - before) / (time.monotonic() - begin)
+    finally:
+        encoder.kill()
+        encoder.wait()
+
+
 def report(slices: list[dict[str, Any]]) -> list[dict[str, Any]]:
     rows = []
     for codec in CODECS:
@@ -141,19 +157,25 @@ def report(slices: list[dict[str, Any]]) -> list[dict[str, Any]]:
         rows.append({"codec": codec, "frames": len(latency), "p50_ms": round(percentile(latency, 50), 2),
                      "p99_ms": round(percentile(latency, 99), 2), "max_ms": round(max(latency), 2),
                      "sender_percent": round(statistics.median(one["sender_percent"] for one in mine), 2),
+                     "encoder_percent": round(statistics.median(one["encoder_percent"] for one in mine), 2),
+                     "sender_ratio": round(statistics.median(one["sender_percent"] / one["encoder_percent"]
+                                                             for one in mine), 2),
                      "decode_percent": round(statistics.median(one["decode_percent"] for one in mine), 2)})
     return rows
 
 
 def table(rows: list[dict[str, Any]]) -> None:
-    say(f"{'stream, CIF 25, ' + str(BITRATE) + ' kbit/s':34}{'p50':>9}{'p99':>9}{'sender':>9}{'decode':>9}")
-    say(f"{'':34}{'ms':>9}{'ms':>9}{'CPU %':>9}{'CPU %':>9}")
+    heads = [("p50", "ms"), ("p99", "ms"), ("sender", "CPU %"), ("encoder", "CPU %"), ("ratio", ""),
+             ("decode", "CPU %")]
+    for line, title in enumerate((f"stream, CIF 25, {BITRATE} kbit/s", "")):
+        say(f"{title:34}" + "".join(f"{head[line]:>9}" for head in heads))
     for row in rows:
         over = [what for what, value, limit in (("p50", row["p50_ms"], LIMIT_P50_MS),
                                                  ("sender", row["sender_percent"], LIMIT_SENDER_PERCENT))
                 if value > limit]
         say(f"{row['codec']:34}{row['p50_ms']:9.2f}{row['p99_ms']:9.2f}{row['sender_percent']:9.2f}"
-            f"{row['decode_percent']:9.2f}" + (f"   over the limit: {', '.join(over)}" if over else ""))
+            f"{row['encoder_percent']:9.2f}{row['sender_ratio']:9.2f}{row['decode_percent']:9.2f}"
+            + (f"   over the limit: {', '.join(over)}" if over else ""))
 
 
 def measure(rounds: int) -> list[dict[str, Any]]:
@@ -163,7 +185,7 @@ def measure(rounds: int) -> list[dict[str, Any]]:
     for _ in range(rounds):
         for codec in CODECS:
             with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-                slices.append(slice_of(codec, pathlib.Path(name)))
+                slices.append({**slice_of(codec, pathlib.Path(name)), "encoder_percent": alone(codec)})
     rows = report(slices)
     table(rows)
     (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), "stream": rows}, indent=1) + "\n")

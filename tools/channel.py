@@ -32,6 +32,7 @@ class Channel:
         self._socket.close()
 
     def send(self, text: str) -> None:
+        """As it is, to whoever reads there; a shell that has become a server of commands wants begin() or run()."""
         self._socket.settimeout(PATIENCE)  # not what was left for the last wait
         try:
             self._socket.sendall(text.encode())
@@ -76,9 +77,13 @@ class Channel:
         self.send(SERVER + "\n")
         self.run(":", deadline - time.monotonic())  # leftovers of the knocking come before its answer
 
-    def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
+    def begin(self, command: str) -> None:
+        """Have a command run whose end nobody waits for, such as that of the machine itself."""
         self._commands += 1
         self.send(f"{self._commands} " + command.replace("\n", " ") + "\n")
+
+    def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
+        self.begin(command)
         deadline = time.monotonic() + timeout
         while True:
             while not (match := END.search(self._buffer)):

@@ -278,7 +278,7 @@ class Guest:
 
     def poweroff(self, timeout: float = PATIENCE) -> None:
         """Stop the guest by its own means, so that its file systems are clean."""
-        self.shell().send("poweroff\n")
+        self.shell().begin("poweroff")
         try:
             self.process.wait(timeout)
         except subprocess.TimeoutExpired:

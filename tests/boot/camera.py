@@ -127,14 +127,15 @@ class Reader:
 
     def __init__(self, guest: Guest, seconds: float, item: str = "video", keep: int = KEEP) -> None:
         self.guest, self.file = guest, f"/tmp/frames.{item}"
-        guest.sh(f"rm -f {self.file}; nohup /tmp/frames {item} {seconds} {keep} > {self.file} 2>&1 &")
+        guest.sh(f"rm -f {self.file}; nohup /tmp/frames {item} {seconds} {keep} > {self.file} 2>&1 & "
+                 f"echo $! > {self.file}.pid")
         if f'"{item}"' in guest.sh("ddxctl list --json"):  # else it waits for the item, and may see it late
             guest.wait_until(f"grep -q ready {self.file}")
 
     def stop(self) -> list[Frame]:
-        """All that it has seen."""
-        self.guest.sh("sleep 0.3; killall frames")
-        self.guest.wait_until("! pidof frames > /dev/null")
+        """All that was published by now."""
+        pid = self.guest.sh(f"read -r pid < {self.file}.pid; kill $pid 2> /dev/null; echo $pid")
+        self.guest.wait_until(f"! [ -d /proc/{pid} ]", pause=0.1)
         return [Frame(*(int(word, 0) for word in line.split()))
                 for line in self.guest.sh(f"cat {self.file}").splitlines() if line != "ready"]
 

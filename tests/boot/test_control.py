@@ -137,7 +137,7 @@ def test_a_reset_takes_settings_and_leaves_recordings(boot: Boot, tmp_path: path
         assert found[SAVE]["enabled"] is True and REAR not in found and run(guest, "pidof ddxvideosend")[0] == 1
         assert guest.sh("ls -A /data/ddx; cat /run/service/store/supervise/pid") == store
         guest.sh("mkdir /data/keys && echo secret > /data/keys/host && ls /rec/old.y4m")
-        guest.shell().send("echo everything | ddxctl reset everything recordings\n")
+        guest.shell().begin("echo everything | ddxctl reset everything recordings")
         guest.process.wait(PATIENCE)
     with boot("reset-everything", keep=tmp_path) as guest:
         left = guest.sh("ls -A /data /data/ddx /rec | grep -v -e lost+found -e pool | xargs")

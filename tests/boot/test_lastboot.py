@@ -21,7 +21,7 @@ def last_words(guest: Guest, command: str) -> str:
     for _ in range(ATTEMPTS):
         guest.shell()
         if command:
-            guest.shell().send(f"{command}\n")
+            guest.shell().begin(command)
             guest.wait_for_event("RESET")
         else:
             guest.sh(f"echo '<3>{WORDS}' > /dev/kmsg; sleep 1")

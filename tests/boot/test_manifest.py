@@ -2,7 +2,29 @@
 """The image has what board/common/manifest.txt says."""
 import pathlib
 
+import pytest
+
 import manifest
+from common import entries
+
+# Kinds of lines, and which word of theirs is spoilt. Ports are asked from outside: test_ssh.py, test_ports.py
+SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
+          "partition": 3}
+ELSEWHERE = {"port"}
+
+
+def services(root: pathlib.Path) -> list[str]:
+    wanted, found = manifest.services(root)
+    return [] if found == wanted else [f"services: {found}"]
+
+
+def complaints(root: pathlib.Path, image: pathlib.Path) -> dict[str, list[str]]:
+    """What is not as the manifest says, by the kind of its line."""
+    accounts = manifest.accounts(root)
+    disk = manifest.disk(image)
+    return {"applet": manifest.applets(root), "program": manifest.programs(root),
+            "kernel": manifest.kernel(image.parent / "kernel/boot/config"), "module": manifest.modules(root),
+            "group": accounts, "user": accounts, "service": services(root), "disk": disk, "partition": disk}
 
 
 def test_applets(root: pathlib.Path) -> None:
@@ -26,9 +48,26 @@ def test_users_and_groups(root: pathlib.Path) -> None:
 
 
 def test_services_and_their_order(root: pathlib.Path) -> None:
-    wanted, found = manifest.services(root)
-    assert found == wanted
+    assert services(root) == []
 
 
 def test_disk_layout(image: pathlib.Path) -> None:
     assert manifest.disk(image) == []
+
+
+def test_each_kind_of_line_can_be_spoilt() -> None:
+    assert {line.split()[0] for line in entries(manifest.MANIFEST)} == SPOILT.keys() | ELSEWHERE
+
+
+@pytest.mark.parametrize("kind", SPOILT)
+def test_a_spoilt_line_is_seen(root: pathlib.Path, image: pathlib.Path, tmp_path: pathlib.Path,
+                               monkeypatch: pytest.MonkeyPatch, kind: str) -> None:
+    """The check itself: of each kind, the last line is made wrong."""
+    lines = entries(manifest.MANIFEST)
+    last = max(number for number, line in enumerate(lines) if line.split()[0] == kind)
+    words = lines[last].split()
+    words[SPOILT[kind]] += "9"
+    spoilt = tmp_path / "manifest.txt"
+    spoilt.write_text("\n".join([*lines[:last], " ".join(words), *lines[last + 1:]]) + "\n")
+    monkeypatch.setattr(manifest, "MANIFEST", spoilt)
+    assert complaints(root, image)[kind] != []

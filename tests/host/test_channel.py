@@ -63,3 +63,9 @@ def test_a_late_answer_is_not_taken_for_the_next_ones(shell: Channel, tmp_path: 
         shell.run("until [ -e go ]; do sleep 0.01; done; echo late; false", 0.05)
     (tmp_path / "go").touch()
     assert shell.run("echo next") == (0, "next\n")
+
+
+def test_a_command_that_nobody_waits_for_is_run(shell: Channel, tmp_path: pathlib.Path) -> None:
+    shell.begin("echo one; touch here")
+    assert shell.run("[ -e here ] && echo two") == (0, "two\n")
+    assert (tmp_path / "here").exists()

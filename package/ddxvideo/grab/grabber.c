@@ -21,6 +21,7 @@ static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 #define PATIENCE_NS SECOND      /* without a frame, the stream is begun anew; of a slow camera, four periods */
 #define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras need as long */
 #define LOST_SAID_NS (10 * SECOND)
+#define ORDER_NS (50 * MS) /* or half a period: longest that a frame waits for one before it */
 #define TIME_OFF_NS (2 * SECOND) /* a driver's time that is farther from now is none */
 
 static bool quit(const struct grabber *grabber) {
@@ -101,6 +102,7 @@ static void try_open(struct grabber *grabber) {
     grabber->period = camera->rate_num ? SECOND * camera->rate_den / camera->rate_num : 0;
     grabber->silent = 0;
     count_restart(&grabber->count);
+    order_restart(&grabber->order);
     settings_begin(grabber);
 }
 
@@ -169,15 +171,38 @@ static void handle(struct grabber *grabber, const struct v4l2_buffer *buffer) {
     ddx_stats_write(grabber->book);
 }
 
+/* How long a frame waits for one before it. */
+static int64_t patience_for_order(const struct grabber *grabber) {
+    return grabber->period > 0 && grabber->period < 2 * ORDER_NS ? grabber->period / 2 : ORDER_NS;
+}
+
+/* All whose turn it is; 0, or what giving them back to the driver ended with. */
+static int handle_due(struct grabber *grabber, int64_t now) {
+    unsigned slot;
+    while (order_next(&grabber->order, now, patience_for_order(grabber), &slot)) {
+        handle(grabber, &grabber->taken[slot]);
+        int error = device_give(&grabber->device, &grabber->taken[slot]);
+        if (error)
+            return error;
+    }
+    return 0;
+}
+
 /* All frames that are there. */
 static void take_frames(struct grabber *grabber) {
     struct v4l2_buffer buffer;
     int error;
     while (!(error = device_take(&grabber->device, &buffer))) {
-        handle(grabber, &buffer);
-        error = device_give(&grabber->device, &buffer);
+        int64_t now = ddx_time_now();
+        grabber->taken[buffer.index] = buffer;
+        bool in_time = order_add(&grabber->order, buffer.sequence, buffer.index, now);
+        error = in_time ? handle_due(grabber, now) : device_give(&grabber->device, &buffer);
         if (error)
             break;
+    }
+    if (error == -EAGAIN) {
+        int given = handle_due(grabber, ddx_time_now());
+        error = given ? given : error;
     }
     if (error == -ENODEV)
         let_go(grabber, UNPLUGGED);
@@ -201,11 +226,12 @@ static void take_events(struct grabber *grabber) {
 
 static void stream(struct grabber *grabber) {
     struct pollfd look = {.fd = grabber->device.fd, .events = POLLIN | POLLPRI};
-    int64_t begin = ddx_time_now();
-    int ready = poll(&look, 1, POLL_MS);
+    int64_t begin = ddx_time_now(), due = order_due(&grabber->order, patience_for_order(grabber));
+    int wait = due > begin + POLL_MS * MS ? POLL_MS : due > begin ? (int)((due - begin + MS - 1) / MS) : 0;
+    int ready = poll(&look, 1, wait);
     if (ready > 0 && look.revents & POLLPRI)
         take_events(grabber);
-    if (ready > 0 && look.revents & ~POLLPRI && grabber->device.fd >= 0)
+    if (((ready > 0 && look.revents & ~POLLPRI) || grabber->order.count) && grabber->device.fd >= 0)
         take_frames(grabber);
     if (grabber->device.fd < 0)
         return;
@@ -232,6 +258,8 @@ static void grab(struct grabber *grabber) {
             count_away(grabber, ddx_time_now(), 2);
         program_tick(grabber->book);
     }
+    if (grabber->device.fd >= 0)
+        handle_due(grabber, INT64_MAX);
 }
 
 int grabber_run(struct grabber *grabber) {

@@ -7,6 +7,7 @@
 #include "convert.h"
 #include "count.h"
 #include "device.h"
+#include "order.h"
 #include "program.h"
 
 struct grabber {
@@ -20,6 +21,8 @@ struct grabber {
     struct device device;
     struct converter converter;
     struct count count;
+    struct order order;
+    struct v4l2_buffer taken[DEVICE_BUFFERS]; /* of those that wait for their turn */
     char state[256];  /* what was said last of it; "" while all is well */
     char reason[256]; /* why it could not be opened last, and since when: */
     int64_t since;

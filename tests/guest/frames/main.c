@@ -3,13 +3,14 @@
  * frames ITEM SECONDS [KEEP [MS]]: a line for each frame of a video item: its number, the source's number, what the
  * source has lost so far, its time in ns, when it was published, fields, width, height, how many were missed, a
  * checksum. Before them "ready". It may be late by KEEP frames, or by as many as the store has room for. With MS it is
- * a slow reader, which holds each frame for so long. Built into one static file with libddx, so that it runs in any
- * image.
+ * a slow reader, which holds each frame for so long. Told to stop (TERM) it ends with the last frame that was published
+ * by then. Built into one static file with libddx, so that it runs in any image.
  */
 #define DDXVIDEO_UNDECLARED /* any video item will do */
 #include <ddxvideo.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +19,13 @@
 
 #define PATIENCE 60.0 /* s, until there is an item */
 #define KEEP 64
+
+static volatile sig_atomic_t told;
+
+static void on_signal(int number) {
+    (void)number;
+    told = 1;
+}
 
 /* FNV-1a over words of eight bytes: emulated machines are slow. */
 static uint64_t checksum(const struct ddxvideo_picture *view) {
@@ -46,16 +54,21 @@ int main(int argc, char **argv) {
     }
     if (!item || ddx_store_keep(item, keep))
         return 1;
-    setvbuf(stdout, NULL, _IOLBF, 0); /* it is killed in the end */
-    int64_t end = ddx_time_now() + (int64_t)(atof(argv[2]) * 1e9);
+    setvbuf(stdout, NULL, _IOLBF, 0); /* a test may read before the end, or kill it */
+    signal(SIGTERM, on_signal);
+    int64_t stop = 0, end = ddx_time_now() + (int64_t)(atof(argv[2]) * 1e9);
     for (bool ready = false; ddx_time_now() < end; ready = true) {
         struct ddx_frame frame;
         struct ddxvideo_picture view;
-        int error = ddx_store_acquire(item, &frame, 0.1, DDX_IN_ORDER);
+        if (told && !stop)
+            stop = ddx_time_now();
+        int error = ddx_store_acquire(item, &frame, stop ? 0 : 0.1, DDX_IN_ORDER);
         for (; error == -EBUSY && keep > 1; error = ddx_store_acquire(item, &frame, 0.1, DDX_IN_ORDER))
             ddx_store_keep(item, keep /= 2); /* as many as the store has room for */
         if (!ready)
             printf("ready\n"); /* from here on it sees every frame */
+        if (stop && (error || frame.time > stop))
+            break;
         if (error)
             continue;
         if (!ddxvideo_view(item, frame.data, &view))

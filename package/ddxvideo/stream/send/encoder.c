@@ -11,12 +11,14 @@
 /*
  * H.264: ultrafast, since a robot's processor has other things to do: arithmetic coding and the deblocking filter would
  * give 0.5 dB for a tenth more of it. Intra refresh instead of large key frames: a column of macroblocks after the
- * other is renewed, all of them within a second.
+ * other is renewed, all of them within a second. Neither bits spent on what looks sharp, nor a second look at blocks
+ * that are nearly empty: without both it takes less time, and the pictures are nearer to the camera's.
  */
 static void set_h264(AVCodecContext *context, AVDictionary **options, size_t room) {
     av_dict_set(options, "preset", "ultrafast", 0);
     av_dict_set(options, "tune", "zerolatency", 0);
     av_dict_set(options, "intra-refresh", "1", 0);
+    av_dict_set(options, "x264-params", "no-psy=1:no-dct-decimate=1", 0);
     av_dict_set_int(options, "slice-max-size", (int64_t)room, 0);
     context->rc_buffer_size = (int)(context->bit_rate * 5 / 2 * context->time_base.num / context->time_base.den);
 }
