@@ -309,6 +309,12 @@ uint32_t ddx_store_layout(const DDX_STORE_ITEM *item);
 const char *ddx_store_item_name(const DDX_STORE_ITEM *item);
 const char *ddx_store_item_type(const DDX_STORE_ITEM *item);
 
+/*
+ * Number of the newest write that this handle has seen; after a first read that timed out: of the newest that was there
+ * when the handle began to read, so that all later ones come to it or are told of as missed. 0: none.
+ */
+uint64_t ddx_store_seen(const DDX_STORE_ITEM *item);
+
 /* Writes that passed this handle by since it began to read. */
 uint64_t ddx_store_missed(const DDX_STORE_ITEM *item);
 

@@ -11,8 +11,8 @@ _Static_assert(offsetof(DDX_STATS, in) == 16, "layout");
 _Static_assert(offsetof(DDX_STATS, first) == 56, "layout");
 _Static_assert(offsetof(DDX_STATS, source) == 80, "layout");
 _Static_assert(offsetof(DDX_STATS, lost) == 144, "layout");
-_Static_assert(offsetof(DDX_STATS, latency) == 336, "layout");
-_Static_assert(sizeof(DDX_STATS) == 336 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
+_Static_assert(offsetof(DDX_STATS, latency) == 344, "layout");
+_Static_assert(sizeof(DDX_STATS) == 344 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
 
 static const char restart_reason[] = "restart";
 
@@ -145,10 +145,18 @@ void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file) {
     fflush(file);
 }
 
+void ddx_stats_fail(DDX_STATS_BOOK *book) {
+    pthread_mutex_lock(&book->lock);
+    book->failed = true;
+    pthread_mutex_unlock(&book->lock);
+}
+
 void ddx_stats_close(DDX_STATS_BOOK *book) {
     if (!book)
         return;
     book->stats.running = 0;
+    if (!book->failed)
+        book->stats.follows = 0;
     ddx_stats_write(book);
     ddx_store_done_item(book->item);
     pthread_mutex_destroy(&book->lock);
