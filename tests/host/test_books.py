@@ -149,7 +149,7 @@ def test_full_disk_again_and_again(desk: Desk, clip: pathlib.Path, small_disk: p
         file.unlink()
     saver = start_recorder(desk, "-output", small_disk)
     wait_until(lambda: int(desk.stats("ddxvideosave")["starts"]) == 4 and attached(desk))
-    wait_until(lambda: int(desk.stats("ddxvideosave")["in"]) == loaded["out"])
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] == loaded["out"]))
     status, saved = stop(saver)
     assert status == 0 and saved["in"] == loaded["out"] and saved["out"] == kept and balanced(saved)
     assert saved["lost"]["restart"] >= 60
@@ -166,3 +166,27 @@ def test_change_of_size_into_one_file(desk: Desk, clip: pathlib.Path) -> None:
     wait_until(lambda: attached(desk) and int(desk.stats("ddxvideosave")["in"]) == 70)
     status, saved = stop(saver)
     assert status == 0 and balanced(saved) and saved["lost"]["write"] + saved["lost"]["restart"] == 20
+
+
+# ---- Writers that die ----
+
+@pytest.fixture(scope="module")
+def last_act(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    """To be preloaded: the program is killed right before or after a call."""
+    library = tmp_path_factory.mktemp("act") / "last_act.so"
+    subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC",
+                    pathlib.Path(__file__).with_name("last_act.c"), "-o", library], check=True)
+    return library
+
+
+@pytest.mark.parametrize("moment, out", [("before", 11), ("after", 12)])
+def test_writer_killed_while_it_publishes(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path, moment: str,
+                                          out: int) -> None:
+    """The frame is in the item or not, and its successor's book says the same."""
+    wrapper = ("env", f"LD_PRELOAD={last_act}", f"LAST_ACT={moment}", "LAST_CALL=12")
+    loader = desk.start("ddxvideoload", clip, "-rate", "0", wrapper=wrapper)
+    assert loader.wait(60) == -signal.SIGKILL and desk.sequence("video") == out
+    again = desk.run("ddxvideoload", clip, "-rate", "0")
+    loaded = json.loads(again.stdout.splitlines()[-1])
+    assert loaded["out"] == out + 50 == desk.sequence("video") and balanced(loaded)
+    assert loaded["in"] == 62 and loaded["lost"]["restart"] == 12 - out

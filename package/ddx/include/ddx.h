@@ -221,6 +221,9 @@ int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts);
  */
 uint64_t ddx_store_lost(const DDX_STORE_ITEM *item);
 
+/* Number of the item's newest write, for the handle that writes it: its own, or its forerunners'. Else 0. */
+uint64_t ddx_store_written(const DDX_STORE_ITEM *item);
+
 /* Give the loaned frame back unpublished. Returns 0, -EINVAL if nothing is loaned. */
 int ddx_store_cancel(DDX_STORE_ITEM *item);
 

@@ -70,6 +70,7 @@ DDX_STORE_TYPE(
         uint32_t follows;  /* 1: writes of the source above `sequence` are to be accounted for, by this program or the
                               next one of this instance; 0: nobody asked for them */
         uint32_t reserved;
+        uint64_t publishing; /* number that the frame which goes into an item now gets there; 0: none does */
         uint32_t latency[DDX_STATS_BUCKETS]; /* frames out, by latency */
     });
 
@@ -104,6 +105,19 @@ uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence);
  * ddx_stats_close() leaves the book so that the next program of this instance counts it.
  */
 void ddx_stats_fail(DDX_STATS_BOOK *book);
+
+/*
+ * For a program that writes an item. Right before a frame, which has been counted as in, is published: `number` is what
+ * it will have in the item, ddx_store_written() + 1. Writes the book, as ddx_stats_write(). Should the program die
+ * before it has counted that frame as out or lost, its successor finds out what became of it:
+ */
+int ddx_stats_publishing(DDX_STATS_BOOK *book, uint64_t number);
+
+/*
+ * To be called by a writer that begins, when it has attached its book and created the item; `written` is
+ * ddx_store_written(). The frame that its forerunner died with is `out` if it is in the item, else lost "restart".
+ */
+void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written);
 
 /* Frames that came in; `sequence` of the last of them in the source item, 0 if it has none. */
 void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence);

@@ -30,8 +30,10 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
         stats->lost[reason_named(book, name)].frames += former->lost[i].frames;
         accounted += former->lost[i].frames;
     }
-    if (former->in > accounted) /* died with these in its ring */
-        stats->lost[book->restart].frames += former->in - accounted;
+    if (former->in > accounted) { /* died with these in its ring, and with one on its way into an item */
+        stats->publishing = former->publishing;
+        stats->lost[book->restart].frames += former->in - accounted - (former->publishing ? 1 : 0);
+    }
     stats->in += former->in;
     stats->out += former->out;
     stats->skipped += former->skipped;
@@ -45,6 +47,18 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
         stats->sequence = former->sequence;
         stats->follows = former->follows;
     }
+}
+
+void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written) {
+    pthread_mutex_lock(&book->lock);
+    DDX_STATS *stats = &book->stats;
+    if (stats->publishing && stats->publishing <= written)
+        stats->out++;
+    else if (stats->publishing)
+        stats->lost[book->restart].frames++;
+    stats->publishing = 0;
+    pthread_mutex_unlock(&book->lock);
+    ddx_stats_write(book);
 }
 
 uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence) {
