@@ -31,7 +31,13 @@ static void test_counting(void) {
                         "\"lost\":{\"store\":2,\"ring\":1,\"restart\":0},"
                         "\"latency_us\":{\"p50\":1488,\"p99\":1488,\"max\":1500},"
                         "\"starts\":1,\"first_ns\":5,\"last_ns\":7}"));
-    CHECK_EQUAL(ddx_stats_resume(book, 13), -2);
+    CHECK_EQUAL(ddx_stats_follow(book, 13), 0); /* nobody was there before */
+    CHECK_EQUAL(ddx_stats_follow(book, 20), 7);
+    CHECK_EQUAL(ddx_stats_follow(book, 5), 5); /* the numbers have begun anew */
+    ddx_stats_get(book, &stats);
+    CHECK_EQUAL(stats.in, 22);
+    CHECK_EQUAL(stats.lost[2].frames, 12);
+    CHECK_EQUAL(stats.sequence, 5);
     ddx_stats_close(book);
     ddx_stats_close(NULL);
 }

@@ -221,6 +221,9 @@ int ddx_store_publish(DDX_STORE_ITEM *item, const DDX_TIME *ts);
  */
 uint64_t ddx_store_lost(const DDX_STORE_ITEM *item);
 
+/* Number of the item's newest write, for the handle that writes it: its own, or its forerunners'. Else 0. */
+uint64_t ddx_store_written(const DDX_STORE_ITEM *item);
+
 /* Give the loaned frame back unpublished. Returns 0, -EINVAL if nothing is loaned. */
 int ddx_store_cancel(DDX_STORE_ITEM *item);
 
@@ -308,6 +311,12 @@ uint32_t ddx_store_layout(const DDX_STORE_ITEM *item);
 /* The item's name; its type's name. Valid as long as the handle. */
 const char *ddx_store_item_name(const DDX_STORE_ITEM *item);
 const char *ddx_store_item_type(const DDX_STORE_ITEM *item);
+
+/*
+ * Number of the newest write that this handle has seen; after a first read that timed out: of the newest that was there
+ * when the handle began to read, so that all later ones come to it or are told of as missed. 0: none.
+ */
+uint64_t ddx_store_seen(const DDX_STORE_ITEM *item);
 
 /* Writes that passed this handle by since it began to read. */
 uint64_t ddx_store_missed(const DDX_STORE_ITEM *item);

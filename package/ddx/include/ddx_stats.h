@@ -15,6 +15,7 @@
  *     static const char *const reasons[] = {"store", "ring", NULL};
  *     DDX_STATS_BOOK *book = ddx_stats_open("ddxvideosave", reasons);
  *     ddx_stats_attach(book, id, "video");            // optional: without a store the book only counts
+ *     ddx_stats_follow(book, ddx_store_seen(item));   // after the first read: what comes from now on is ours
  *     for each frame:
  *         ddx_stats_in(book, 1, frame.sequence);
  *         ddx_stats_out(book, 1, ddx_time_now() - frame.time);      // or ddx_stats_lost(book, REASON_RING, 1)
@@ -36,7 +37,7 @@
 extern "C" {
 #endif
 
-#define DDX_STATS_VERSION 2
+#define DDX_STATS_VERSION 3
 #define DDX_STATS_REASONS 8     /* reasons of loss, "restart" among them */
 #define DDX_STATS_REASON_MAX 15 /* longest name of a reason, in bytes */
 
@@ -57,7 +58,7 @@ DDX_STORE_TYPE(
         uint64_t out;
         uint64_t waiting;
         uint64_t skipped;     /* left out as told, in no sum */
-        uint64_t sequence;    /* last sequence number seen of the source item, 0 if none */
+        uint64_t sequence;    /* last sequence number accounted for of the source item, 0 if none */
         int64_t first;        /* time of the first frame out, ns of CLOCK_MONOTONIC, 0 if none */
         int64_t last;         /* time of the last frame out */
         uint64_t latency_max; /* µs */
@@ -66,6 +67,10 @@ DDX_STORE_TYPE(
             char name[16];
             uint64_t frames;
         } lost[DDX_STATS_REASONS];
+        uint32_t follows;  /* 1: writes of the source above `sequence` are to be accounted for, by this program or the
+                              next one of this instance; 0: nobody asked for them */
+        uint32_t reserved;
+        uint64_t publishing; /* number that the frame which goes into an item now gets there; 0: none does */
         uint32_t latency[DDX_STATS_BUCKETS]; /* frames out, by latency */
     });
 
@@ -81,20 +86,38 @@ DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons)
 /*
  * Keep the book in the store, as item `<instance>.stats`, and take over what a former program of this instance left
  * there: its totals are added, `starts` goes on, and if it died (no clean stop), what was waiting in it becomes
- * lost "restart". `source`: name of the item that the frames come from, or NULL; see ddx_stats_resume(). The
+ * lost "restart". `source`: name of the item that the frames come from, or NULL; see ddx_stats_follow(). The
  * connection stays the caller's and must outlive the book. Errors: -EEXIST (a living program is this instance),
  * else as ddx_store_create(). On failure the book goes on counting, without the store. At most once per book.
  */
 int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
 
 /*
- * To be asked with the first frame of a start, before it is counted; `sequence` is its number in the source item. If a
- * former program died recording this source: how many frames went by unseen since; they are now counted as in and as
- * lost "restart". -EALREADY: the former program has counted this very frame; do not count it again, ask with the next
- * one. -ENOENT: there was none, or it was stopped cleanly (nobody wanted the frames since), or the numbers started
- * anew.
+ * From now on this program accounts for each write of the source item whose number is above `sequence`: to be called
+ * when the source keeps frames for it (ddx_store_seen()), before the first one is counted. If a former program did so
+ * and did not end as told (it died, or see ddx_stats_fail()), what was written since its last frame is counted now, as
+ * in and as lost "restart"; returns how many these were. Where the numbers have started anew, that is all of them.
  */
-int64_t ddx_stats_resume(DDX_STATS_BOOK *book, uint64_t sequence);
+uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence);
+
+/*
+ * The program is going to end though nobody told it to: what the source is given until the next start is lost, and
+ * ddx_stats_close() leaves the book so that the next program of this instance counts it.
+ */
+void ddx_stats_fail(DDX_STATS_BOOK *book);
+
+/*
+ * For a program that writes an item. Right before a frame, which has been counted as in, is published: `number` is what
+ * it will have in the item, ddx_store_written() + 1. Writes the book, as ddx_stats_write(). Should the program die
+ * before it has counted that frame as out or lost, its successor finds out what became of it:
+ */
+int ddx_stats_publishing(DDX_STATS_BOOK *book, uint64_t number);
+
+/*
+ * To be called by a writer that begins, when it has attached its book and created the item; `written` is
+ * ddx_store_written(). The frame that its forerunner died with is `out` if it is in the item, else lost "restart".
+ */
+void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written);
 
 /* Frames that came in; `sequence` of the last of them in the source item, 0 if it has none. */
 void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence);
@@ -118,8 +141,8 @@ void ddx_stats_get(DDX_STATS_BOOK *book, DDX_STATS *stats);
 void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file);
 
 /*
- * A clean stop: written a last time with running = 0, given back, freed. NULL is allowed. The caller has counted every
- * frame as out or lost. Call it before ddx_store_close().
+ * A clean stop, unless ddx_stats_fail() was called: written a last time with running = 0, given back, freed. NULL is
+ * allowed. The caller has counted every frame as out or lost. Call it before ddx_store_close().
  */
 void ddx_stats_close(DDX_STATS_BOOK *book);
 

@@ -290,6 +290,17 @@ unsigned ddx_store_kept(const DDX_STORE_ITEM *item) {
     return item ? item->reader.keep : 0;
 }
 
+uint64_t ddx_store_seen(const DDX_STORE_ITEM *item) {
+    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
+
+    if (!handle)
+        return 0;
+    ddx_lock_take(&handle->lock);
+    uint64_t seen = handle->reader.seen;
+    ddx_lock_give(&handle->lock);
+    return seen;
+}
+
 uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) {
     return item ? item->reader.missed : 0;
 }

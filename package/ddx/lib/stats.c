@@ -11,8 +11,8 @@ _Static_assert(offsetof(DDX_STATS, in) == 16, "layout");
 _Static_assert(offsetof(DDX_STATS, first) == 56, "layout");
 _Static_assert(offsetof(DDX_STATS, source) == 80, "layout");
 _Static_assert(offsetof(DDX_STATS, lost) == 144, "layout");
-_Static_assert(offsetof(DDX_STATS, latency) == 336, "layout");
-_Static_assert(sizeof(DDX_STATS) == 336 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
+_Static_assert(offsetof(DDX_STATS, latency) == 352, "layout");
+_Static_assert(sizeof(DDX_STATS) == 352 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
 
 static const char restart_reason[] = "restart";
 
@@ -93,6 +93,7 @@ void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency) {
     int64_t now = ddx_time_now();
     pthread_mutex_lock(&book->lock);
     book->stats.out += frames;
+    book->stats.publishing = 0;
     if (!book->stats.first)
         book->stats.first = now;
     book->stats.last = now;
@@ -103,6 +104,7 @@ void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency) {
 void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames) {
     pthread_mutex_lock(&book->lock);
     book->stats.lost[reason < book->restart ? reason : book->restart].frames += frames;
+    book->stats.publishing = 0;
     pthread_mutex_unlock(&book->lock);
 }
 
@@ -129,6 +131,13 @@ int ddx_stats_write(DDX_STATS_BOOK *book) {
     return error;
 }
 
+int ddx_stats_publishing(DDX_STATS_BOOK *book, uint64_t number) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.publishing = number;
+    pthread_mutex_unlock(&book->lock);
+    return ddx_stats_write(book);
+}
+
 void ddx_stats_get(DDX_STATS_BOOK *book, DDX_STATS *stats) {
     pthread_mutex_lock(&book->lock);
     compute_waiting(&book->stats);
@@ -145,10 +154,18 @@ void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file) {
     fflush(file);
 }
 
+void ddx_stats_fail(DDX_STATS_BOOK *book) {
+    pthread_mutex_lock(&book->lock);
+    book->failed = true;
+    pthread_mutex_unlock(&book->lock);
+}
+
 void ddx_stats_close(DDX_STATS_BOOK *book) {
     if (!book)
         return;
     book->stats.running = 0;
+    if (!book->failed)
+        book->stats.follows = 0;
     ddx_stats_write(book);
     ddx_store_done_item(book->item);
     pthread_mutex_destroy(&book->lock);

@@ -4,6 +4,7 @@
 #define DDX_STATS_BOOK_H
 
 #include <pthread.h>
+#include <stdbool.h>
 
 #include "ddx_stats.h"
 
@@ -14,8 +15,7 @@ struct ddx_stats_book {
     char instance[DDX_NAME_MAX + 1];
     DDX_STATS stats;      /* totals, those of former starts included */
     unsigned restart;     /* number of the reason "restart" */
-    uint64_t resume_from; /* sequence that the former program saw last, 0 if unknown */
-    int former_died;
+    bool failed;          /* ends, but not as told */
     DDX_STORE_ITEM *item; /* NULL: not attached */
 };
 

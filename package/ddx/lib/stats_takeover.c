@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* A restarted program continues the totals of the one before, so that in = out + lost holds across restarts. */
-#include <errno.h>
 #include <string.h>
 
 #include "stats_book.h"
@@ -31,8 +30,10 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
         stats->lost[reason_named(book, name)].frames += former->lost[i].frames;
         accounted += former->lost[i].frames;
     }
-    if (former->in > accounted) /* died with these in its ring */
-        stats->lost[book->restart].frames += former->in - accounted;
+    if (former->in > accounted) { /* died with these in its ring, and with one on its way into an item */
+        stats->publishing = former->publishing;
+        stats->lost[book->restart].frames += former->in - accounted - (former->publishing ? 1 : 0);
+    }
     stats->in += former->in;
     stats->out += former->out;
     stats->skipped += former->skipped;
@@ -42,29 +43,34 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
     if (!stats->last)
         stats->last = former->last;
     ddx_stats_histogram_merge(stats, former);
-    book->former_died = former->running != 0;
     if (*stats->source && !strncmp(stats->source, former->source, sizeof(stats->source))) {
-        book->resume_from = former->sequence;
-        if (!stats->sequence)
-            stats->sequence = former->sequence;
+        stats->sequence = former->sequence;
+        stats->follows = former->follows;
     }
 }
 
-int64_t ddx_stats_resume(DDX_STATS_BOOK *book, uint64_t sequence) {
-    int64_t result = -ENOENT;
+void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written) {
     pthread_mutex_lock(&book->lock);
-    uint64_t from = book->resume_from;
-    if (from && sequence == from) {
-        result = -EALREADY;
-    } else {
-        book->resume_from = 0;
-        if (from && sequence > from && book->former_died) {
-            uint64_t gap = sequence - from - 1;
-            book->stats.in += gap;
-            book->stats.lost[book->restart].frames += gap;
-            result = (int64_t)gap;
-        }
-    }
+    DDX_STATS *stats = &book->stats;
+    if (stats->publishing && stats->publishing <= written)
+        stats->out++;
+    else if (stats->publishing)
+        stats->lost[book->restart].frames++;
+    stats->publishing = 0;
     pthread_mutex_unlock(&book->lock);
-    return result;
+    ddx_stats_write(book);
+}
+
+uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence) {
+    pthread_mutex_lock(&book->lock);
+    DDX_STATS *stats = &book->stats;
+    uint64_t from = stats->sequence <= sequence ? stats->sequence : 0;
+    uint64_t gap = stats->follows ? sequence - from : 0;
+    stats->in += gap;
+    stats->lost[book->restart].frames += gap;
+    stats->sequence = sequence;
+    stats->follows = 1;
+    pthread_mutex_unlock(&book->lock);
+    ddx_stats_write(book);
+    return gap;
 }

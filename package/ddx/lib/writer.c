@@ -121,6 +121,10 @@ uint64_t ddx_store_lost(const DDX_STORE_ITEM *item) {
     return item ? item->writer.lost : 0;
 }
 
+uint64_t ddx_store_written(const DDX_STORE_ITEM *item) {
+    return item && item->writer.term ? item->writer.ring.sequence : 0;
+}
+
 int ddx_store_readers(const DDX_STORE_ITEM *item) {
     DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
     int count = -EINVAL;

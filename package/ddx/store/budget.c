@@ -3,7 +3,11 @@
  * The budget is a promise: what is reserved is never more than -m. An item reserves its memory and, since a new writer
  * needs files of its own while readers still look at the old ones, the same again for a change of writer.
  */
+#include <string.h>
+
 #include "server.h"
+
+#define BOOK "DDX_STATS" /* see ddx_stats.h */
 
 uint64_t budget_used(void) {
     uint64_t sum = 0;
@@ -21,10 +25,14 @@ uint64_t budget_reserved(void) {
     return sum;
 }
 
-/* The item that was written longest ago among those that nobody has open. */
+/*
+ * The item that was written longest ago among those that nobody has open; a book only when nothing else is left: with
+ * it goes what a dead program has lost, and nobody could tell any more.
+ */
 static struct item *least_wanted(const struct item *except) {
     struct item *found = NULL;
     int64_t oldest = INT64_MAX;
+    bool found_book = false;
 
     for (struct item *item = store.items; item; item = item->next) {
         struct ddx_ring_frame frame = {.time = 0};
@@ -33,9 +41,11 @@ static struct item *least_wanted(const struct item *except) {
             continue;
         if (item->epoch)
             ddx_ring_peek(item->epoch->control, &frame);
-        if (frame.time < oldest) {
+        bool book = !strcmp(item->type, BOOK);
+        if (found && book != found_book ? found_book : frame.time < oldest) {
             oldest = frame.time;
             found = item;
+            found_book = book;
         }
     }
     return found;

@@ -30,6 +30,8 @@ static bool have_items(struct grabber *grabber) {
         complain(grabber, "", error);
         return false;
     }
+    if (!grabber->created.width)
+        ddx_stats_published(grabber->book, ddx_store_written(grabber->video));
     grabber->created = *wanted;
     if (!grabber->counter)
         error = ddxvideo_counter_create(grabber->id, grabber->name, &grabber->counter);
@@ -53,6 +55,7 @@ static int write_frame(struct grabber *grabber, const struct v4l2_buffer *buffer
                                           .wall_offset = ddxvideo_wall_offset(),
                                           .source_sequence = buffer->sequence,
                                           .source_lost = (int64_t)grabber->count.lost};
+    ddx_stats_publishing(grabber->book, ddx_store_written(grabber->video) + 1);
     error = ddxvideo_publish(grabber->video, &frame);
     if (!error && grabber->counter)
         ddxvideo_counter_write(grabber->counter, frame.stamp.frame);

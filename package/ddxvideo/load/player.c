@@ -112,6 +112,7 @@ static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t 
                                            .wall_offset = ddxvideo_wall_offset(),
                                            .source_sequence = (int64_t)player->frame};
     ddx_stats_in(player->book, 1, 0);
+    ddx_stats_publishing(player->book, ddx_store_written(player->video) + 1);
     int error = ddxvideo_publish(player->video, frame);
     int64_t now = ddx_time_now();
     if (error) {
@@ -204,8 +205,10 @@ static int open_items(struct player *player, DDX_STORE_ID *id) {
     if (!program_attach(&player->program, player->book, id, NULL))
         return EXIT_FAILED;
     int error = ddxvideo_create(id, player->name, &player->file.header.geometry, &player->video);
-    if (!error)
+    if (!error) {
+        ddx_stats_published(player->book, ddx_store_written(player->video));
         error = ddxvideo_counter_create(id, player->name, &player->counter);
+    }
     if (!error)
         error = show_parameters(player, id);
     if (error)

@@ -141,22 +141,26 @@ static void count_missed(struct recorder *recorder, uint64_t missed, int frame) 
 }
 
 /*
- * Whether a frame is ours to record, before any has been: not what was written before we were told to record, and not
- * what a recorder before us has recorded. *missed: writes before it that are a loss.
+ * After the first read, which may have given a frame: what is written from now on is ours to record, and before that
+ * what a forerunner who did not end as told has left. An item that was not there when we came is ours from its first
+ * write on, whenever the store began to keep frames for us.
  */
-static bool is_wanted(struct recorder *recorder, const struct ddx_frame *frame, uint64_t *missed) {
-    bool first = !recorder->seen;
-    int64_t gap = ddx_stats_resume(recorder->book, frame->sequence);
-    recorder->seen = true;
-    if (gap > 0)
-        say("lost %" PRId64 " frames while no recorder ran", gap);
-    if (gap == -EALREADY || (gap < 0 && first && frame->time < recorder->begin))
-        return false;
-    if (first && gap < 0 && recorder->awaited)
-        *missed = frame->sequence - 1; /* what was written before the item was found */
-    else if (gap >= 0) /* counted already */
-        *missed = 0;
-    return true;
+static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
+    uint64_t seen = ddx_store_seen(recorder->video);
+    uint64_t from = frame ? seen - frame->missed - 1 : seen;
+    uint64_t missed = recorder->awaited ? from : 0;
+    uint64_t gap = ddx_stats_follow(recorder->book, from - missed);
+    recorder->follows = true;
+    if (gap)
+        say("lost %" PRIu64 " frames while no recorder ran", gap);
+    if (missed && recorder->paused) {
+        ddx_stats_skipped(recorder->book, missed);
+    } else if (missed) {
+        say("lost %" PRIu64 " frames: they were written before the store kept any for the recorder", missed);
+        ddx_stats_in(recorder->book, missed, from);
+        ddx_stats_lost(recorder->book, LOST_STORE, missed);
+        recorder->lost_store += missed;
+    }
 }
 
 /* ---- Frame by frame ---- */
@@ -181,8 +185,10 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
     int number = view->stamp.frame;
     if (frame->missed)
         count_missed(recorder, frame->missed, number);
-    if (choose_file(recorder, view)) {
-        ddx_stats_in(recorder->book, 1, frame->sequence);
+    ddx_stats_in(recorder->book, 1, frame->sequence);
+    if (!choose_file(recorder, view)) {
+        ddx_stats_lost(recorder->book, LOST_WRITE, 1);
+    } else {
         bool full = !put_into_ring(recorder, view, frame);
         if (full && !recorder->ring_full)
             say("losing frames from %d on: the ring is full, the disk is too slow", number);
@@ -217,17 +223,26 @@ static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *
     recorder->frame = view ? view->stamp.frame : recorder->frame + 1;
 }
 
+/* It can be recorded no more, and was to be. */
+static void give_up(struct recorder *recorder, const struct ddx_frame *frame) {
+    if (recorder->paused)
+        return;
+    ddx_stats_in(recorder->book, frame->missed + 1, frame->sequence);
+    ddx_stats_lost(recorder->book, LOST_STORE, frame->missed);
+    ddx_stats_lost(recorder->book, LOST_WRITE, 1);
+}
+
 static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
     struct recording_frame facts = {frame->time, frame->sequence, frame->missed};
-    if (!recorder->delivered && !is_wanted(recorder, frame, &facts.missed))
-        return;
-    int error = ddxvideo_view(recorder->video, frame->data, &view);
-    if (error == -EPROTOTYPE) {
+    recorder->seen = true;
+    int error = recorder->done ? 0 : ddxvideo_view(recorder->video, frame->data, &view);
+    if (error == -EPROTOTYPE)
         fail(recorder, recorder->name, error);
+    if (recorder->done) {
+        give_up(recorder, frame);
         return;
     }
-    recorder->delivered = true;
     if (!error)
         recorder->geometry = view.geometry;
     if (recorder->paused)
@@ -300,10 +315,13 @@ static void keep_more(struct recorder *recorder) {
 static bool take_frame(struct recorder *recorder, double timeout, int64_t not_after) {
     struct ddx_frame frame;
     int error = ddx_store_acquire(recorder->video, &frame, timeout, DDX_IN_ORDER);
+    if (!recorder->follows && (!error || error == -ETIMEDOUT))
+        follow(recorder, error ? NULL : &frame);
     if (error == -ETIMEDOUT || (error == -EBUSY && keep_fewer(recorder)))
         return false;
     if (error) {
-        fail(recorder, recorder->name, error);
+        if (!recorder->done)
+            fail(recorder, recorder->name, error);
         return false;
     }
     bool wanted = frame.time <= not_after, first = !recorder->seen;
@@ -327,7 +345,7 @@ static void tell_waiting(struct recorder *recorder) {
 
 static void record(struct recorder *recorder) {
     while (!program_stopping() && !recorder->done) {
-        take_frame(recorder, READ_TIMEOUT, INT64_MAX);
+        take_frame(recorder, recorder->follows ? READ_TIMEOUT : 0, INT64_MAX); /* what nobody knows of, nobody counts */
         tell_waiting(recorder);
         orders_tick(recorder);
         program_tick(recorder->book);
@@ -335,9 +353,9 @@ static void record(struct recorder *recorder) {
         if (recorder->recording && recording_error(recorder->recording))
             recorder->done = true;
     }
-    /* What was published before we were told to stop is recorded. */
+    /* What was published before we were told to stop is recorded; before we failed, it is lost, and counted. */
     int64_t now = ddx_time_now();
-    for (int i = 0; i < DRAIN_FRAMES && !recorder->done && take_frame(recorder, 0, now); i++)
+    for (int i = 0; i < DRAIN_FRAMES && take_frame(recorder, 0, now); i++)
         continue;
     ddx_stats_skipped(recorder->book, preroll_clear(&recorder->preroll));
     recorder_end_file(recorder);
@@ -373,13 +391,12 @@ static bool open_pool(struct recorder *recorder) {
  * look for it from time to time, those before we look would be lost. False if told to stop, or failed.
  */
 static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
-    struct ddx_item_info info;
     recorder->video = program_await(id, recorder->name, recorder->book);
     if (!recorder->video) {
         recorder->status = errno == EINTR ? EXIT_OK : EXIT_FAILED;
         return false;
     }
-    recorder->awaited = !ddx_store_item_info(recorder->video, &info) && !*info.type;
+    recorder->awaited = !*ddx_store_item_type(recorder->video);
     recorder->keep = recorder->keep_frames ? (unsigned)recorder->keep_frames : KEEP_FRAMES;
     ddx_store_keep(recorder->video, recorder->keep);
     return true;
@@ -387,6 +404,7 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
 
 int recorder_run(struct recorder *recorder) {
     recorder->begin = ddx_time_now();
+    recorder->frame = -1;
     recorder->turn = (struct recording_turn){.lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
     int error = output_check(&recorder->output, recorder->place, recorder->name, "y4m");
     if (error) {
@@ -426,6 +444,8 @@ int recorder_run(struct recorder *recorder) {
             record(recorder);
     }
     disk_watch_stop(&recorder->disk);
+    if (recorder->status && !program_stopping())
+        ddx_stats_fail(recorder->book);
     ddx_stats_print(recorder->book, stdout);
     ddx_stats_close(recorder->book);
     if (recorder->pool)

@@ -40,8 +40,9 @@ struct recorder {
     int64_t begin;               /* when the program was told to record */
     bool awaited;                /* the item was not there when the recorder started */
     bool said_waiting;           /* for it */
-    bool seen, delivered;        /* a frame was there; a frame has been counted */
-    int frame;                   /* number of the frame before */
+    bool follows;                /* what is written into the item from now on is ours to record */
+    bool seen;                   /* a frame was there */
+    int frame;                   /* number of the frame before; -1: there was none */
     bool ring_full;              /* the frame before was lost in the ring */
     bool rate_changed;           /* said so */
     int status;                  /* exit status so far */

@@ -109,14 +109,12 @@ static void save_sdp(struct sender *sender, const AVPacket *encoded) {
         fail(sender, sender->sdp, strerror(-error));
 }
 
-/* Whether a frame is ours to send, before any has been; what nobody sent since a forerunner died is counted. */
-static bool is_wanted(struct sender *sender, const struct ddx_frame *frame, uint64_t *missed) {
-    if (sender->delivered)
-        return true;
-    int64_t gap = ddx_stats_resume(sender->book, frame->sequence);
-    *missed = 0;
-    sender->delivered = gap != -EALREADY;
-    return sender->delivered;
+/* After the first read, which may have given a frame: what was written since it began is ours to send. What nobody
+ * sent since a forerunner died is counted. */
+static void follow(struct sender *sender, const struct ddx_frame *frame) {
+    uint64_t seen = ddx_store_seen(sender->video);
+    ddx_stats_follow(sender->book, frame ? seen - frame->missed - 1 : seen);
+    sender->follows = true;
 }
 
 static void handle(struct sender *sender, const struct ddx_frame *frame) {
@@ -124,8 +122,6 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
     const AVPacket *encoded;
     uint64_t missed = frame->missed;
     bool fresh;
-    if (!is_wanted(sender, frame, &missed))
-        return;
     ddx_stats_in(sender->book, missed + 1, frame->sequence);
     ddx_stats_lost(sender->book, LOST_STORE, missed);
     int error = ddxvideo_view(sender->video, frame->data, &view);
@@ -158,7 +154,9 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
 static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
         struct ddx_frame frame;
-        int error = ddx_store_acquire(sender->video, &frame, READ_TIMEOUT, DDX_NEXT);
+        int error = ddx_store_acquire(sender->video, &frame, sender->follows ? READ_TIMEOUT : 0, DDX_NEXT);
+        if (!sender->follows && (!error || error == -ETIMEDOUT))
+            follow(sender, error ? NULL : &frame);
         if (!error) {
             handle(sender, &frame);
             ddx_store_release(sender->video);
@@ -206,6 +204,8 @@ int sender_run(struct sender *sender) {
     counters_print(&sender->counters, stdout);
     ddx_stats_print(sender->book, stdout);
     counters_close(&sender->counters);
+    if (sender->status)
+        ddx_stats_fail(sender->book);
     ddx_stats_close(sender->book);
     ddx_store_done_item(sender->video);
     ddx_store_close(id);

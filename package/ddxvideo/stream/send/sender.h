@@ -23,7 +23,7 @@ struct sender {
     uint64_t counts[5];
     struct encoder encoder;
     struct mpeg4_packer mpeg4;
-    bool delivered; /* a frame has been counted */
+    bool follows; /* what is written now is ours to send */
     bool failing;   /* packets do not go out, said so */
     uint16_t sequence;
     uint32_t ssrc, time_offset;
