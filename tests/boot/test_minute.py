@@ -22,6 +22,7 @@ from qemu import Guest
 
 from . import camera
 from .camera import GRABBER, MS
+from .figures import Figure
 
 pytestmark = pytest.mark.long
 
@@ -31,8 +32,6 @@ FROZEN = 2        # s that the sender is stopped
 WAITED = 0.25     # of a window's time, that QEMU's threads may wait for a processor if its latencies are to be judged
 LEAST = 3         # such windows
 USB_RATE, USB_FRAMES = 1000 // MS, 250
-
-Figure = Callable[[str, object], None]  # record_property: for output/long
 
 
 @dataclasses.dataclass
@@ -161,8 +160,8 @@ def test_vivid(boot: qemu.Boot, image: pathlib.Path, work: pathlib.Path, board: 
     assert result.disagreements == [] and result.lost_record == 0 and result.good
     assert result.outside.recorded > 1400
     late = max(at - number * source.SHOWN_MS for number, at in enumerate(origin.times))
-    print(f"vivid: {result.outside.recorded} recorded, the driver lost {result.load.lost['driver']}, "
-          f"pictures shown up to {late} ms late")
+    record_property("lost_by_vivid", result.load.lost["driver"])
+    record_property("far_side_late_ms", late)
     judge_stream(minute, 25, record_property)
 
 
