@@ -11,14 +11,15 @@ from session import Result, adds_up, agree
 
 MS = 1_000_000       # ns
 PERIOD = 40_000_000  # ns, between two frames of the camera
+SLACK = 200_000_000  # ns: one picture of the far side's, source.SHOWN_MS
 EARLIER = 50         # frames that the grabber may have put into the store before the recorder had the item
 
 
 def compare(clip: pathlib.Path, recording: pathlib.Path, times: list[int]) -> tuple[Comparison, list[str]]:
     """Frame n of the clip is due from times[n], in ms, as the far side wrote them down, and 1 from where it is first
-    seen; the pictures have to be the clip's, byte by byte, and at most one frame off what is due by their time stamps:
-    else they are in the list, with both numbers. How many frames the camera gave is counted by these as well: a gap of
-    two periods lacks one."""
+    seen; the pictures have to be the clip's, byte by byte, and due within SLACK of their time stamps: else they are in
+    the list, with both numbers. (In time, not in frames: a far side that was held up shows the next ones quickly.) How
+    many frames the camera gave is counted by these as well: a gap of two periods lacks one."""
     numbers = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(clip)[1])}
     result = Comparison(numbered=True)
     begin, last, wrong = None, -1, []
@@ -30,8 +31,9 @@ def compare(clip: pathlib.Path, recording: pathlib.Path, times: list[int]) -> tu
         number = numbers.get(hashlib.blake2b(frame.data).digest())
         if number == 1 and begin is None:
             begin = time - times[1] * MS
-        due = max(0, bisect.bisect_right(times, (time - begin) / MS) - 1) if begin is not None else 0
-        if number is None or abs(number - due) > 1:
+        least, due, most = (max(0, bisect.bisect_right(times, (time - begin + slack) / MS) - 1)
+                            if begin is not None else 0 for slack in (-SLACK, 0, SLACK))
+        if number is None or not least <= number <= most:
             result.foreign.append(index)
             wrong.append(f"{index}: {number} for {due}")
     result.clip = max(result.recorded, 1 + round(last / PERIOD)) if result.recorded else 0

@@ -24,7 +24,7 @@ import qemu
 import session
 import testdisk
 import y4m
-from common import OUTPUT, Failed, say
+from common import OUTPUT, PATIENCE, Failed, say
 from qemu import Guest
 from recording import Partition
 from session import SAVE
@@ -33,7 +33,7 @@ WORK = OUTPUT / "killed"
 RESULT = OUTPUT / "killed.json"
 CHECK = b"Starting storage"  # overlay/etc/init.d/S15storage
 SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SAVE}.conf": "segment=8\n"}
-RECORDS = 90.0               # s after power on, for an emulated machine
+RECORDS = PATIENCE           # s after power on; how long it takes is a figure
 KINDS = ("recording", "boot", "check")
 SIZE = 8 << 30               # of the disk: the recordings of a run fit
 

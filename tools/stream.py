@@ -112,9 +112,13 @@ def percentile(histogram: list[int], percent: float) -> float:
     raise AssertionError("no frames")
 
 
-def quieter(marks: list[list[int]]) -> list[int]:
-    """The frames between two marks each, for the better half of them: the emulated processors are the host's, and when
-    it has something else to do, frames are late in one or two windows. What the appliance does, it does in all."""
-    windows = [[now - then for now, then in zip(end, begin)] for begin, end in zip(marks, marks[1:])]
-    full = sorted((one for one in windows if sum(one)), key=lambda one: percentile(one, 99))
+def windows(marks: list[list[int]]) -> list[list[int]]:
+    """The frames between two marks each."""
+    return [[now - then for now, then in zip(end, begin)] for begin, end in zip(marks, marks[1:])]
+
+
+def quieter(some: list[list[int]]) -> list[int]:
+    """The frames of the better half of the windows: the emulated processors are the host's, and when it has something
+    else to do, frames are late in one or two windows. What the appliance does, it does in all."""
+    full = sorted((one for one in some if sum(one)), key=lambda one: percentile(one, 99))
     return [sum(counts) for counts in zip(*full[:(len(full) + 1) // 2])]

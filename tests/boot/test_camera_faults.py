@@ -14,6 +14,7 @@ from qemu import Guest
 
 from . import camera
 from .camera import GRABBER
+from .figures import Figure
 
 pytestmark = pytest.mark.long
 
@@ -60,7 +61,7 @@ def longest_pause(frames: list[camera.Frame]) -> float:
     return max(after.published - before.published for before, after in zip(frames, frames[1:])) / 1e9
 
 
-def test_without_a_camera_it_waits_and_says_so_once(guest: Guest) -> None:
+def test_without_a_camera_it_waits_and_says_so_once(guest: Guest, record_property: Figure) -> None:
     camera.configure(guest, SETTINGS)
     time.sleep(3)
     assert camera.said(guest) == [f"{NODE}: not there"]
@@ -70,11 +71,12 @@ def test_without_a_camera_it_waits_and_says_so_once(guest: Guest) -> None:
     came = float(guest.sh("read up rest < /proc/uptime; echo $up"))
     camera.wait_for_frames(guest, 1)
     frames = reader.stop()
+    record_property("seconds_until_first_frame", round(frames[0].published / 1e9 - came, 2))
     assert frames[0].published / 1e9 < came + SOON
     assert guest.sh(f"cat /run/service/{GRABBER}/supervise/pid") == before
 
 
-def test_dropped_frames_are_counted_exactly(vivid: Guest) -> None:
+def test_dropped_frames_are_counted_exactly(vivid: Guest, record_property: Figure) -> None:
     def drop() -> None:
         with controlled(vivid, "Percentage of Dropped Buffers", 30, 0):
             time.sleep(6)
@@ -82,6 +84,8 @@ def test_dropped_frames_are_counted_exactly(vivid: Guest) -> None:
     run = camera.run_grabber(vivid, SETTINGS, 8, drop)
     frames, lost = run.frames, camera.gaps(run.frames)
     assert run.wrong == []
+    record_property("gaps_of_the_driver", lost)
+    record_property("counted", run.counters.lost["driver"])
     assert lost > 20
     assert run.counters.lost_total == run.counters.lost["driver"] == frames[-1].source_lost == lost
     # the numbers have the driver's gaps (a slow vivid sometimes uses one twice)
@@ -124,13 +128,14 @@ def test_a_refused_buffer_costs_nothing(vivid: Guest) -> None:
     assert run.wrong == [] and camera.gaps(run.frames) == run.counters.lost_total == run.counters.lost["driver"]
 
 
-def test_a_broken_stream_begins_anew(vivid: Guest) -> None:
+def test_a_broken_stream_begins_anew(vivid: Guest, record_property: Figure) -> None:
     def break_off() -> None:
         time.sleep(1)
         camera.control(vivid, "Inject Fatal Streaming Error=1")
 
     run = camera.run_grabber(vivid, SETTINGS, 4, break_off)
     text = camera.said(vivid)
+    record_property("longest_pause_s", round(longest_pause(run.frames), 2))
     assert run.wrong == [] and longest_pause(run.frames) < SOON
     assert len([line for line in text if "broke off" in line]) == 1 and "back after" in text[-1]
     assert run.counters.lost["away"] > 0
@@ -144,7 +149,7 @@ def test_a_start_that_fails_is_tried_again(vivid: Guest, injection: str) -> None
     assert run.wrong == [] and run.frames
 
 
-def test_a_silent_camera_is_noticed_and_its_return_too(vivid: Guest) -> None:
+def test_a_silent_camera_is_noticed_and_its_return_too(vivid: Guest, record_property: Figure) -> None:
     silent = 6.0
     times: list[float] = []
 
@@ -160,6 +165,7 @@ def test_a_silent_camera_is_noticed_and_its_return_too(vivid: Guest) -> None:
     assert len([line for line in text if "back after" in line]) == 1
     pauses = zip(run.frames, run.frames[1:])
     last, first = max(pauses, key=lambda pair: pair[1].published - pair[0].published)
+    record_property("back_after_s", round(first.published / 1e9 - times[0], 2))
     assert first.published / 1e9 < times[0] + SOON
     missed = (first.time - last.time) / 40_000_000 - 1  # at 25 a second
     assert abs(run.counters.lost["away"] - missed) <= 2
@@ -176,7 +182,7 @@ def disconnect(guest: Guest) -> None:
 
 
 @pytest.mark.parametrize("go", [unplug, disconnect])
-def test_unplugged_and_plugged_in_again(vivid: Guest, go: Callable[[Guest], None]) -> None:
+def test_unplugged_and_plugged_in_again(vivid: Guest, go: Callable[[Guest], None], record_property: Figure) -> None:
     times: list[float] = []
 
     def replug() -> None:
@@ -198,6 +204,7 @@ def test_unplugged_and_plugged_in_again(vivid: Guest, go: Callable[[Guest], None
     assert all(line.endswith("Permission denied") or "unplugged" in line or "back" in line for line in text[2:-1]), text
     pairs = list(zip(run.frames, run.frames[1:]))
     _, first = max(pairs, key=lambda pair: pair[1].published - pair[0].published)
+    record_property("back_after_s", round(first.published / 1e9 - times[0], 2))
     assert first.published / 1e9 < times[0] + SOON
     missing = sum(round((after.time - before.time) / PERIOD) - 1 for before, after in pairs)
     assert abs(run.counters.lost_total - missing) <= len(text)  # by the clock: a frame or so each time

@@ -12,6 +12,7 @@ from qemu import Boot, Guest
 from session import LOAD, SAVE
 from slow_disk import FILE_SYSTEMS, OPTIONS
 
+from .figures import Figure
 from .test_disk import SOON, source_is_unaffected, wait_for_out
 
 pytestmark = pytest.mark.long
@@ -24,7 +25,8 @@ def plug(guest: Guest) -> None:
     guest.wait_until("mountpoint -q /rec")
 
 
-def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib.Path,
+                                   record_property: Figure) -> None:
     image = work / "recordings.ext4"
     image.unlink(missing_ok=True)
     run(["mke2fs", "-q", *FILE_SYSTEMS["ext4"], *OPTIONS, "-L", "DDXREC", image, "256M"])
@@ -40,7 +42,8 @@ def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib
         begin = float(guest.sh("read up rest < /proc/uptime; echo $up"))
         guest.monitor("device_del", id="stick")
         guest.wait_until(f'grep -q "recording stopped" /run/log/{SAVE}/current', SOON)
-        print(f"told after {float(guest.sh('read up rest < /proc/uptime; echo $up')) - begin:.1f} s")
+        told = float(guest.sh("read up rest < /proc/uptime; echo $up")) - begin
+        record_property("seconds_until_told", round(told, 1))
         assert "! disk       /rec is not mounted" in guest.sh("ddxctl health || true")
         source_is_unaffected(guest)
         assert guest.sh("touch /rec/here 2> /dev/null || ls -A /rec") == ""  # nothing is written below it, nor can be
@@ -52,6 +55,7 @@ def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib
         save = session.end_counters(guest, SAVE)
         found = [json.loads(line) for line in guest.sh("ddxctl recordings list --json").splitlines()]
         assert guest.shell().run("ddxctl recordings verify")[0] == 0
+    record_property("recorder", {"in": save.frames_in, "out": save.out, "lost": save.lost})
     recorded = [one["frames"] for one in found if "frames" in one]
     assert len(recorded) >= 2 and save.out >= out + 100
     assert sum(recorded) == save.out  # what was promised, before the disk went and after it came

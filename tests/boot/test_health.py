@@ -3,7 +3,7 @@
 by its watchdog."""
 import pathlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 
@@ -13,14 +13,13 @@ from qemu import Boot, Guest
 from recording import Partition
 
 from . import camera
+from .figures import Figure
 
 SAVE, HEALTH = "ddxvideosave", "ddxhealth"
 BACK = 30.0    # s after which a program that hangs is replaced; wanted are 10, but emulated machines are slow
 TIMEOUT = 20   # s; the watchdog's here
 # QEMU's hardware watchdog, and a machine that really starts again
 DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
-
-Figure = Callable[[str, object], None]  # record_property: for output/long
 
 
 def uptime(guest: Guest) -> float:

@@ -10,6 +10,7 @@ from common import Failed
 from killed import Kill, Plug
 
 from .conftest import BOARD
+from .figures import Figure
 
 pytestmark = [
     pytest.mark.long,
@@ -17,7 +18,8 @@ pytestmark = [
 ]
 
 
-def test_it_records_again(image: pathlib.Path, accel: str, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_it_records_again(image: pathlib.Path, accel: str, clip: pathlib.Path, tmp_path: pathlib.Path,
+                          record_property: Figure) -> None:
     plug = Plug(image, accel, tmp_path, clip)
     done: list[Kill] = []
     kills = [Kill("recording", 2.0), Kill("check", 0.3)]
@@ -27,6 +29,8 @@ def test_it_records_again(image: pathlib.Path, accel: str, clip: pathlib.Path, t
         pictures, wrong = plug.end(guest)
         guest.sh("ddxctl disable ddxvideosave")  # the check itself
         guest.process.kill()
+    record_property("seconds_until_recording_again", [one.again for one in kills])
+    record_property("pictures", {"recorded": pictures, "wrong": wrong})
     assert all(one.again > 0 and one.files >= 1 for one in kills)
     assert pictures > 25 and wrong == 0
     plug.patience = 25.0

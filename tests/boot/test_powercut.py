@@ -13,6 +13,8 @@ import powercut
 import testdisk
 from qemu import Boot, Guest
 
+from .figures import Figure
+
 pytestmark = pytest.mark.long
 
 CUTS = {False: 10, True: 4}
@@ -22,7 +24,7 @@ MARK = b"without flushes"
 
 @pytest.mark.parametrize("naive", [False, True], ids=["recorder", "naive"])
 def test_what_is_left_of_recordings(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
-                                    naive: bool) -> None:
+                                    naive: bool, record_property: Figure) -> None:
     """A file that simply grows loses more than it may: else the test is broken."""
     if subprocess.run(["losetup", "-f"], capture_output=True, check=False).returncode:
         pytest.skip("no loop devices here: no disk was mounted as a power cut leaves it")
@@ -30,7 +32,8 @@ def test_what_is_left_of_recordings(boot: Boot, image: pathlib.Path, clip: pathl
     with boot(f"powercut-{naive}", writes=log, **powercut.provide(tmp_path / "test.img", clip)) as guest:
         powercut.record(guest, naive, SECONDS)
     figures = powercut.summary(list(powercut.replay(log, image, clip, naive, CUTS[naive], 7)))
-    print(figures)
+    for name, value in figures.items():
+        record_property(name, value)
     assert figures["cuts"] == 2 * CUTS[naive]
     assert powercut.broken(figures) is naive, figures
 
@@ -57,7 +60,8 @@ def flushes(image: pathlib.Path, log: pathlib.Path) -> tuple[list[int], list[int
     return before, after
 
 
-def test_each_promise_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_each_promise_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
+                                 record_property: Figure) -> None:
     """The disk is told twice: when the frames are to be safe, and when the index is that promises them."""
     log = tmp_path / "writes"
     disk = testdisk.make(tmp_path / "test.img", clip, {"ddxvideoload.conf": "loop=\n"})
@@ -70,6 +74,7 @@ def test_each_promise_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.
         guest.sh("touch /data/file; fsync /data/file")  # QEMU closes its log at a flush
         guest.process.kill()
     flushed, without = flushes(image, log)
-    print(f"flushes for each promise: {flushed}; without barriers: {without}")
+    record_property("flushes_for_each_promise", flushed)
+    record_property("without_barriers", without)
     assert len(flushed) > 5 and min(flushed) >= 2 and statistics.mode(flushed) == 2
     assert len(without) > 2 and statistics.mode(without) == 0

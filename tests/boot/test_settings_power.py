@@ -11,6 +11,8 @@ import mbr
 from disk import Disk
 from qemu import Boot, Guest
 
+from .figures import Figure
+
 pytestmark = pytest.mark.long
 
 NAME = "ddxvideosave"
@@ -67,7 +69,7 @@ def wrong(found: list[tuple[int, bytes | None]]) -> list[str]:
 
 @pytest.mark.parametrize("naive", [False, True], ids=["ddxctl", "naive"])
 def test_settings_survive_a_power_cut_at_any_write(boot: Boot, image: pathlib.Path, tmp_path: pathlib.Path,
-                                                   naive: bool) -> None:
+                                                   naive: bool, record_property: Figure) -> None:
     log = tmp_path / "writes"
     with boot("power-naive" if naive else "power", writes=log, keep=tmp_path) as guest:
         mark(guest, 0)
@@ -80,7 +82,8 @@ def test_settings_survive_a_power_cut_at_any_write(boot: Boot, image: pathlib.Pa
         guest.poweroff()
     assert Disk(image, tmp_path).path.exists()
     found = cuts(image, log, tmp_path / "data.ext4")
-    print(f"power cuts: {len(found)}, wrong: {len(wrong(found))}")
+    record_property("power_cuts", len(found))
+    record_property("wrong", len(wrong(found)))
     assert len(found) > 4 * 3 * (DICE + 1)
     assert {done for done, _ in found} >= set(range(len(TOGGLES)))
     assert bool(wrong(found)) is naive, wrong(found)[:5]

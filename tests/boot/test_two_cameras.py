@@ -16,6 +16,7 @@ from recording import Partition
 from session import SAVE
 
 from . import camera
+from .figures import Figure
 
 pytestmark = pytest.mark.long
 
@@ -23,7 +24,7 @@ SIZES = {"video": (352, 288), "rear": (176, 144)}
 SECONDS = 10
 
 
-def test_each_is_recorded(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> None:
+def test_each_is_recorded(boot: qemu.Boot, work: pathlib.Path, board: Machine, record_property: Figure) -> None:
     clip = default_clip.write(work / "unused.y4m", 1)
     disk = camera.disk(work, board.board, clip, {f"{SAVE}.conf": "segment=16\n"})
     with boot("two-cameras", test_disk=disk, more_memory=128) as guest:
@@ -45,6 +46,7 @@ def test_each_is_recorded(boot: qemu.Boot, work: pathlib.Path, board: Machine) -
         print(*partition.lost(), sep="\n")
         for item, instance in [("video", ""), ("rear", ".rear")]:
             grab, save = (session.end_counters(guest, name + instance) for name in (GRABBER, SAVE))
+            record_property(item, {"driver_lost": grab.lost["driver"], "in": save.frames_in, "out": save.out})
             assert save.lost_total == 0 and grab.out == save.frames_in == save.out > 20 * SECONDS, (grab, save)
             header, frames = y4m.read(partition.take_only(item, work / f"two-{item}.y4m"))
             assert (header.width, header.height) == SIZES[item]

@@ -16,6 +16,7 @@ from qemu import Guest
 from recording import Partition
 
 from . import camera
+from .figures import Figure
 from .segment import Segment
 
 pytestmark = pytest.mark.long
@@ -47,7 +48,8 @@ def arrive(operator: Guest, segment: Segment) -> None:
         time.sleep(1)
 
 
-def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path,
+                                        record_property: Figure) -> None:
     disk = testdisk.make(work / "robot.img", clip, {"ddxvideoload.conf": "readers=2\n"})
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
         segment = Segment(pathlib.Path(folder), SEED, DROP, DUPLICATE)
@@ -71,7 +73,8 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
             session.stop_recorder(robot)
             result = session.collect(robot, clip, work / "two-recorded.y4m")
         segment.end()
-    print(f"network: {segment.came} packets, {segment.dropped} lost, {segment.duplicated} twice; decode: {received}")
+    record_property("network", {"packets": segment.came, "lost": segment.dropped, "twice": segment.duplicated})
+    record_property("decode_packets", received)
     assert result.good, result.disagreements  # the robot has noticed nothing
     assert sent["packets"] == segment.came and segment.dropped > 10 and segment.duplicated > 10
     assert received["received"] == segment.came - segment.dropped + segment.duplicated
@@ -84,6 +87,7 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
     right = [one.time for index, one in enumerate(seen.shown) if index not in seen.wrong]
     quiet = [one.time for one in seen.shown if one.time < (QUIET - 1) * 1e9 or one.time > (mended + END) * 1e9]
     assert seen.shown[-1].time > (mended + END) * 1e9 and set(quiet) <= set(right)
+    record_property("pictures", {"shown": len(seen.shown), "marked_by_losses": len(seen.wrong)})
     assert 0 < len(seen.wrong) < len(seen.shown)  # marks of what was lost, and an end of them
 
 

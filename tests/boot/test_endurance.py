@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Does anything grow while services are switched, and while video flows? The short form of `make endurance`."""
+import pathlib
+
+import pytest
+
+import endurance
+import machine
+
+from .conftest import BOARD
+from .figures import Figure
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(BOARD != machine.DEV, reason="make endurance starts the development image's machine"),
+]
+
+
+@pytest.mark.parametrize("kind, amount", [("toggles", 100), ("video", 3)])
+def test_nothing_grows(image: pathlib.Path, accel: str, record_property: Figure, kind: str, amount: int) -> None:
+    looks = endurance.one_round(image, accel, kind, amount)
+    record_property("first", looks[0])
+    record_property("last", looks[-1])
+    assert endurance.growth(looks) == []
