@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Preloaded: the program is killed at its $LAST_CALL-th frame, right before ddx_store_publish() or right after it, as
- * $LAST_ACT says.
+ * Preloaded: the program is killed at its $LAST_CALL-th frame, as $LAST_ACT says: `before` ddx_store_publish(), or
+ * `after` it; or when a frame is `written` to disk, and before it is counted as out.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -11,26 +11,35 @@
 #include <string.h>
 #include <unistd.h>
 
-static void act(const char *moment, const void *item) {
-    static const char *(*name)(const void *item);
+static void act(const char *moment) {
     static int calls;
     const char *wanted = getenv("LAST_ACT"), *call = getenv("LAST_CALL");
 
-    if (!name)
-        *(void **)&name = dlsym(RTLD_NEXT, "ddx_store_item_name");
-    if (!wanted || !call || strcmp(wanted, moment) != 0 || strcmp(name(item), "video") != 0)
-        return;
-    if (++calls == atoi(call))
+    if (wanted && call && !strcmp(wanted, moment) && ++calls == atoi(call))
         kill(getpid(), SIGKILL);
+}
+
+void ddx_stats_out(void *book, uint64_t frames, int64_t latency) {
+    static void (*out)(void *book, uint64_t frames, int64_t latency);
+
+    if (!out)
+        *(void **)&out = dlsym(RTLD_NEXT, "ddx_stats_out");
+    act("written");
+    out(book, frames, latency);
 }
 
 int ddx_store_publish(void *item, const int64_t *time) {
     static int (*publish)(void *item, const int64_t *time);
+    static const char *(*name)(const void *item);
 
-    if (!publish)
+    if (!publish) {
         *(void **)&publish = dlsym(RTLD_NEXT, "ddx_store_publish");
-    act("before", item);
+        *(void **)&name = dlsym(RTLD_NEXT, "ddx_store_item_name");
+    }
+    if (strcmp(name(item), "video") != 0)
+        return publish(item, time);
+    act("before");
     int result = publish(item, time);
-    act("after", item);
+    act("after");
     return result;
 }

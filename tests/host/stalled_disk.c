@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() does
- * not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do.
+ * not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While $FAILED_SYNC
+ * exists, fdatasync() fails.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -21,6 +23,11 @@ static void stall(const char *name) {
 
 int fdatasync(int fd) {
     stall("STALLED_SYNC");
+    const char *failed = getenv("FAILED_SYNC");
+    if (failed && !access(failed, F_OK)) {
+        errno = EIO;
+        return -1;
+    }
     return (int)syscall(SYS_fdatasync, fd);
 }
 

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import json
+import os
 import pathlib
+import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
 
 import pytest
 
-from .programs import Counters, Desk, Process, lost, make_clip, pictures, result, start_recorder, stop, wait_until
+from common import MORTAL
+
+from .programs import (ROOT, Counters, Desk, Process, lost, make_clip, pictures, result, start_recorder, stop,
+                       wait_until)
 
 PICTURE = 64 * 48 * 3 // 2
 
@@ -173,10 +178,7 @@ def test_change_of_size_into_one_file(desk: Desk, clip: pathlib.Path) -> None:
 @pytest.fixture(scope="module")
 def last_act(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     """To be preloaded: the program is killed right before or after a call."""
-    library = tmp_path_factory.mktemp("act") / "last_act.so"
-    subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC",
-                    pathlib.Path(__file__).with_name("last_act.c"), "-o", library], check=True)
-    return library
+    return preload("last_act", tmp_path_factory.mktemp("act"))
 
 
 @pytest.mark.parametrize("moment, out", [("before", 11), ("after", 12)])
@@ -190,3 +192,158 @@ def test_writer_killed_while_it_publishes(desk: Desk, clip: pathlib.Path, last_a
     loaded = json.loads(again.stdout.splitlines()[-1])
     assert loaded["out"] == out + 50 == desk.sequence("video") and balanced(loaded)
     assert loaded["in"] == 62 and loaded["lost"]["restart"] == 12 - out
+
+
+# ---- What is in the file ----
+
+def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
+    library = folder / f"{name}.so"
+    subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC",
+                    pathlib.Path(__file__).with_name(f"{name}.c"), "-o", library], check=True)
+    return library
+
+
+def test_the_disk_fails_to_make_safe(desk: Desk, clip: pathlib.Path) -> None:
+    """What the disk did not take is not recorded: it is cut off, and counted as lost."""
+    failed = desk.folder / "failed"
+    saver = start_recorder(desk, "-output", "out.y4m", wrapper=(
+        "env", f"LD_PRELOAD={preload('stalled_disk', desk.folder)}", f"FAILED_SYNC={failed}"))
+    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    wait_until(lambda: desk.out("ddxvideosave") > 150)  # some are safe by now
+    failed.touch()
+    status, saved = result(saver)
+    stop(loader)
+    assert status == 1 and balanced(saved) and saved["lost"]["write"] > 0
+    file = desk.folder / "out.y4m"
+    kept = pictures(file)
+    assert len(kept) == saved["out"] > 0 and file.read_bytes().endswith(kept[-1])
+
+
+@pytest.mark.parametrize("target", ["rec/out.y4m", "rec"])
+def test_folder_removed(desk: Desk, clip: pathlib.Path, target: str) -> None:
+    """It is told, and nothing counts as recorded that is not there."""
+    (desk.folder / "rec").mkdir()
+    saver = start_recorder(desk, "-output", target)
+    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    wait_until(lambda: desk.out("ddxvideosave") > 5)
+    shutil.rmtree(desk.folder / "rec")
+    status, saved = result(saver)
+    stop(loader)
+    assert status == 1 and "was removed" in desk.errors(saver)
+    assert balanced(saved) and saved["out"] == 0 < saved["lost"]["write"]
+
+
+def test_two_recorders_and_one_file(desk: Desk, clip: pathlib.Path) -> None:
+    """The second is refused, and harms nothing."""
+    first = start_recorder(desk, "-output", "out.y4m")
+    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    wait_until(lambda: desk.out("ddxvideosave") > 5)
+    second = start_recorder(desk, "-output", "out.y4m", "-instance", "second")
+    status, refused = result(second)
+    assert status == 1 and "another program records into it" in desk.errors(second) and refused["out"] == 0
+    _, loaded = stop(loader)
+    status, saved = stop(first)
+    assert status == 0 and recorded(desk.folder / "out.y4m") == saved["out"] == loaded["out"]
+
+
+def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path) -> None:
+    """The file was counted: it stays, is cut behind its last whole frame, and the next one gets another name."""
+    out = desk.folder / "out.y4m"
+    saver = start_recorder(desk, "-output", "out.y4m", wrapper=("env", f"LD_PRELOAD={last_act}", "LAST_ACT=written",
+                                                                "LAST_CALL=20"))
+    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    assert saver.wait(60) == -signal.SIGKILL
+    whole = recorded(out)
+    assert whole >= 20
+    out.write_bytes(out.read_bytes() + b"FRAME XTIME=190000000\n" + bytes(1000))
+    replay = desk.run("ddxvideoload", out, "-rate", "0", "-name", "replay", "-instance", "replay")
+    assert replay.returncode == 0 and "cut short" in replay.stderr and desk.stats("replay")["out"] == whole
+    saver = start_recorder(desk, "-output", "out.y4m")
+    second = desk.folder / "out-2.y4m"
+    wait_until(second.exists)
+    _, loaded = stop(loader)
+    status, saved = stop(saver)
+    assert status == 0 and recorded(out) == whole and out.read_bytes().endswith(pictures(out)[-1])
+    assert "cut behind its last whole one" in desk.errors(saver)
+    assert saved["out"] == whole + recorded(second) and saved["in"] == loaded["out"] and balanced(saved)
+
+
+def test_nothing_but_the_clip_on_standard_output(desk: Desk, clip: pathlib.Path) -> None:
+    with (desk.folder / "out.y4m").open("wb") as out, (desk.folder / "told").open("w+") as told:
+        saver = subprocess.Popen([*MORTAL, ROOT / "bin/ddxvideosave", "-output", "-"], env=desk.environment,
+                                 cwd=desk.folder, stdout=subprocess.PIPE, stderr=told)
+        cat = subprocess.Popen(["cat"], stdin=saver.stdout, stdout=out)
+        source = subprocess.run([*MORTAL, ROOT / "bin/ddxvideoload", "-", "-readers", "1"], env=desk.environment,
+                                cwd=desk.folder, input=clip.read_bytes(), capture_output=True, timeout=60)
+        saver.terminate()
+        assert source.returncode == saver.wait(60) == cat.wait(60) == 0
+        told.seek(0)
+        saved = json.loads(told.read().splitlines()[-1])
+    assert saved["out"] == saved["in"] == 50 and pictures(desk.folder / "out.y4m") == pictures(clip)
+    assert not (desk.folder / "-").exists()
+
+
+def test_standard_descriptors_closed(desk: Desk, clip: pathlib.Path) -> None:
+    """Nothing that is said lands in a frame or in what goes to the store."""
+    closed = ("sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-')
+    saver = start_recorder(desk, "-output", "out.y4m", wrapper=closed)
+    loader = desk.start("ddxvideoload", clip, "-readers", "1", wrapper=closed)
+    assert loader.wait(60) == 0
+    saver.terminate()
+    assert saver.wait(60) == 0
+    saved = desk.stats("ddxvideosave")
+    assert saved["in"] == saved["out"] == 50 and lost(saved) == 0
+    assert pictures(desk.folder / "out.y4m") == pictures(clip)
+
+
+# ---- TERM ends what waits ----
+
+@pytest.mark.parametrize("opened", [False, True])
+def test_pipe_that_nobody_reads(desk: Desk, opened: bool) -> None:
+    """Exit 0, since the stop was wanted; what nobody read is lost, and counted."""
+    clip, pipe = make_clip(desk.folder / "clip.y4m", "320x240", "100", 20), desk.folder / "pipe"
+    os.mkfifo(pipe)
+    saver = start_recorder(desk, "-output", pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK) if opened else None
+    assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
+    wait_until(lambda: int(desk.stats("ddxvideosave")["in"]) == 20)
+    status, saved = stop(saver)
+    assert status == 0 and saved["in"] == 20 and balanced(saved) and saved["lost"]["write"] >= 19
+    if reader is not None:
+        os.close(reader)
+
+
+@pytest.mark.parametrize("opened", [False, True])
+def test_clip_that_nobody_writes(desk: Desk, clip: pathlib.Path, opened: bool) -> None:
+    pipe = desk.folder / "pipe"
+    os.mkfifo(pipe)
+    loader = desk.start("ddxvideoload", pipe)
+    if opened:
+        with pipe.open("wb", buffering=0) as file:
+            file.write(clip.read_bytes()[:PICTURE * 3])
+            wait_until(lambda: desk.out("ddxvideoload") > 1)
+            assert stop(loader)[0] == 0
+    else:
+        wait_until(lambda: b"ddxvideoload" in pathlib.Path(f"/proc/{loader.pid}/cmdline").read_bytes())
+        wait_until(lambda: "SigCgt:\t0000000000000000" not in pathlib.Path(f"/proc/{loader.pid}/status").read_text())
+        assert stop(loader)[0] == 0
+
+
+def test_counters_that_nobody_reads(desk: Desk, clip: pathlib.Path) -> None:
+    """Standard output is a pipe that is full."""
+    end, begin = os.pipe()
+    os.set_blocking(begin, False)
+    try:
+        while os.write(begin, bytes(4096)):
+            pass
+    except BlockingIOError:
+        os.set_blocking(begin, True)
+    loader = subprocess.Popen([*MORTAL, ROOT / "bin/ddxvideoload", clip, "-loop"], env=desk.environment, stdout=begin)
+    try:
+        wait_until(lambda: desk.out("ddxvideoload") > 5)
+        loader.terminate()
+        assert loader.wait(60) == 0
+    finally:
+        loader.kill()
+        os.close(begin)
+        os.close(end)

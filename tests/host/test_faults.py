@@ -36,7 +36,7 @@ def test_clip_cut_short(desk: Desk, clip: pathlib.Path, cut: int) -> None:
     clip.write_bytes(clip.read_bytes()[:-cut])
     saver = start_recorder(desk, "-output", "out.y4m")
     loader = desk.run("ddxvideoload", clip, "-readers", "1")
-    assert loader.returncode == 2
+    assert loader.returncode == 0
     assert re.fullmatch(rf"ddxvideoload: {clip}: .*cut short.*\n", loader.stderr)
     assert stop(saver)[1]["out"] == 19
     assert pictures(desk.folder / "out.y4m") == pictures(clip)

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <time.h>
 
+#include "../program/descriptors.h"
+
 #define STORE_WAIT 1.0 /* s */
 
 static const char usage[] =
@@ -100,6 +102,7 @@ static int repeat(size_t command, DDX_STORE_ID *id, const struct request *reques
 }
 
 int main(int argc, char **argv) {
+    descriptors_open();
     static const struct option options[] = {
         {"json", no_argument, NULL, 'j'},        {"every", required_argument, NULL, 'e'},
         {"count", required_argument, NULL, 'c'}, {"port", required_argument, NULL, 'p'},

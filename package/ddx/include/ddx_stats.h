@@ -71,6 +71,10 @@ DDX_STORE_TYPE(
                               next one of this instance; 0: nobody asked for them */
         uint32_t reserved;
         uint64_t publishing; /* number that the frame which goes into an item now gets there; 0: none does */
+        uint64_t died; /* of lost "restart": with the last program; what it left on the disk may hold some of them */
+        uint64_t file_device, file_inode; /* where frames that are `out` go now; 0: not in a file */
+        uint64_t file_out;                /* `out` when that file was begun */
+        uint64_t out_sequence; /* number in the source of the last frame out, where the program tells that; else 0 */
         uint32_t latency[DDX_STATS_BUCKETS]; /* frames out, by latency */
     });
 
@@ -118,6 +122,22 @@ int ddx_stats_publishing(DDX_STATS_BOOK *book, uint64_t number);
  * ddx_store_written(). The frame that its forerunner died with is `out` if it is in the item, else lost "restart".
  */
 void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written);
+
+/*
+ * For a program that keeps frames in files. What is out from now on is in this file; or, if it knows, out up to this
+ * number in the source. Neither writes the book.
+ */
+void ddx_stats_file(DDX_STATS_BOOK *book, uint64_t device, uint64_t inode);
+void ddx_stats_out_until(DDX_STATS_BOOK *book, uint64_t sequence);
+
+/*
+ * After ddx_stats_attach(), where a former program died: `frames` of those that died with it were found on the disk, in
+ * what it left (ddx_stats_get() tells of `died`, file_... and out_sequence): they are out, not lost. To be called once.
+ */
+void ddx_stats_found(DDX_STATS_BOOK *book, uint64_t frames);
+
+/* Frames that have been counted as out, and are lost after all. Reasons as for ddx_stats_lost(). */
+void ddx_stats_take_back(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames);
 
 /* Frames that came in; `sequence` of the last of them in the source item, 0 if it has none. */
 void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence);

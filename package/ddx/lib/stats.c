@@ -11,8 +11,8 @@ _Static_assert(offsetof(DDX_STATS, in) == 16, "layout");
 _Static_assert(offsetof(DDX_STATS, first) == 56, "layout");
 _Static_assert(offsetof(DDX_STATS, source) == 80, "layout");
 _Static_assert(offsetof(DDX_STATS, lost) == 144, "layout");
-_Static_assert(offsetof(DDX_STATS, latency) == 352, "layout");
-_Static_assert(sizeof(DDX_STATS) == 352 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
+_Static_assert(offsetof(DDX_STATS, latency) == 392, "layout");
+_Static_assert(sizeof(DDX_STATS) == 392 + 4 * DDX_STATS_BUCKETS && sizeof(DDX_STATS) % 8 == 0, "layout");
 
 static const char restart_reason[] = "restart";
 
@@ -105,6 +105,27 @@ void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames) {
     pthread_mutex_lock(&book->lock);
     book->stats.lost[reason < book->restart ? reason : book->restart].frames += frames;
     book->stats.publishing = 0;
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_take_back(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.out -= frames < book->stats.out ? frames : book->stats.out;
+    book->stats.lost[reason < book->restart ? reason : book->restart].frames += frames;
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_file(DDX_STATS_BOOK *book, uint64_t device, uint64_t inode) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.file_device = device;
+    book->stats.file_inode = inode;
+    book->stats.file_out = book->stats.out;
+    pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_out_until(DDX_STATS_BOOK *book, uint64_t sequence) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.out_sequence = sequence;
     pthread_mutex_unlock(&book->lock);
 }
 

@@ -32,8 +32,16 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
     }
     if (former->in > accounted) { /* died with these in its ring, and with one on its way into an item */
         stats->publishing = former->publishing;
-        stats->lost[book->restart].frames += former->in - accounted - (former->publishing ? 1 : 0);
+        uint64_t died = former->in - accounted - (former->publishing ? 1 : 0);
+        stats->lost[book->restart].frames += died;
+        stats->died = former->died + died;
+    } else {
+        stats->died = former->died;
     }
+    stats->file_device = former->file_device;
+    stats->file_inode = former->file_inode;
+    stats->file_out = former->file_out;
+    stats->out_sequence = former->out_sequence;
     stats->in += former->in;
     stats->out += former->out;
     stats->skipped += former->skipped;
@@ -57,6 +65,19 @@ void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written) {
     else if (stats->publishing)
         stats->lost[book->restart].frames++;
     stats->publishing = 0;
+    pthread_mutex_unlock(&book->lock);
+    ddx_stats_write(book);
+}
+
+void ddx_stats_found(DDX_STATS_BOOK *book, uint64_t frames) {
+    pthread_mutex_lock(&book->lock);
+    DDX_STATS *stats = &book->stats;
+    if (frames > stats->died)
+        frames = stats->died;
+    stats->out += frames;
+    stats->lost[book->restart].frames -= frames;
+    stats->died = 0;
+    stats->file_device = stats->file_inode = 0;
     pthread_mutex_unlock(&book->lock);
     ddx_stats_write(book);
 }

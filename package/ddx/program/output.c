@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <time.h>
 #include <unistd.h>
@@ -33,6 +34,8 @@ int output_check(struct output *output, const char *place, const char *name, con
     *output = (struct output){.place = place, .name = name, .extension = extension};
     if (strlen(place) >= PATH_MAX)
         return -ENAMETOOLONG;
+    if (!strcmp(place, "-"))
+        return 0;
     if (!stat(place, &status)) {
         output->is_folder = S_ISDIR(status.st_mode);
         return access(place, output->is_folder ? W_OK | X_OK : W_OK) ? -errno : 0;
@@ -63,6 +66,20 @@ static long number_of(const char *name, const char *prefix) {
     return *end == '-' && number < LONG_MAX - TRIES ? number : 0;
 }
 
+long output_number(const struct output *output, const char *name) {
+    char prefix[80];
+    const char *end = strrchr(name, '.');
+    file_prefix(output, prefix, sizeof(prefix));
+    return end && !strcmp(end + 1, output->extension) ? number_of(name, prefix) : 0;
+}
+
+void output_folder(const struct output *output, char *folder) {
+    if (output->is_folder)
+        snprintf(folder, PATH_MAX, "%s", output->place);
+    else
+        parent(output->place, folder);
+}
+
 /* The highest number in use in the folder, or -errno. */
 static long highest_number(const struct output *output, const char *prefix) {
     DIR *folder = opendir(output->place);
@@ -78,12 +95,84 @@ static long highest_number(const struct output *output, const char *prefix) {
     return highest;
 }
 
-int output_open(const struct output *output, char *path) {
-    if (!output->is_folder) {
-        snprintf(path, PATH_MAX, "%s", output->place);
-        int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0664);
-        return fd < 0 ? -errno : fd;
+/* A pipe has another end, which somebody may open later. */
+static int open_pipe(const char *path) {
+    const struct timespec step = {0, 20000000};
+    for (;;) {
+        int fd = open(path, O_WRONLY | O_CLOEXEC | O_NONBLOCK);
+        if (fd >= 0 || (errno != ENXIO && errno != EINTR))
+            return fd < 0 ? -errno : fd;
+        if (program_has_no_patience())
+            return -ECANCELED;
+        nanosleep(&step, NULL);
     }
+}
+
+/* Standard output; so that it can be given up, with flags of its own, which others who have it do not see. */
+static int open_standard(char *path) {
+    struct stat status;
+    bool regular = !fstat(STDOUT_FILENO, &status) && S_ISREG(status.st_mode);
+    int fd = regular ? -1 : open("/proc/self/fd/1", O_WRONLY | O_CLOEXEC | O_NONBLOCK);
+    if (fd < 0)
+        fd = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
+    strcpy(path, "standard output");
+    return fd < 0 ? -errno : fd;
+}
+
+/* Of this process alone, as long as it is open; where the file system knows no locks, nobody is kept out. */
+static int lock(int fd) {
+    if (!flock(fd, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
+        return fd;
+    close(fd);
+    return -EWOULDBLOCK;
+}
+
+/* FILE, FILE-2, ... as long as there is such a file and something in it. */
+static int open_free(const struct output *output, char *path) {
+    const char *slash = strrchr(output->place, '/'), *dot = strrchr(slash ? slash : output->place, '.');
+    size_t stem = dot ? (size_t)(dot - output->place) : strlen(output->place);
+    struct stat status;
+    for (int number = 1; number < 10000; number++) {
+        if (number == 1)
+            snprintf(path, PATH_MAX, "%s", output->place);
+        else if (snprintf(path, PATH_MAX, "%.*s-%d%s", (int)stem, output->place, number, dot ? dot : "") >= PATH_MAX)
+            return -ENAMETOOLONG;
+        if (!stat(path, &status) && status.st_size > 0)
+            continue;
+        int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0664);
+        if (fd < 0)
+            return -errno;
+        fd = lock(fd);
+        if (fd != -EWOULDBLOCK)
+            return fd;
+    }
+    return -EEXIST;
+}
+
+static int open_named(const struct output *output, char *path) {
+    struct stat status;
+    if (!strcmp(output->place, "-"))
+        return open_standard(path);
+    snprintf(path, PATH_MAX, "%s", output->place);
+    if (!stat(path, &status) && !S_ISREG(status.st_mode))
+        return open_pipe(path);
+    if (output->keep)
+        return open_free(output, path);
+    int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0664);
+    if (fd < 0)
+        return -errno;
+    fd = lock(fd); /* before anything in it is gone */
+    if (fd >= 0 && ftruncate(fd, 0)) {
+        int error = errno;
+        close(fd);
+        return -error;
+    }
+    return fd;
+}
+
+int output_open(const struct output *output, char *path) {
+    if (!output->is_folder)
+        return open_named(output, path);
     char prefix[80], stamp[32];
     file_prefix(output, prefix, sizeof(prefix));
     long number = highest_number(output, prefix);
@@ -98,7 +187,7 @@ int output_open(const struct output *output, char *path) {
             return -ENAMETOOLONG;
         int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0664);
         if (fd >= 0 || errno != EEXIST)
-            return fd < 0 ? -errno : fd;
+            return fd < 0 ? -errno : lock(fd);
     }
     return -EEXIST;
 }

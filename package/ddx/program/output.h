@@ -12,6 +12,7 @@ struct output {
     const char *name;      /* of the item, for names of files in a folder */
     const char *extension; /* of such names: "y4m" */
     bool is_folder;
+    bool keep; /* a named file that is there has what a former start recorded: the next free name is taken then */
 };
 
 /* Look at the place; 0 or -errno if nothing could be recorded there. */
@@ -20,9 +21,18 @@ int output_check(struct output *output, const char *place, const char *name, con
 /*
  * Open the next file; its path into path[PATH_MAX]. In a folder it is called <name>-<NNNNNN>-<UTC>.<extension>, with a
  * number above all that are there: recordings keep their order, and are not overwritten, however wrong the clock
- * is. Returns the file descriptor or -errno.
+ * is. A place of that name is used: emptied, or with `keep` the next free one of FILE, FILE-2, FILE-3 ... (before the
+ * extension); `-` is standard output. A pipe is waited for until somebody reads it. A file is locked as long as it is
+ * open. Returns the file descriptor or -errno: -EWOULDBLOCK, another program records into it; -ECANCELED, told to stop
+ * before anybody opened the pipe.
  */
 int output_open(const struct output *output, char *path);
+
+/* The folder that its files are in, into folder[PATH_MAX]. */
+void output_folder(const struct output *output, char *folder);
+
+/* The number in the name of a file that output_open() makes in a folder; 0 if it is none of these. */
+long output_number(const struct output *output, const char *name);
 
 /*
  * Delete files that output_open() made in a folder, oldest numbers first, until all that are left have `most` bytes or

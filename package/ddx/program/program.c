@@ -12,12 +12,13 @@
 #include <sys/random.h>
 #include <time.h>
 
+#include "descriptors.h"
+
 #define NS INT64_C(1000000000)
 #define PATIENCE (5 * NS) /* with readers that do not read */
 #define OPTIONS_MAX 24
 
 static const char *program_name = "ddx";
-static volatile sig_atomic_t stop_wanted, report_wanted;
 
 void say_as(const char *name) {
     program_name = name;
@@ -30,24 +31,6 @@ void say(const char *format, ...) {
     vsnprintf(text, sizeof(text), format, arguments);
     va_end(arguments);
     fprintf(stderr, "%s: %s\n", program_name, text); /* one call, one line, also between threads */
-}
-
-static void on_signal(int number) {
-    if (number == SIGUSR1)
-        report_wanted = 1;
-    else
-        stop_wanted = 1;
-}
-
-static void catch_signals(void) {
-    struct sigaction action = {.sa_handler = on_signal};
-    sigemptyset(&action.sa_mask);
-    sigaction(SIGTERM, &action, NULL);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGUSR1, &action, NULL);
-    action.sa_handler = SIG_IGN; /* both come back as errors of write() */
-    sigaction(SIGPIPE, &action, NULL);
-    sigaction(SIGXFSZ, &action, NULL);
 }
 
 uint64_t program_random(void) {
@@ -151,6 +134,7 @@ void program_start(struct program *program, int argc, char **argv) {
         options[i].has_arg = entries[i]->argument ? required_argument : no_argument;
     }
 
+    descriptors_open();
     program_name = program->name;
     program->instance = program->name;
     opterr = 0;
@@ -175,19 +159,13 @@ void program_start(struct program *program, int argc, char **argv) {
         bad_usage("unexpected argument %s", argv[optind]);
     if (program->positional && !program->argument)
         bad_usage("%s is missing", program->positional);
-    catch_signals();
-}
-
-bool program_stopping(void) {
-    return stop_wanted;
+    signals_catch();
 }
 
 void program_tick(DDX_STATS_BOOK *book) {
     static int64_t written;
-    if (report_wanted) {
-        report_wanted = 0;
-        ddx_stats_print(book, stdout);
-    }
+    if (program_report_wanted())
+        program_report(book);
     int64_t now = ddx_time_now();
     if (now - written >= NS) {
         written = now;
@@ -198,7 +176,7 @@ void program_tick(DDX_STATS_BOOK *book) {
 bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book) {
     /* In slices, since a signal just before the sleep would not end it. The end stays exact: it is absolute. */
     for (;;) {
-        if (stop_wanted)
+        if (program_stopping())
             return false;
         program_tick(book);
         int64_t now = ddx_time_now();
@@ -225,7 +203,7 @@ bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_
 
 DDX_STORE_ID *program_connect(const struct program *program) {
     bool said = false;
-    while (!stop_wanted) {
+    while (!program_stopping()) {
         DDX_STORE_ID *id = ddx_store_open(NULL, (int)program->port, 0.5);
         if (id)
             return id;

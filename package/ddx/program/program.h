@@ -49,8 +49,23 @@ struct program {
  */
 void program_start(struct program *program, int argc, char **argv);
 
-/* TERM or INT came: finish. */
+/* TERM or INT came: finish, within five seconds. Whoever has not ended by then is ended, with exit 0. */
 bool program_stopping(void);
+
+/* That was more than three seconds ago: nobody waits for another program any more. From any thread. */
+bool program_has_no_patience(void);
+
+/* Where the counters go: standard output, unless it is wanted for something else. */
+void program_report_to(FILE *file);
+
+/* Print the counters' JSON line. */
+void program_report(DDX_STATS_BOOK *book);
+
+/* USR1 came. */
+bool program_report_wanted(void);
+
+/* For program_start(). */
+void signals_catch(void);
 
 /* Prints the JSON line if USR1 came, and writes the book into the store at least once a second. Call it often. */
 void program_tick(DDX_STATS_BOOK *book);

@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "../program/descriptors.h"
 #include "listen.h"
 #include "server.h"
 
@@ -229,6 +230,7 @@ static void allow_descriptors(void) {
 }
 
 int main(int argc, char **argv) {
+    descriptors_open();
     char path[sizeof(((struct sockaddr_un *)0)->sun_path)];
     int done = parse_options(argc, argv);
 

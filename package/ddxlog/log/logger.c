@@ -91,7 +91,7 @@ int logger_run(struct logger *logger) {
     if (logger->id)
         logger->status = program_attach(&logger->program, logger->book, logger->id, NULL) ? log_until_stopped(logger)
                                                                                            : EXIT_FAILED;
-    ddx_stats_print(logger->book, stdout);
+    program_report(logger->book);
     ddx_stats_close(logger->book);
     free_items(logger);
     ddx_store_close(logger->id);

@@ -178,7 +178,7 @@ int replay_run(struct replay *replay) {
         replay->status = open_items(replay);
     if (replay->id && !replay->status)
         play_all(replay);
-    ddx_stats_print(replay->book, stdout);
+    program_report(replay->book);
     ddx_stats_close(replay->book);
     ddx_store_done_item(replay->clock_item);
     items_free(replay);

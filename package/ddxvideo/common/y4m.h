@@ -72,10 +72,11 @@ struct y4m_reader {
     struct y4m_header header;
     int64_t frames;            /* whole frames read in this pass */
     int64_t start;             /* CLOCK_MONOTONIC of the first frame when it was recorded; -1: not known */
+    bool cut;                  /* the last failure: the file ends within a frame */
     char error[Y4M_ERROR_MAX]; /* of the last failure */
     /* private: */
     int fd;
-    bool at_end;
+    bool at_end, waits; /* waits: no regular file */
     size_t ahead_begin, ahead_end; /* bytes of `ahead` not used yet */
     char ahead[Y4M_HEADER_MAX];
     unsigned char *scratch; /* a frame in the file's layout, if that is not the store's */
@@ -89,7 +90,10 @@ enum y4m_result {
     Y4M_ERROR /* the system failed us: memory, disk */
 };
 
-/* Open and read the header. Reader is the caller's; y4m_close() in any case. */
+/* A file that is not there yet (a pipe) is waited for until this says so: it ends there then. For the whole program. */
+void y4m_stop_when(bool (*stopping)(void));
+
+/* Open and read the header. `-` is standard input. Reader is the caller's; y4m_close() in any case. */
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path);
 void y4m_close(struct y4m_reader *reader);
 

@@ -5,6 +5,7 @@
  */
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,6 +16,31 @@
 #include "y4m.h"
 
 #define AHEAD_WANTED 64 /* enough for a FRAME line and little enough to copy */
+#define LOOK_MS 100     /* how often to look up from waiting for a pipe */
+
+static bool (*is_stopping)(void);
+
+void y4m_stop_when(bool (*stopping)(void)) {
+    is_stopping = stopping;
+}
+
+/*
+ * As readv(), but not longer than the program wants to wait. A signal would end a wait in readv() as well, unless it
+ * comes right before.
+ */
+static ssize_t read_now(struct y4m_reader *reader, const struct iovec *parts, int count) {
+    for (;;) {
+        struct pollfd wait = {.fd = reader->fd, .events = POLLIN};
+        int ready = reader->waits ? poll(&wait, 1, LOOK_MS) : 1;
+        if (ready <= 0 && is_stopping && is_stopping())
+            return 0;
+        if (ready <= 0)
+            continue;
+        ssize_t got = readv(reader->fd, parts, count);
+        if (got >= 0 || (errno != EINTR && errno != EAGAIN))
+            return got;
+    }
+}
 
 __attribute__((format(printf, 3, 4))) static enum y4m_result fail(struct y4m_reader *reader, enum y4m_result result,
                                                                   const char *format, ...) {
@@ -44,14 +70,14 @@ static enum y4m_result read_line(struct y4m_reader *reader, char *line, size_t s
                             c ? "the line is too long" : "it holds a zero byte");
             line[length++] = c;
         }
-        ssize_t got = reader->at_end ? 0 : read(reader->fd, reader->ahead, AHEAD_WANTED);
-        if (got < 0 && errno == EINTR)
-            continue;
+        const struct iovec part = {reader->ahead, AHEAD_WANTED};
+        ssize_t got = reader->at_end ? 0 : read_now(reader, &part, 1);
         if (got < 0)
             return fail_errno(reader);
         if (!got) {
             reader->at_end = true;
             line[length] = 0;
+            reader->cut = length > 0;
             return length ? fail(reader, Y4M_BAD, "bad %s: the file ends in it; it was cut short", what) : Y4M_END;
         }
         reader->ahead_begin = 0;
@@ -77,13 +103,11 @@ static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts
     reader->ahead_begin = reader->ahead_end = 0;
 
     for (int next = 0; next < used;) {
-        ssize_t got = readv(reader->fd, all + next, used - next + 1);
-        if (got < 0 && errno == EINTR)
-            continue;
+        ssize_t got = read_now(reader, all + next, used - next + 1);
         if (got < 0)
             return fail_errno(reader);
         if (!got) {
-            reader->at_end = true;
+            reader->at_end = reader->cut = true;
             return fail(reader, Y4M_BAD, "cut short in frame %lld (from 0); the frames before it are whole",
                         (long long)reader->frames);
         }
@@ -113,9 +137,12 @@ static enum y4m_result read_header(struct y4m_reader *reader) {
 
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path) {
     memset(reader, 0, sizeof(*reader));
-    reader->fd = open(path, O_RDONLY | O_CLOEXEC);
+    struct stat status;
+    /* Not waiting for a pipe's other end. */
+    reader->fd = strcmp(path, "-") ? open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK) : fcntl(0, F_DUPFD_CLOEXEC, 3);
     if (reader->fd < 0)
         return fail(reader, Y4M_BAD, "cannot be opened: %s", strerror(errno));
+    reader->waits = !fstat(reader->fd, &status) && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode);
     enum y4m_result result = read_header(reader);
     if (result != Y4M_OK || y4m_is_plain(reader->header.layout))
         return result;
@@ -172,7 +199,7 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
 enum y4m_result y4m_rewind(struct y4m_reader *reader) {
     if (lseek(reader->fd, 0, SEEK_SET))
         return fail(reader, Y4M_BAD, "cannot be played again: it is no regular file; leave out -loop");
-    reader->at_end = false;
+    reader->at_end = reader->cut = false;
     reader->ahead_begin = reader->ahead_end = 0;
     reader->frames = 0;
     struct y4m_header before = reader->header;

@@ -278,7 +278,7 @@ int grabber_run(struct grabber *grabber) {
         grab(grabber);
     converter_close(&grabber->converter);
     device_close(&grabber->device);
-    ddx_stats_print(grabber->book, stdout);
+    program_report(grabber->book);
     ddx_stats_close(grabber->book);
     settings_end(grabber);
     publish_end(grabber);

@@ -27,8 +27,9 @@ int main(int argc, char **argv) {
                    "frame rate in the file. A late frame is written late, at most two in the time of one; none is\n"
                    "left out. Colourspaces other than 8-bit 4:2:0 are converted.",
         .notes = "The time of a frame in the item is when it was due: the time of the first frame plus its recorded\n"
-                 "time (divided by X; with -rate 0 as recorded). FILE may be a pipe: ffmpeg ... | ddxvideoload\n"
-                 "/dev/stdin",
+                 "time (divided by X; with -rate 0 as recorded). FILE may be a pipe, and `-` is standard\n"
+                 "input: ffmpeg ... | ddxvideoload -. A file that ends within a frame is played up to there; a line\n"
+                 "says so.",
         .options = options,
     };
     program_start(&player.program, argc, argv);

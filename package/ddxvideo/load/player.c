@@ -146,6 +146,12 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         enum y4m_result result = y4m_read(&player->file, frame.plane, &recorded);
         if (result != Y4M_OK) {
             ddx_store_cancel(player->video);
+            if (result == Y4M_BAD && player->file.cut && (player->file.frames || program_stopping())) {
+                if (!program_stopping() && !player->cut) /* told once, also when it is played again and again */
+                    report(player);
+                player->cut = true;
+                return Y4M_END;
+            }
             if (result != Y4M_END) {
                 report(player);
                 *status = exit_status(result);
@@ -167,7 +173,8 @@ static int play(struct player *player) {
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
                   geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
     player->patient = !player->speed.num && player->readers;
-    while (play_pass(player, &status) == Y4M_END && player->loop && player->file.frames) {
+    while (play_pass(player, &status) == Y4M_END && player->loop && player->file.frames &&
+           !program_stopping()) {
         enum y4m_result result = y4m_rewind(&player->file);
         if (result != Y4M_OK) {
             report(player);
@@ -218,10 +225,12 @@ static int open_items(struct player *player, DDX_STORE_ID *id) {
 
 int player_run(struct player *player) {
     int status;
+    y4m_stop_when(program_stopping);
     enum y4m_result result = y4m_open(&player->file, player->program.argument);
     if (result != Y4M_OK) {
-        report(player);
-        status = exit_status(result);
+        status = program_stopping() ? EXIT_OK : exit_status(result);
+        if (status)
+            report(player);
         y4m_close(&player->file);
         return status;
     }
@@ -235,7 +244,7 @@ int player_run(struct player *player) {
     status = id ? open_items(player, id) : EXIT_OK;
     if (id && !status)
         status = play(player);
-    ddx_stats_print(player->book, stdout);
+    program_report(player->book);
     ddx_stats_close(player->book);
     ddx_store_done_item(player->parameters);
     ddx_store_done_item(player->counter);

@@ -24,6 +24,7 @@ struct player {
     int64_t begin;     /* when the first frame was due, ns; may lie before we began to play */
     bool begun;
     bool patient;      /* waits for readers: has no other clock */
+    bool cut;          /* said that the file ends within a frame */
     int64_t not_before; /* with a clock: frames that were due earlier are left out */
     uint64_t frame;    /* number of the next frame */
     int64_t published; /* when the last frame was; before the first one, when we began */

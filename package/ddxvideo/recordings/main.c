@@ -10,6 +10,7 @@
 
 #include "bytes.h"
 #include "choose.h"
+#include "descriptors.h"
 #include "export.h"
 #include "program.h"
 #include "show.h"
@@ -110,6 +111,7 @@ static int run(const struct folder *folder, const char *path, const char *comman
 }
 
 int main(int argc, char **argv) {
+    descriptors_open();
     const char *path = "/rec", *command = NULL;
     char **words = argv; /* those that are no options, and not the command: fewer than there are */
     unsigned count = 0;

@@ -11,7 +11,7 @@ int main(int argc, char **argv) {
     long pre_roll = 0;
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to record (default: video)", OPTION_TEXT, &recorder.name, 0, 0},
-        {"output", "FILE|DIR", "the Y4M file to write, or a folder for <name>-<number>-<UTC>.y4m", OPTION_TEXT,
+        {"output", "FILE|DIR|-", "the Y4M file to write, or a folder for <name>-<number>-<UTC>.y4m", OPTION_TEXT,
          &recorder.place, 0, 0},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,
          &recorder.ring_frames, 2, 100000},
@@ -32,9 +32,12 @@ int main(int argc, char **argv) {
         .name = "ddxvideosave",
         .purpose = "Records a video item of the store as Y4M, each frame with its time; ddxvideoload plays it back.\n"
                    "Begins with the first frame that is written after the start, however long that takes.",
-        .notes = "A file that exists is overwritten; in a folder nothing is, and a change of the picture's size or\n"
-                 "rate begins a new file. Counters: lost.store = overwritten in the store before it was read,\n"
-                 "lost.ring = the disk was too slow, lost.write = the disk failed, lost.restart = no recorder ran.",
+        .notes = "`-` is standard output, for a player; the counters go to standard error then.\n"
+                 "A file that exists is overwritten, unless the last recorder did not end as told: then the next free\n"
+                 "one of FILE, FILE-2 ... (before the extension) is taken. In a folder nothing is overwritten, and a\n"
+                 "change of the picture's size or rate begins a new file. Counters: lost.store = overwritten in\n"
+                 "the store before it was read, lost.ring = the disk was too slow, lost.write = the disk failed,\n"
+                 "lost.restart = no recorder ran.",
         .options = options,
     };
     program_start(&recorder.program, argc, argv);

@@ -6,6 +6,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "leftovers.h"
 #include "orders.h"
 
 static const char *const reasons[] = {"store", "ring", "write", NULL};
@@ -33,8 +34,16 @@ static void finish(struct recorder *recorder, struct recording *recording) {
     int error = recording_finish(recording, path);
     if (!error)
         return;
+    if (error == -ECANCELED) { /* told to stop: that is no failure */
+        say("%s: nobody read it; what waited for that is lost", recorder->place);
+        return;
+    }
     const char *advice = error == -ENOSPC || error == -EDQUOT ? "make room and start again" : "see to the disk";
-    if (*path)
+    if (error == -EWOULDBLOCK)
+        say("%s: another program records into it; name another file, or a folder", recorder->place);
+    else if (error == -EIDRM)
+        say("%s: recording stopped, the file or its folder was removed; name a folder that stays", path);
+    else if (*path)
         say("%s: recording stopped, %s; what was recorded is readable, %s", path, strerror(-error), advice);
     else
         say("%s: no file to record into, %s; %s", recorder->place, strerror(-error), advice);
@@ -186,6 +195,7 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
     if (frame->missed)
         count_missed(recorder, frame->missed, number);
     ddx_stats_in(recorder->book, 1, frame->sequence);
+    ddx_stats_write(recorder->book); /* before it can be on the disk: what is found there was in */
     if (!choose_file(recorder, view)) {
         ddx_stats_lost(recorder->book, LOST_WRITE, 1);
     } else {
@@ -402,6 +412,15 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
     return true;
 }
 
+/* What a forerunner of this instance left, who did not end as told. */
+static void mend_leftovers(struct recorder *recorder) {
+    DDX_STATS stats;
+    ddx_stats_get(recorder->book, &stats);
+    recorder->output.keep = stats.follows;
+    if (!recorder->pool)
+        leftovers_mend(&recorder->output, recorder->book);
+}
+
 int recorder_run(struct recorder *recorder) {
     recorder->begin = ddx_time_now();
     recorder->frame = -1;
@@ -411,6 +430,8 @@ int recorder_run(struct recorder *recorder) {
         say("-output %s: %s; name a file or a folder that can be written", recorder->place, strerror(-error));
         return EXIT_FAILED;
     }
+    if (!strcmp(recorder->place, "-"))
+        program_report_to(stderr);
     if (recorder->paused && !recorder->output.is_folder) {
         say("-start paused: -output %s is no folder", recorder->place);
         return EXIT_USAGE;
@@ -433,6 +454,7 @@ int recorder_run(struct recorder *recorder) {
     if (id && !program_attach(&recorder->program, recorder->book, id, recorder->name))
         recorder->status = EXIT_FAILED;
     else if (id) {
+        mend_leftovers(recorder);
         orders_open(recorder, id);
         recorder->disk.place = recorder->place;
         recorder->disk.recycle = recorder->recycle;
@@ -446,7 +468,7 @@ int recorder_run(struct recorder *recorder) {
     disk_watch_stop(&recorder->disk);
     if (recorder->status && !program_stopping())
         ddx_stats_fail(recorder->book);
-    ddx_stats_print(recorder->book, stdout);
+    program_report(recorder->book);
     ddx_stats_close(recorder->book);
     if (recorder->pool)
         pool_close(recorder->pool);

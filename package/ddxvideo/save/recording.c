@@ -57,7 +57,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
         goto no_ring;
     error = plan->pool && bytes + Y4M_HEADER_WRITTEN > pool_file_bytes(plan->pool) ? -EFBIG : 0;
     if (!error)
-        error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS, &recording->error);
+        error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS * 3 / 4, &recording->error);
     if (error)
         goto no_flusher;
     ring_cut(&recording->ring); /* here a file begins: the first one, opened by who may wait for a disk */

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,6 +14,7 @@
 #include "segment_index.h"
 
 #define CHUNK (1u << 20)
+#define LOOK_MS 100 /* how often to look up from waiting for a pipe */
 
 /* ---- Open ---- */
 
@@ -22,6 +24,7 @@ static int open_plain(const struct output *output, struct segment *segment) {
     if (segment->fd < 0)
         return segment->fd;
     segment->regular = !fstat(segment->fd, &status) && S_ISREG(status.st_mode);
+    ddx_stats_file(segment->book, segment->regular ? status.st_dev : 0, segment->regular ? status.st_ino : 0);
     return 0;
 }
 
@@ -81,6 +84,20 @@ static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes,
     return (size_t)done - before < size ? done - (ssize_t)before : (ssize_t)size;
 }
 
+/* To a pipe, which may be full, and stay so. */
+static ssize_t write_pipe(struct segment *segment, const unsigned char *bytes, size_t size) {
+    for (;;) {
+        struct pollfd room = {.fd = segment->fd, .events = POLLOUT};
+        if (poll(&room, 1, LOOK_MS) > 0) {
+            ssize_t done = write(segment->fd, bytes, size);
+            if (done >= 0 || (errno != EAGAIN && errno != EINTR))
+                return done < 0 ? -errno : done;
+        }
+        if (program_has_no_patience())
+            return -ECANCELED;
+    }
+}
+
 ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_t size) {
     ssize_t done;
     do {
@@ -88,9 +105,11 @@ ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_
             done = write_blocks(segment, bytes, size);
         else if (segment->pool)
             done = pwrite(segment->fd, bytes, size, (off_t)segment->written);
+        else if (!segment->regular)
+            done = write_pipe(segment, bytes, size);
         else
             done = write(segment->fd, bytes, size);
-        if (done < 0 && !segment->file.direct)
+        if (done < 0 && segment->regular && !segment->file.direct)
             done = -errno;
     } while (done == -EINTR);
     if (done < 0)
@@ -111,32 +130,75 @@ void segment_add(struct segment *segment, const struct ring_frame *frame, uint32
         segment_index_add(segment, frame, sum, latency);
     else
         ddx_stats_out(segment->book, 1, latency);
+    segment->adding++;
     segment->whole = frame->end - segment->begin;
     segment->frames++; /* behind the entry: who counts it finds it */
+    segment->adding++;
 }
 
 /* ---- Make safe ---- */
 
+/* What has no name any more is gone when it is closed. */
+static bool is_removed(const struct segment *segment) {
+    struct stat status;
+    return segment->regular && !fstat(segment->fd, &status) && !status.st_nlink;
+}
+
+static int flush_plain(struct segment *segment) {
+    uint32_t frames;
+    uint64_t whole;
+    unsigned adding;
+    do {
+        adding = segment->adding;
+        frames = segment->frames;
+        whole = segment->whole;
+    } while (adding % 2 || adding != segment->adding);
+    if (!segment->regular)
+        return 0;
+    if (is_removed(segment)) {
+        segment->safe = segment->safe_frames = 0;
+        return -EIDRM;
+    }
+    if (frames == segment->safe_frames)
+        return 0;
+    if (fdatasync(segment->fd))
+        return -errno;
+    segment->safe_frames = frames;
+    segment->safe = whole;
+    return 0;
+}
+
 int segment_flush(struct segment *segment) {
-    if (segment->pool)
-        return segment_index_flush(segment);
-    return segment->regular && fdatasync(segment->fd) ? -errno : 0;
+    int error = is_removed(segment) && segment->pool ? -EIDRM : 0;
+    if (!error)
+        error = segment->pool ? segment_index_flush(segment) : flush_plain(segment);
+    return error;
 }
 
 bool segment_is_promised(const struct segment *segment) {
     return !segment->pool || segment->promised;
 }
 
-/* A frame that is half there is not recorded. */
+/* Its name, unless that is another file's by now. */
+static void unlink_own(const struct segment *segment) {
+    struct stat own, named;
+    if (!fstat(segment->fd, &own) && !lstat(segment->path, &named) && own.st_ino == named.st_ino &&
+        own.st_dev == named.st_dev)
+        unlink(segment->path);
+}
+
+/* A frame that is half there, or that the disk did not take, is not recorded. */
 static void cut(struct segment *segment) {
-    if (!segment->whole)
-        unlink(segment->path); /* not one frame: an empty file would only be in the way */
-    else if (ftruncate(segment->fd, (off_t)segment->whole))
-        say("%s: cannot be cut behind its last whole frame: %s", segment->path, strerror(errno));
+    ddx_stats_take_back(segment->book, LOST_WRITE, segment->frames - segment->safe_frames);
+    if (!segment->safe)
+        unlink_own(segment); /* not one frame: an empty file would only be in the way */
+    else if (ftruncate(segment->fd, (off_t)segment->safe) || fdatasync(segment->fd))
+        say("%s: cannot be cut behind its last good frame, number %u: %s", segment->path, segment->safe_frames,
+            strerror(errno));
 }
 
 static int finish_plain(struct segment *segment, bool failed) {
-    int error = failed ? 0 : segment_flush(segment);
+    int error = segment_flush(segment); /* after an error as well: what is whole by now may be safe yet */
     if (segment->regular && (failed || error))
         cut(segment);
     if (close(segment->fd) && !error)

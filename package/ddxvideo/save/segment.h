@@ -23,10 +23,13 @@ struct segment {
     uint64_t written;          /* bytes; the writer's */
     _Atomic uint64_t whole;    /* bytes up to the end of the last whole frame */
     _Atomic uint32_t frames;   /* whole ones: what stands in `index` of these stays */
+    atomic_uint adding;        /* odd while `whole` and `frames` do not belong together */
     atomic_bool closed;        /* nothing more will be written */
     char path[PATH_MAX];       /* as people know it */
     int fd;
     bool regular;     /* a file that can be cut and synced, not a pipe or device */
+    uint64_t safe;    /* bytes that the disk has for certain, ... */
+    uint32_t safe_frames; /* ... and the frames in them; of a file with a name of its own */
     uint64_t ordered; /* bytes that the disk has been told to write */
     /* Of the pool: */
     struct pool *pool; /* NULL: not of a pool */

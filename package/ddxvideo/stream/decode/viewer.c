@@ -191,7 +191,7 @@ int viewer_run(struct viewer *viewer) {
         viewer->status = EXIT_FAILED;
     }
     counters_print(&viewer->counters, stdout);
-    ddx_stats_print(viewer->book, stdout);
+    program_report(viewer->book);
     counters_close(&viewer->counters);
     ddx_stats_close(viewer->book);
     output_close(&viewer->output);

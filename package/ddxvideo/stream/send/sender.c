@@ -202,7 +202,7 @@ int sender_run(struct sender *sender) {
     }
     encoder_close(&sender->encoder);
     counters_print(&sender->counters, stdout);
-    ddx_stats_print(sender->book, stdout);
+    program_report(sender->book);
     counters_close(&sender->counters);
     if (sender->status)
         ddx_stats_fail(sender->book);
