@@ -47,13 +47,16 @@ def build(target: str, *defines: str) -> pathlib.Path:
     return program
 
 
-def fuzz(target: str, seconds: int, *defines: str, corpus: pathlib.Path | None = None) -> tuple[bool, str]:
-    """Run a target for so long. Whether nothing was found, and what libFuzzer says."""
+def fuzz(target: str, seconds: int, *defines: str, corpus: pathlib.Path | None = None,
+         seed: int = 0) -> tuple[bool, str]:
+    """Run a target for so long. Whether nothing was found, and what libFuzzer says. A seed other than 0: the same
+    inputs each time, as far as the time allows."""
     program = build(target, *defines)
     found = FUZZ / target if corpus is None else corpus
     found.mkdir(parents=True, exist_ok=True)
     artifacts = FUZZ if corpus is None else corpus
-    options = [f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-timeout=20", "-rss_limit_mb=2000",
+    options = [f"-seed={seed}", f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-timeout=20",
+               "-rss_limit_mb=2000",
                "-print_final_stats=1", f"-artifact_prefix={artifacts}/{target}-"]
     corpora = [found, TOP / "tests/fuzz/corpus" / target]
     done = subprocess.run([program, *options, *corpora], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,

@@ -10,11 +10,12 @@ import fuzz
 from common import TOP
 
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
+SEED = 1     # what is new is looked for by `make fuzz`, not by whoever tests something else
 
 
 @pytest.mark.parametrize("target", fuzz.TARGETS)
 def test_nothing_is_found(target: str) -> None:
-    fine, text = fuzz.fuzz(target, SECONDS)
+    fine, text = fuzz.fuzz(target, SECONDS, seed=SEED)
     assert fine, text[-5000:]
     executed = [int(line.split()[-1]) for line in text.splitlines() if "number_of_executed_units" in line]
     corpus = list((TOP / "tests/fuzz/corpus" / target).iterdir())

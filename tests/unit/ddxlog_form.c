@@ -55,6 +55,22 @@ static void test_names_that_meet(void) {
     form_free(form);
 }
 
+/* What is told of a form is the same form, read again. */
+static void test_it_is_read_again(void) {
+    static const char *const texts[][2] = {{"struct{ int8_t a;  struct {float b;} c[2]; }",
+                                            "struct { int8_t a; struct { float b; } c[2]; }"},
+                                           {"int16_t[3]", "int16_t[3]"}};
+    for (size_t i = 0; i < sizeof(texts) / sizeof(*texts); i++) {
+        struct form *form, *again;
+        CHECK_EQUAL(form_of_text("T", texts[i][0], "", &form), 0);
+        CHECK(!strcmp(form->declaration, texts[i][1]));
+        CHECK_EQUAL(form_of_text("T", form->declaration, "", &again), 0);
+        CHECK_EQUAL(again->message_size, form->message_size);
+        form_free(again);
+        form_free(form);
+    }
+}
+
 static void test_what_is_no_declaration(void) {
     static const char *const bad[] = {"", "struct { }", "struct {", "struct { int8_t }", "struct { int8_t a }",
                                       "struct { long a; }", "struct { int8_t a[0]; }", "struct { int8_t a[-1]; }",
@@ -76,6 +92,7 @@ int main(void) {
     test_places();
     test_extents();
     test_names_that_meet();
+    test_it_is_read_again();
     test_what_is_no_declaration();
     return 0;
 }

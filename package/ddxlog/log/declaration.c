@@ -53,6 +53,8 @@ char *form_declaration(const struct form_fields *fields) {
         return NULL;
     if (fields->count == 1 && !*fields->field->name) {
         fputs(type_name(fields->field), to);
+        if (fields->field->bound > 1)
+            fprintf(to, "[%u]", (unsigned)fields->field->bound);
     } else {
         fputs("struct { ", to);
         write_fields(to, fields, 0, fields->count);
@@ -191,11 +193,12 @@ int form_parse(const char *declaration, const char *extents, struct form_fields 
     struct parser parser = {declaration, fields};
     char word[DDX_NAME_MAX + 1];
     int error;
-    if (strncmp(declaration, "struct {", 8)) {
-        error = parse_member(&parser, 0);
+    next_word(&parser, word);
+    if (!strcmp(word, "struct")) {
+        error = accept(&parser, '{') ? parse_members(&parser, 1) : -EINVAL;
     } else {
-        parser.at += 8;
-        error = parse_members(&parser, 1);
+        parser.at = declaration;
+        error = parse_member(&parser, 0);
     }
     next_word(&parser, word);
     if (!error && *word)
