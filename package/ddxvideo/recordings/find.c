@@ -13,6 +13,8 @@
 #include "find_file.h"
 #include "pool_files.h"
 
+#define LOOKS_MAX 10
+
 /* ---- What the pool has ---- */
 
 struct pooled {
@@ -34,7 +36,7 @@ static bool add_pooled(struct pooled_list *list, const struct pooled *file) {
     return true;
 }
 
-static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
+static int look_once(const struct folder *folder, struct pooled_list *list) {
     DIR *pool = folder->pool < 0 ? NULL : pool_list(folder->pool);
     int error = 0;
     if (!pool)
@@ -50,6 +52,33 @@ static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
             error = -ENOMEM;
     }
     closedir(pool);
+    return error;
+}
+
+static bool same(const struct pooled_list *one, const struct pooled_list *other) {
+    bool same = one->count == other->count;
+    for (unsigned i = 0; same && i < one->count; i++) {
+        const struct found *a = &one->file[i].found, *b = &other->file[i].found;
+        same = a->id == b->id && a->number == b->number && a->state == b->state;
+    }
+    return same;
+}
+
+/*
+ * A recorder may end a file and begin the next one while we look: first at the next one, which is nobody's yet, then at
+ * the former, which is let go. So we look until two looks agree, or what is recorded would be told as interrupted.
+ */
+static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
+    int error = look_once(folder, list);
+    for (unsigned looks = 1; !error && looks < LOOKS_MAX; looks++) {
+        struct pooled_list before = *list;
+        *list = (struct pooled_list){NULL, 0};
+        error = look_once(folder, list);
+        bool agreed = same(&before, list);
+        free(before.file);
+        if (agreed)
+            break;
+    }
     return error;
 }
 
