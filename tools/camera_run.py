@@ -16,19 +16,24 @@ EARLIER = 50         # frames that the grabber may have put into the store befor
 
 
 def compare(clip: pathlib.Path, recording: pathlib.Path, times: list[int]) -> tuple[Comparison, list[str]]:
-    """Frame n of the clip is due from times[n], in ms, as the far side wrote them down, and 1 from where it is first
-    seen; the pictures have to be the clip's, byte by byte, and due within SLACK of their time stamps: else they are in
+    """Frame n of the clip is due from times[n], in ms of the clock that the recording's times are of, as the far side
+    wrote them down; where the recording does not tell its clock (XDDX_START), 1 is due where it is first seen. The
+    pictures have to be the clip's, byte by byte, and due within SLACK of their time stamps: else they are in
     the list, with both numbers. (In time, not in frames: a far side that was held up shows the next ones quickly.) How
     many frames the camera gave is counted by these as well: a gap of two periods lacks one."""
     numbers = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(clip)[1])}
     result = Comparison(numbered=True)
-    begin, last, wrong = None, -1, []
+    begin: int | None = None
+    last, wrong = -1, []
     for index, frame in enumerate(y4m.read(recording)[1]):
         time = frame.time if frame.time is not None else -1
         result.unordered += time <= last
         last = time
         result.recorded += 1
         number = numbers.get(hashlib.blake2b(frame.data).digest())
+        for parameter in frame.parameters if index == 0 else ():
+            if parameter.startswith("XDDX_START="):
+                begin = -int(parameter.partition("=")[2])
         if number == 1 and begin is None:
             begin = time - times[1] * MS
         least, due, most = (max(0, bisect.bisect_right(times, (time - begin + slack) / MS) - 1)

@@ -18,7 +18,8 @@ import native
 import qemu
 import session
 import testdisk
-from common import OUTPUT, Failed, say
+from common import OUTPUT, PATIENCE, Failed, say
+from counters import Counters
 from qemu import Guest
 
 RESULT = OUTPUT / "endurance.json"
@@ -27,6 +28,7 @@ STEP = 50       # toggles between two looks
 WARM_UP = 100   # toggles, or
 SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
 DISK = 24 << 30  # bytes; an hour's recording fits
+SEND = "ddxvideosend"
 PROGRAMS = ("store", "ddxvideoload", "ddxvideosave", "ddxvideosend", "ddxhealth", "runsvdir")
 # A machine keeps some: the kernel's own tables, the logs in memory. What leaks at each toggle or frame shows as more.
 MEMORY_LIMIT = 1024  # KiB between first and last look
@@ -45,15 +47,27 @@ def look(guest: Guest) -> Look:
     return found
 
 
+def settled(guest: Guest) -> None:
+    """The sender, which was switched on just now, has all that it needs: it sends."""
+    begin = session.follow(guest, 0).get(SEND, Counters()).out
+    end = time.monotonic() + PATIENCE
+    while session.follow(guest, 0).get(SEND, Counters()).out <= begin:
+        if time.monotonic() > end:
+            raise Failed(f"{SEND} does not send")
+        time.sleep(1)
+
+
 def toggles(guest: Guest, count: int) -> list[Look]:
     """The sender off and on again, as a technician does it."""
     looks = []
     for begin in range(0, WARM_UP + count, STEP):
         if begin >= WARM_UP:
+            settled(guest)
             looks.append(look(guest))
         guest.sh(f"i=0; while [ $i -lt {STEP // 2} ]; do ddxctl disable ddxvideosend && ddxctl enable ddxvideosend || "
                  "break; i=$((i + 1)); done; " f"[ $i -eq {STEP // 2} ]", 60 + 20 * STEP)
         say(f"endurance: {begin + STEP} toggles")
+    settled(guest)
     return [*looks, look(guest)]
 
 

@@ -60,7 +60,7 @@ class Vivid(Source):
         super().__init__(clip)
         if (self.header.width, self.header.height) != (352, 288):
             raise Failed(f"{clip.name}: the camera is shown CIF, 352x288, not {self.header.width}x{self.header.height}")
-        self.times: list[int] = []  # ms, when each frame of the clip was shown, once played
+        self.times: list[int] = []  # ms of the guest's clock: since when each frame was on the screen, once played
 
     def disk(self, work: pathlib.Path, board: str, settings: Mapping[str, str]) -> pathlib.Path:
         return guest_camera.disk(work, board, self.clip, {f"{GRABBER}.conf": guest_camera.LOOPED, **settings})

@@ -158,8 +158,8 @@ def test_vivid(boot: qemu.Boot, image: pathlib.Path, work: pathlib.Path, board: 
         minute = crowd.end(work, "vivid")
     result = origin.judge(minute.recorded, minute.ends[GRABBER], minute.ends[session.SAVE])
     assert result.disagreements == [] and result.lost_record == 0 and result.good
-    assert result.outside.recorded > 1400
-    late = max(at - number * source.SHOWN_MS for number, at in enumerate(origin.times))
+    assert result.outside.clip > 1400  # with those that vivid itself lost: a busy machine is no shorter a minute
+    late = max(at - origin.times[0] - number * source.SHOWN_MS for number, at in enumerate(origin.times))
     record_property("lost_by_vivid", result.load.lost["driver"])
     record_property("far_side_late_ms", late)
     judge_stream(minute, 25, record_property)

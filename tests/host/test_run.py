@@ -63,6 +63,10 @@ def test_a_camera_is_judged_by_what_was_due(clip: pathlib.Path, tmp_path: pathli
     # The far side was held up and makes up for it: the camera sees the newest, a little before it is due.
     quick = [(at, 0 if at < 200 else 1 if at < 560 else 3) for at, _ in shown()]
     assert not camera(clip, path, quick, times=(0, 200, 590, 595))
+    path.write_bytes(looped(path, quick).read_bytes().replace(b"XTIME=0\n", b"XTIME=0 XDDX_START=7000000000\n"))
+    at_once, shifted = ([one + 7000 for one in times] for times in ((0, 200, 590, 595), (0, 500, 590, 895)))
+    assert camera_run.compare(clip, path, at_once)[1] == []  # by the clock itself: wherever 1 was first seen
+    assert len(camera_run.compare(clip, path, shifted)[1]) > 3
     strange = shown()
     strange[3] = (strange[3][0], 77)  # not the clip's
     assert "not due" in camera(clip, path, strange)[0]

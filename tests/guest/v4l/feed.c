@@ -2,8 +2,9 @@
 /* v4l feed DEVICE OUTPUT FOURCC FIELD MS CLIP FOLDER
  *
  * Shows a 4:2:0 clip as YU12, NV12, YUYV, UYVY or GREY on an output device, one each MS milliseconds:
- * the first one until FOLDER/go is there, the last one until FOLDER/end is. In FOLDER/times is for each frame when
- * the device got it, in ms after FOLDER/go: a busy guest is late now and then. */
+ * the first one until FOLDER/go is there, the last one until FOLDER/end is. In FOLDER/times is for each frame
+ * since when it was on the screen, in ms of CLOCK_MONOTONIC, as the driver says; of the first one, when FOLDER/go
+ * was there. A busy guest is late now and then. */
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -63,6 +64,18 @@ static void setup(int fd, int output, const char *fourcc, unsigned field, const 
         fail("the driver wants %ux%u, field %u", format.fmt.pix.width, format.fmt.pix.height, format.fmt.pix.field);
 }
 
+/* Which frame of the clip is in the buffer that was queued as this one: the first ones all have the first frame. */
+static unsigned frame_in(unsigned queued) {
+    return queued < BUFFERS ? 0 : queued - BUFFERS + 1;
+}
+
+/* The next buffer that the driver is done with; when that was, the one behind it came on the screen. */
+static void take_back(int fd, struct v4l2_buffer *buffer, int64_t *since) {
+    static unsigned taken;
+    call(fd, VIDIOC_DQBUF, buffer, "take a buffer");
+    since[frame_in(++taken)] = (int64_t)buffer->timestamp.tv_sec * 1000 + buffer->timestamp.tv_usec / 1000;
+}
+
 int feed(int argc, char **argv) {
     struct clip clip;
     void *memory[BUFFERS];
@@ -86,17 +99,17 @@ int feed(int argc, char **argv) {
     FILE *times = fopen(path, "w");
     if (!times)
         fail("cannot write %s", path);
-    int64_t go = 0, due = 0;
+    int64_t go = 0, due = 0, *since = calloc(clip.frames, sizeof(*since));
+    if (!since)
+        fail("memory");
     for (unsigned shown = 0; shown < clip.frames + BUFFERS - 1; shown++) {
         struct v4l2_buffer buffer = {.index = shown, .type = request.type, .memory = request.memory};
-        unsigned number = shown < BUFFERS ? 0 : shown - BUFFERS + 1;
         if (shown >= BUFFERS)
-            call(fd, VIDIOC_DQBUF, &buffer, "take a buffer");
-        size_t size = pack(memory[buffer.index], argv[3], &clip, clip_frame(&clip, number));
+            take_back(fd, &buffer, since);
+        size_t size = pack(memory[buffer.index], argv[3], &clip, clip_frame(&clip, frame_in(shown)));
         buffer.field = field;
         buffer.bytesused = (unsigned)size;
         call(fd, VIDIOC_QBUF, &buffer, "show a frame");
-        int64_t queued = now_ms();
         if (shown < BUFFERS - 1)
             continue;
         if (shown == BUFFERS - 1) {
@@ -104,12 +117,18 @@ int feed(int argc, char **argv) {
             wait_for_file(argv[7], "go");
             go = due = now_ms();
         }
-        fprintf(times, "%lld\n", (long long)(shown == BUFFERS - 1 ? 0 : queued - go));
         due += atol(argv[5]);
         if (due > now_ms())
             sleep_ms(due - now_ms());
     }
-    sleep_ms(500); /* the last frame waits behind those before it */
+    for (unsigned i = 1; i < BUFFERS; i++) { /* the last frame waits behind those before it */
+        struct v4l2_buffer buffer = {.type = request.type, .memory = request.memory};
+        take_back(fd, &buffer, since);
+    }
+    since[0] = go;
+    for (unsigned number = 0; number < clip.frames; number++)
+        fprintf(times, "%lld\n", (long long)since[number]);
+    sleep_ms(500); /* so that a camera sees it */
     fclose(times);
     printf("shown %u\n", clip.frames);
     fflush(stdout);

@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What docs/technician.md has typed at the machine works as it stands there: make docs, without its pictures."""
+import pathlib
+
+import pytest
+
+import docs
+from qemu import Boot
+
+pytestmark = pytest.mark.long
+
+
+def test_each_command_of_the_technicians_page(boot: Boot, image: pathlib.Path, work: pathlib.Path) -> None:
+    commands = docs.commands()
+    assert len(commands) > 10 and commands[-1] == "poweroff"
+    with boot("docs", **docs.provide(image, work / "docs")) as guest:
+        docs.prepare(guest)
+        assert not docs.check(guest, "ddxctl enable ddxvideo")  # the check itself
+        assert [one for one in commands if not docs.check(guest, one)] == []

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Each service in turn is killed, and hangs: it is back, that is counted, frames flow again, and nobody else notices.
+How long it took is a figure."""
+import pathlib
+from collections.abc import Iterator
+
+import pytest
+
+import stream
+import testdisk
+from qemu import Boot, Guest
+from session import LOAD, SAVE
+
+from . import camera
+from .figures import Figure
+from .test_control import runs, services
+from .test_health import HEALTH, hang, state, uptime
+
+pytestmark = pytest.mark.long
+
+SERVICES = ("store", camera.GRABBER, LOAD, SAVE, stream.SEND, stream.DECODE, "ddxlog", HEALTH)
+LOOKED_AFTER = SERVICES[:-1]  # who looks after the last one: the watchdog, see test_health.py
+LONG_RUN = 11  # s; one that ran for so long is started again at once
+DISK = 8 << 30  # bytes; all that is recorded meanwhile fits
+ON = "enabled=yes\ninterface=lo\n"
+
+
+@pytest.fixture(scope="module")
+def guest(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[Guest]:
+    """All of them run: a clip goes round and round, and is recorded and streamed."""
+    disk = testdisk.make(work / "each.img", clip, {
+        f"{LOAD}.conf": "loop=\nrate=0.4\n", f"{SAVE}.conf": "segment=16\n",
+        f"{stream.SEND}.conf": ON + "codec=mpeg4\n",
+        f"{stream.DECODE}.conf": ON, "ddxlog.conf": "enabled=yes\n"})
+    with boot("each-service", test_disk=disk, size=DISK) as running:
+        running.shell()
+        for name in SERVICES:
+            runs(running, name)
+        camera.wait_for_frames(running, 25, stream.DECODE)
+        yield running
+
+
+def restarts(guest: Guest) -> dict[str, object]:
+    return {name: one["restarts"] for name, one in services(guest).items() if name in SERVICES}
+
+
+def once_more(before: dict[str, object], name: str) -> dict[str, object]:
+    """These restarts, and one more of one service."""
+    return {**before, name: int(str(before[name])) + 1}
+
+
+def flows(guest: Guest) -> None:
+    """Frames go the whole way again."""
+    for name in (SAVE, stream.DECODE):
+        camera.wait_for_frames(guest, 10, name)
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_killed(guest: Guest, record_property: Figure, name: str) -> None:
+    guest.sh(f"sleep {LONG_RUN}")
+    before, pid = restarts(guest), state(guest, name)["pid"]
+    supervise = f"/run/service/{name}/supervise/pid"
+    begin = uptime(guest)
+    guest.sh(f"kill -9 {pid}; until read -r now < {supervise} && [ $now != {pid} ]; do sleep 0.05; done")
+    record_property("seconds_until_back", round(uptime(guest) - begin, 2))
+    runs(guest, name)
+    flows(guest)
+    assert restarts(guest) == once_more(before, name)
+
+
+@pytest.mark.parametrize("name", LOOKED_AFTER)
+def test_hung(guest: Guest, record_property: Figure, name: str) -> None:
+    before = restarts(guest)
+    record_property("seconds_until_replaced", round(hang(guest, name), 1))
+    flows(guest)
+    assert restarts(guest) == once_more(before, name)
