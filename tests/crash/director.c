@@ -12,6 +12,7 @@
 struct party party[ACTORS];
 pid_t store_process;
 unsigned store_descriptors;
+int store_log = -1;
 static int64_t longest_wait;
 static char folder[] = "/tmp/ddx-crash-XXXXXX";
 
@@ -62,6 +63,8 @@ static pid_t launch(const char *const *arguments, const char *fault) {
         struct rlimit few = {store_descriptors, store_descriptors};
         if (store_descriptors && arguments[0] == getenv("DDX_STORE_PROGRAM"))
             setrlimit(RLIMIT_NOFILE, &few);
+        if (store_log >= 0 && arguments[0] == getenv("DDX_STORE_PROGRAM"))
+            dup2(store_log, 2);
         execv(arguments[0], (char *const *)(uintptr_t)arguments);
         _exit(127);
     }

@@ -7,6 +7,11 @@ int test_random(unsigned kills, unsigned seed);
 int test_broken(void);
 int test_hostile(void);
 int test_restart(void);
+int test_pins(void);
+int test_crowd(void);
+int test_epochs(void);
+int test_mute(void);
 int test_stop(void);
+int test_stranger(void);
 
 #endif

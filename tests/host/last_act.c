@@ -19,6 +19,15 @@ static void act(const char *moment) {
         kill(getpid(), SIGKILL);
 }
 
+void ddx_stats_out_numbered(void *book, uint64_t sequence, int64_t latency) {
+    static void (*out)(void *book, uint64_t sequence, int64_t latency);
+
+    if (!out)
+        *(void **)&out = dlsym(RTLD_NEXT, "ddx_stats_out_numbered");
+    act("written");
+    out(book, sequence, latency);
+}
+
 void ddx_stats_out(void *book, uint64_t frames, int64_t latency) {
     static void (*out)(void *book, uint64_t frames, int64_t latency);
 

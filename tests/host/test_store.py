@@ -79,7 +79,7 @@ def test_list_and_show(desk: Desk) -> None:
     (["services"], 1, "ddxctl: services: there are services in the appliance only"),
     (["list", "-frobnicate"], 2, "ddxctl: -frobnicate: unknown option"),
     (["list", "-port", "7"], 1, "ddxctl: no store runs here"),
-    (["list", "-port", "x"], 2, "ddxctl: x: -port takes a number"),
+    (["list", "-port", "x"], 2, "ddxctl: x: -port takes a whole number from 1 to 65535"),
 ])
 def test_ddxctl_complains_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
     done = desk.run("ddxctl", *arguments)

@@ -206,7 +206,7 @@ W1: /* oldest(); here any slot, which is more than the code does */
     fi;
 #endif
 #ifndef NO_LOOK_AT_PINS
-W4: /* pinned_by(), a step for each pin */
+W4: /* pinned(), a step for each pin */
     do
     :: atomic { i == PAGES -> i = 0; break }
     :: atomic { i < PAGES ->

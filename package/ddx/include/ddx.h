@@ -20,13 +20,16 @@
  *                -EEXIST        another living program writes this item
  *                -ENOSPC        the store's memory budget is used up
  *                -EBUSY         no memory left for one reader more, or this handle still holds a frame or a loan
+ *                -ENOBUFS       every frame of the item is held; nothing was written
+ *                -EMFILE        the program has too few descriptors: one for each frame and each reader of each handle
  *                -ETIMEDOUT     nothing was written within the timeout
  *                -EINVAL        a bad argument, or a type that cannot be shared (pointer, union, bit field)
  *   time       int64_t nanoseconds of CLOCK_MONOTONIC.
  *   timeout    seconds as a double; 0 does not wait; negative waits without limit.
  *   tail       which write a read waits for, see enum ddx_tail.
  *   threads    a DDX_STORE_ITEM belongs to one thread at a time; different items may be used by different threads.
- *   fork       a child must not use handles of its parent; it opens its own. exec closes them.
+ *   fork       a child must not use handles of its parent; it opens its own. fork() in the child and exec close what
+ *              would let the parent seem alive after its death; vfork() and clone() do not, so exec must follow.
  *   signals    a signal does not end a wait. Programs that stop on TERM read with a timeout.
  */
 #ifndef DDX_H
@@ -223,6 +226,13 @@ uint64_t ddx_store_lost(const DDX_STORE_ITEM *item);
 
 /* Number of the item's newest write, for the handle that writes it: its own, or its forerunners'. Else 0. */
 uint64_t ddx_store_written(const DDX_STORE_ITEM *item);
+
+/*
+ * Writes and loans of this handle that were given up: -ENOBUFS, every frame is held (the store makes room for what each
+ * of its readers holds, but after a restart it may not know all of them yet); -EMFILE, this program had no descriptor
+ * left for a frame or a reader that came, so it cannot know what is held.
+ */
+uint64_t ddx_store_short(const DDX_STORE_ITEM *item);
 
 /* Give the loaned frame back unpublished. Returns 0, -EINVAL if nothing is loaned. */
 int ddx_store_cancel(DDX_STORE_ITEM *item);

@@ -124,11 +124,11 @@ int ddx_stats_publishing(DDX_STATS_BOOK *book, uint64_t number);
 void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written);
 
 /*
- * For a program that keeps frames in files. What is out from now on is in this file; or, if it knows, out up to this
- * number in the source. Neither writes the book.
+ * For a program that keeps frames in files. What is out from now on is in this file; or, where files say which frames
+ * they have: one frame is out, as ddx_stats_out(), and it had this number in the source. Neither writes the book.
  */
 void ddx_stats_file(DDX_STATS_BOOK *book, uint64_t device, uint64_t inode);
-void ddx_stats_out_until(DDX_STATS_BOOK *book, uint64_t sequence);
+void ddx_stats_out_numbered(DDX_STATS_BOOK *book, uint64_t sequence, int64_t latency);
 
 /*
  * After ddx_stats_attach(), where a former program died: `frames` of those that died with it were found on the disk, in

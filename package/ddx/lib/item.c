@@ -48,6 +48,7 @@ static void item_free(DDX_STORE_ITEM *item) {
         shutdown(item->socket, SHUT_RDWR);
         close(item->socket);
     }
+    ddx_queue_clear(&item->queue);
     free(item->packet);
     free(item->layout);
     free(item->own);
@@ -95,6 +96,7 @@ static int item_open(DDX_STORE_ITEM *item, uint32_t flags) {
     struct ddx_message message;
 
     item->socket = ddx_connect(item->id->port);
+    item->deaf = false;
     if (item->socket < 0)
         return item->socket;
     ddx_message_init(&message, DDX_OPEN, item);

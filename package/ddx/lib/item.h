@@ -6,9 +6,10 @@
 #include "futex.h"
 #include "lock.h"
 #include "memory.h"
+#include "queue.h"
 #include "ring.h"
-#include "wire.h"
 
+#define DDX_RETRY 50000000         /* ns between attempts to find the store again */
 #define DDX_ANSWER_WAIT 5000000000 /* ns that the store may take to answer */
 
 struct ddx_store_id {
@@ -59,10 +60,14 @@ struct ddx_writer_role {
     struct ddx_notice *notice;
     struct ddx_ring_writer ring;
     int pin_fd[DDX_READERS_MAX]; /* parallel to ring.reader */
-    bool confirmed[DDX_READERS_MAX];
+    bool confirmed[DDX_READERS_MAX]; /* the store that runs now told of it */
+    bool leaving[DDX_READERS_MAX];   /* and that it left; it stays until the kernel says so, too */
+    unsigned leaving_count;
+    bool incomplete; /* there is a reader whose pins it cannot see */
     int loaned;      /* slot, or -1 */
     bool superseded; /* another writer took over while no store could tell us */
     uint64_t lost;   /* what was published since then */
+    uint64_t given_up; /* writes, for want of a free slot */
 };
 
 struct ddx_store_item {
@@ -79,8 +84,10 @@ struct ddx_store_item {
     uint32_t layouts;          /* so many before it */
     struct ddx_layout *own;    /* the caller's struct, NULL if it knows none */
     struct ddx_field *fields;  /* of the layout, for ddx_store_field() */
+    bool deaf;                 /* for want of descriptors: what came over this connection is not complete */
     int socket;                /* -1: the store is gone; the keeper tries again */
     int64_t retry;             /* when */
+    struct ddx_queue queue;    /* what the store has no room for yet; the keeper goes on */
     struct ddx_packet *packet;
     uint32_t answer; /* operation that a request waits for, and what came */
     bool answered;
@@ -102,6 +109,12 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
 void ddx_item_disconnect(DDX_STORE_ITEM *item);
 /* The layout that ddx_store_field() describes; does nothing if it is that already. 0, -ENOMEM. */
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);
+
+/*
+ * Forget readers whose pin page nobody holds any more: those that are leaving, or all of them. The store's word is not
+ * enough, it may have hung up on one that was stopped. True if there were any.
+ */
+bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
 
 /* offer.c: after the store came back. With `lock` held. */
 int ddx_item_offer(DDX_STORE_ITEM *item);
@@ -135,6 +148,7 @@ void ddx_writer_end(DDX_STORE_ITEM *item);
 /* keeper.c: the thread that listens to the store for all items of this process. */
 void ddx_keeper_lock(void);
 void ddx_keeper_unlock(void);
+void ddx_keeper_wake(void); /* there is something in an item's queue */
 int ddx_keeper_add(DDX_STORE_ITEM *item);     /* takes its own lock */
 void ddx_keeper_remove(DDX_STORE_ITEM *item); /* afterwards the keeper does not touch it */
 

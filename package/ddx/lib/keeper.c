@@ -15,8 +15,7 @@
 #include "fault.h"
 #include "item.h"
 
-#define RETRY 50000000 /* ns between attempts to find the store again */
-#define SOON 5         /* ms until an item is looked at again that its owner is busy with */
+#define SOON 5 /* ms until an item is looked at again that its owner is busy with */
 
 static struct {
     pthread_mutex_t lock;
@@ -41,15 +40,20 @@ static int look_after(DDX_STORE_ITEM *item) {
     item->busy = !ddx_lock_try(&item->lock);
     if (item->busy)
         return SOON;
-    if (item->socket >= 0)
+    if (item->socket >= 0) {
+        ddx_queue_go_on(&item->queue, item->socket); /* who is gone may have left news */
         ddx_item_service(item);
+    }
     if (item->socket < 0) {
         int64_t now = ddx_time_now();
 
         if (now >= item->retry && ddx_item_offer(item))
-            item->retry = now + RETRY;
-        again = item->socket < 0 ? RETRY / 1000000 : -1;
+            item->retry = now + DDX_RETRY;
+        again = item->socket < 0 ? DDX_RETRY / 1000000 : -1;
     }
+    if (item->writer.leaving_count && (ddx_writer_forget(&item->writer, false), item->writer.leaving_count) &&
+        again < 0)
+        again = DDX_RETRY / 1000000;
     if (ddx_reader_wake(item))
         again = SOON;
     ddx_lock_give(&item->lock);
@@ -68,7 +72,9 @@ static struct pollfd *listen_list(unsigned *count) {
         /* What comes for a busy owner it takes in itself; to be told of it would only keep us awake. */
         int fd = item->busy ? -1 : __atomic_load_n(&item->socket, __ATOMIC_RELAXED);
 
-        list[(*count)++] = (struct pollfd){.fd = fd, .events = POLLIN};
+        bool more = __atomic_load_n(&item->queue.count, __ATOMIC_RELAXED);
+
+        list[(*count)++] = (struct pollfd){.fd = fd, .events = more ? POLLIN | POLLOUT : POLLIN};
     }
     return list;
 }
@@ -105,7 +111,7 @@ static void *run(void *unused) {
     }
 }
 
-static void wake(void) {
+void ddx_keeper_wake(void) {
     uint64_t one = 1;
 
     if (write(keeper.wake, &one, sizeof one) < 0) {
@@ -113,9 +119,41 @@ static void wake(void) {
     }
 }
 
+/*
+ * A child inherits sockets and locks, which would keep its dead parent alive in the eyes of store and writers: it
+ * closes them. The handles are of no use to it anyway.
+ */
+static void in_child(void) {
+    for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next) {
+        int *const fds[] = {&item->socket, &item->reader.hold_fd, &item->writer.hold_fd};
+
+        for (unsigned i = 0; i < sizeof fds / sizeof *fds; i++) {
+            if (*fds[i] >= 0)
+                close(*fds[i]);
+            *fds[i] = -1;
+        }
+    }
+    if (keeper.wake >= 0)
+        close(keeper.wake);
+    keeper.wake = -1;
+    keeper.items = NULL;
+    keeper.count = 0;
+    keeper.running = false;
+    pthread_mutex_init(&keeper.lock, NULL);
+}
+
+static void prepare_fork(void) {
+    if (pthread_atfork(ddx_keeper_lock, ddx_keeper_unlock, in_child)) {
+        /* no memory: then a child that lives on has to exec, which closes them */
+    }
+}
+
 static int start(void) {
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
     sigset_t all, before;
     pthread_t thread;
+
+    pthread_once(&once, prepare_fork);
 
     keeper.wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (keeper.wake < 0)
@@ -145,7 +183,7 @@ int ddx_keeper_add(DDX_STORE_ITEM *item) {
     if (!keeper.running)
         result = start();
     else
-        wake();
+        ddx_keeper_wake();
     if (result) {
         keeper.items = item->next;
         keeper.count--;
@@ -157,18 +195,19 @@ int ddx_keeper_add(DDX_STORE_ITEM *item) {
     return result;
 }
 
-static void unlink_item(DDX_STORE_ITEM **link, DDX_STORE_ITEM *item, size_t next) {
+static bool unlink_item(DDX_STORE_ITEM **link, DDX_STORE_ITEM *item, size_t next) {
     while (*link && *link != item)
         link = (DDX_STORE_ITEM **)(void *)((char *)*link + next);
-    if (*link)
-        *link = *(DDX_STORE_ITEM **)(void *)((char *)item + next);
+    if (!*link)
+        return false; /* its parent's, in a child */
+    *link = *(DDX_STORE_ITEM **)(void *)((char *)item + next);
+    return true;
 }
 
 void ddx_keeper_remove(DDX_STORE_ITEM *item) {
     ddx_keeper_lock();
-    unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
+    keeper.count -= unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
     unlink_item(&item->id->items, item, offsetof(DDX_STORE_ITEM, next_of_id));
-    keeper.count--;
-    wake();
+    ddx_keeper_wake();
     ddx_keeper_unlock();
 }

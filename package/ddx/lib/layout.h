@@ -62,7 +62,9 @@ static_assert(offsetof(struct ddx_control, slot) == 256, "shared layout");
 static_assert(sizeof(struct ddx_slot_state) == 32, "shared layout");
 static_assert(sizeof(struct ddx_control) == 256 + 32 * DDX_SLOTS_MAX, "shared layout");
 
-/* `pin`: which slot of which epoch this reader holds, 0 for none. Epochs are never 0, so slot 0 is told from none. */
+/* `pin`: which slot of which epoch this reader holds, 0 for none. The bits of an epoch that it has are never all 0, so
+ * slot 0 is told from none. */
+#define DDX_EPOCH_OK(epoch) (((epoch)&0xffffffu) != 0)
 #define DDX_PIN(epoch, slot) (((epoch)&0xffffffu) << 8 | (uint32_t)(slot))
 
 #define DDX_PIN_READ 0   /* by ddx_store_acquire(), and while ddx_store_read() copies */

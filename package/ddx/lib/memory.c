@@ -106,6 +106,12 @@ bool ddx_memory_held(int fd) {
     return !fcntl(fd, F_OFD_GETLK, &lock) && lock.l_type != F_UNLCK;
 }
 
+uint64_t ddx_memory_number(int fd) {
+    struct stat status;
+
+    return fstat(fd, &status) ? 0 : (uint64_t)status.st_ino;
+}
+
 bool ddx_memory_same(int a, int b) {
     struct stat x, y;
 

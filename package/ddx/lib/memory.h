@@ -39,12 +39,14 @@ bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen);
 
 /*
  * A sign of life that other processes can see: hold a lock on the file through a description of our own, which dies
- * with this process at once (also as a zombie, also if its descriptors were passed on). Descriptor to close, or -1.
+ * with this process at once (also as a zombie). A child that inherits the descriptor must close it, see keeper.c.
+ * Descriptor to close, or -1.
  */
 int ddx_memory_hold(int fd);
 bool ddx_memory_held(int fd);
 
-/* The same memory file? (inode numbers) */
+/* A memory file's number (inode), 0 if it is none. The same memory file? */
+uint64_t ddx_memory_number(int fd);
 bool ddx_memory_same(int a, int b);
 
 /* Map a whole small file. NULL and errno on failure. */

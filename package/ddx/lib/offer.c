@@ -4,25 +4,15 @@
  * learns of the item and frames flow on; they never stopped.
  */
 #include <errno.h>
-#include <poll.h>
 #include <unistd.h>
 
 #include "fault.h"
 #include "item.h"
 
-#define FULL_WAIT 1000 /* ms that the store may need to make room in the socket */
-
-static int send_all(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
-                    const int *fds, unsigned count) {
-    int result;
-
-    while ((result = ddx_send(item->socket, message, layout, fds, count)) == -EAGAIN) {
-        struct pollfd wait = {.fd = item->socket, .events = POLLOUT};
-
-        if (poll(&wait, 1, FULL_WAIT) <= 0)
-            return -EPIPE;
-    }
-    return result;
+/* The store may not listen yet, and frames flow on meanwhile: what its socket does not hold is said later. */
+static int say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout, const int *fds,
+               unsigned count) {
+    return ddx_queue_send(&item->queue, item->socket, message, layout, fds, count);
 }
 
 static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_t flags) {
@@ -34,7 +24,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
     message.flags = flags;
     message.epoch = term->epoch;
     message.sequence = flags & DDX_FLAG_WRITER ? item->writer.ring.sequence : item->reader.seen;
-    result = send_all(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
+    result = say(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
     DDX_PASS(KEEPER_OFFERED);
     for (unsigned i = 0; i < DDX_SLOTS_MAX && !result; i++) {
         if (!term->base[i])
@@ -42,7 +32,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
         ddx_message_init(&message, DDX_OFFER_SLOT, item);
         message.epoch = term->epoch;
         message.index = i;
-        result = send_all(item, &message, NULL, &term->fd[i], 1);
+        result = say(item, &message, NULL, &term->fd[i], 1);
         DDX_PASS(KEEPER_SLOT);
     }
     return result;
@@ -62,20 +52,20 @@ static int offer(DDX_STORE_ITEM *item) {
     if (!flags || !term) {
         ddx_message_init(&message, flags ? DDX_OFFER : DDX_OPEN, item);
         message.flags = flags | (*item->type ? DDX_FLAG_CREATE : DDX_FLAG_AWAIT);
-        result = send_all(item, &message, *item->type ? item->layout : NULL, NULL, 0);
+        result = say(item, &message, *item->type ? item->layout : NULL, NULL, 0);
     } else
         result = offer_term(item, term, flags);
     if (!result && reader->page) {
         ddx_message_init(&message, DDX_OFFER_PIN, item);
         message.frames = reader->keep + reader->both;
         message.sequence = reader->seen;
-        result = send_all(item, &message, NULL, &reader->pin_fd, 1);
+        result = say(item, &message, NULL, &reader->pin_fd, 1);
         DDX_PASS(KEEPER_PIN);
     }
     if (!result && flags) {
         ddx_message_init(&message, DDX_OFFER_END, item);
         message.flags = flags;
-        result = send_all(item, &message, NULL, NULL, 0);
+        result = say(item, &message, NULL, NULL, 0);
         DDX_PASS(KEEPER_END);
     }
     return result;
@@ -87,10 +77,13 @@ int ddx_item_offer(DDX_STORE_ITEM *item) {
     if (fd < 0)
         return fd;
     item->socket = fd;
+    item->deaf = false;
     DDX_PASS(KEEPER_FOUND);
     if (offer(item)) {
         ddx_item_disconnect(item);
         return -EPIPE;
     }
+    if (item->queue.count)
+        ddx_keeper_wake();
     return 0;
 }

@@ -36,7 +36,10 @@ DDX_COLD static int attach(DDX_STORE_ITEM *item) {
 
     if (result)
         return result;
-    return item->reader.page ? 0 : -EMFILE; /* each handle has a descriptor for each frame */
+    if (item->reader.page)
+        return 0;
+    ddx_item_disconnect(item); /* the store would count it as a reader */
+    return -EMFILE; /* each handle has a descriptor for each frame */
 }
 
 DDX_COLD void ddx_reader_follow(DDX_STORE_ITEM *item) {

@@ -6,6 +6,8 @@
 
 #include "fault.h"
 
+#define ROUNDS 1000 /* over all slots, while pins move; readers that do not lie need a few at most */
+
 static uint64_t join(const ddx_word *low, const ddx_word *high) {
     return (uint64_t)atomic_load_explicit(high, memory_order_relaxed) << 32 |
            atomic_load_explicit(low, memory_order_relaxed);
@@ -20,20 +22,54 @@ static uint64_t sequence_of(const struct ddx_slot_state *state) {
     return join(&state->sequence_low, &state->sequence_high);
 }
 
-/* The pinning reader's index, or -1. */
-DDX_HOT static int pinned_by(const struct ddx_ring_writer *writer, unsigned slot) {
+/*
+ * Who has room for one frame only, and pins two, lies about one of them. The other pin is looked at last: an honest
+ * reader has let go of it before it set the one that was found.
+ */
+DDX_COLD static bool lies(const struct ddx_ring_writer *writer, const struct ddx_ring_reader *reader, unsigned k) {
+    uint32_t other = atomic_load(&reader->page->pin[DDX_PIN_READ]);
+
+    return k != DDX_PIN_READ && reader->share == 1 && other && other >> 8 == (writer->epoch & 0xffffffu);
+}
+
+DDX_HOT static bool pinned(const struct ddx_ring_writer *writer, unsigned slot) {
     uint32_t pin = DDX_PIN(writer->epoch, slot);
 
 #ifdef DDX_FAULT_BLIND_WRITER
-    return -1; /* for the test that must fail without the look at the pins */
+    return false; /* for the test that must fail without the look at the pins */
 #endif
     if (DDX_BROKEN("blind"))
-        return -1;
+        return false;
     for (unsigned i = 0; i < writer->reader_count; i++)
-        for (unsigned k = 0; k < DDX_PINS && !writer->reader[i].ignored; k++)
-            if (atomic_load(&writer->reader[i].page->pin[k]) == pin)
-                return (int)i;
-    return -1;
+        for (unsigned k = 0; k < DDX_PINS; k++)
+            if (atomic_load(&writer->reader[i].page->pin[k]) == pin && !lies(writer, &writer->reader[i], k))
+                return true;
+    return false;
+}
+
+/* Leave out what is pinned without touching it: WRITING, even for a moment, hides a frame from readers in order. */
+DDX_HOT static void leave_out(const struct ddx_ring_writer *writer, bool *tried) {
+    for (unsigned i = 0; i < writer->slot_count; i++)
+        tried[writer->slot[i]] = pinned(writer, writer->slot[i]);
+}
+
+static void collect(const struct ddx_ring_writer *writer, uint32_t *pins) {
+    for (unsigned i = 0; i < writer->reader_count; i++)
+        for (unsigned k = 0; k < DDX_PINS; k++)
+            pins[i * DDX_PINS + k] = atomic_load(&writer->reader[i].page->pin[k]);
+}
+
+/*
+ * No slot was free when it was looked at; but readers move on while we look. Two looks that find the same pins were
+ * true at one moment between them.
+ */
+DDX_COLD static bool pins_rest(const struct ddx_ring_writer *writer, bool *tried) {
+    uint32_t before[DDX_READERS_MAX * DDX_PINS], now[DDX_READERS_MAX * DDX_PINS];
+
+    collect(writer, before);
+    leave_out(writer, tried);
+    collect(writer, now);
+    return !memcmp(before, now, writer->reader_count * DDX_PINS * sizeof *now);
 }
 
 /* Oldest first, so that readers who are late find as many frames as there are spare slots. */
@@ -63,24 +99,22 @@ DDX_HOT static unsigned oldest(const struct ddx_ring_writer *writer, unsigned ne
 
 DDX_HOT int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
     unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&writer->control->latest, memory_order_relaxed));
-    unsigned blocked[DDX_READERS_MAX]; /* zeroed when needed */
     bool tried[DDX_SLOTS_MAX] = {false};
-    bool collided = false, met = false;
+    unsigned rounds = 0;
 
-    while (DDX_BROKEN("patient") && pinned_by(writer, oldest(writer, newest, tried)) >= 0) {
+    while (DDX_BROKEN("patient") && pinned(writer, oldest(writer, newest, tried))) {
         /* waits for the reader who has the oldest */
     }
-    /* Leave out what is pinned without touching it: WRITING, even for a moment, hides a frame from readers in order. */
-    for (unsigned i = 0; i < writer->slot_count; i++)
-        collided |= tried[writer->slot[i]] = pinned_by(writer, writer->slot[i]) >= 0;
+    leave_out(writer, tried);
     for (;;) {
         unsigned slot = oldest(writer, newest, tried);
 
         if (slot == DDX_NO_SLOT) {
-            if (!collided)
+            /* A reader pins ever newer frames while this loop runs, and none newer than `newest`, so this ends; but
+             * for one that lies, and moves its pins for ever. */
+            bool rest = pins_rest(writer, tried);
+            if (oldest(writer, newest, tried) == DDX_NO_SLOT && (rest || ++rounds == ROUNDS))
                 return -ENOBUFS;
-            /* Every slot was pinned when it was looked at; readers move on, so look again. This ends: see below. */
-            memset(tried, 0, sizeof tried);
             continue;
         }
         ddx_word *generation = &writer->control->slot[slot].generation;
@@ -96,41 +130,29 @@ DDX_HOT int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
             return -EAGAIN;
         }
         DDX_PASS(WRITER_UNCHANGED);
-        int reader = pinned_by(writer, slot);
-        if (reader < 0) {
+        if (!pinned(writer, slot)) {
             *chosen = slot;
             DDX_PASS(WRITER_OWNS);
             return 0;
         }
         atomic_store_explicit(generation, before, memory_order_release);
-        if (!met)
-            memset(blocked, 0, sizeof blocked);
-        met = true;
         tried[slot] = true;
-        collided = true;
         DDX_PASS(WRITER_COLLIDED);
-        /*
-         * A reader pins ever newer frames while this loop runs, and none newer than `newest`: it can stand in the way
-         * once per slot with each of its pins. One that does so more often lies, and from now on harms only itself.
-         */
-        if (++blocked[reader] > DDX_PINS * (writer->slot_count + 1))
-            writer->reader[reader].ignored = true;
     }
 }
 
 bool ddx_ring_outruns(const struct ddx_ring_writer *writer) {
     unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&writer->control->latest, memory_order_relaxed));
-    bool pinned[DDX_SLOTS_MAX] = {false};
+    bool out[DDX_SLOTS_MAX] = {false};
 
-    for (unsigned i = 0; i < writer->slot_count; i++)
-        pinned[writer->slot[i]] = pinned_by(writer, writer->slot[i]) >= 0;
-    unsigned slot = oldest(writer, newest, pinned);
+    leave_out(writer, out);
+    unsigned slot = oldest(writer, newest, out);
     uint64_t sequence = slot == DDX_NO_SLOT ? 0 : sequence_of(&writer->control->slot[slot]);
 
     for (unsigned i = 0; i < writer->reader_count && sequence; i++) {
         uint32_t seen = atomic_load_explicit(&writer->reader[i].page->seen, memory_order_relaxed);
 
-        if (!writer->reader[i].ignored && (int32_t)((uint32_t)sequence - seen) > 0)
+        if ((int32_t)((uint32_t)sequence - seen) > 0)
             return true;
     }
     return false;

@@ -26,7 +26,7 @@
 struct ddx_ring_reader {
     const struct ddx_pin_page *page; /* as the writer maps it */
     uint32_t id;
-    bool ignored; /* broke the protocol: its pins count no more */
+    uint32_t share; /* frames that it may pin at a time */
 };
 
 struct ddx_ring_writer {
@@ -49,8 +49,8 @@ struct ddx_ring_frame {
 
 /*
  * W1-W4: *slot is the writer's until ddx_ring_publish() or ddx_ring_cancel().
- * -EAGAIN: readers were added: take the news in, then call again. -ENOBUFS: every slot is pinned, which at least
- * reader_count + 2 slots exclude.
+ * -EAGAIN: readers were added: take the news in, then call again. -ENOBUFS: every slot is pinned, which as many slots
+ * as the readers' shares, and two more, exclude. A pin counts as long as its reader is in the list, whatever it does.
  */
 int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *slot);
 

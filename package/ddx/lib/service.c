@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <unistd.h>
 
 #include "fault.h"
@@ -18,10 +19,27 @@ void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX
     strcpy(message->type, item->type);
 }
 
+static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
+
+/*
+ * The keeper may be looking at the socket, which keeps it open: shut down, so that the store cannot say anything more
+ * that nobody hears. What it said before counts: it has let readers in.
+ */
+static void hang_up(DDX_STORE_ITEM *item) {
+    int result;
+
+    shutdown(item->socket, SHUT_RDWR);
+    while (!DDX_BROKEN("reset") && ((result = ddx_receive(item->socket, item->packet)) > 0 || result == -EPROTO))
+        if (result > 0)
+            handle(item, item->packet);
+    close(item->socket);
+}
+
 void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     if (item->socket >= 0)
-        close(item->socket);
+        hang_up(item);
     item->socket = -1;
+    ddx_queue_clear(&item->queue);
     item->retry = ddx_time_now();
     /* Readers that the store tells us of again are confirmed; the others may have died meanwhile. */
     memset(item->writer.confirmed, 0, sizeof item->writer.confirmed);
@@ -50,7 +68,9 @@ static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot) {
     ddx_message_init(&message, DDX_READY, item);
     message.epoch = epoch;
     message.index = slot;
-    ddx_send(item->socket, &message, NULL, NULL, 0);
+    ddx_queue_send(&item->queue, item->socket, &message, NULL, NULL, 0);
+    if (item->queue.count)
+        ddx_keeper_wake();
     DDX_PASS(CLAIM_READY);
 }
 
@@ -144,8 +164,12 @@ static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         struct ddx_ring_writer *ring = &item->writer.ring;
         struct ddx_term *term = item->writer.term;
 
-        if (!term || term->epoch != m->epoch || ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
+        if (!term || term->epoch != m->epoch)
             return;
+        if (ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0))) {
+            item->deaf |= !term->base[m->index % DDX_SLOTS_MAX];
+            return;
+        }
         ring->slot[ring->slot_count++] = (uint8_t)m->index;
         if (m->index >= atomic_load_explicit(&ring->control->slots, memory_order_relaxed))
             atomic_store_explicit(&ring->control->slots, m->index + 1, memory_order_release);
@@ -168,23 +192,32 @@ static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_ring_writer *ring = &writer->ring;
     unsigned i = 0;
 
+    if (ring->reader_count == DDX_READERS_MAX)
+        ddx_writer_forget(writer, true);
     ring->notice_seen = packet->message.sequence ? (uint32_t)packet->message.sequence : ring->notice_seen;
-    if (packet->fd[0] < 0 || !ddx_memory_sound(packet->fd[0], ddx_page_round(1), false))
-        return;
-    while (i < ring->reader_count && !ddx_memory_same(writer->pin_fd[i], packet->fd[0]))
+    while (i < ring->reader_count && ddx_memory_number(writer->pin_fd[i]) != packet->message.size)
         i++;
     if (i == ring->reader_count) {
-        const void *page =
-            i < DDX_READERS_MAX ? ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false) : NULL;
+        const void *page = i < DDX_READERS_MAX && ddx_memory_sound(packet->fd[0], ddx_page_round(1), false)
+                               ? ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false)
+                               : NULL;
 
-        if (!page)
+        if (!page) {
+            /* It is let in already. What it pins cannot be seen, so no frame may be written over, until the store has
+             * told of it once more: see choose(). */
+            item->deaf = writer->incomplete = true;
             return;
+        }
         writer->pin_fd[i] = ddx_packet_take(packet, 0);
+        writer->leaving[i] = false;
         ring->reader[i] = (struct ddx_ring_reader){.page = page};
         ring->reader_count++;
     }
     ring->reader[i].id = packet->message.index;
+    ring->reader[i].share = packet->message.frames;
     writer->confirmed[i] = true;
+    writer->leaving_count -= writer->leaving[i];
+    writer->leaving[i] = false;
     DDX_PASS(CLAIM_READER);
 }
 
@@ -194,10 +227,23 @@ static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
 
     munmap((void *)(uintptr_t)ring->reader[i].page, sizeof(struct ddx_pin_page));
     close(writer->pin_fd[i]);
+    writer->leaving_count -= writer->leaving[i];
+    writer->leaving[i] = writer->leaving[last];
     ring->reader[i] = ring->reader[last];
     writer->pin_fd[i] = writer->pin_fd[last];
     writer->confirmed[i] = writer->confirmed[last];
     DDX_PASS(CLAIM_READER_GONE);
+}
+
+bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
+    bool any = false;
+
+    for (unsigned i = writer->ring.reader_count; i-- > 0;)
+        if ((all || writer->leaving[i]) && !ddx_memory_held(writer->pin_fd[i])) {
+            drop_reader(writer, i);
+            any = true;
+        }
+    return any;
 }
 
 /*
@@ -209,10 +255,17 @@ static void on_reader_gone(DDX_STORE_ITEM *item, const struct ddx_message *m) {
     struct ddx_writer_role *writer = &item->writer;
 
     for (unsigned i = writer->ring.reader_count; i-- > 0;)
-        if (m->flags & DDX_FLAG_CREATE ? !writer->confirmed[i] && !ddx_memory_held(writer->pin_fd[i])
-                                       : (writer->confirmed[i] || DDX_BROKEN("numbers")) &&
-                                             writer->ring.reader[i].id == m->index)
-            drop_reader(writer, i);
+        if (m->flags & DDX_FLAG_CREATE
+                ? !writer->confirmed[i]
+                : (writer->confirmed[i] || DDX_BROKEN("numbers")) && writer->ring.reader[i].id == m->index) {
+            if (DDX_BROKEN("numbers")) {
+                drop_reader(writer, i);
+                continue;
+            }
+            writer->leaving_count += !writer->leaving[i];
+            writer->leaving[i] = true;
+        }
+    ddx_writer_forget(writer, false);
 }
 
 static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
@@ -224,7 +277,19 @@ static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     if (!reader->page)
         return;
     reader->pin_fd = ddx_packet_take(packet, 0);
+    /* By this the writer knows that its pins count. */
     reader->hold_fd = ddx_memory_hold(reader->pin_fd);
+    /* And nobody else can ever write to it: each writer of the item is handed this page. */
+    if (reader->hold_fd < 0 || ddx_memory_freeze(reader->pin_fd)) {
+        if (reader->hold_fd >= 0)
+            close(reader->hold_fd);
+        reader->hold_fd = -1;
+        munmap(reader->page, sizeof(struct ddx_pin_page));
+        close(reader->pin_fd);
+        reader->page = NULL;
+        reader->pin_fd = -1;
+        return;
+    }
     /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
     ddx_reader_saw(reader, packet->message.sequence);
     DDX_PASS(ATTACH_PAGE);
@@ -254,6 +319,7 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     case DDX_OFFERED:
         if (!m->status)
             item->writer.ring.told_count = item->writer.ring.slot_count;
+        item->writer.incomplete &= item->deaf || m->status;
         if (m->status == -EEXIST) {
             item->writer.superseded = true;
             if (m->flags & DDX_FLAG_WRITER && item->writer.ring.sequence > m->sequence)
@@ -283,9 +349,12 @@ int ddx_item_service(DDX_STORE_ITEM *item) {
     }
     if (any)
         ddx_futex_change(&item->changed);
-    if (result < 0)
-        ddx_item_disconnect(item);
-    return result < 0 ? -EPIPE : 0;
+    if (result >= 0 && !item->deaf)
+        return 0;
+    ddx_item_disconnect(item);
+    if (item->deaf) /* there may be descriptors next time; the store tells all anew then */
+        item->retry += DDX_RETRY;
+    return -EPIPE;
 }
 
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
@@ -296,20 +365,22 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
         return -ECONNREFUSED;
     item->answer = answer;
     item->answered = false;
-    int result = ddx_send(item->socket, message, layout, NULL, 0);
+    int result = ddx_queue_send(&item->queue, item->socket, message, layout, NULL, 0);
     if (message->operation == DDX_CLAIM)
         DDX_PASS(CLAIM_SENT);
     if (message->operation == DDX_ATTACH)
         DDX_PASS(ATTACH_SENT);
     while (!result && !item->answered) {
-        struct pollfd wait = {.fd = item->socket, .events = POLLIN};
+        struct pollfd wait = {.fd = item->socket, .events = item->queue.count ? POLLIN | POLLOUT : POLLIN};
         int64_t left = deadline - ddx_time_now();
 
         if (left <= 0)
             result = -ETIMEDOUT;
         else {
             poll(&wait, 1, (int)(left / 1000000) + 1);
-            result = ddx_item_service(item);
+            result = ddx_queue_go_on(&item->queue, item->socket);
+            if (!result)
+                result = ddx_item_service(item);
         }
     }
     if (result)

@@ -89,16 +89,26 @@ void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence) {
     pthread_mutex_unlock(&book->lock);
 }
 
-void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency) {
+static void count_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency, uint64_t sequence) {
     int64_t now = ddx_time_now();
     pthread_mutex_lock(&book->lock);
     book->stats.out += frames;
+    if (sequence)
+        book->stats.out_sequence = sequence;
     book->stats.publishing = 0;
     if (!book->stats.first)
         book->stats.first = now;
     book->stats.last = now;
     ddx_stats_histogram_add(&book->stats, frames, latency);
     pthread_mutex_unlock(&book->lock);
+}
+
+void ddx_stats_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency) {
+    count_out(book, frames, latency, 0);
+}
+
+void ddx_stats_out_numbered(DDX_STATS_BOOK *book, uint64_t sequence, int64_t latency) {
+    count_out(book, 1, latency, sequence);
 }
 
 void ddx_stats_lost(DDX_STATS_BOOK *book, unsigned reason, uint64_t frames) {
@@ -120,12 +130,6 @@ void ddx_stats_file(DDX_STATS_BOOK *book, uint64_t device, uint64_t inode) {
     book->stats.file_device = device;
     book->stats.file_inode = inode;
     book->stats.file_out = book->stats.out;
-    pthread_mutex_unlock(&book->lock);
-}
-
-void ddx_stats_out_until(DDX_STATS_BOOK *book, uint64_t sequence) {
-    pthread_mutex_lock(&book->lock);
-    book->stats.out_sequence = sequence;
     pthread_mutex_unlock(&book->lock);
 }
 

@@ -70,7 +70,8 @@ struct ddx_message {
     int32_t pid;
     uint32_t layout_bytes; /* of the layout behind this header */
     uint64_t sequence;
-    uint64_t size, frame_bytes, bytes, reserved, missed;
+    uint64_t size; /* of the struct; of READER: the pin page's number, as ddx_memory_number() gives it */
+    uint64_t frame_bytes, bytes, reserved, missed;
     int64_t time;
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
 };

@@ -23,7 +23,7 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     if (result) {
         /* Some of it may have come before the store died: readers were not told of it, so it is worth nothing. */
         ddx_writer_end(item);
-        return result;
+        return item->deaf ? -EMFILE : result;
     }
     DDX_PASS(CLAIM_GRANTED);
     return item->writer.term && item->writer.ring.slot_count >= 2 ? 0 : -EMFILE;
@@ -33,13 +33,30 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
     struct ddx_writer_role *writer = &item->writer;
     int result;
 
-    while ((result = ddx_ring_choose(&writer->ring, slot)) == -EAGAIN) {
+    if (writer->incomplete) {
+        writer->given_up++;
+        return -EMFILE;
+    }
+    while ((result = ddx_ring_choose(&writer->ring, slot)) != 0) {
         uint32_t version = atomic_load(&writer->notice->version);
+        unsigned slots = writer->ring.slot_count;
 
+        if (result == -ENOBUFS) {
+            /* There may be slots that were not taken in yet, and dead readers that nobody told of. */
+            ddx_item_service(item);
+            if (ddx_writer_forget(writer, true) || writer->ring.slot_count > slots)
+                continue;
+            writer->given_up++;
+            break;
+        }
         /* The store queued the news before it changed the notice, so they are here: this does not wait. */
         if (ddx_item_service(item))
             /* The store died meanwhile: then nobody has let the new reader in. */
             writer->ring.notice_seen = version;
+        if (writer->incomplete) {
+            writer->given_up++;
+            return -EMFILE;
+        }
     }
     return result;
 }
@@ -125,6 +142,10 @@ uint64_t ddx_store_written(const DDX_STORE_ITEM *item) {
     return item && item->writer.term ? item->writer.ring.sequence : 0;
 }
 
+uint64_t ddx_store_short(const DDX_STORE_ITEM *item) {
+    return item ? item->writer.given_up : 0;
+}
+
 int ddx_store_readers(const DDX_STORE_ITEM *item) {
     DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item;
     int count = -EINVAL;
@@ -176,5 +197,7 @@ void ddx_writer_end(DDX_STORE_ITEM *item) {
     writer->term = NULL;
     writer->notice = NULL;
     writer->notice_fd = writer->hold_fd = -1;
+    writer->leaving_count = 0;
+    writer->incomplete = false;
     DDX_PASS(CLAIM_ENDED);
 }

@@ -92,9 +92,24 @@ __attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char
     exit(EXIT_USAGE);
 }
 
+/* Told before anything is made: what the store would say of it comes too late, and in other words. */
+static void check_name(const struct option_entry *entry, const char *text) {
+    long most = entry->maximum ? entry->maximum : DDX_NAME_MAX;
+    if ((long)strlen(text) > most)
+        bad_usage("-%s %s: a name of at most %ld bytes is needed", entry->name, text, most);
+    for (const char *c = text; *c; c++)
+        if ((unsigned char)*c <= ' ' || *c == 127 || *c == '/')
+            bad_usage("-%s %s: a name without blanks and slashes is needed", entry->name, text);
+}
+
+const char *program_version(void) {
+    return DDX_VERSION;
+}
+
 static void set_option(const struct option_entry *entry, const char *text) {
     switch (entry->kind) {
     case OPTION_FLAG: *(bool *)entry->value = true; break;
+    case OPTION_NAME: check_name(entry, text); /* fall through */
     case OPTION_TEXT:
         if (!*text)
             bad_usage("-%s is empty", entry->name);
@@ -104,7 +119,8 @@ static void set_option(const struct option_entry *entry, const char *text) {
         char *end;
         errno = 0;
         long number = strtol(text, &end, 10);
-        if (errno || end == text || *end || number < entry->minimum || number > entry->maximum)
+        bool whole = !errno && end != text && (unsigned char)*text > ' ' && !*end;
+        if (!whole || number < entry->minimum || number > entry->maximum)
             bad_usage("-%s %s: a number from %ld to %ld is needed", entry->name, text, entry->minimum, entry->maximum);
         *(long *)entry->value = number;
         break;
@@ -113,12 +129,13 @@ static void set_option(const struct option_entry *entry, const char *text) {
 }
 
 void program_start(struct program *program, int argc, char **argv) {
-    bool wants_help = false;
+    bool wants_help = false, wants_version = false;
     const struct option_entry common[] = {
-        {"instance", "NAME", "name of this instance and of its stats item (default: the program's)", OPTION_TEXT,
-         &program->instance, 0, 0},
+        {"instance", "NAME", "name of this instance and of its stats item (default: the program's)", OPTION_NAME,
+         &program->instance, 0, DDX_NAME_MAX - (long)sizeof(".counters") + 1},
         {"store", "PORT", "port of the store", OPTION_NUMBER, &program->port, 0, 65535},
         {"check", NULL, "judge the options, do nothing: exit 0 or 2", OPTION_FLAG, &program->check, 0, 0},
+        {"version", NULL, "which version this is", OPTION_FLAG, &wants_version, 0, 0},
         {"help", NULL, "this text", OPTION_FLAG, &wants_help, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
@@ -151,6 +168,10 @@ void program_start(struct program *program, int argc, char **argv) {
     }
     if (wants_help) {
         help(program, common);
+        exit(EXIT_OK);
+    }
+    if (wants_version) {
+        printf("%s %s\n", program->name, DDX_VERSION);
         exit(EXIT_OK);
     }
     if (optind < argc && program->positional)

@@ -17,7 +17,7 @@ __attribute__((format(printf, 1, 2))) void say(const char *format, ...);
 /* Where there is no program_start(): whose name is before the lines. */
 void say_as(const char *name);
 
-enum option_kind { OPTION_FLAG, OPTION_TEXT, OPTION_NUMBER };
+enum option_kind { OPTION_FLAG, OPTION_TEXT, OPTION_NUMBER, OPTION_NAME };
 
 /* An option `-name`, also `--name`. Tables end with a NULL name. */
 struct option_entry {
@@ -25,8 +25,8 @@ struct option_entry {
     const char *argument; /* its name in the help text; NULL for OPTION_FLAG */
     const char *help;
     enum option_kind kind;
-    void *value;           /* bool *, const char ** or long * */
-    long minimum, maximum; /* OPTION_NUMBER */
+    void *value;           /* bool *, const char **, long *, const char ** */
+    long minimum, maximum; /* OPTION_NUMBER; OPTION_NAME, which an item can have: bytes at most, 0 for DDX_NAME_MAX */
 };
 
 struct program {
@@ -44,10 +44,13 @@ struct program {
 };
 
 /*
- * Parse the command line (-help, -instance, -store and -check as well as the program's own options), catch the signals.
- * Ends the program after -help (exit 0) and after bad usage (one line, exit 2).
+ * Parse the command line (-help, -version, -instance, -store and -check as well as the program's own options), catch
+ * the signals. Ends the program after -help and -version (exit 0) and after bad usage (one line, exit 2).
  */
 void program_start(struct program *program, int argc, char **argv);
+
+/* Of all programs. */
+const char *program_version(void);
 
 /* TERM or INT came: finish, within five seconds. Whoever has not ended by then is ended, with exit 0. */
 bool program_stopping(void);

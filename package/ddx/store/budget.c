@@ -51,6 +51,16 @@ static struct item *least_wanted(const struct item *except) {
     return found;
 }
 
+/* What could be had if all items were dropped that nobody has open. */
+static uint64_t droppable(const struct item *except) {
+    uint64_t sum = 0;
+
+    for (const struct item *item = store.items; item; item = item->next)
+        if (!item->handles && item != except)
+            sum += item_reserved(item);
+    return sum;
+}
+
 bool budget_allows(struct item *item, uint64_t reserved) {
     for (;;) {
         uint64_t others = budget_reserved() - item_reserved(item);
@@ -60,6 +70,8 @@ bool budget_allows(struct item *item, uint64_t reserved) {
         clients_reap();
         if (budget_reserved() - item_reserved(item) < others)
             continue;
+        if (others - droppable(item) + reserved > store.budget)
+            return false; /* nothing is dropped in vain */
         struct item *victim = least_wanted(item);
         if (!victim)
             return false;

@@ -10,6 +10,7 @@
 #include "server.h"
 
 #define MESSAGES_AT_ONCE 64 /* then the others get their turn */
+#define QUEUED_MAX 1024     /* messages for one client: more than there are frames and readers of an item */
 
 /*
  * One process gets a quarter of our descriptors at most, and all connections together three quarters: the rest is for
@@ -49,11 +50,22 @@ struct client *client_add(int socket) {
 
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
                  const int *fds, unsigned count) {
-    if (!client->gone && ddx_send(client->socket, message, layout, fds, count)) {
-        /* It is gone, or stopped and its socket is full. It connects again when it goes on, and learns all anew. */
-        note("%d does not listen; closing its connection", (int)client->pid);
+    if (client->gone)
+        return;
+    if (message->operation == DDX_EPOCH)
+        ddx_queue_drop_epoch(&client->queue);
+    int result = ddx_queue_send(&client->queue, client->socket, message, layout, fds, count);
+    if (client->queue.count > QUEUED_MAX)
+        note("%d asks and does not listen; closing its connection", (int)client->pid);
+    else if (result && result != -EPIPE)
+        note("%d does not listen, and what it is to hear cannot be kept (%s); closing its connection",
+             (int)client->pid, strerror(-result));
+    client->gone = result || client->queue.count > QUEUED_MAX;
+}
+
+void client_go_on(struct client *client) {
+    if (ddx_queue_go_on(&client->queue, client->socket))
         client->gone = true;
-    }
 }
 
 void client_reply(struct client *client, uint32_t operation, int status) {
@@ -129,6 +141,7 @@ void clients_sweep(void) {
             *link = client->next;
             detach(client);
             offer_abandon(client);
+            ddx_queue_clear(&client->queue);
             close(client->socket);
             free(client);
             link = &store.clients; /* forgetting one may have found out that another is gone, too */

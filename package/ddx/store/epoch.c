@@ -92,6 +92,27 @@ static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *fr
     return atomic_load_explicit(generation, memory_order_relaxed) == (uint32_t)frame->sequence << 1;
 }
 
+/*
+ * The newest frame that is there: the very last one may lie in a slot that none of those who are left has been told of.
+ * Not one that was never published.
+ */
+static bool newest_left(const struct epoch *from, uint64_t last, struct ddx_ring_frame *frame) {
+    bool found = false;
+
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++) {
+        const struct ddx_slot_state *slot = &from->control->slot[i];
+        uint32_t generation = atomic_load_explicit(&slot->generation, memory_order_acquire);
+        uint64_t number = (uint64_t)slot->sequence_high << 32 | slot->sequence_low;
+
+        if (from->slot_fd[i] < 0 || (generation & 1) || generation != (uint32_t)number << 1 || number > last ||
+            (found && number < frame->sequence))
+            continue;
+        *frame = (struct ddx_ring_frame){i, number, (int64_t)((uint64_t)slot->time_high << 32 | slot->time_low)};
+        found = true;
+    }
+    return found;
+}
+
 /* The last whole frame of a writer that is gone becomes the first one of its successor, so that it stays readable. */
 bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence) {
     size_t bytes = (size_t)to->runs.file_bytes;
@@ -101,7 +122,7 @@ bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence) 
 
     for (int attempt = 0; attempt < CARRY_ATTEMPTS && !carried && ddx_ring_peek(from->control, &frame); attempt++) {
         *sequence = frame.sequence;
-        if (!fresh || from->slot_fd[frame.slot] < 0)
+        if (!fresh || (from->slot_fd[frame.slot] < 0 && !newest_left(from, *sequence, &frame)))
             break;
         carried = copy_frame(from, &frame, fresh);
     }

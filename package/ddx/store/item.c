@@ -97,10 +97,13 @@ uint64_t item_bytes(const struct item *item) {
 uint64_t item_reserved(const struct item *item) {
     const struct epoch *epoch = item->pending ? item->pending : item->epoch;
     uint64_t next = epoch ? control_bytes() + ddx_page_round(1) + (2 + item->kept) * epoch->runs.file_bytes : 0;
-    uint64_t now = item_bytes(item);
+    uint64_t now = item_bytes(item), then = now + next;
 
-    /* While a new writer prepares its epoch, the reservation is in use. */
-    return item->pending && item->epoch ? now : now + next;
+    /* While a new writer prepares its epoch, the reservation is in use; the new files may be larger than the old ones,
+     * and then there must be room for the next. */
+    if (item->pending && item->epoch)
+        then -= epoch_bytes(item->epoch);
+    return then > now ? then : now;
 }
 
 void item_describe(const struct item *item, struct ddx_message *m) {
@@ -155,7 +158,9 @@ void item_send_epoch(const struct item *item, struct client *reader) {
 
     strcpy(message.name, item->name);
     strcpy(message.type, item->type); /* news for who awaited the item */
-    message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : item->sequence;
+    message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : 0;
+    if (message.sequence < item->sequence) /* of what was published in the one before, not all may be left */
+        message.sequence = item->sequence;
     message.frames = reader->keep;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         message.index += epoch->slot_ready[i];
@@ -168,16 +173,22 @@ void item_send_epoch(const struct item *item, struct client *reader) {
 }
 
 bool item_announce(struct item *item, struct client *reader) {
-    struct ddx_message message = {.operation = DDX_READER, .index = reader->id};
+    struct ddx_message message = {.operation = DDX_READER, .index = reader->id, .frames = reader->keep,
+                                  .size = ddx_memory_number(reader->pin_fd)};
     uint32_t version = atomic_load(&item->notice->version) + 1;
+
+    if (item->writer->queue.count)
+        return false;
 
     if (version == 0)
         version = 1; /* 0 in the message means: no change */
     message.sequence = version;
     int result = ddx_send(item->writer->socket, &message, NULL, &reader->pin_fd, 1);
     if (result == -EPIPE) {
-        item->writer->gone = true; /* just died: it looks at no pins any more; its successor is told of all readers */
-        return true;
+        item->writer->gone = true;
+        /* Dead, it looks at no pins any more, and its successor is told of all readers. If it has only hung up, it will
+         * hear of this one when it is back, and that one has to wait until then. */
+        return !item->epoch || !ddx_memory_held(item->epoch->control_fd);
     }
     if (result)
         return false;

@@ -37,22 +37,41 @@ static void on_signal(int number) {
         stop = 1;
 }
 
+/*
+ * The log's reader may be stopped, or its disk full: nothing that is said here is worth waiting for. A pipe that poll()
+ * calls writable has room for PIPE_BUF bytes.
+ */
+static bool say(int fd, const char *text, size_t length) {
+    struct pollfd room = {.fd = fd, .events = POLLOUT};
+
+    if (poll(&room, 1, 0) != 1 || !(room.revents & POLLOUT))
+        return false;
+    return write(fd, text, length) == (ssize_t)length;
+}
+
 void note(const char *format, ...) {
     static int64_t second;
-    static unsigned lines;
+    static unsigned lines, left_out;
+    char text[512] = "store: ";
     va_list arguments;
 
     /* A program that does nonsense as fast as it can must not fill the log. */
     if (ddx_time_now() / 1000000000 != second)
         lines = 0;
     second = ddx_time_now() / 1000000000;
-    if (lines++ >= NOTES)
-        return;
+    if (left_out && lines < NOTES) {
+        int length = snprintf(text + 7, sizeof text - 7, "%u lines were left out\n", left_out) + 7;
+
+        left_out = say(2, text, (size_t)length) ? 0 : left_out;
+    }
     va_start(arguments, format);
-    fputs("store: ", stderr);
-    vfprintf(stderr, format, arguments);
-    fputc('\n', stderr);
+    int length = vsnprintf(text + 7, sizeof text - 8, format, arguments) + 7;
     va_end(arguments);
+    if (length > (int)sizeof text - 2)
+        length = (int)sizeof text - 2;
+    text[length++] = '\n';
+    if (lines++ >= NOTES || !say(2, text, (size_t)length))
+        left_out++;
 }
 
 static const char usage[] = "usage: store [-m SIZE] [-port N]\n"
@@ -61,7 +80,7 @@ static const char usage[] = "usage: store [-m SIZE] [-port N]\n"
                             "\n"
                             "  -m SIZE    memory for all items together, for example 8M (the default), 512K, 1G\n"
                             "  -port N    several stores on one machine are told apart by this number; default 2005\n"
-                            "  -help      this text\n"
+                            "  -help      this text; -version\n"
                             "\n"
                             "The store runs until it gets TERM or INT; USR1 prints one line of JSON.\n";
 
@@ -88,11 +107,20 @@ static bool parse_size(const char *text, uint64_t *bytes) {
     return true;
 }
 
+/* 0 if it is none. */
+static int parse_port(const char *text) {
+    char *end;
+    unsigned long port = strtoul(text, &end, 10);
+
+    return *text >= '0' && *text <= '9' && !*end && port <= 65535 ? (int)port : 0;
+}
+
 /* 0: go on; else the exit status plus one. */
 static int parse_options(int argc, char **argv) {
     static const struct option options[] = {{"m", required_argument, NULL, 'm'},
                                             {"port", required_argument, NULL, 'p'},
                                             {"help", no_argument, NULL, 'h'},
+                                            {"version", no_argument, NULL, 'v'},
                                             {NULL, 0, NULL, 0}};
     int option;
 
@@ -106,13 +134,14 @@ static int parse_options(int argc, char **argv) {
             }
             break;
         case 'p':
-            store.port = atoi(optarg);
-            if (store.port < 1 || store.port > 65535) {
+            store.port = parse_port(optarg);
+            if (!store.port) {
                 note("-port %s: not a port; give a number from 1 to 65535", optarg);
                 return 3;
             }
             break;
         case 'h': fputs(usage, stdout); return 1;
+        case 'v': puts("store " DDX_VERSION); return 1;
         case ':': note("%s: needs a value; see store -help", argv[optind - 1]); return 3;
         default: note("%s: unknown option; see store -help", argv[optind - 1]); return 3;
         }
@@ -126,15 +155,18 @@ static int parse_options(int argc, char **argv) {
 
 static void print_json(void) {
     unsigned items = 0, clients = 0;
+    char text[256];
 
     for (const struct item *item = store.items; item; item = item->next)
         items++;
     for (const struct client *client = store.clients; client; client = client->next)
         clients++;
-    printf("{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,\"budget\":%llu}\n",
-           items, clients, (unsigned long long)budget_used(), (unsigned long long)budget_reserved(),
-           (unsigned long long)store.budget);
-    fflush(stdout);
+    int length = snprintf(text, sizeof text,
+                          "{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
+                          "\"budget\":%llu}\n",
+                          items, clients, (unsigned long long)budget_used(), (unsigned long long)budget_reserved(),
+                          (unsigned long long)store.budget);
+    say(1, text, (size_t)length);
 }
 
 /* Readers that died while no store ran still stand in the writers' lists. */
@@ -171,8 +203,9 @@ static struct pollfd *poll_list(nfds_t *count) {
     list[0] = (struct pollfd){.fd = store.listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store.clients; c; c = c->next)
-        list[(*count)++] = (struct pollfd){
-            .fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | (c->listing ? POLLOUT : 0))};
+        list[(*count)++] =
+            (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) |
+                                                               (c->listing || c->queue.count ? POLLOUT : 0))};
     return list;
 }
 
@@ -203,6 +236,8 @@ static void turn(const sigset_t *waiting) {
         count_time(ready == 0);
     nfds_t i = 1;
     for (struct client *c = store.clients; c && i < count; c = c->next, i++) {
+        if (list[i].revents & POLLOUT && !c->gone)
+            client_go_on(c);
         if (list[i].revents & POLLOUT && c->listing && !c->gone)
             list_continue(c);
         if (c->early && list[i].revents & (POLLHUP | POLLERR))
@@ -236,7 +271,6 @@ int main(int argc, char **argv) {
 
     if (done)
         return done - 1;
-    setvbuf(stderr, NULL, _IOLBF, 0);
     allow_descriptors();
     store.listener = listen_on(store.port, path, sizeof path, &store.restarted);
     if (store.listener == -EADDRINUSE) {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * After a restart, items come back from those who hold them: first come, first known; a writer's word counts more than
- * a reader's. Nothing of an offer is believed before its memory files were looked at.
+ * a reader's, and a newer epoch more than an older one. Nothing of an offer is believed before its memory files were
+ * looked at.
  */
 #include <errno.h>
 #include <stdlib.h>
@@ -30,7 +31,8 @@ static void take_control(struct client *client, struct ddx_packet *packet, const
     if (ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true))
         epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), false);
     epoch->control_ready = epoch->control && epoch->control->magic == DDX_CONTROL_MAGIC &&
-                           epoch->control->version == DDX_LAYOUT_VERSION && epoch->control->epoch == epoch->number;
+                           epoch->control->version == DDX_LAYOUT_VERSION && epoch->control->epoch == epoch->number &&
+                           DDX_EPOCH_OK(epoch->number);
     client->offered_notice_fd = ddx_packet_take(packet, 1);
     DDX_PASS(STORE_TAKEN);
 }
@@ -71,23 +73,30 @@ static bool merge(struct epoch *known, struct epoch *offered, bool by_writer) {
     return news;
 }
 
+static bool is_current(const struct item *item, const struct epoch *epoch) {
+    return item->epoch && (item->epoch == epoch || ddx_memory_same(item->epoch->control_fd, epoch->control_fd));
+}
+
 /* True if there is news for the readers that reported before. */
 static bool adopt_epoch(struct item *item, struct client *client, bool writes) {
     struct epoch *epoch = client->offered;
 
     if (!epoch || !epoch->control_ready)
         return false;
-    if (item->epoch && ddx_memory_same(item->epoch->control_fd, epoch->control_fd)) {
+    if (is_current(item, epoch)) {
         bool news = merge(item->epoch, epoch, writes);
         DDX_PASS(STORE_MERGED);
         return news;
     }
-    if (item->epoch && !writes)
-        return false; /* an older one; this reader is told the current one */
+    /* An epoch that began in our time is the newest. Else the highest number is: who slept through a change of writer
+     * reports an older one. */
+    if (item->epoch && (!item->foreign || item->writer || epoch->number < item->epoch->number ||
+                        (epoch->number == item->epoch->number && !writes)))
+        return false;
     epoch_free(item->epoch);
     item->epoch = epoch;
     item->epochs = epoch->number;
-    item->adopted = true;
+    item->adopted = item->foreign = true;
     client->offered = NULL;
     free(item->layout);
     item->layout = ddx_layout_copy(epoch->layout);
@@ -97,8 +106,9 @@ static bool adopt_epoch(struct item *item, struct client *client, bool writes) {
     return true;
 }
 
-static int adopt_writer(struct item *item, struct client *client) {
-    if (item->writer || item->pending)
+/* `current`: what it writes is the item's epoch. */
+static int adopt_writer(struct item *item, struct client *client, bool current) {
+    if (item->writer || item->pending || (item->epoch && !current))
         return -EEXIST;
     if (!item->epoch || !ddx_memory_sound(client->offered_notice_fd, ddx_page_round(1), false))
         return -EINVAL;
@@ -107,11 +117,12 @@ static int adopt_writer(struct item *item, struct client *client) {
     if (result)
         return result;
     item->writer = client;
-    item->adopted = false;
+    item->adopted = item->away = false;
+    reader_add_slots(item, 0, 0); /* for readers who came back before it */
     item_send_new_slots(item, item->epoch, client);
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
-            item_announce(item, c);
+            c->gone = !item_announce(item, c); /* it comes back when the writer has read of the others */
     readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
     return 0;
@@ -123,6 +134,9 @@ static int adopt_reader(struct item *item, struct client *client) {
         return -EINVAL;
     int fd = client->offered_pin_fd;
     client->offered_pin_fd = -1;
+    /* Its share may have gone to others while it was away. If there is no room the writer will be short, but it is a
+     * reader all the same. */
+    reader_add_slots(item, client->offered_keep, 1);
     int result = reader_register(client, fd, client->offered_keep);
     if (!result && item->epoch)
         item_send_epoch(item, client);
@@ -145,12 +159,14 @@ static void finish(struct client *client, uint32_t flags) {
     struct item *item = client->item;
     struct ddx_message reply = {.operation = DDX_OFFERED};
 
-    if (adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer))
-        for (struct client *c = store.clients; c; c = c->next)
-            if (c->item == item && c->id && !c->gone)
-                item_send_epoch(item, c);
+    struct epoch *offered = client->offered;
+    bool news = adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer);
+    /* The writer hears of the readers before they hear of its epoch: from then on they may pin. */
     if (flags & DDX_FLAG_WRITER)
-        reply.status = adopt_writer(item, client);
+        reply.status = adopt_writer(item, client, offered && is_current(item, offered));
+    for (struct client *c = store.clients; c && news; c = c->next)
+        if (c->item == item && c->id && !c->gone)
+            item_send_epoch(item, c);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);
     if (flags & DDX_FLAG_READER && adopt_reader(item, client)) {

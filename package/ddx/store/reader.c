@@ -6,15 +6,14 @@
 
 #include "server.h"
 
-/* Give the writer as many slots as there are pins, plus the newest and the one being written. */
-static int add_slots(struct item *item, unsigned keep, unsigned pages) {
+int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
     struct epoch *epoch = item->pending ? item->pending : item->epoch;
     unsigned wanted = 2 + item->kept + keep;
 
     if (wanted > DDX_SLOTS_MAX || item->readers + pages > DDX_READERS_MAX)
         return -EBUSY;
-    if (!epoch)
-        return 0;
+    if (!epoch) /* nobody has written it: it is not known how large its frames will be */
+        return budget_allows(item, item_reserved(item) + pages * ddx_page_round(1)) ? 0 : -EBUSY;
     unsigned more = item->writer && wanted > epoch->slots ? wanted - epoch->slots : 0;
     uint64_t cost = (more + keep) * epoch->runs.file_bytes + pages * ddx_page_round(1);
     if (!budget_allows(item, item_reserved(item) + cost))
@@ -54,14 +53,14 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     client->pin_fd = pin_fd;
     client->pin = pin;
     client->id = ++store.next_reader;
+    client->keep = keep;
     if (item->writer && !item_announce(item, client)) {
-        /* The writer is stopped and its socket is full of news: nobody else is let in until it goes on. */
+        /* The writer has not read the news before this: it must hear of the reader before that one may pin. */
         munmap((void *)(uintptr_t)client->pin, sizeof *client->pin);
         close(pin_fd);
         client->id = 0;
-        return -EBUSY;
+        return -EAGAIN;
     }
-    client->keep = keep;
     client->counted = false;
     item->kept += keep;
     item->readers++;
@@ -79,10 +78,10 @@ static int attach(struct client *client, unsigned keep) {
     if (item->epoch && (!item->writer || item->pending) && ddx_memory_held(item->epoch->control_fd) &&
         !DDX_BROKEN("unheard"))
         return -EAGAIN;
-    int result = add_slots(item, keep, client->id ? 0 : 1);
+    int result = reader_add_slots(item, keep, client->id ? 0 : 1);
     if (result) {
         clients_reap();
-        result = add_slots(item, keep, client->id ? 0 : 1);
+        result = reader_add_slots(item, keep, client->id ? 0 : 1);
     }
     if (result)
         return result;
@@ -90,7 +89,11 @@ static int attach(struct client *client, unsigned keep) {
         client->keep += keep;
         item->kept += keep;
         /* The writer must have the new slots before it meets the new pins, or it runs out of free ones. */
-        return item->writer && !item_announce(item, client) ? -EBUSY : 0;
+        if (!item->writer || item_announce(item, client))
+            return 0;
+        client->keep -= keep;
+        item->kept -= keep;
+        return -EAGAIN;
     }
     int fd = ddx_memory_create(item->name, ddx_page_round(1));
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);

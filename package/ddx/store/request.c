@@ -49,6 +49,8 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
 void list_continue(struct client *client) {
     struct ddx_message m;
 
+    if (client->queue.count)
+        return; /* what was to be said before */
     for (struct item *item = store.items; item; item = item->next) {
         if (strcmp(item->name, client->listed) <= 0 || item_is_awaited(item))
             continue;

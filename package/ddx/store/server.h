@@ -6,8 +6,8 @@
 #include "../lib/fault.h"
 #include "../lib/futex.h"
 #include "../lib/memory.h"
+#include "../lib/queue.h"
 #include "../lib/ring.h"
-#include "../lib/wire.h"
 
 /* The memory files of one writer's term. */
 struct epoch {
@@ -26,6 +26,7 @@ struct epoch {
 struct client {
     struct client *next;
     int socket;
+    struct ddx_queue queue; /* what is to be sent when it has read more */
     int32_t pid;
     bool gone;
     bool early; /* asks for something that it may not have yet: see client.c */
@@ -59,7 +60,9 @@ struct item {
     struct epoch *epoch;       /* readers see this one */
     struct epoch *pending;     /* a new writer prepares this one */
     struct client *writer;
+    bool foreign; /* its epoch came from an offer: there may be a newer one */
     bool adopted; /* known from an offer after a restart; its writer may live without having reported */
+    bool away;    /* its writer hung up; if it lives, it comes back */
     uint32_t epochs, handles, readers, kept;
     int notice_fd;
     struct ddx_notice *notice;
@@ -102,7 +105,7 @@ void item_send_epoch(const struct item *item, struct client *reader);
 void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
                     uint32_t flags);
 void item_send_new_slots(const struct item *item, struct epoch *epoch, struct client *writer);
-bool item_announce(struct item *item, struct client *reader); /* to the writer; false: it does not listen */
+bool item_announce(struct item *item, struct client *reader); /* to the writer; false: it has to read more first */
 
 /* epoch.c */
 struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number);
@@ -130,6 +133,8 @@ void writer_left(struct client *client);
 
 /* reader.c */
 void reader_attach(struct client *client, unsigned keep);
+/* Give the writer as many slots as there are pins, plus the newest and the one being written. 0 or -EBUSY. */
+int reader_add_slots(struct item *item, unsigned keep, unsigned pages);
 int reader_register(struct client *client, int pin_fd, unsigned keep);
 void reader_left(struct client *client);
 /* Tell the writer how many readers there are for whom frames are kept: once it has their slots, and they know them. */
@@ -143,7 +148,8 @@ void offer_abandon(struct client *client);
 struct client *client_add(int socket);
 void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
-                 const int *fds, unsigned count); /* a client that does not read is dropped */
+                 const int *fds, unsigned count); /* now, or when it has read more; who only asks is dropped */
+void client_go_on(struct client *client);         /* it has */
 void client_reply(struct client *client, uint32_t operation, int status);
 /*
  * Take back what those hold who hung up but whose last messages were not read yet: who asks for a thing after another

@@ -17,6 +17,8 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
         return item->writer == client ? -EINVAL : -EEXIST;
     if (item->adopted && !store.settled && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST; /* its writer outlived our predecessor and will report; unless it is stopped */
+    if (item->away && item->epoch && ddx_memory_held(item->epoch->control_fd))
+        return -EEXIST;
     if (item->readers)
         return ddx_layout_may_become(item->epoch ? item->epoch->layout : item->layout, layout);
     return 0;
@@ -59,7 +61,7 @@ static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
 }
 
 static int prepare(struct item *item, const struct ddx_layout *layout) {
-    struct epoch *epoch = epoch_new(layout, item->epochs + 1);
+    struct epoch *epoch = epoch_new(layout, item->epochs + (DDX_EPOCH_OK(item->epochs + 1) ? 1 : 2));
     int result;
 
     if (!epoch)
@@ -102,7 +104,8 @@ static void tell_all(struct client *client) {
     DDX_PASS(STORE_SLOTS);
     for (struct client *c = store.clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone) {
-            struct ddx_message reader = {.operation = DDX_READER, .index = c->id};
+            struct ddx_message reader = {.operation = DDX_READER, .index = c->id, .frames = c->keep,
+                                         .size = ddx_memory_number(c->pin_fd)};
 
             client_send(client, &reader, NULL, &c->pin_fd, 1);
         }
@@ -124,7 +127,7 @@ void writer_claim(struct client *client, const struct ddx_layout *layout) {
         return;
     }
     item->writer = client;
-    item->adopted = false;
+    item->adopted = item->away = false;
     tell_all(client); /* DONE follows when it is ready */
 }
 
@@ -135,6 +138,7 @@ static void go_live(struct item *item) {
     item->epoch = item->pending;
     item->pending = NULL;
     item->epochs = item->epoch->number;
+    item->foreign = false;
     free(item->layout);
     item->layout = ddx_layout_copy(item->epoch->layout);
     DDX_PASS(STORE_LIVE);
@@ -188,6 +192,7 @@ void writer_left(struct client *client) {
         return;
     note("%s: its writer %d is gone; the last frame stays", item->name, (int)client->pid);
     item->writer = NULL;
+    item->away = !item->pending;
     /* It may have died between W7 and the wake-up: then readers sleep over a frame that is there. */
     if (item->epoch)
         ddx_futex_wake(&item->epoch->control->latest);

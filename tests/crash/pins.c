@@ -1,0 +1,208 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Whatever the store believes of a reader, or the writer was told: a frame that a living program holds is not written
+ * over. A writer that is short of frames gives up what it wanted to write, and counts that.
+ */
+#include <errno.h>
+
+#include "puppet.h"
+#include "tests.h"
+
+static bool readers_are(unsigned count) {
+    struct ddx_item_info info;
+
+    return told_of(&info) && info.readers == count;
+}
+
+static bool writer_is(const struct puppet *puppet) {
+    struct ddx_item_info info;
+
+    return told_of(&info) && info.writer_pid == puppet->pid;
+}
+
+static bool writer_is_gone(void) {
+    struct ddx_item_info info;
+
+    return told_of(&info) && !info.writer_pid;
+}
+
+/* The store takes a stopped reader for dead: it hung up on it. */
+static void taken_for_dead(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader, HOLD, 0, 1);
+    uint64_t told = stage->journal.passed[DDX_AT_STORE_READER_TOLD];
+    puppet_say(reader, ORDER_HANG_UP, 0);
+    puppet_await_stop(reader);
+    AWAIT(stage->journal.passed[DDX_AT_STORE_READER_TOLD] > told, "the store does not notice");
+    ASK(writer, WRITE, 100, 101);
+    puppet_go_on(reader);
+    puppet_hear(reader);
+    ASK(reader, LOOK, 0, 1);
+    AWAIT(readers_are(1), "the reader does not come back");
+    ASK(writer, WRITE, 100, 201);
+    ASK(reader, LOOK, 0, 1);
+    ASK(reader, RELEASE, 0, 0);
+    puppets_end();
+}
+
+/* A reader dies while its writer hears nothing. Its share goes to others, one after the other: none of them suffers. */
+static void never_told(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *dead = puppet_begin(NULL), *reader[4];
+    for (unsigned i = 0; i < 4; i++)
+        reader[i] = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader[0], HOLD, 0, 1);
+    ASK(writer, WRITE, 1, 2);
+    ASK(dead, HOLD, 0, 2);
+    puppet_say(writer, ORDER_HANG_UP, 0);
+    puppet_await_stop(writer);
+    puppet_kill(dead);
+    AWAIT(readers_are(1), "the dead reader is still there");
+    puppet_go_on(writer);
+    puppet_hear(writer);
+    AWAIT(writer_is(writer), "the writer does not come back");
+    for (unsigned i = 1; i < 4; i++) {
+        ASK(writer, WRITE, 1, i + 2);
+        ASK(reader[i], HOLD, 0, i + 2);
+    }
+    ASK(writer, WRITE, 20, 25);
+    ASK(reader[0], LOOK, 0, 1);
+    for (unsigned i = 1; i < 4; i++)
+        ASK(reader[i], LOOK, 0, i + 2);
+    ASK(writer, SHORT, 0, 0);
+    puppets_end();
+}
+
+/* After a restart the store does not know yet what a stopped reader holds, and gives its share to another one. */
+static void too_few(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *stopped = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader, HOLD, 0, 1);
+    ASK(writer, WRITE, 1, 2);
+    ASK(stopped, HOLD, 0, 2);
+    puppet_stop(stopped);
+    store_kill();
+    store_begin(NULL);
+    AWAIT(readers_are(1) && writer_is(writer), "nobody comes back");
+    ASK(writer, WRITE, 1, 3);
+    struct puppet *guest = puppet_begin(NULL);
+    ASK(guest, HOLD, 0, 3);
+    ASK(writer, WRITE, 1, 4); /* into the last free frame; from now on there is none */
+    for (unsigned i = 0; i < 3; i++)
+        ASK(writer, WRITE, 1, -ENOBUFS);
+    ASK(writer, SHORT, 0, 3);
+    ASK(reader, LOOK, 0, 1);
+    ASK(guest, LOOK, 0, 3);
+    puppet_go_on(stopped);
+    ASK(stopped, LOOK, 0, 2);
+    AWAIT(readers_are(3), "the reader does not come back");
+    ASK(stopped, RELEASE, 0, 0);
+    ASK(writer, WRITE, 20, 24);
+    ASK(reader, LOOK, 0, 1);
+    ASK(guest, LOOK, 0, 3);
+    puppets_end();
+}
+
+/* The writer's program has no descriptor left for the pin page of a reader that is let in. */
+static void no_descriptors(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *second = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader, HOLD, 0, 1);
+    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 2, "the writer does not write");
+    ASK(writer, LIMIT, 1, 0); /* for a slot */
+    ASK(second, HOLD, 0, 2);
+    for (unsigned i = 0; i < 8; i++)
+        ASK(writer, WRITE, 1, -EMFILE);
+    ASK(writer, SHORT, 0, 8);
+    ASK(second, LOOK, 0, 2);
+    ASK(second, DONE, 0, 0);
+    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 3, "the writer does not go on when the reader has left");
+    second = puppet_begin(NULL);
+    ASK(second, HOLD, 0, 3);
+    ASK(writer, WRITE, 1, -EMFILE);
+    ASK(writer, LIMIT, -1, 0);
+    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 4, "the writer does not go on when there are descriptors");
+    ASK(writer, WRITE, 20, 24);
+    ASK(reader, LOOK, 0, 1);
+    ASK(second, LOOK, 0, 3);
+    puppets_end();
+}
+
+/* The store has hung up on a stopped writer: nobody takes its place, and who comes waits until it is back. */
+static void writer_taken_for_dead(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *other = puppet_begin(NULL), *reader = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    puppet_say(writer, ORDER_HANG_UP, 0);
+    puppet_await_stop(writer);
+    AWAIT(writer_is_gone(), "the store does not notice");
+    for (unsigned i = 0; i < 3; i++)
+        ASK(other, WRITE, 1, -EEXIST);
+    uint64_t asked = stage->journal.passed[DDX_AT_ATTACH_SENT];
+    puppet_say(reader, ORDER_HOLD, 0);
+    AWAIT(stage->journal.passed[DDX_AT_ATTACH_SENT] > asked + 2, "the reader does not ask");
+    puppet_go_on(writer);
+    puppet_hear(writer);
+    if (puppet_hear(reader) != 1)
+        fail("the reader is not let in");
+    ASK(writer, WRITE, 20, 21);
+    ASK(reader, LOOK, 0, 1);
+    puppets_end();
+}
+
+/* The writer has waited for the store in vain and hung up. The store does not know that yet when a reader comes. */
+static void news_for_nobody(void) {
+    store_begin("store.attached:1:stop");
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    store_stop();
+    uint64_t asked = stage->journal.passed[DDX_AT_ATTACH_SENT];
+    uint32_t struck = stage->journal.struck;
+    puppet_say(reader, ORDER_HOLD, 0);
+    AWAIT(stage->journal.passed[DDX_AT_ATTACH_SENT] > asked, "the reader does not ask");
+    ASK(writer, LEAVE, 0, 0);
+    kill(store_process, SIGCONT);
+    AWAIT(stage->journal.struck > struck, "the reader is not let in");
+    ASK(writer, WRITE, 20, 21);
+    int64_t got = puppet_hear(reader);
+    if (got != 1 && got != 21)
+        fail("the reader gets %lld", (long long)got);
+    ASK(writer, WRITE, 20, 41);
+    ASK(reader, LOOK, 0, got);
+    puppets_end();
+}
+
+/* A program dies that has forked: what its child has inherited keeps it alive neither as writer nor as reader. */
+static void child_lives_on(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *next = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader, HOLD, 0, 1);
+    pid_t child[2] = {(pid_t)puppet_ask(writer, ORDER_FORK, 0), (pid_t)puppet_ask(reader, ORDER_FORK, 0)};
+    ASK(writer, WRITE, 20, 21); /* the parent goes on as before */
+    ASK(reader, LOOK, 0, 1);
+    uint64_t gone = stage->journal.passed[DDX_AT_CLAIM_READER_GONE];
+    puppet_kill(reader);
+    AWAIT(stage->journal.passed[DDX_AT_CLAIM_READER_GONE] > gone, "the dead reader's pin stays");
+    puppet_kill(writer);
+    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 22, "nobody may take the dead writer's place");
+    for (unsigned i = 0; i < 2; i++)
+        kill(child[i], SIGKILL);
+    puppets_end();
+}
+
+int test_pins(void) {
+    taken_for_dead();
+    never_told();
+    too_few();
+    no_descriptors();
+    writer_taken_for_dead();
+    news_for_nobody();
+    child_lives_on();
+    return 0;
+}

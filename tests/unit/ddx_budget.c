@@ -1,0 +1,133 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What -m says: never exceeded by what is reserved, and nothing is dropped in vain. */
+#include <errno.h>
+#include <poll.h>
+#include <sys/stat.h>
+
+#include "../../package/ddx/lib/memory.h"
+#include "../../package/ddx/lib/wire.h"
+#include "store_process.h"
+
+#define READERS 30
+
+static DDX_STORE_ID *id;
+
+static void begin(const char *budget) {
+    store_start(budget);
+    id = ddx_store_open(NULL, 0, 10);
+    CHECK(id);
+}
+
+static void end(void) {
+    ddx_store_close(id);
+    store_stop(SIGKILL);
+    store_folder_remove(); /* the next one is no successor */
+    CHECK_EQUAL(mkdir(store_folder, 0700), 0);
+}
+
+static DDX_STORE_ITEM *create(const char *name, size_t bytes, size_t used) {
+    struct ddx_extent extent = {"bytes", used};
+    struct ddx_item_spec spec = {.name = name, .type = "BYTES", .extents = &extent, .extent_count = used ? 1 : 0};
+    char declaration[64];
+    DDX_STORE_ITEM *item;
+
+    snprintf(declaration, sizeof declaration, "struct { char bytes[%zu]; }", bytes);
+    spec.declaration = declaration;
+    int result = ddx_store_create(id, &spec, &item);
+    errno = -result;
+    return result ? NULL : item;
+}
+
+static struct ddx_store_info all(void) {
+    struct ddx_store_info info;
+    struct ddx_item_info *items;
+    unsigned count;
+
+    CHECK_EQUAL(ddx_store_list(id, &info, &items, &count), 0);
+    free(items);
+    return info;
+}
+
+/* A request that no dropping of items can meet drops none. */
+static void test_too_much(void) {
+    begin("1M");
+    DDX_STORE_ITEM *item = create("last", 4096, 0);
+    void *data;
+    CHECK_EQUAL(ddx_store_loan(item, &data), 0);
+    CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
+    ddx_store_done_item(item);
+    CHECK(!create("huge", 16000000, 0));
+    CHECK_EQUAL(errno, ENOSPC);
+    item = ddx_store_lookup_item(id, "last", NULL, 0);
+    CHECK(item);
+    ddx_store_done_item(item);
+    item = create("large", 200000, 0); /* this one can be met */
+    CHECK(item);
+    end();
+}
+
+/* Readers of an item that nobody has written yet have a page each. */
+static void test_pages(void) {
+    DDX_STORE_ITEM *item[READERS];
+    int result = 0, value;
+
+    begin("64K");
+    for (unsigned i = 0; i < READERS; i++) {
+        item[i] = ddx_store_lookup_item(id, "empty", "int", sizeof value);
+        CHECK(item[i]);
+        result = ddx_store_read(item[i], &value, NULL, 0, DDX_CURRENT);
+        CHECK_EQUAL(result, i < 16 ? -ETIMEDOUT : -EBUSY);
+        CHECK(all().reserved <= all().budget);
+    }
+    end();
+}
+
+/* While the next writer gets ready, what it will need then is reserved. */
+static void test_getting_ready(void) {
+    struct ddx_message message = {.operation = DDX_OPEN, .name = "item"};
+    static struct ddx_packet packet;
+
+    begin("4M");
+    ddx_store_done_item(create("item", 800000, 4096));
+    DDX_STORE_ITEM *model = create("model", 800000, 400000);
+    int probe = ddx_connect(DDX_STORE_PORT);
+    CHECK(probe >= 0);
+    struct pollfd wait = {.fd = probe, .events = POLLIN};
+    strcpy(message.name, "model");
+    CHECK_EQUAL(ddx_send(probe, &message, NULL, NULL, 0), 0);
+    CHECK_EQUAL(poll(&wait, 1, 10000), 1);
+    CHECK_EQUAL(ddx_receive(probe, &packet), 1);
+    struct ddx_layout *layout = ddx_layout_copy(ddx_packet_layout(&packet));
+    close(probe);
+    ddx_store_done_item(model);
+
+    wait.fd = probe = ddx_connect(DDX_STORE_PORT);
+    strcpy(message.name, "item");
+    CHECK_EQUAL(ddx_send(probe, &message, NULL, NULL, 0), 0);
+    message.operation = DDX_CLAIM;
+    CHECK_EQUAL(ddx_send(probe, &message, layout, NULL, 0), 0);
+    do {
+        CHECK_EQUAL(poll(&wait, 1, 10000), 1);
+        CHECK_EQUAL(ddx_receive(probe, &packet), 1);
+        ddx_packet_close(&packet);
+    } while (packet.message.operation != DDX_CLAIMED);
+    uint64_t meanwhile = all().reserved;
+    close(probe);
+    DDX_STORE_ITEM *item = create("item", 800000, 400000);
+    CHECK(item);
+    uint64_t then = all().reserved;
+    printf("%" PRIu64 " bytes while it gets ready, then %" PRIu64 "\n", meanwhile, then);
+    CHECK(meanwhile >= then);
+    free(layout);
+    end();
+}
+
+int main(void) {
+    static void (*const tests[])(void) = {test_too_much, test_getting_ready, test_pages};
+
+    store_folder_make();
+    for (unsigned i = 0; i < sizeof tests / sizeof *tests; i++)
+        tests[i]();
+    store_folder_remove();
+    return 0;
+}
