@@ -125,6 +125,8 @@ static int grow(struct fdisk_context *table, const char *disk, int number) {
 }
 
 int main(int count, char **words) {
+    if (count == 2 && (!strcmp(words[1], "-version") || !strcmp(words[1], "--version")))
+        return puts("ddxgrow " DDX_VERSION) < 0;
     char *rest = NULL;
     const long number = count == 3 ? strtol(words[2], &rest, 10) : 0;
     if (count != 3 || *rest || number < 1 || number > 60) {

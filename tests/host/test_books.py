@@ -268,6 +268,22 @@ def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, la
     assert saved["out"] == whole + recorded(second) and saved["in"] == loaded["out"] and balanced(saved)
 
 
+def test_frames_that_only_the_index_has(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path) -> None:
+    """Killed between index and book: the successor finds them on the disk."""
+    folder = desk.folder / "rec"
+    folder.mkdir()
+    saver = start_recorder(desk, "-output", folder, "-segment", "4", wrapper=(
+        "env", f"LD_PRELOAD={last_act}", "LAST_ACT=written", "LAST_CALL=5"))
+    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    assert saver.wait(60) == -signal.SIGKILL
+    saver = start_recorder(desk, "-output", folder, "-segment", "4")
+    wait_until(lambda: desk.out("ddxvideosave") > 60)
+    _, loaded = stop(loader)
+    status, saved = stop(saver)
+    assert status == 0 and saved["out"] == recorded(*folder.glob("*.y4m"))
+    assert saved["in"] == loaded["out"] and balanced(saved)
+
+
 def test_nothing_but_the_clip_on_standard_output(desk: Desk, clip: pathlib.Path) -> None:
     with (desk.folder / "out.y4m").open("wb") as out, (desk.folder / "told").open("w+") as told:
         saver = subprocess.Popen([*MORTAL, ROOT / "bin/ddxvideosave", "-output", "-"], env=desk.environment,

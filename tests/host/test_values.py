@@ -135,3 +135,10 @@ def test_a_reader_sees_whole_values_only(sensor: Desk, tmp_path: pathlib.Path) -
     watcher.wait(60)
     assert [write["sequence"] for write in writes] == list(range(first + 1, first + 6))
     assert [write["missed"] for write in writes] == [0] * 5
+
+
+def test_numbers_are_taken_whole_or_refused(sensor: Desk) -> None:
+    assert sensor.run("ddxctl", "set", "sensor", "serial=010").returncode == 0
+    assert shown(sensor)["value"]["serial"] == 10
+    for value in ("\t-5", " -5", "0x", "--5", "5 "):
+        assert "takes a whole number" in refused(sensor, f"serial={value}")

@@ -17,10 +17,12 @@ static bool parse(const char *word, char name[DDX_REQUEST_NAME], struct ddx_chan
     if (!equals || (size_t)(equals - word) >= DDX_REQUEST_NAME)
         return false;
     snprintf(name, DDX_REQUEST_NAME, "%.*s", (int)(equals - word), word);
+    const char *digits = equals + 1 + (equals[1] == '-' || equals[1] == '+');
+    bool hexadecimal = *digits == '0' && (digits[1] | 32) == 'x'; /* and 010 is ten */
     errno = 0;
     change->name = name;
-    change->value = strtoll(equals + 1, &end, 0);
-    return !errno && end != equals + 1 && !*end;
+    change->value = strtoll(equals + 1, &end, hexadecimal ? 16 : 10);
+    return !errno && *digits >= '0' && *digits <= '9' && !*end;
 }
 
 int ask_for_changes(DDX_STORE_ID *id, const struct request *request) {

@@ -87,17 +87,22 @@ static const char *find(const DDX_STORE_ITEM *item, const char *path, const char
 
 /* Integers of any width are stored as their low bytes: the machines of this library are little-endian. */
 static const char *put_integer(const struct ddx_field *field, void *to, const char *text, const char **end) {
-    bool negative = text[strspn(text, " ")] == '-';
+    const char *digits = text + strspn(text, " ");
+    bool negative = *digits == '-';
     unsigned bits = 8 * field->bytes;
     bool sign = field->kind != DDX_KIND_UNSIGNED;
     uint64_t most = field->kind == DDX_KIND_INT ? UINT64_MAX >> (65 - bits) : UINT64_MAX >> (64 - bits);
     uint64_t least = sign ? (uint64_t)1 << (bits - 1) : 0; /* below zero */
     char *stop;
 
+    digits += negative || *digits == '+';
+    bool hexadecimal = *digits == '0' && (digits[1] | 32) == 'x'; /* and 010 is ten */
     errno = 0;
-    uint64_t value = strtoull(text, &stop, 0); /* of "-5": the negative, modulo 2^64 */
+    uint64_t value = strtoull(digits, &stop, hexadecimal ? 16 : 10);
+    if (negative)
+        value = 0 - value; /* modulo 2^64 */
     bool fits = !errno && (negative ? 0 - value <= least : value <= most);
-    if (stop == text || !fits || (*stop && *stop != ','))
+    if (*digits < '0' || *digits > '9' || !fits || (*stop && *stop != ','))
         return wrong("%s: takes a whole number from %s%llu to %llu, not %s", asked, sign ? "-" : "",
                      (unsigned long long)least, (unsigned long long)most, text);
     *end = stop;

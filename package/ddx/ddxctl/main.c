@@ -53,7 +53,7 @@ static const char usage[] =
     "  -every S      list, show, stats: again every S seconds\n"
     "  -count N      end after N writes (watch) or repetitions\n"
     "  -port N       the store's port; default 2005\n"
-    "  -help         this text\n"
+    "  -help         this text; -version\n"
     "\n"
     "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
 
@@ -80,11 +80,39 @@ static int bad_usage(const char *word, const char *problem) {
     return 2;
 }
 
-static bool number(const char *text, double least, double most, double *value) {
+static bool seconds(const char *text, double least, double most, double *value) {
     char *end;
 
     *value = strtod(text, &end);
     return end != text && !*end && *value >= least && *value <= most;
+}
+
+/* Digits and nothing else; 010 is ten. */
+static bool number(const char *text, unsigned most, unsigned *value) {
+    char *end;
+
+    errno = 0;
+    unsigned long long found = strtoull(text, &end, 10);
+    *value = (unsigned)found;
+    return !errno && *text >= '0' && *text <= '9' && !*end && found >= 1 && found <= most;
+}
+
+/* What an item can be called, in any store. */
+static bool is_name(const char *text) {
+    size_t length = strlen(text);
+
+    for (size_t i = 0; i < length; i++)
+        if ((unsigned char)text[i] <= ' ' || text[i] == 127 || text[i] == '/')
+            return false;
+    return length >= 1 && length <= DDX_NAME_MAX;
+}
+
+/* What was printed is where it was to go, or nothing was done. */
+static int finish(int status) {
+    if (!fflush(stdout) && !ferror(stdout))
+        return status;
+    fprintf(stderr, "ddxctl: standard output: %s\n", errno ? strerror(errno) : "cannot be written");
+    return status ? status : 1;
 }
 
 static int repeat(size_t command, DDX_STORE_ID *id, const struct request *request) {
@@ -93,7 +121,7 @@ static int repeat(size_t command, DDX_STORE_ID *id, const struct request *reques
 
     if (request->every <= 0 || commands[command].run == command_watch || commands[command].run == command_set)
         return status;
-    for (unsigned i = 1; request->count == 0 || i < request->count; i++) {
+    for (unsigned i = 1; (request->count == 0 || i < request->count) && !ferror(stdout); i++) {
         nanosleep(&pause, NULL);
         status = commands[command].run(id, request);
         fflush(stdout);
@@ -106,9 +134,10 @@ int main(int argc, char **argv) {
     static const struct option options[] = {
         {"json", no_argument, NULL, 'j'},        {"every", required_argument, NULL, 'e'},
         {"count", required_argument, NULL, 'c'}, {"port", required_argument, NULL, 'p'},
-        {"help", no_argument, NULL, 'h'},        {NULL, 0, NULL, 0}};
+        {"help", no_argument, NULL, 'h'},        {"version", no_argument, NULL, 'v'},
+        {NULL, 0, NULL, 0}};
     struct request request = {.port = DDX_STORE_PORT};
-    double value;
+    unsigned value;
     int option;
 
     if (argc > 1 && is_control(argv[1]))
@@ -120,20 +149,20 @@ int main(int argc, char **argv) {
         switch (option) {
         case 'j': request.json = true; break;
         case 'e':
-            if (!number(optarg, 0.01, 86400, &request.every))
+            if (!seconds(optarg, 0.01, 86400, &request.every))
                 return bad_usage(optarg, "-every takes seconds from 0.01 to 86400");
             break;
         case 'c':
-            if (!number(optarg, 1, 1e9, &value))
-                return bad_usage(optarg, "-count takes a number from 1");
-            request.count = (unsigned)value;
+            if (!number(optarg, 1000000000, &request.count))
+                return bad_usage(optarg, "-count takes a whole number from 1 to 1000000000");
             break;
         case 'p':
-            if (!number(optarg, 1, 65535, &value))
-                return bad_usage(optarg, "-port takes a number from 1 to 65535");
+            if (!number(optarg, 65535, &value))
+                return bad_usage(optarg, "-port takes a whole number from 1 to 65535");
             request.port = (int)value;
             break;
-        case 'h': fputs(usage, stdout); return 0;
+        case 'h': fputs(usage, stdout); return finish(0);
+        case 'v': puts("ddxctl " DDX_VERSION); return finish(0);
         case ':': return bad_usage(argv[optind - 1], "needs a value");
         default: return bad_usage(argv[optind - 1], "unknown option");
         }
@@ -161,11 +190,13 @@ int main(int argc, char **argv) {
         request.change_count = (unsigned)(words - 1);
     }
     request.item = commands[command].needs_item ? argv[optind + 1] : NULL;
+    if (request.item && commands[command].run != command_record && !is_name(request.item))
+        return bad_usage(request.item, "no name of an item: those have 1 to 63 bytes, without blanks and slashes");
 
     DDX_STORE_ID *id = ddx_store_open(NULL, request.port, STORE_WAIT);
     if (!id)
         return complain(NULL, errno);
     int status = repeat(command, id, &request);
     ddx_store_close(id);
-    return status;
+    return finish(status);
 }

@@ -34,7 +34,7 @@ int command_record(DDX_STORE_ID *id, const struct request *request) {
         change = orders[i].change;
     } else if (!strcmp(request->item, "pre-roll") && request->change_count) {
         change.value = strtoll(request->changes[used++], &end, 10);
-        if (end == request->changes[0] || *end)
+        if (*request->changes[0] < '0' || *request->changes[0] > '9' || *end)
             return bad_usage(request->changes[0]);
     } else
         return bad_usage(request->item);

@@ -17,13 +17,15 @@ static void on_signal(int number) {
 static void print_write(const DDX_STORE_ITEM *item, const struct ddx_frame *frame, bool json) {
     long long late = (long long)(ddx_time_now() - frame->time) / 1000;
 
-    if (json)
-        printf("{\"name\":\"%s\",\"sequence\":%llu,\"time_ns\":%lld,\"missed\":%llu,\"wake_us\":%lld}\n",
-               ddx_store_item_name(item), (unsigned long long)frame->sequence, (long long)frame->time,
-               (unsigned long long)frame->missed, late);
-    else
+    if (json) {
+        printf("{\"name\":");
+        json_string(ddx_store_item_name(item), DDX_NAME_MAX);
+        printf(",\"sequence\":%llu,\"time_ns\":%lld,\"missed\":%llu,\"wake_us\":%lld}\n",
+               (unsigned long long)frame->sequence, (long long)frame->time, (unsigned long long)frame->missed, late);
+    } else {
         printf("%s write %llu at %.6f s, missed %llu, seen after %lld us\n", ddx_store_item_name(item),
                (unsigned long long)frame->sequence, (double)frame->time / 1e9, (unsigned long long)frame->missed, late);
+    }
     fflush(stdout);
 }
 
@@ -37,7 +39,7 @@ int command_watch(DDX_STORE_ID *id, const struct request *request) {
         return complain(request->item, errno);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
-    while (!stop && (request->count == 0 || seen < request->count)) {
+    while (!stop && !ferror(stdout) && (request->count == 0 || seen < request->count)) {
         struct ddx_frame frame;
 
         result = ddx_store_acquire(item, &frame, WAIT, DDX_NEXT);

@@ -138,6 +138,11 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         if (player->patient && !program_wait_for_room(player->video, &player->patient, player->book))
             break;
         int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
+        if (error == -ENOBUFS) { /* readers hold all there is: a file has time */
+            if (!program_sleep_until(ddx_time_now() + POLL_NS, player->book))
+                break;
+            continue;
+        }
         if (error) {
             say("%s: %s", player->name, ddx_error_text(error));
             *status = EXIT_FAILED;

@@ -125,6 +125,8 @@ int main(int argc, char **argv) {
             words[count++] = argv[i];
         else if (!strcmp(option, "help"))
             return fputs(usage, stdout) < 0;
+        else if (!strcmp(option, "version"))
+            return printf("ddxrecordings %s\n", program_version()) < 0;
         else if (!strcmp(option, "json"))
             json = true;
         else if (!strcmp(option, "folder") && i + 1 < argc)

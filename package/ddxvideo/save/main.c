@@ -10,7 +10,7 @@ int main(int argc, char **argv) {
     const char *full = "stop", *start = "recording";
     long pre_roll = 0;
     const struct option_entry options[] = {
-        {"name", "ITEM", "the video item to record (default: video)", OPTION_TEXT, &recorder.name, 0, 0},
+        {"name", "ITEM", "the video item to record (default: video)", OPTION_NAME, &recorder.name, 0, 0},
         {"output", "FILE|DIR|-", "the Y4M file to write, or a folder for <name>-<number>-<UTC>.y4m", OPTION_TEXT,
          &recorder.place, 0, 0},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,

@@ -39,6 +39,12 @@ int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **po
 int pool_recover(struct pool *pool);
 
 /*
+ * How many frames of this item with numbers above that are in the newest recordings that were finished by a later
+ * recorder, as all are after pool_recover() whose own one was killed.
+ */
+uint64_t pool_recovered_frames(struct pool *pool, const char *item, uint64_t above);
+
+/*
  * Recover, and then keep files ready, in a thread of its own, which does the latter while `busy` (called from there)
  * says no. Who takes a file waits for the recovery. 0 or -errno.
  */

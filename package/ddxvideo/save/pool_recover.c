@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* After a power cut, or a recorder that was killed: each recording ends with the last frame that its index promises. */
 #include <errno.h>
+#include <fcntl.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
@@ -94,4 +95,45 @@ int pool_recover(struct pool *pool) {
     pool_unlock(pool);
     free(recovering.index);
     return error ? error : recovering.error;
+}
+
+/* ---- Which frames were found ---- */
+
+struct counting {
+    const char *item;
+    uint64_t above, frames;
+    uint32_t newest;
+    struct index_file *index; /* NULL: only the newest number is wanted */
+};
+
+/* A recording ends in one file, and may just have begun the next. */
+static bool count(struct pool *pool, long id, void *argument) {
+    struct counting *counting = argument;
+    struct index_header header;
+    char name[POOL_PATH];
+    pool_index_name(name, id);
+    int fd = openat(pool->folder, name, O_RDONLY | O_CLOEXEC);
+    if (fd < 0)
+        return true;
+    bool ours = pool_read_header(fd, &header) && header.flags & INDEX_RECOVERED &&
+                !strncmp(header.item, counting->item, sizeof(header.item));
+    if (ours && !counting->index && header.number > counting->newest)
+        counting->newest = header.number;
+    if (ours && counting->index && header.number + 1 >= counting->newest && !index_read(fd, counting->index))
+        for (uint32_t i = 0; i < header.frames && i < INDEX_ENTRIES; i++)
+            counting->frames += counting->index->entry[i].sequence > counting->above;
+    close(fd);
+    return true;
+}
+
+uint64_t pool_recovered_frames(struct pool *pool, const char *item, uint64_t above) {
+    struct counting counting = {.item = item, .above = above};
+    pool_wait_for_recovery(pool);
+    pool_lock(pool);
+    pool_each(pool, count, &counting);
+    if (!posix_memalign((void **)&counting.index, INDEX_BLOCK, sizeof(*counting.index)))
+        pool_each(pool, count, &counting);
+    pool_unlock(pool);
+    free(counting.index);
+    return counting.frames;
 }

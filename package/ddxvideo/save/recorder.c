@@ -98,8 +98,10 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
                                   .lost_ring = recorder->lost_ring,
                                   .book = recorder->book};
     int error = recording_begin(&plan, &recorder->recording);
-    if (error) {
-        fail(recorder, recorder->place, error);
+    if (error) { /* the system's, not the store's */
+        say("%s: %s", recorder->place, strerror(-error));
+        recorder->status = EXIT_FAILED;
+        recorder->done = true;
         return;
     }
     recorder->lost_store = recorder->lost_ring = 0;

@@ -28,12 +28,21 @@ static int open_plain(const struct output *output, struct segment *segment) {
     return 0;
 }
 
+/* Frames that a killed forerunner made safe, and had no time to count. */
+static void count_found(struct pool *pool, const char *item, DDX_STATS_BOOK *book) {
+    DDX_STATS stats;
+    ddx_stats_get(book, &stats);
+    if (stats.died)
+        ddx_stats_found(book, pool_recovered_frames(pool, item, stats.out_sequence));
+}
+
 static int open_pooled(const struct output *output, struct pool *pool, uint32_t session, struct segment *segment) {
     segment->latency = calloc(INDEX_ENTRIES, sizeof(*segment->latency));
     if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof(*segment->index)))
         return -ENOMEM;
     memset(segment->index, 0, sizeof(*segment->index));
     struct index_header *header = &segment->index->header;
+    count_found(pool, output->name, segment->book);
     uint32_t number = pool_next_number(pool);
     int error = pool_take(pool, &segment->file);
     if (error)

@@ -64,7 +64,8 @@ int segment_index_flush(struct segment *segment) {
     if (!error)
         error = sync_fd(segment, segment->file.index_fd);
     for (; !error && segment->promised < frames; segment->promised++)
-        ddx_stats_out(segment->book, 1, segment->latency[segment->promised]);
+        ddx_stats_out_numbered(segment->book, segment->index->entry[segment->promised].sequence,
+                               segment->latency[segment->promised]);
     ddx_stats_write(segment->book);
     return error;
 }

@@ -13,7 +13,7 @@ int main(int argc, char **argv) {
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
          &viewer.inlet.interface, 0, 0},
         {"headless", NULL, "no window", OPTION_FLAG, &viewer.headless, 0, 0},
-        {"name", "ITEM", "write the pictures into the store as well, as this video item", OPTION_TEXT,
+        {"name", "ITEM", "write the pictures into the store as well, as this video item", OPTION_NAME,
          &viewer.output.name, 0, 0},
         {"record", "FILE", "record the stream as it comes, as .avi or .mkv", OPTION_TEXT, &viewer.movie.path, 0, 0},
         {"print", NULL, "a line for each frame shown: its number, its latency", OPTION_FLAG, &viewer.print, 0, 0},

@@ -9,7 +9,7 @@ int main(int argc, char **argv) {
     struct sender sender = {
         .name = "video", .bitrate = 400, .outlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
     const struct option_entry options[] = {
-        {"name", "ITEM", "the video item to send (default: video)", OPTION_TEXT, &sender.name, 0, 0},
+        {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
         {"bitrate", "KBIT", "kbit/s of encoded video (default: 400)", OPTION_NUMBER, &sender.bitrate, 16, 100000},
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &sender.outlet.port, 2, 65532},

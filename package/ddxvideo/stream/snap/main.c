@@ -113,7 +113,7 @@ static int run(struct snap *snap, enum image_format format) {
 int main(int argc, char **argv) {
     static struct snap snap = {.name = "video"};
     const struct option_entry options[] = {
-        {"name", "ITEM", "the video item (default: video)", OPTION_TEXT, &snap.name, 0, 0},
+        {"name", "ITEM", "the video item (default: video)", OPTION_NAME, &snap.name, 0, 0},
         {"montage", NULL, "all video items side by side", OPTION_FLAG, &snap.montage, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
