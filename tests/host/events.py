@@ -187,7 +187,7 @@ class Script:
         shutil.rmtree(self.folder)
         self.folder.mkdir()
         self.thaw(self.recorder)
-        if any(name.startswith(str(self.folder)) for name in open_now):
+        if any(name.startswith(f"{self.folder}/") for name in open_now):  # the folder itself is only looked at
             # It notices within a second. Killed before that, nobody could tell this from a file that was moved.
             assert self.recorder is not None and self.recorder.wait(60) == 1
 

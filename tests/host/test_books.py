@@ -8,7 +8,6 @@ import pathlib
 import shutil
 import signal
 import subprocess
-from collections.abc import Iterator
 
 import pytest
 
@@ -23,17 +22,6 @@ PICTURE = 64 * 48 * 3 // 2
 @pytest.fixture
 def clip(desk: Desk) -> pathlib.Path:
     return make_clip(desk.folder / "clip.y4m", "64x48", "100", 50)
-
-
-@pytest.fixture
-def small_disk(tmp_path: pathlib.Path) -> Iterator[pathlib.Path]:
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", folder], capture_output=True, text=True)
-    if mounted.returncode:
-        pytest.skip(f"cannot mount a small file system: {mounted.stderr.strip()}")
-    yield folder
-    subprocess.run(["umount", "-l", folder], check=True)
 
 
 def attached(desk: Desk) -> bool:

@@ -9,7 +9,6 @@ import re
 import signal
 import subprocess
 import time
-from collections.abc import Iterator
 
 import pytest
 
@@ -79,17 +78,6 @@ def test_file_too_large(desk: Desk, clip: pathlib.Path) -> None:
     saver = start_recorder(desk, "-output", "out.y4m", wrapper=("prlimit", f"--fsize={limit}"))
     desk.run("ddxvideoload", clip, "-readers", "1")
     check_stopped_by_disk(desk, saver, desk.folder / "out.y4m", clip)
-
-
-@pytest.fixture
-def small_disk(tmp_path: pathlib.Path) -> Iterator[pathlib.Path]:
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", folder], capture_output=True, text=True)
-    if mounted.returncode:
-        pytest.skip(f"cannot mount a small file system: {mounted.stderr.strip()}")
-    yield folder
-    subprocess.run(["umount", "-l", folder], check=True)
 
 
 @pytest.mark.parametrize("output", ["out.y4m", ""])

@@ -222,6 +222,10 @@ bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_
     return true;
 }
 
+bool program_try_again(int error, DDX_STATS_BOOK *book) {
+    return error == -ENOBUFS && program_sleep_until(ddx_time_now() + NS / 200, book);
+}
+
 DDX_STORE_ID *program_connect(const struct program *program) {
     bool said = false;
     while (!program_stopping()) {

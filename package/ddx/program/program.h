@@ -84,6 +84,12 @@ bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book);
 bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_BOOK *book);
 
 /*
+ * Whether to try once more what failed with `error`, a write of what could as well be written later: when readers held
+ * every frame that there is (-ENOBUFS). Waits a moment first, for one of them to be free. False if told to stop.
+ */
+bool program_try_again(int error, DDX_STATS_BOOK *book);
+
+/*
  * Connect to the store, for as long as it takes: a program may start before the store. Says so once when it has to
  * wait. NULL when told to stop.
  */

@@ -7,8 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define POLL_NS INT64_C(5000000) /* between two looks whether a frame is free */
-
 #define EXTENTS_MAX 16
 #define CLEARED_MAX (64u << 10) /* smaller values get zeros where there is padding */
 
@@ -157,8 +155,8 @@ struct replay_item *items_write(struct replay *replay, const struct mcap_message
         program_wait_for_room(item->handle, &replay->patient, replay->book);
     if (!*error)
         *error = write_value(item, message, time);
-    while (*error == -ENOBUFS && program_sleep_until(ddx_time_now() + POLL_NS, replay->book))
-        *error = write_value(item, message, time); /* readers hold all there is: a file has time */
+    while (program_try_again(*error, replay->book)) /* a file has time */
+        *error = write_value(item, message, time);
     if (*error) {
         refuse(item, *error);
         return NULL;

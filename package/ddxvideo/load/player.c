@@ -138,11 +138,10 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         if (player->patient && !program_wait_for_room(player->video, &player->patient, player->book))
             break;
         int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
-        if (error == -ENOBUFS) { /* readers hold all there is: a file has time */
-            if (!program_sleep_until(ddx_time_now() + POLL_NS, player->book))
-                break;
+        if (program_try_again(error, player->book)) /* a file has time */
             continue;
-        }
+        if (error == -ENOBUFS) /* told to stop */
+            break;
         if (error) {
             say("%s: %s", player->name, ddx_error_text(error));
             *status = EXIT_FAILED;
