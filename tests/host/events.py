@@ -103,8 +103,9 @@ class Script:
         if process is not None and self.alive(process):
             process.send_signal(signal.SIGSTOP)
             pid = process.pid
-            wait_until(lambda: stopped(pid))
-            self.frozen.add(pid)
+            wait_until(lambda: not self.alive(process) or stopped(pid))  # it may have been about to end
+            if self.alive(process):
+                self.frozen.add(pid)
 
     def thaw(self, process: Process | None) -> None:
         if process is not None and process.pid in self.frozen:
