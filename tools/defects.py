@@ -25,7 +25,8 @@ def copy_tree() -> None:
     listed = {name for name in names if name and (TOP / name).is_symlink() | (TOP / name).exists()}
     TREE.mkdir(parents=True, exist_ok=True)
     (TREE.parent / "files").write_text("\n".join(sorted(listed)) + "\n")
-    run(["rsync", "-a", f"--files-from={TREE.parent / 'files'}", f"{TOP}/", f"{TREE}/"])
+    # By content, and with the time of now: a file that goes back to what it was has to be built anew.
+    run(["rsync", "-a", "--no-times", "--checksum", f"--files-from={TREE.parent / 'files'}", f"{TOP}/", f"{TREE}/"])
     output = TREE / "output"
     if not output.exists():
         output.mkdir()

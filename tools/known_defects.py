@@ -29,8 +29,6 @@ DEFECTS = [
            "void recorder_end_file(struct recorder *recorder) {\n"
            "    extern int fdatasync(int);\n    (void)fdatasync(0);\n",
            "tests/host/test_stalled_disk.py::test_files_are_closed_by_who_writes_them", "Failed|Error"),
-    Defect("what a recorder missed before its first read is nobody's", "package/ddxvideo/save/recorder.c",
-           "recorder->awaited ? from : 0;", "0;", "tests/host/test_events.py", r"assert \d+|written \d+"),
     Defect("frames that the disk did not take stay recorded", "package/ddxvideo/save/segment.c",
            "    ddx_stats_take_back(segment->book, LOST_WRITE, segment->frames - segment->safe_frames);\n", "",
            "tests/host/test_events.py", "counted as recorded"),

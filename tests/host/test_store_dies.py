@@ -19,8 +19,8 @@ SEEDS = 10  # a test; 200 together
 
 def run(*arguments: str) -> str:
     """
-    What the test counted, as JSON, if it does; with all that it says when it fails. One after the other: with three side by side
-    the kernel spent most of its time on the remains of dead processes in /proc, and everything stood for seconds.
+    What the test counted, as JSON, if it does; with all that it says when it fails. One after the other: with three
+    side by side the kernel was busy with the remains of dead processes in /proc, and everything stood for seconds.
     """
     done = subprocess.run([*MORTAL, TESTS / "test-crash", *arguments], text=True, capture_output=True, check=False,
                           timeout=1800, env={**os.environ, "DDX_STORE_PROGRAM": str(TESTS / "store-with-faults")})
