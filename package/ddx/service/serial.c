@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Copies standard input to standard output and to the first serial line, which is spoken to and never listened to: the
- * robot may have a GPS there. As a terminal comes, what such a device sends would be echoed, stop our output (Ctrl-S) or
- * end programs (Ctrl-C). No process becomes the line's own here, and who opens it next finds it raw.
+ * robot may have a GPS there. As a terminal comes, what such a device sends would be echoed, stop our output (Ctrl-S)
+ * or end programs (Ctrl-C). No process becomes the line's own here, and who opens it next finds it raw.
  */
 #include <fcntl.h>
 #include <poll.h>
