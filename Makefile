@@ -61,7 +61,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 bench-record: setup  ## frames lost on slow and frozen disks, beside a naive writer: DURATION=600, CASES=; docs/recording.md
 	@$(PYTHON) tools/bench_record.py $(if $(DURATION),-duration '$(DURATION)') $(if $(CASES),-cases '$(CASES)')
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
-FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE
+FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)

@@ -20,7 +20,7 @@ from blockio import CHUNK, Device, Source
 from blockmap import Range
 from common import OUTPUT, Failed, say
 
-WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "CONSOLE"]
+WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "CONSOLE", "SERIAL"]
 SIGNATURE = 440  # of the disk, in its boot sector; four bytes
 START = 2**20  # boot sector, partition table and boot loader: written last, so that a disk that boots is complete
 
@@ -137,9 +137,11 @@ def prepare(words: dict[str, str]) -> Job:
     source = Source(image)
     # Two flashed disks may be in one machine: the loader tells the kernel which one it came from by this number.
     source.replace(SIGNATURE, secrets.token_bytes(4))
-    if lines:
-        source.replace(*provision.boot_partition(image, lines))
-        say(f"for this machine: {', '.join(line[:60] for line in lines)}")
+    heard = provision.is_heard(words["SERIAL"])
+    if lines or heard:
+        source.replace(*provision.boot_partition(image, lines, heard))
+        about = [line[:60] for line in lines] + (["it listens on the serial line"] if heard else [])
+        say(f"for this machine: {', '.join(about)}")
     blockmap.used(image, need)  # is it an image at all?
     new = words["FILE"] == "1" and not path.exists()
     if new:

@@ -10,6 +10,7 @@ import mbr
 from common import Failed, run
 
 FILE = "::ddx.txt"
+DEAF, HEARD = "::serial-off.txt", "::serial-on.txt"  # board/common/serial-off.txt tells more
 HOST_NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")  # as in overlay/etc/init.d/S14provision
 KEY = re.compile(r"(ssh-ed25519|ssh-rsa|ecdsa-sha2-nistp(256|384|521)|sk-[a-z0-9-]+@openssh\.com) (\S+)( .*)?")
 ENOUGH = 65536  # the machine reads no more of the file
@@ -57,7 +58,14 @@ def merge(text: str, new: list[str]) -> str:
     return "\n".join([*kept, *new]) + "\n"
 
 
-def boot_partition(image: pathlib.Path, new: list[str]) -> tuple[int, bytes]:
+def is_heard(serial: str) -> bool:
+    """Whether boot menu and shell listen on the serial line."""
+    if serial not in ("", "on"):
+        raise Failed(f"SERIAL={serial}: the only thing to say is SERIAL=on")
+    return serial == "on"
+
+
+def boot_partition(image: pathlib.Path, new: list[str], heard: bool) -> tuple[int, bytes]:
     """Where the image's boot partition begins, and what it holds with the new lines in its ddx.txt."""
     boot = mbr.partition(image, 1)
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
@@ -73,4 +81,6 @@ def boot_partition(image: pathlib.Path, new: list[str]) -> tuple[int, bytes]:
         run(["mcopy", "-o", "-i", copy, file, FILE])
         if run(["mtype", "-i", copy, FILE]) != text:
             raise Failed("ddx.txt on the boot partition is not what was written")
+        if heard:
+            run(["mren", "-i", copy, DEAF, HEARD])
         return boot.begin, copy.read_bytes()

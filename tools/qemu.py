@@ -15,7 +15,7 @@ from typing import ClassVar
 
 import machine as boards
 from channel import Channel, Timeout
-from common import MORTAL, OUTPUT, PATIENCE, Failed, copy, run, say
+from common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, copy, run, say
 from disk import BOOT, Disk
 from machine import Machine
 from qmp import Monitor
@@ -56,10 +56,10 @@ class Guest:
     witness: ClassVar[Callable[["Guest", bool], None] | None] = None
 
     def __init__(self, image: pathlib.Path, accel: str, machine: Machine | None = None, *, console: bool = True,
-                 provision: str = "", environment: tuple[str, ...] = (), test_disk: pathlib.Path | None = None,
-                 more_memory: int = 0, log: pathlib.Path | None = None, extra: tuple[str, ...] = (), size: int = 0,
-                 prepare: Callable[[Disk], None] | None = None, keep: pathlib.Path | None = None,
-                 writes: pathlib.Path | None = None) -> None:
+                 serial: bool = False, provision: str = "", environment: tuple[str, ...] = (),
+                 test_disk: pathlib.Path | None = None, more_memory: int = 0, log: pathlib.Path | None = None,
+                 extra: tuple[str, ...] = (), size: int = 0, prepare: Callable[[Disk], None] | None = None,
+                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None) -> None:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
         with contextlib.ExitStack() as undo:
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
@@ -70,7 +70,7 @@ class Guest:
             disk = Disk(image, keep or self.folder, size)
             if not again:
                 provision = ("console=open\n" if console else "") + ("test=yes\n" if test_disk else "") + provision
-            self._set_boot_files(disk, provision, environment)
+            self._set_boot_files(disk, provision, environment, serial)
             if prepare:
                 prepare(disk)
             self._command = [*MORTAL, *self.machine.arguments(self.folder, more_memory),
@@ -119,9 +119,13 @@ class Guest:
                 raise Failed(f"{error}: {self.words()}") from None
             raise
 
-    def _set_boot_files(self, disk: Disk, provision: str, environment: tuple[str, ...]) -> None:
-        """ddx.txt and GRUB's variables (name=value), where the test wants others than the image has."""
+    def _set_boot_files(self, disk: Disk, provision: str, environment: tuple[str, ...],
+                        serial: bool) -> None:
+        """ddx.txt and GRUB's variables (name=value), where the test wants others than the image has, and whether
+        menu and shell listen on the serial line."""
         files = {}
+        if serial:
+            files["serial-on.txt"] = TOP / "board/common/serial-off.txt"
         if provision:
             files["ddx.txt"] = self.folder / "ddx.txt"
             files["ddx.txt"].write_text(provision)

@@ -124,7 +124,7 @@ def main() -> int:
     flashed = digest(image)
     follower = Follower(origin.grabber)
     with qemu.Guest(image, accel, board, test_disk=disk, more_memory=origin.more_memory, log=WORK / "console.log",
-                    size=origin.size and image.stat().st_size + origin.size) as guest:
+                    serial=True, size=origin.size and image.stat().st_size + origin.size) as guest:
         guest.shell("hvc0")
         say(f"up after {time.monotonic() - guest.begin:.1f} s; {clip.name}: {origin.frames} frames")
         origin.play(guest, follower)

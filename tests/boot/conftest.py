@@ -22,6 +22,7 @@ from common import OUTPUT
 from machine import Machine
 
 from . import camera
+from .noise import Noise, noisy
 
 BOARD = os.environ.get("BOARD") or machine.DEV
 MACHINES = machine.machines(BOARD)
@@ -30,6 +31,7 @@ OFTEN = ("test_slots.py",)
 WORK = OUTPUT / "test" / BOARD
 # Of the guests that ended during this test: whether it has failed may show after they are gone.
 GONE: list[evidence.Evidence] = []
+NOISE: dict[qemu.Guest, Noise] = {}
 
 
 def witness(guest: qemu.Guest, failed: bool) -> None:
@@ -150,10 +152,18 @@ def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterato
 
 @pytest.fixture(scope="session")
 def closed(boot: qemu.Boot) -> Iterator[qemu.Guest]:
-    """A guest exactly as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update."""
-    with boot("closed", console=False, environment=("left=3",)) as running:
+    """A guest exactly as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update, and on
+    its serial line a device speaks from power-on."""
+    with boot("closed", console=False, environment=("left=3",)) as running, noisy(running) as talk:
+        NOISE[running] = talk
         with kept(running):
             yield running
+
+
+@pytest.fixture
+def noise(closed: qemu.Guest) -> Noise:
+    """What the closed guest hears on its serial line."""
+    return NOISE[closed]
 
 
 @pytest.fixture(scope="session")

@@ -46,7 +46,7 @@ def test_nothing_can_be_written_below_an_empty_mount_point(guest: Guest) -> None
 def test_settings_and_recordings_are_mounted(guest: Guest) -> None:
     for folder in ["/data", "/rec"]:
         guest.sh(f"mountpoint -q {folder}")
-    assert guest.sh("stat -c '%U %G %a' /rec") == "ddxsave ddx 2775"
+    assert guest.sh("stat -c '%U %G %a' /rec") == "ddxsave ddx 2755"
 
 
 def test_no_start_has_failed(guest: Guest) -> None:

@@ -119,14 +119,15 @@ def test_the_watchdog_is_fed_also_while_programs_hang(guarded: Guest) -> None:
 
 @pytest.mark.long
 def test_what_dies_again_and_again_is_given_time_and_shown(guarded: Guest) -> None:
-    """Settings that the program refuses: started again at once, then after 1, 2, 4, 8, 8 ... s."""
-    guarded.sh("printf 'enabled=yes\\nport=99999\\n' > /data/ddx/decode.bad.conf")
-    guarded.sh("ddxctl start decode.bad; sleep 20")
-    assert 4 <= int(state(guarded, "decode.bad")["restarts"]) <= 7
+    """A disk that is not there: started again at once, then after 1, 2, 4, 8, 8 ... s."""
+    bad = f"{SAVE}.bad"
+    guarded.sh(f"printf 'enabled=yes\\noutput=/none/such\\n' > /data/ddx/{bad}.conf")
+    guarded.sh(f"ddxctl start {bad}; sleep 20")
+    assert 4 <= int(state(guarded, bad)["restarts"]) <= 7
     status, screen = guarded.shell().run("ddxctl health")
-    assert status == 1 and "! service    decode.bad" in screen
-    assert "a number from 2 to 65532 is needed" in guarded.sh("ddxctl logs decode.bad")
-    guarded.sh("ddxctl remove decode.bad")
+    assert status == 1 and f"! service    {bad}" in screen
+    assert "name a file or a folder that can be written" in guarded.sh(f"ddxctl logs {bad}")
+    guarded.sh(f"ddxctl remove {bad}")
     assert boots(guarded) == 1
 
 

@@ -65,6 +65,29 @@ def test_no_capabilities_and_no_way_to_get_any(processes: list[Fields]) -> None:
     assert root["CapEff"] != "0" * 16 and root["NoNewPrivs"] == "0"
 
 
+def fails_as(guest: Guest, user: str, command: str) -> bool:
+    """As that service may do it."""
+    return guest.shell().run(f"chpst -u {user}:ddx sh -c '{command}' 2> /dev/null")[0] != 0
+
+
+def test_a_service_cannot_take_what_another_one_owns(guest: Guest, processes: list[Fields]) -> None:
+    """In the group are those, too, that talk to the network."""
+    assert guest.sh("stat -c '%U %G %a' /run/ddx /rec /rec/log").splitlines() == [
+        "ddxstore ddx 3775", "ddxsave ddx 2755", "ddxlogger ddx 2755"]
+    for user in ("ddxsend", "ddxseen", "ddxgrab"):
+        assert fails_as(guest, user, "mv /run/ddx/store-* /run/ddx/mine || rm -f /run/ddx/store-*"), user
+        assert fails_as(guest, user, "touch /rec/x") and fails_as(guest, user, "touch /rec/log/x"), user
+    assert not fails_as(guest, "ddxsend", "touch /run/ddx/own && rm /run/ddx/own")  # a store of its own
+    assert not fails_as(guest, "ddxlogger", "touch /rec/log/x && rm /rec/log/x")
+
+
+def test_store_and_recorder_are_the_last_to_go_when_memory_is_short(guest: Guest, processes: list[Fields]) -> None:
+    for one in processes:
+        wanted = "-900" if one["Name"] in ("store", "ddxvideosave") else "0"
+        status, text = guest.shell().run(f"cat /proc/{one['Pid']}/oom_score_adj")
+        assert status != 0 or text.strip() == wanted, one["Name"]
+
+
 def test_real_time_is_for_who_would_miss_something(guest: Guest, processes: list[Fields]) -> None:
     """FIFO, without root, and for nobody else."""
     for one in processes:

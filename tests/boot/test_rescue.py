@@ -30,7 +30,7 @@ def choose(guest: Guest) -> None:
 
 
 def test_rescue_touches_nothing(boot: Boot) -> None:
-    with boot("rescue") as guest:
+    with boot("rescue", serial=True) as guest:
         choose(guest)
         guest.shell()
         words = guest.sh("cat /proc/cmdline").split()
@@ -42,3 +42,5 @@ def test_rescue_touches_nothing(boot: Boot) -> None:
         # what it is for: the file systems can be looked after, by hand
         guest.sh(f"e2fsck -fn $({OWN} 6) && e2fsck -fy $({OWN} 5)")
         guest.sh(f"mount -t ext4 -o ro $({OWN} 6) /rec && umount /rec")
+        guest.reset()
+        assert guest.shell("ttyS0").run("echo heard") == (0, "heard")

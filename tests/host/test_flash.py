@@ -528,11 +528,14 @@ def test_tells_the_machine_its_name_and_keys(image: pathlib.Path, loop: Loop, tm
     file = tmp_path / "my keys.pub"
     file.write_text("# ours\n" + "\n".join(keys) + "\n")
     status, text = tool(f"IMAGE={image}", f"DEV={loop.device}", "YES=1", "HOSTNAME=robot-7", "CONSOLE=open",
-                        f"SSH_KEY={file}")
+                        "SERIAL=on", f"SSH_KEY={file}")
     assert status == 0, text
-    told = run(["mtype", "-i", f"{loop.file}@@{mbr.partition(image, 1).begin}", "::ddx.txt"])
+    boot = f"{loop.file}@@{mbr.partition(image, 1).begin}"
+    told = run(["mtype", "-i", boot, "::ddx.txt"])
     shipped = (TOP / "board/common/ddx.txt").read_text()
     assert told == shipped + "hostname=robot-7\nconsole=open\n" + "".join(f"ssh_key={key}\n" for key in keys)
+    names = run(["mdir", "-b", "-i", boot, "::"]).split()
+    assert "::/serial-on.txt" in names and "::/serial-off.txt" not in names
     assert hashlib.sha256(image.read_bytes()).digest() == before
 
 
@@ -561,6 +564,7 @@ def test_refuses_to_tell_nonsense(image: pathlib.Path, loop: Loop, tmp_path: pat
     refused(image, loop.device, "this is a private key", f"SSH_KEY={tmp_path}/key", untouched=loop.file)
     refused(image, loop.device, "cannot be read: No such file", f"SSH_KEY={tmp_path}/none")
     refused(image, loop.device, "CONSOLE=open", "CONSOLE=yes")
+    refused(image, loop.device, "SERIAL=on", "SERIAL=open")
 
 
 # A file instead of a disk

@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Copies standard input to standard output and to the first serial line, which is spoken to and never listened to: the
+ * robot may have a GPS there. As a terminal comes, what such a device sends would be echoed, stop our output (Ctrl-S)
+ * or end programs (Ctrl-C). No process becomes the line's own here, and who opens it next finds it raw.
+ */
+#include <fcntl.h>
+#include <poll.h>
+#include <termios.h>
+#include <unistd.h>
+
+#define LINE "/dev/ttyS0"
+#define PATIENCE 1000 /* ms that the line may take for some room; nobody waits for it any longer */
+
+static int open_line(void) {
+    struct termios mode;
+    int line = open(LINE, O_WRONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+    if (line < 0 || tcgetattr(line, &mode))
+        return -1; /* the machine has none */
+    cfmakeraw(&mode);
+    mode.c_oflag = OPOST | ONLCR;
+    mode.c_cflag = (mode.c_cflag & ~(tcflag_t)CRTSCTS) | CLOCAL | CREAD;
+    /* At once: to wait until all is sent, as stty does, is to wait for who has sent a Ctrl-S already. */
+    tcsetattr(line, TCSANOW, &mode);
+    return line;
+}
+
+static void copy(int to, const char *text, ssize_t left) {
+    while (left > 0) {
+        ssize_t done = write(to, text, (size_t)left);
+        if (done <= 0) {
+            struct pollfd room = {.fd = to, .events = POLLOUT};
+            if (poll(&room, 1, PATIENCE) <= 0 || !(room.revents & POLLOUT))
+                return;
+            continue;
+        }
+        text += done;
+        left -= done;
+    }
+}
+
+int main(void) {
+    char text[1024];
+    ssize_t length;
+    int line = open_line();
+
+    while ((length = read(STDIN_FILENO, text, sizeof text)) > 0) {
+        copy(STDOUT_FILENO, text, length);
+        copy(line, text, length);
+    }
+    return 0;
+}

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What hangs on a robot's first serial line: a GPS and an IMU that speak from power-on, whoever listens."""
+import contextlib
+import pathlib
+import random
+import socket
+import threading
+from collections.abc import Iterator
+
+from qemu import USERSPACE, Guest
+
+PAUSE = 0.2       # s
+BURST = 2000      # bytes, at once
+SENTENCE = b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n"
+POSITION = b"\xb5\x62\x01\x07\x5c\x00"  # UBX-NAV-PVT, and 92 bytes that may be anything
+KEYS = b"\x03\x04\x13\x1a\x1c\x1b[B\r\n"   # Ctrl-C, -D, -S, -Z, -\\, an arrow: what a terminal takes for orders
+LOGIN = b"\nroot\n\necho al''ive\n"
+
+
+class Noise:
+    """On the guest's serial line until close(). What the line does not take is lost, as on a wire.
+
+    Until there is a userspace it says nothing that ends with Enter: that would choose in GRUB's menu, and go on."""
+
+    def __init__(self, path: pathlib.Path) -> None:
+        self.path = path
+        self.sent = 0  # messages
+        self.before = 0  # of them, those before userspace
+        self._heard = b""
+        self._end = threading.Event()
+        self._thread = threading.Thread(target=self._speak, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._end.set()
+        self._thread.join()
+
+    def _message(self, chance: random.Random) -> bytes:
+        if USERSPACE not in self._heard:
+            self.before += 1
+            return (POSITION + bytes(94)) * 20
+        return SENTENCE + POSITION + chance.randbytes(94) + KEYS + chance.randbytes(BURST) + LOGIN
+
+    def _speak(self) -> None:
+        chance = random.Random(1)
+        while not self._end.is_set():
+            # A machine that is started again has a new line.
+            with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as line:
+                line.connect(str(self.path))
+                line.setblocking(False)
+                while not self._end.wait(PAUSE):
+                    with contextlib.suppress(BlockingIOError):
+                        line.send(self._message(chance))
+                        self.sent += 1
+                    if not self._hear(line):
+                        break
+            self._end.wait(PAUSE)
+
+    def _hear(self, line: socket.socket) -> bool:
+        """Whoever does not read stops the guest; false: it has gone."""
+        with contextlib.suppress(BlockingIOError):
+            while data := line.recv(65536):
+                if USERSPACE not in self._heard:
+                    self._heard += data
+            return False
+        return True
+
+
+@contextlib.contextmanager
+def noisy(guest: Guest) -> Iterator[Noise]:
+    noise = Noise(guest.folder / "ttyS0")
+    try:
+        yield noise
+    finally:
+        noise.close()

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Settings of a service that nobody can mean: they are refused where they stand, and nothing runs wild."""
+from __future__ import annotations
+
+import functools
+import os
+import pathlib
+from collections.abc import Iterator
+
+import pytest
+
+from .appliance import USERS, Appliance
+from .programs import wait_until
+
+THING = "/usr/libexec/ddx/service thing"
+INSTANCES = ["thing", "thing.a", "thing.b"]
+FOLDERS = ["data/ddx", "run/settings", "test"]
+
+
+@pytest.fixture
+def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
+    """With a service that runs for ever, as a user who is not root."""
+    if os.geteuid() != 0:
+        pytest.skip("a root folder of one's own takes root")
+    appliance = Appliance(tmp_path)
+    for script in ("service", "finish"):
+        appliance.install(f"package/ddx/service/{script}", f"usr/libexec/ddx/{script}")
+    for folder in FOLDERS:
+        (appliance.root / folder).mkdir(parents=True)
+    appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
+    (appliance.root / "etc/default/thing").write_text("enabled=yes\nuser=ddxlog\n")
+    yield appliance
+    appliance.end()
+
+
+def status(appliance: Appliance, instance: str = "thing") -> tuple[int, dict[str, str]]:
+    code, text = appliance.run(f"{THING} status {instance}")
+    return code, dict(word.split("=") for word in text.split()[1:])
+
+
+def runs(appliance: Appliance, instance: str) -> bool:
+    return status(appliance, instance)[1]["state"] == "running"
+
+
+def supervise(appliance: Appliance) -> None:
+    appliance.start("exec runsvdir -P /run/service")
+
+
+@pytest.mark.parametrize("folder, line", [
+    ("data/ddx", "enabled=off"), ("data/ddx", "enabled=No"), ("run/settings", "enabled=false"), ("test", "enabled="),
+    ("data/ddx", "enabled = YES"), ("data/ddx", "once=1"), ("data/ddx", "oom_score_adj=low"),
+    ("data/ddx", "oom_score_adj=-1001")])
+def test_any_other_word_is_refused_by_file_and_line(appliance: Appliance, folder: str, line: str) -> None:
+    file = appliance.root / folder / "thing.conf"
+    file.write_text(f"# mine\n{line}\n")
+    code, text = appliance.run(f"{THING} start")
+    told = f"/{folder}/thing.conf: line 2: {line.replace(' ', '')}: "
+    assert code == 1 and told in text and text.endswith("FAIL (settings of thing)\n")
+    assert not (appliance.root / "run/service/thing").exists()
+    assert status(appliance) == (1, {"enabled": "no", "state": "misconfigured", "pid": "-", "restarts": "0"})
+    code, text = appliance.run(f"{THING} settings thing")
+    assert code == 1 and text.startswith(told)
+    file.write_text("# mine\nenabled=yes\n")
+    assert appliance.run(f"{THING} start") == (0, "Starting thing: OK\n")
+
+
+def test_bad_usage_is_tried_once_until_somebody_starts_it(appliance: Appliance) -> None:
+    appliance.add("usr/bin/thing", "#!/bin/sh\ncat /tmp/code >> /tmp/starts\nexit $(cat /tmp/code)\n")
+    (appliance.root / "tmp").mkdir()
+    (appliance.root / "tmp").chmod(0o777)
+    code, starts = appliance.root / "tmp/code", appliance.root / "tmp/starts"
+    code.write_text("2\n")
+    for times in (1, 2):
+        appliance.run(f"{THING} start")
+        if times == 1:
+            supervise(appliance)
+        wait_until(lambda: status(appliance)[1]["state"] == "misconfigured")
+        assert status(appliance) == (1, {"enabled": "yes", "state": "misconfigured", "pid": "-", "restarts": "0"})
+        assert starts.read_text() == "2\n" * times
+    code.write_text("1\n")  # the check itself: any other end
+    appliance.run(f"{THING} start")
+    wait_until(lambda: starts.read_text().count("1\n") > 1)
+    appliance.run(f"{THING} stop")
+    assert status(appliance)[1]["state"] == "stopped"
+
+
+def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
+    """Each ends only when all have been told to: one after the other they would be killed, after five seconds each."""
+    appliance.add("usr/bin/thing", "#!/bin/sh\ntrap 'touch /tmp/told.$$; until [ $(ls /tmp | grep -c told) = 3 ]; "
+                                   "do usleep 20000; done; touch /tmp/met.$$; exit' TERM\n"
+                                   "while :; do usleep 20000; done\n")
+    (appliance.root / "tmp").mkdir()
+    (appliance.root / "tmp").chmod(0o777)
+    for instance in INSTANCES[1:]:
+        (appliance.root / f"data/ddx/{instance}.conf").write_text("enabled=yes\n")
+    appliance.run(f"{THING} start")
+    supervise(appliance)
+    for instance in INSTANCES:
+        wait_until(functools.partial(runs, appliance, instance))
+    assert appliance.run(f"{THING} stop") == (0, "Stopping thing: OK\n")
+    assert len(list((appliance.root / "tmp").glob("met.*"))) == 3
+    assert [status(appliance, one)[1]["state"] for one in INSTANCES] == ["stopped"] * 3
+
+
+@pytest.mark.parametrize("folder", FOLDERS)
+def test_nobody_but_the_image_says_whose_it_is(appliance: Appliance, folder: str) -> None:
+    """Whoever plugs in a disk, or may write settings, would be root."""
+    (appliance.root / folder / "thing.conf").write_text("user=root\n user = ddxhealth\r\n")
+    text = appliance.run(f"{THING} start")[1]
+    supervise(appliance)
+    for line in (1, 2):
+        assert f"/{folder}/thing.conf: line {line}: user= is for the image to say, ignored\n" in text
+    wait_until(lambda: appliance.run("pidof sleep")[0] == 0)
+    assert appliance.run("stat -c %u /proc/$(pidof sleep)") == (0, f"{USERS['ddxlog']}\n")
