@@ -64,6 +64,7 @@ struct ddx_writer_role {
     bool confirmed[DDX_READERS_MAX]; /* the store that runs now told of it */
     bool leaving[DDX_READERS_MAX];   /* and that it left; it stays until the kernel says so, too */
     unsigned leaving_count;
+    unsigned offered; /* slots that the store was told of when it came back: what it tells readers */
     bool incomplete; /* there is a reader whose pins it cannot see */
     int loaned;      /* slot, or -1 */
     bool superseded; /* another writer took over while no store could tell us */
