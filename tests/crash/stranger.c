@@ -259,6 +259,41 @@ static void hoard(void) {
     puppets_end();
 }
 
+#define GUESTS 20
+#define CROWD 225 /* frames kept, more than a socket holds messages */
+
+/* One program reads with many handles, and never listens: what is kept for it are files, and others need them, too. */
+static void never_listen(void) {
+    struct ddx_message message = {.operation = DDX_OPEN};
+    int fd[GUESTS];
+
+    store_descriptors = 1024;
+    store_begin(NULL);
+    store_descriptors = 0;
+    struct puppet *writer = puppet_begin(NULL), *keeper = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(keeper, KEEP, CROWD, 0);
+    ASK(keeper, HOLD, 0, 1);
+    ASK(writer, WRITE, 1, 2);
+    strcpy(message.name, stream_name[0]);
+    for (unsigned i = 0; i < GUESTS; i++) {
+        uint64_t attached = stage->journal.passed[DDX_AT_STORE_ATTACHED];
+        struct ddx_message attach = {.operation = DDX_ATTACH, .frames = 1};
+
+        fd[i] = ddx_connect(DDX_STORE_PORT);
+        if (fd[i] < 0 || ddx_send(fd[i], &message, NULL, NULL, 0) || ddx_send(fd[i], &attach, NULL, NULL, 0))
+            fail("the store does not listen");
+        AWAIT(stage->journal.passed[DDX_AT_STORE_ATTACHED] > attached, "a guest is not let in");
+    }
+    struct puppet *reader = puppet_begin(NULL);
+    ASK(reader, HOLD, 1, 2);
+    ASK(writer, WRITE, 1, 3);
+    ASK(reader, HOLD, 1, 3);
+    for (unsigned i = 0; i < GUESTS; i++)
+        close(fd[i]);
+    puppets_end();
+}
+
 /* Somebody comes back as a reader that was never let in with so much: others read, and write, all the same. */
 static void large_shares(void) {
     int fd[3], pin;
@@ -340,6 +375,7 @@ int test_stranger(void) {
     last_number();
     own_files();
     hoard();
+    never_listen();
     large_shares();
     few_descriptors();
     return 0;

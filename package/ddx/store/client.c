@@ -35,7 +35,7 @@ bool client_holds_too_much(const struct client *client) {
         return false;
     for (const struct client *c = store.clients; c; c = c->next)
         if (c->pid == client->pid)
-            its += c->queue.count + (c->offered ? c->offered->slots + 1 : 0) + (c->offered_notice_fd >= 0) +
+            its += c->queue.files + (c->offered ? c->offered->slots + 1 : 0) + (c->offered_notice_fd >= 0) +
                    (c->offered_pin_fd >= 0);
     return its >= limit.rlim_cur / 4 && its > DDX_SLOTS_MAX + DDX_FDS_MAX + 1;
 }
@@ -73,7 +73,7 @@ void client_send(struct client *client, const struct ddx_message *message, const
     else if (result && result != -EPIPE)
         note("%d does not listen, and what it is to hear cannot be kept (%s); closing its connection",
              (int)client->pid, strerror(-result));
-    else if (client->queue.count && client_holds_too_much(client)) {
+    else if (client->queue.files && client_holds_too_much(client)) {
         note("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
         client->gone = true;
     }
