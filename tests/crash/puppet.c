@@ -130,9 +130,12 @@ static int64_t obey(const struct message *message) {
         return item ? 0 : -errno;
     case ORDER_KEEP: return ddx_store_keep(item, (unsigned)message->n);
     case ORDER_WRITE: return write_frames(message->n);
+    case ORDER_JUMP: item->writer.ring.sequence = (uint64_t)message->n - 1; return 0;
+    case ORDER_NEXT:
     case ORDER_HOLD:
         ddx_store_release(item);
-        result = ddx_store_acquire(item, &held, (double)message->n, DDX_CURRENT);
+        result = ddx_store_acquire(item, &held, (double)message->n,
+                                   message->order == ORDER_NEXT ? DDX_IN_ORDER : DDX_CURRENT);
         return result ? result : look_at_frame();
     case ORDER_LOOK: return look_at_frame();
     case ORDER_RELEASE: return ddx_store_release(item);

@@ -12,6 +12,8 @@ enum order {
     ORDER_LOOKUP = 1, /* a handle */
     ORDER_KEEP,       /* n frames for it */
     ORDER_WRITE,      /* n frames; the number of the last; 0: it becomes the writer, no more */
+    ORDER_JUMP,       /* its next frame has the number n, whatever the one before had */
+    ORDER_NEXT,       /* as HOLD, but the oldest frame not yet seen */
     ORDER_HOLD,       /* the newest frame instead of what is held, waiting n seconds for it; its number */
     ORDER_LOOK,       /* at what is held: its number, -EBADMSG if it has changed */
     ORDER_RELEASE,

@@ -1,9 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* A stranger who speaks the protocol: neither what it says nor what it is handed harms an honest program later. */
+#include <dirent.h>
 #include <errno.h>
 #include <poll.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include "../../package/ddx/lib/memory.h"
@@ -61,6 +63,34 @@ static void pages_of_others(void) {
     puppets_end();
 }
 
+/* A file like one of the item's, of this epoch; NULL: its control page. The right name, if the user is the store's. */
+static int forge(const struct ddx_layout *layout, uint32_t epoch, const char *what, bool right) {
+    uint64_t digest = 0xcbf29ce484222325u;
+    char name[128];
+
+    for (size_t i = 0; i < ddx_layout_bytes(layout->field_count); i++)
+        digest = (digest ^ ((const unsigned char *)layout)[i]) * 0x100000001b3u;
+    snprintf(name, sizeof name, "%s %u %016llx %s", stream_name[0], epoch, (unsigned long long)digest,
+             what ? what : "control");
+    if (!right && seteuid(65534)) /* who may not be somebody else makes a mistake instead */
+        *name = '.';
+    int file = ddx_memory_create(name, ddx_page_round(what ? sizeof(FRAME) : sizeof(struct ddx_control)));
+    if (seteuid(getuid()) || file < 0)
+        fail("a file cannot be made");
+    if (what)
+        return file;
+    struct ddx_control *control = ddx_memory_map(file, sizeof *control, true);
+    control->magic = DDX_CONTROL_MAGIC;
+    control->version = DDX_LAYOUT_VERSION;
+    control->epoch = epoch;
+    atomic_store(&control->latest, DDX_LATEST(0, DDX_NO_SLOT));
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        atomic_store(&control->slot[i].generation, DDX_EMPTY);
+    munmap(control, sizeof *control);
+    ddx_memory_freeze(file);
+    return file;
+}
+
 /* An epoch with the last number that pins can tell is offered, and the next one begins with it. */
 static void last_number(void) {
     store_begin(NULL);
@@ -69,19 +99,12 @@ static void last_number(void) {
     int fd = ddx_connect(DDX_STORE_PORT);
     struct ddx_layout *layout = open_item(fd);
     close(fd);
-    int file = ddx_memory_create("control", ddx_page_round(sizeof(struct ddx_control)));
-    struct ddx_control *control = ddx_memory_map(file, sizeof *control, true);
-    control->magic = DDX_CONTROL_MAGIC;
-    control->version = DDX_LAYOUT_VERSION;
-    control->epoch = 0xffffff;
-    atomic_store(&control->latest, DDX_LATEST(0, DDX_NO_SLOT));
-    ddx_memory_freeze(file);
+    int file = forge(layout, 0xffffff, NULL, true);
     fd = ddx_connect(DDX_STORE_PORT);
     tell(fd, DDX_OFFER, 0xffffff, DDX_FLAG_READER, layout, file);
-    tell(fd, DDX_OFFER_END, 0, DDX_FLAG_WRITER, NULL, -1);
+    tell(fd, DDX_OFFER_END, 0, 0, NULL, -1);
     hear(fd, DDX_OFFERED);
     close(fd);
-    munmap(control, sizeof *control);
     close(file);
     free(layout);
     AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 1, "nobody may write");
@@ -104,8 +127,256 @@ static void last_number(void) {
     puppets_end();
 }
 
+/* After a restart, somebody offers files of his own for an item whose writer has not come back yet. */
+static void own_files(void) {
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
+    ASK(writer, WRITE, 5, 5);
+    ASK(reader, HOLD, 0, 5);
+    int fd = ddx_connect(DDX_STORE_PORT);
+    struct ddx_layout *layout = open_item(fd);
+    close(fd);
+    puppet_stop(writer);
+    puppet_stop(reader);
+    store_kill();
+    store_begin(NULL);
+    AWAIT((fd = ddx_connect(DDX_STORE_PORT)) >= 0, "the store does not begin");
+    int file[2] = {forge(layout, 7, NULL, false), ddx_memory_create("frames notice", ddx_page_round(1))};
+    struct ddx_message message = {.operation = DDX_OFFER, .epoch = 7, .flags = DDX_FLAG_WRITER, .type = "FRAME"};
+    strcpy(message.name, stream_name[0]);
+    ddx_send(fd, &message, layout, file, 2);
+    for (unsigned i = 0; i < 2; i++) {
+        char what[16];
+
+        snprintf(what, sizeof what, "frame %u", i);
+        message = (struct ddx_message){.operation = DDX_OFFER_SLOT, .epoch = 7, .index = i};
+        int slot = forge(layout, 7, what, false);
+        ddx_memory_freeze(slot);
+        ddx_send(fd, &message, NULL, &slot, 1);
+        close(slot);
+    }
+    message = (struct ddx_message){.operation = DDX_OFFER_END, .flags = DDX_FLAG_WRITER};
+    ddx_send(fd, &message, NULL, NULL, 0);
+    struct pollfd wait = {.fd = fd, .events = POLLIN};
+    if (poll(&wait, 1, (int)(HANG / 1000000)) != 1)
+        fail("the store does not answer");
+    puppet_go_on(writer);
+    puppet_go_on(reader);
+    struct ddx_item_info info;
+    AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "the writer does not come back");
+    ASK(writer, WRITE, 1, 6);
+    ASK(reader, HOLD, 1, 6);
+    close(fd);
+    close(file[0]);
+    close(file[1]);
+    free(layout);
+    puppets_end();
+}
+
+static unsigned files_of_store(void) {
+    char path[64];
+    unsigned count = 0;
+
+    snprintf(path, sizeof path, "/proc/%d/fd", (int)store_process);
+    DIR *folder = opendir(path);
+    while (folder && readdir(folder))
+        count++;
+    if (folder)
+        closedir(folder);
+    return count;
+}
+
+/* Says it, however long the store takes to listen; false: it has hung up. */
+static bool insist(int fd, const struct ddx_message *message, const struct ddx_layout *layout, int file) {
+    struct pollfd room = {.fd = fd, .events = POLLOUT};
+    int result;
+
+    while ((result = ddx_send(fd, message, layout, &file, 1)) == -EAGAIN)
+        if (poll(&room, 1, (int)(HANG / 1000000)) != 1)
+            fail("the store does not listen");
+    return !result;
+}
+
+/* An offer that never ends: a control page, and each of these slots (or the same one again and again). */
+static int endless_offer(const struct ddx_layout *layout, uint32_t epoch, int control, const int *slot, unsigned slots,
+                         bool same) {
+    struct ddx_message message = {.operation = DDX_OFFER, .epoch = epoch, .flags = DDX_FLAG_READER, .type = "FRAME"};
+    int fd = ddx_connect(DDX_STORE_PORT);
+
+    strcpy(message.name, stream_name[0]);
+    bool listens = fd >= 0 && insist(fd, &message, layout, control);
+    for (unsigned i = 0; i < slots && listens; i++) {
+        message = (struct ddx_message){.operation = DDX_OFFER_SLOT, .epoch = epoch, .index = i};
+        listens = insist(fd, &message, NULL, slot[same ? 0 : i]);
+    }
+    return fd;
+}
+
+#define HOARDERS 8
+#define HOARD 150
+
+/* One program offers files, and never ends: others get descriptors of the store all the same. */
+static void hoard(void) {
+    int fd[2 * HOARDERS], slot[DDX_SLOTS_MAX], control = -1;
+    unsigned slots = 0;
+
+    store_descriptors = 1024;
+    store_begin(NULL);
+    store_descriptors = 0;
+    struct puppet *writer = puppet_begin(NULL), *keeper = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(keeper, KEEP, HOARD, 0);
+    ASK(keeper, HOLD, 0, 1);
+    ASK(writer, WRITE, 10, 11);
+    int guest = ddx_connect(DDX_STORE_PORT);
+    struct ddx_layout *layout = open_item(guest);
+    struct ddx_message message = {.operation = DDX_ATTACH, .frames = 1};
+    AWAIT(ddx_send(guest, &message, NULL, NULL, 0) == 0, "the store does not listen");
+    hear(guest, DDX_EPOCH);
+    uint32_t epoch = packet.message.epoch;
+    control = ddx_packet_take(&packet, 0);
+    while (slots < HOARD) {
+        hear(guest, DDX_SLOT);
+        if (packet.message.index == slots)
+            slot[slots++] = ddx_packet_take(&packet, 0);
+    }
+    close(guest);
+    unsigned before = files_of_store();
+    for (unsigned i = 0; i < 2 * HOARDERS; i++)
+        fd[i] = endless_offer(layout, epoch, control, slot, i < HOARDERS ? DDX_SLOTS_MAX : slots, i < HOARDERS);
+    struct puppet *reader = puppet_begin(NULL);
+    ASK(reader, HOLD, 0, 11);
+    unsigned after = files_of_store();
+    printf("a hoarder: %u of the store's %u descriptors, besides %u\n", after - before, 1024, before);
+    if (after > before + 1024 / 4 + 2 * HOARDERS + 16)
+        fail("a hoarder has %u descriptors of the store", after - before);
+    for (unsigned i = 0; i < 2 * HOARDERS; i++)
+        close(fd[i]);
+    while (slots)
+        close(slot[--slots]);
+    close(control);
+    free(layout);
+    puppets_end();
+}
+
+#define GUESTS 20
+#define CROWD 225 /* frames kept, more than a socket holds messages */
+
+/* One program reads with many handles, and never listens: what is kept for it are files, and others need them, too. */
+static void never_listen(void) {
+    struct ddx_message message = {.operation = DDX_OPEN};
+    int fd[GUESTS];
+
+    store_descriptors = 1024;
+    store_begin(NULL);
+    store_descriptors = 0;
+    struct puppet *writer = puppet_begin(NULL), *keeper = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(keeper, KEEP, CROWD, 0);
+    ASK(keeper, HOLD, 0, 1);
+    ASK(writer, WRITE, 1, 2);
+    strcpy(message.name, stream_name[0]);
+    for (unsigned i = 0; i < GUESTS; i++) {
+        uint64_t attached = stage->journal.passed[DDX_AT_STORE_ATTACHED];
+        struct ddx_message attach = {.operation = DDX_ATTACH, .frames = 1};
+
+        fd[i] = ddx_connect(DDX_STORE_PORT);
+        if (fd[i] < 0 || ddx_send(fd[i], &message, NULL, NULL, 0) || ddx_send(fd[i], &attach, NULL, NULL, 0))
+            fail("the store does not listen");
+        AWAIT(stage->journal.passed[DDX_AT_STORE_ATTACHED] > attached, "a guest is not let in");
+    }
+    struct puppet *reader = puppet_begin(NULL);
+    ASK(reader, HOLD, 1, 2);
+    ASK(writer, WRITE, 1, 3);
+    ASK(reader, HOLD, 1, 3);
+    for (unsigned i = 0; i < GUESTS; i++)
+        close(fd[i]);
+    puppets_end();
+}
+
+/* Somebody comes back as a reader that was never let in with so much: others read, and write, all the same. */
+static void large_shares(void) {
+    int fd[3], pin;
+
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *next = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader, HOLD, 0, 1);
+    int guest = ddx_connect(DDX_STORE_PORT);
+    struct ddx_layout *layout = open_item(guest);
+    struct ddx_message message = {.operation = DDX_ATTACH, .frames = 1};
+    ddx_send(guest, &message, NULL, NULL, 0);
+    hear(guest, DDX_ATTACHED);
+    pin = ddx_packet_take(&packet, 0);
+    ddx_memory_freeze(pin);
+    close(guest);
+    for (unsigned i = 0; i < 3; i++) {
+        fd[i] = ddx_connect(DDX_STORE_PORT);
+        tell(fd[i], DDX_OFFER, 0, DDX_FLAG_READER, layout, -1);
+        message = (struct ddx_message){.operation = DDX_OFFER_PIN, .frames = DDX_READERS_MAX};
+        ddx_send(fd[i], &message, NULL, &pin, 1);
+        message = (struct ddx_message){.operation = DDX_OFFER_END, .flags = DDX_FLAG_READER};
+        ddx_send(fd[i], &message, NULL, NULL, 0);
+        struct pollfd answer = {.fd = fd[i], .events = POLLIN};
+        if (poll(&answer, 1, (int)(HANG / 1000000)) != 1)
+            fail("the store does not answer");
+    }
+    puppet_kill(writer);
+    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 2, "nobody may write");
+    ASK(reader, HOLD, 1, 2);
+    for (unsigned i = 0; i < 3; i++)
+        close(fd[i]);
+    close(pin);
+    free(layout);
+    puppets_end();
+}
+
+/* A store that has too few descriptors for all of an offer takes none of it, until it has. */
+static void few_descriptors(void) {
+    struct rlimit all, few;
+    struct ddx_item_info info;
+
+    store_begin(NULL);
+    struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
+    ASK(writer, WRITE, 1, 1);
+    ASK(reader, HOLD, 0, 1);
+    ASK(writer, WRITE, 1, 2);
+    puppet_stop(writer);
+    puppet_stop(reader);
+    store_kill();
+    uint64_t listens = stage->journal.passed[DDX_AT_STORE_LISTENS];
+    store_begin(NULL);
+    AWAIT(stage->journal.passed[DDX_AT_STORE_LISTENS] > listens, "the store does not begin");
+    int idle[3];
+    for (unsigned i = 0; i < 3; i++)
+        idle[i] = ddx_connect(DDX_STORE_PORT);
+    AWAIT(files_of_store() >= 2 + 8, "the store does not listen"); /* . and .., its five, and these */
+    prlimit(store_process, RLIMIT_NOFILE, NULL, &all);
+    few = (struct rlimit){12, all.rlim_max}; /* for a connection, control page, notice, one slot */
+    prlimit(store_process, RLIMIT_NOFILE, &few, NULL);
+    uint64_t offered = stage->journal.passed[DDX_AT_KEEPER_OFFERED];
+    puppet_go_on(writer);
+    AWAIT(stage->journal.passed[DDX_AT_KEEPER_OFFERED] > offered + 1, "the writer does not try again");
+    prlimit(store_process, RLIMIT_NOFILE, &all, NULL);
+    puppet_go_on(reader);
+    AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "somebody does not come back");
+    if (info.frames < 3)
+        fail("%u frames are left of the item", info.frames);
+    ASK(writer, WRITE, 20, 22);
+    ASK(reader, LOOK, 0, 1);
+    ASK(reader, HOLD, 1, 22);
+    for (unsigned i = 0; i < 3; i++)
+        close(idle[i]);
+    puppets_end();
+}
+
 int test_stranger(void) {
     pages_of_others();
     last_number();
+    own_files();
+    hoard();
+    never_listen();
+    large_shares();
+    few_descriptors();
     return 0;
 }

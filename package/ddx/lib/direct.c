@@ -77,6 +77,16 @@ DDX_COLD static void restore(struct ddx_reader_role *reader) {
     DDX_PASS(DIRECT_RESTORED);
 }
 
+DDX_COLD bool ddx_direct_keep(struct ddx_reader_role *reader) {
+    ddx_word *pin = &reader->page->pin[DDX_PIN_DIRECT];
+    struct ddx_ring_frame frame;
+
+    if (reader->shown < 0 || !reader->shown_term || reader->shown_term != reader->term ||
+        atomic_load_explicit(pin, memory_order_relaxed))
+        return true;
+    return !ddx_ring_pin(reader->term->control, pin, (unsigned)reader->shown, reader->shown_generation, &frame);
+}
+
 void ddx_direct_withdraw(struct ddx_reader_role *reader) {
     struct ddx_term *term = reader->shown_term;
 
@@ -149,6 +159,7 @@ DDX_HOT int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double tim
     if (!result) {
         DDX_PASS(DIRECT_TAKEN);
         result = show(item, found.slot);
+        item->reader.shown_generation = (uint32_t)found.sequence << 1; /* of ddx_ring_publish() */
         if (result || item->reader.shown < 0)
             ddx_ring_unpin(&item->reader.page->pin[DDX_PIN_DIRECT]);
         if (!result && ts)

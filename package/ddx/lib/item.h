@@ -50,6 +50,7 @@ struct ddx_reader_role {
     bool window_copied; /* holds copies, since the caller's layout is not the item's */
     struct ddx_term *shown_term;
     int shown;  /* slot that the window shows, or -1 */
+    uint32_t shown_generation; /* and what it must still be for that */
     int placed; /* slot whose pages are in the window: `shown`; the one that probably comes next while the reader waits;
                  * or -1, when who looks at the window faults in what is shown */
 };
@@ -63,6 +64,7 @@ struct ddx_writer_role {
     bool confirmed[DDX_READERS_MAX]; /* the store that runs now told of it */
     bool leaving[DDX_READERS_MAX];   /* and that it left; it stays until the kernel says so, too */
     unsigned leaving_count;
+    unsigned offered; /* slots that the store was told of when it came back: what it tells readers */
     bool incomplete; /* there is a reader whose pins it cannot see */
     int loaned;      /* slot, or -1 */
     bool superseded; /* another writer took over while no store could tell us */
@@ -138,6 +140,11 @@ void ddx_reader_end(DDX_STORE_ITEM *item);
 
 /* direct.c, for a reader that is about to sleep: most of what the next frame needs is done when it comes. */
 void ddx_direct_prepare(struct ddx_reader_role *reader);
+/*
+ * No newer frame could be pinned: pin again what the window shows. False if that was written over meanwhile, so that
+ * the window needs another one. True also if it shows nothing, or one of an epoch that has ended.
+ */
+bool ddx_direct_keep(struct ddx_reader_role *reader);
 /* The window shows nothing that anybody may rely on. */
 void ddx_direct_withdraw(struct ddx_reader_role *reader);
 

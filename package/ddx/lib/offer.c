@@ -25,6 +25,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
     message.epoch = term->epoch;
     message.sequence = flags & DDX_FLAG_WRITER ? item->writer.ring.sequence : item->reader.seen;
     result = say(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
+    item->writer.offered = flags & DDX_FLAG_WRITER ? item->writer.ring.slot_count : 0;
     DDX_PASS(KEEPER_OFFERED);
     for (unsigned i = 0; i < DDX_SLOTS_MAX && !result; i++) {
         if (!term->base[i])

@@ -46,6 +46,7 @@ static int keep(struct ddx_queue *queue, const struct ddx_message *message, cons
         queue->first = queued;
     queue->last = queued;
     queue->count++;
+    queue->files += fd_count;
     return 0;
 }
 
@@ -67,6 +68,7 @@ int ddx_queue_go_on(struct ddx_queue *queue, int socket) {
         if (!queue->first)
             queue->last = NULL;
         queue->count--;
+        queue->files -= queued->fd_count;
         forget(queued);
     }
     return 0;
@@ -86,6 +88,7 @@ void ddx_queue_drop_epoch(struct ddx_queue *queue) {
         if (of_epoch(&queued->message)) {
             *link = queued->next;
             queue->count--;
+            queue->files -= queued->fd_count;
             forget(queued);
             continue;
         }
@@ -99,5 +102,5 @@ void ddx_queue_clear(struct ddx_queue *queue) {
         next = queued->next;
         forget(queued);
     }
-    *queue = (struct ddx_queue){NULL, NULL, 0};
+    *queue = (struct ddx_queue){NULL, NULL, 0, 0};
 }

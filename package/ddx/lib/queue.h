@@ -11,7 +11,7 @@
 
 struct ddx_queue {
     struct ddx_queued *first, *last;
-    unsigned count;
+    unsigned count, files; /* messages, and the descriptors that they hold */
 };
 
 /*

@@ -12,6 +12,7 @@
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
 #define ATTEMPTS 5             /* to pin a value that is overtaken or not mapped yet, timeout or not */
+#define OVERTAKEN 10000        /* attempts when there is nothing to go back to; only a liar makes it so many */
 #define UNMAPPED_WAIT 10000000 /* ns; a slot that was just added is announced by the store within this time */
 
 /* Ask for memory for so many frames. */
@@ -162,7 +163,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
     struct ddx_reader_role *reader = &item->reader;
     int64_t deadline = 0; /* known when there is something to wait for */
     bool asked = false;
-    int attempts = ATTEMPTS, result;
+    int attempts = ATTEMPTS, overtaken = 0, result;
 
     if (tail < DDX_IN_ORDER)
         return -EINVAL;
@@ -193,6 +194,8 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
             DDX_PASS(READER_COUNTED);
             return 0;
         }
+        if (result == -EAGAIN && pin == DDX_PIN_DIRECT && !ddx_direct_keep(reader) && overtaken++ < OVERTAKEN)
+            continue; /* the window shows what is gone: there has to be another one */
         /* The value is there, its slot was not: that is no timeout. Also for who does not wait. */
         if (result == -EAGAIN && attempts-- > 0)
             continue;

@@ -13,6 +13,12 @@ static uint64_t join(const ddx_word *low, const ddx_word *high) {
            atomic_load_explicit(low, memory_order_relaxed);
 }
 
+/* Before what is read next, for who has no pin and looks afterwards whether it was in time. */
+static uint64_t join_first(const ddx_word *low, const ddx_word *high) {
+    return (uint64_t)atomic_load_explicit(high, memory_order_acquire) << 32 |
+           atomic_load_explicit(low, memory_order_acquire);
+}
+
 static void split(ddx_word *low, ddx_word *high, uint64_t value) {
     atomic_store_explicit(low, (uint32_t)value, memory_order_relaxed);
     atomic_store_explicit(high, (uint32_t)(value >> 32), memory_order_relaxed);
@@ -295,8 +301,8 @@ bool ddx_ring_peek(const struct ddx_control *control, struct ddx_ring_frame *fra
         const struct ddx_slot_state *state = &control->slot[slot];
         uint32_t before = atomic_load_explicit(&state->generation, memory_order_acquire);
         frame->slot = slot;
-        frame->sequence = sequence_of(state);
-        frame->time = (int64_t)join(&state->time_low, &state->time_high);
+        frame->sequence = join_first(&state->sequence_low, &state->sequence_high);
+        frame->time = (int64_t)join_first(&state->time_low, &state->time_high);
         /* The words are atomics, so this is no data race; the number itself tells whether they belong together. */
         if (!(before & 1) && before == (uint32_t)frame->sequence << 1 &&
             before == atomic_load_explicit(&state->generation, memory_order_acquire))

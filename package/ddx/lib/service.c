@@ -317,8 +317,9 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
             item->writer.ring.told_count = item->writer.ring.slot_count;
         break;
     case DDX_OFFERED:
-        if (!m->status)
-            item->writer.ring.told_count = item->writer.ring.slot_count;
+        /* Not those that it has added since. */
+        if (!m->status && item->writer.ring.told_count < item->writer.offered)
+            item->writer.ring.told_count = item->writer.offered;
         item->writer.incomplete &= item->deaf || m->status;
         if (m->status == -EEXIST) {
             item->writer.superseded = true;

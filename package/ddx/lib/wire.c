@@ -84,6 +84,7 @@ int ddx_receive(int socket, struct ddx_packet *packet) {
         return errno == EAGAIN ? 0 : -EPIPE;
     if (got == 0)
         return -EPIPE;
+    packet->cut = envelope.msg_flags & MSG_CTRUNC;
     take_descriptors(&envelope, packet);
     struct ddx_message *m = &packet->message;
     if ((size_t)got < sizeof *m || (envelope.msg_flags & MSG_TRUNC) || m->version != DDX_WIRE_VERSION ||

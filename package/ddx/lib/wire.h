@@ -86,6 +86,7 @@ struct ddx_packet {
     struct ddx_message message;
     _Alignas(8) char layout[sizeof(struct ddx_layout) + DDX_FIELDS_MAX * sizeof(struct ddx_layout_field)];
     int fd[DDX_FDS_MAX]; /* received; the receiver's to close; -1 where none */
+    bool cut;            /* there were more; we have no room for them */
 };
 
 /*

@@ -27,6 +27,19 @@ static bool too_many(int socket, int32_t pid) {
     return its >= limit.rlim_cur / 4 || (rlim_t)socket >= limit.rlim_cur / 4 * 3;
 }
 
+bool client_holds_too_much(const struct client *client) {
+    struct rlimit limit;
+    rlim_t its = 0;
+
+    if (getrlimit(RLIMIT_NOFILE, &limit))
+        return false;
+    for (const struct client *c = store.clients; c; c = c->next)
+        if (c->pid == client->pid)
+            its += c->queue.files + (c->offered ? c->offered->slots + 1 : 0) + (c->offered_notice_fd >= 0) +
+                   (c->offered_pin_fd >= 0);
+    return its >= limit.rlim_cur / 4 && its > DDX_SLOTS_MAX + DDX_FDS_MAX + 1;
+}
+
 struct client *client_add(int socket) {
     struct client *client = calloc(1, sizeof *client);
     struct ucred who = {0};
@@ -60,7 +73,11 @@ void client_send(struct client *client, const struct ddx_message *message, const
     else if (result && result != -EPIPE)
         note("%d does not listen, and what it is to hear cannot be kept (%s); closing its connection",
              (int)client->pid, strerror(-result));
-    client->gone = result || client->queue.count > QUEUED_MAX;
+    else if (client->queue.files && client_holds_too_much(client)) {
+        note("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
+        client->gone = true;
+    }
+    client->gone |= result || client->queue.count > QUEUED_MAX;
 }
 
 void client_go_on(struct client *client) {

@@ -7,6 +7,7 @@
 
 #include "server.h"
 
+#define NUMBER_MAX (UINT64_MAX / 4) /* nobody writes as many frames; with higher ones numbers would come to their end */
 #define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */
 
 struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
@@ -17,6 +18,7 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
         return NULL;
     }
     epoch->number = number;
+    epoch->digest = label_digest(layout);
     ddx_runs_of(layout, &epoch->runs);
     epoch->control_fd = -1;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
@@ -25,7 +27,8 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
 }
 
 int epoch_create_control(struct epoch *epoch, const char *name) {
-    epoch->control_fd = ddx_memory_create(name, ddx_page_round(sizeof(struct ddx_control)));
+    epoch->control_fd =
+        ddx_memory_create(label_of_slot(name, epoch, DDX_NO_SLOT), ddx_page_round(sizeof(struct ddx_control)));
     if (epoch->control_fd < 0)
         return epoch->control_fd;
     epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), true);
@@ -46,7 +49,7 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     for (unsigned i = 0; i < DDX_SLOTS_MAX && count; i++) {
         if (epoch->slot_fd[i] >= 0)
             continue;
-        int fd = ddx_memory_create(name, epoch->runs.file_bytes);
+        int fd = ddx_memory_create(label_of_slot(name, epoch, i), epoch->runs.file_bytes);
         if (fd < 0)
             break;
         epoch->slot_fd[i] = fd;
@@ -121,8 +124,8 @@ bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence) 
     struct ddx_ring_frame frame;
 
     for (int attempt = 0; attempt < CARRY_ATTEMPTS && !carried && ddx_ring_peek(from->control, &frame); attempt++) {
-        *sequence = frame.sequence;
-        if (!fresh || (from->slot_fd[frame.slot] < 0 && !newest_left(from, *sequence, &frame)))
+        *sequence = frame.sequence <= NUMBER_MAX ? frame.sequence : 0;
+        if (!fresh || !*sequence || (from->slot_fd[frame.slot] < 0 && !newest_left(from, *sequence, &frame)))
             break;
         carried = copy_frame(from, &frame, fresh);
     }

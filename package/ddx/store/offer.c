@@ -11,6 +11,11 @@
 
 #include "server.h"
 
+#define NOT_OURS "no store has made it, or for something else"
+#define NO_MEMORY "no memory"
+#define NO_DESCRIPTOR "no descriptor is left"
+#define NO_ROOM "there is no room left; -m gives it"
+
 void offer_abandon(struct client *client) {
     epoch_free(client->offered);
     client->offered = NULL;
@@ -21,18 +26,38 @@ void offer_abandon(struct client *client) {
     client->offered_notice_fd = client->offered_pin_fd = -1;
 }
 
+/*
+ * It is hung up on, and tries again: there may be room next time. Were it to believe that it is known, it would wait
+ * for news in vain. Said once for each that keeps trying.
+ */
+static void refuse(struct client *client, const char *why) {
+    static int32_t last;
+
+    if (client->pid != last)
+        note("%s: what %d offers cannot be taken back: %s", client->item->name, (int)client->pid, why);
+    last = client->pid;
+    client->gone = true;
+}
+
 static void take_control(struct client *client, struct ddx_packet *packet, const struct ddx_layout *layout) {
     struct epoch *epoch = epoch_new(layout, packet->message.epoch);
 
-    if (!epoch)
+    if (!epoch) {
+        refuse(client, NO_MEMORY);
         return;
+    }
     client->offered = epoch;
     epoch->control_fd = ddx_packet_take(packet, 0);
-    if (ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true))
+    if (label_is(epoch->control_fd, label_of_slot(client->item->name, epoch, DDX_NO_SLOT)) &&
+        ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true))
         epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), false);
     epoch->control_ready = epoch->control && epoch->control->magic == DDX_CONTROL_MAGIC &&
                            epoch->control->version == DDX_LAYOUT_VERSION && epoch->control->epoch == epoch->number &&
                            DDX_EPOCH_OK(epoch->number);
+    if (!epoch->control_ready) {
+        refuse(client, NOT_OURS);
+        return;
+    }
     client->offered_notice_fd = ddx_packet_take(packet, 1);
     DDX_PASS(STORE_TAKEN);
 }
@@ -42,6 +67,7 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
     unsigned slot = packet->message.index;
 
     if (!epoch || slot >= DDX_SLOTS_MAX || epoch->slot_fd[slot] >= 0 ||
+        !label_is(packet->fd[0], label_of_slot(client->item->name, epoch, slot)) ||
         !ddx_memory_sound(packet->fd[0], epoch->runs.file_bytes, true))
         return;
     epoch->slot_fd[slot] = ddx_packet_take(packet, 0);
@@ -77,22 +103,45 @@ static bool is_current(const struct item *item, const struct epoch *epoch) {
     return item->epoch && (item->epoch == epoch || ddx_memory_same(item->epoch->control_fd, epoch->control_fd));
 }
 
-/* True if there is news for the readers that reported before. */
-static bool adopt_epoch(struct item *item, struct client *client, bool writes) {
+/* Is there room for the item with this epoch instead of its own? */
+static bool affordable(struct item *item, struct epoch *epoch) {
+    struct epoch *former = item->epoch;
+
+    item->epoch = epoch;
+    uint64_t reserved = item_reserved(item);
+    item->epoch = former;
+    return budget_allows(item, reserved);
+}
+
+/* The writer of an epoch that has turned out not to be the newest. */
+static void supersede(struct item *item) {
+    struct ddx_message message = {.operation = DDX_OFFERED, .status = -EEXIST};
+    struct client *writer = item->writer;
+
+    item->writer = NULL;
+    if (writer)
+        client_send(writer, &message, NULL, NULL, 0);
+}
+
+/* 1: there is news for the readers that reported before. 0: none. -ENOSPC: no room. */
+static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     struct epoch *epoch = client->offered;
 
-    if (!epoch || !epoch->control_ready)
-        return false;
+    if (!epoch)
+        return 0;
     if (is_current(item, epoch)) {
-        bool news = merge(item->epoch, epoch, writes);
+        bool news = merge(item->epoch, epoch, writes && !item->writer);
         DDX_PASS(STORE_MERGED);
         return news;
     }
     /* An epoch that began in our time is the newest. Else the highest number is: who slept through a change of writer
-     * reports an older one. */
-    if (item->epoch && (!item->foreign || item->writer || epoch->number < item->epoch->number ||
-                        (epoch->number == item->epoch->number && !writes)))
-        return false;
+     * reports an older one, and goes on writing until it is told. */
+    if (item->epoch && (!item->foreign || item->pending || epoch->number < item->epoch->number ||
+                        (epoch->number == item->epoch->number && (!writes || item->writer))))
+        return 0;
+    if (!affordable(item, epoch))
+        return -ENOSPC;
+    supersede(item);
     epoch_free(item->epoch);
     item->epoch = epoch;
     item->epochs = epoch->number;
@@ -110,7 +159,8 @@ static bool adopt_epoch(struct item *item, struct client *client, bool writes) {
 static int adopt_writer(struct item *item, struct client *client, bool current) {
     if (item->writer || item->pending || (item->epoch && !current))
         return -EEXIST;
-    if (!item->epoch || !ddx_memory_sound(client->offered_notice_fd, ddx_page_round(1), false))
+    if (!item->epoch || !label_is(client->offered_notice_fd, label_of(item->name, "notice")) ||
+        !ddx_memory_sound(client->offered_notice_fd, ddx_page_round(1), false))
         return -EINVAL;
     int result = item_set_notice(item, client->offered_notice_fd);
     client->offered_notice_fd = -1;
@@ -128,16 +178,35 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     return 0;
 }
 
+/* Whether somebody reads with this page already. */
+static bool reads(const struct item *item, int pin_fd) {
+    for (const struct client *c = store.clients; c; c = c->next)
+        if (c->item == item && c->id && !c->gone && ddx_memory_same(c->pin_fd, pin_fd))
+            return true;
+    return false;
+}
+
 static int adopt_reader(struct item *item, struct client *client) {
-    if (client->id || client->offered_keep < 1 || client->offered_keep > DDX_READERS_MAX ||
-        !ddx_memory_sound(client->offered_pin_fd, ddx_page_round(1), false))
-        return -EINVAL;
+    unsigned keep = client->offered_keep, least = keep < DDX_PINS ? keep : DDX_PINS;
     int fd = client->offered_pin_fd;
+
+    if (client->id || keep < 1 || keep > DDX_READERS_MAX || !label_is(fd, label_of(item->name, "pin")) ||
+        !ddx_memory_sound(fd, ddx_page_round(1), true))
+        return -EINVAL;
+    clients_reap(); /* its former connection */
+    if (reads(item, fd))
+        return -EEXIST;
+    /* Its share may have gone to others while it was away: it gets what is left, but room for what it may hold. */
+    while (reader_add_slots(item, keep, 1)) {
+        if (keep == least)
+            return -EBUSY;
+        keep = keep / 2 > least ? keep / 2 : least;
+    }
+    if (keep < client->offered_keep)
+        note("%s: %u frames are kept for its reader %d, not %u: the room went to others meanwhile", item->name, keep,
+             (int)client->pid, client->offered_keep);
     client->offered_pin_fd = -1;
-    /* Its share may have gone to others while it was away. If there is no room the writer will be short, but it is a
-     * reader all the same. */
-    reader_add_slots(item, client->offered_keep, 1);
-    int result = reader_register(client, fd, client->offered_keep);
+    int result = reader_register(client, fd, keep);
     if (!result && item->epoch)
         item_send_epoch(item, client);
     readers_count(item);
@@ -160,19 +229,27 @@ static void finish(struct client *client, uint32_t flags) {
     struct ddx_message reply = {.operation = DDX_OFFERED};
 
     struct epoch *offered = client->offered;
-    bool news = adopt_epoch(item, client, flags & DDX_FLAG_WRITER && !item->writer);
+    int news = adopt_epoch(item, client, flags & DDX_FLAG_WRITER);
+    if (news < 0) {
+        refuse(client, NO_ROOM);
+        return;
+    }
     /* The writer hears of the readers before they hear of its epoch: from then on they may pin. */
     if (flags & DDX_FLAG_WRITER)
         reply.status = adopt_writer(item, client, offered && is_current(item, offered));
+    if (reply.status && reply.status != -EEXIST)
+        refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
     for (struct client *c = store.clients; c && news; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_send_epoch(item, c);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);
-    if (flags & DDX_FLAG_READER && adopt_reader(item, client)) {
-        client->gone = true; /* it tries again; if it believed to be known, it would wait for news in vain */
+    int result = flags & DDX_FLAG_READER && !client->gone ? adopt_reader(item, client) : 0;
+    client->gone |= result == -EAGAIN; /* when the writer has read of the others */
+    if (result && !client->gone)
+        refuse(client, result == -EBUSY ? NO_ROOM : result == -ENOMEM ? NO_MEMORY : NOT_OURS);
+    if (client->gone)
         return;
-    }
     offer_abandon(client);
     client_send(client, &reply, NULL, NULL, 0);
     DDX_PASS(STORE_ACCEPTED);
@@ -181,6 +258,10 @@ static void finish(struct client *client, uint32_t flags) {
 void offer_message(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 
+    if (packet->cut && client->item) { /* with a part of it the item would not be what it was */
+        refuse(client, NO_DESCRIPTOR);
+        return;
+    }
     switch (m->operation) {
     case DDX_OFFER: {
         const struct ddx_layout *layout = ddx_packet_layout(packet);
@@ -199,7 +280,9 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
         if (!client->item)
             return;
         client->item->handles++;
-        if (packet->fd[0] >= 0 && !awaits)
+        if (packet->cut)
+            refuse(client, NO_DESCRIPTOR);
+        else if (packet->fd[0] >= 0 && !awaits)
             take_control(client, packet, layout);
         break;
     }
@@ -214,4 +297,6 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
             finish(client, m->flags);
         break;
     }
+    if (!client->gone && client->item && client_holds_too_much(client))
+        refuse(client, "it offers much at once, and others need descriptors, too");
 }

@@ -95,7 +95,7 @@ static int attach(struct client *client, unsigned keep) {
         item->kept -= keep;
         return -EAGAIN;
     }
-    int fd = ddx_memory_create(item->name, ddx_page_round(1));
+    int fd = ddx_memory_create(label_of(item->name, "pin"), ddx_page_round(1));
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
 }
 

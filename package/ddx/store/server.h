@@ -13,6 +13,7 @@
 struct epoch {
     uint32_t number;
     struct ddx_layout *layout;
+    uint64_t digest; /* of its bytes */
     struct ddx_runs runs;
     int control_fd;
     struct ddx_control *control;
@@ -64,6 +65,7 @@ struct item {
     bool adopted; /* known from an offer after a restart; its writer may live without having reported */
     bool away;    /* its writer hung up; if it lives, it comes back */
     uint32_t epochs, handles, readers, kept;
+    uint32_t numbered; /* the last epoch that files were made for; it may not have begun */
     int notice_fd;
     struct ddx_notice *notice;
     uint64_t sequence; /* of the last epoch's last frame */
@@ -116,6 +118,13 @@ bool epoch_ready(const struct epoch *epoch);
 bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence);
 void epoch_free(struct epoch *epoch);
 
+/* label.c: the names of memory files. Each is good until the next one is asked for. */
+#define LABEL_MAX 128
+uint64_t label_digest(const struct ddx_layout *layout);
+const char *label_of(const char *item, const char *what); /* "pin" or "notice" */
+const char *label_of_slot(const char *item, const struct epoch *epoch, unsigned slot); /* DDX_NO_SLOT: control */
+bool label_is(int fd, const char *label); /* and a store of this user made it */
+
 /* budget.c */
 uint64_t budget_used(void);
 uint64_t budget_reserved(void);
@@ -150,6 +159,11 @@ void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
                  const int *fds, unsigned count); /* now, or when it has read more; who only asks is dropped */
 void client_go_on(struct client *client);         /* it has */
+/*
+ * What is kept for its process, besides connections and items: offers that are not complete, and messages that it has
+ * not read. A quarter of our descriptors, but a whole item in any case.
+ */
+bool client_holds_too_much(const struct client *client);
 void client_reply(struct client *client, uint32_t operation, int status);
 /*
  * Take back what those hold who hung up but whose last messages were not read yet: who asks for a thing after another

@@ -25,7 +25,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
 }
 
 static int new_notice(struct item *item) {
-    int fd = ddx_memory_create(item->name, ddx_page_round(1));
+    int fd = ddx_memory_create(label_of(item->name, "notice"), ddx_page_round(1));
 
     return fd < 0 ? fd : item_set_notice(item, fd);
 }
@@ -60,8 +60,15 @@ static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     return (old > one ? old : one) + one + pins;
 }
 
+/* Never twice: somebody may still have the files of one that has not begun. */
+static uint32_t next_number(const struct item *item) {
+    uint32_t last = (int32_t)(item->numbered - item->epochs) > 0 ? item->numbered : item->epochs;
+
+    return last + (DDX_EPOCH_OK(last + 1) ? 1 : 2);
+}
+
 static int prepare(struct item *item, const struct ddx_layout *layout) {
-    struct epoch *epoch = epoch_new(layout, item->epochs + (DDX_EPOCH_OK(item->epochs + 1) ? 1 : 2));
+    struct epoch *epoch = epoch_new(layout, next_number(item));
     int result;
 
     if (!epoch)
@@ -88,6 +95,7 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
     if (item->epoch)
         epoch_carry_over(item->epoch, epoch, &item->sequence);
     DDX_PASS(STORE_CARRIED);
+    item->numbered = epoch->number;
     item->pending = epoch;
     return 0;
 }

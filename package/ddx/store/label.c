@@ -1,0 +1,51 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * What a memory file is for stands in its name, and who made it in its owner: neither can be changed, whoever has the
+ * file. So after a restart the store knows the files that its predecessor made, and believes no offer of others, nor of
+ * these for another item, epoch, layout or place.
+ */
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "server.h"
+
+uint64_t label_digest(const struct ddx_layout *layout) { /* FNV-1a */
+    const unsigned char *byte = (const unsigned char *)layout;
+    uint64_t sum = 0xcbf29ce484222325u;
+
+    for (size_t i = 0; i < ddx_layout_bytes(layout->field_count); i++)
+        sum = (sum ^ byte[i]) * 0x100000001b3u;
+    return sum;
+}
+
+const char *label_of(const char *item, const char *what) {
+    static char label[LABEL_MAX];
+
+    snprintf(label, sizeof label, "%s %s", item, what);
+    return label;
+}
+
+const char *label_of_slot(const char *item, const struct epoch *epoch, unsigned slot) {
+    static char label[LABEL_MAX];
+    int length = snprintf(label, sizeof label, "%s %u %016llx ", item, epoch->number,
+                          (unsigned long long)epoch->digest);
+
+    if (slot == DDX_NO_SLOT)
+        strcpy(label + length, "control");
+    else
+        snprintf(label + length, sizeof label - (size_t)length, "frame %u", slot);
+    return label;
+}
+
+bool label_is(int fd, const char *label) {
+    char path[32], wanted[LABEL_MAX + 32], found[LABEL_MAX + 32];
+    struct stat status;
+
+    if (fd < 0 || fstat(fd, &status) || status.st_uid != geteuid())
+        return false;
+    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
+    int length = snprintf(wanted, sizeof wanted, "/memfd:%s (deleted)", label);
+    return readlink(path, found, sizeof found) == length && !memcmp(wanted, found, (size_t)length);
+}
