@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <poll.h>
 #include <sys/stat.h>
+#include <time.h>
 
 #include "../../package/ddx/lib/memory.h"
 #include "../../package/ddx/lib/wire.h"
@@ -122,8 +123,48 @@ static void test_getting_ready(void) {
     end();
 }
 
+/* The next store has less memory: an item that it has no room for waits until there is, and its frames flow on. */
+static void test_less_than_before(void) {
+    const struct timespec step = {0, 5000000};
+    struct ddx_frame frame;
+    struct ddx_item_info info;
+    void *data;
+
+    begin("8M");
+    DDX_STORE_ITEM *out = create("large", 800000, 0), *in = ddx_store_lookup_item(id, "large", NULL, 0);
+    CHECK(out && in);
+    CHECK_EQUAL(ddx_store_loan(out, &data), 0);
+    CHECK_EQUAL(ddx_store_publish(out, NULL), 0);
+    CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_CURRENT), 0);
+    store_stop(SIGKILL);
+    store_start("1M");
+    int64_t limit = ddx_time_now() + 10000000000;
+    while (!create("small", 4096, 0)) { /* when that is there, who holds something has been heard */
+        CHECK(errno == ECONNREFUSED && ddx_time_now() < limit);
+        nanosleep(&step, NULL);
+    }
+    CHECK(all().reserved <= all().budget);
+    CHECK_EQUAL(ddx_store_release(in), 0);
+    for (unsigned i = 2; i < 10; i++) {
+        CHECK_EQUAL(ddx_store_loan(out, &data), 0);
+        CHECK_EQUAL(ddx_store_publish(out, NULL), 0);
+        CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_NEXT), 0);
+        CHECK_EQUAL(frame.sequence, i);
+        CHECK_EQUAL(ddx_store_release(in), 0);
+    }
+    store_stop(SIGKILL);
+    store_start("8M");
+    limit = ddx_time_now() + 10000000000;
+    while (ddx_store_item_info(in, &info) || info.writer_pid != getpid()) {
+        CHECK(ddx_time_now() < limit);
+        nanosleep(&step, NULL);
+    }
+    CHECK_EQUAL(info.sequence, 9);
+    end();
+}
+
 int main(void) {
-    static void (*const tests[])(void) = {test_too_much, test_getting_ready, test_pages};
+    static void (*const tests[])(void) = {test_too_much, test_getting_ready, test_pages, test_less_than_before};
 
     store_folder_make();
     for (unsigned i = 0; i < sizeof tests / sizeof *tests; i++)
