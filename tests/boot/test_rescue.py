@@ -43,4 +43,4 @@ def test_rescue_touches_nothing(boot: Boot) -> None:
         guest.sh(f"e2fsck -fn $({OWN} 6) && e2fsck -fy $({OWN} 5)")
         guest.sh(f"mount -t ext4 -o ro $({OWN} 6) /rec && umount /rec")
         guest.reset()
-        assert guest.shell("ttyS0").run("echo heard") == (0, "heard")
+        assert guest.shell("ttyS0").run("echo heard") == (0, "heard\n")
