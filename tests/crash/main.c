@@ -9,9 +9,33 @@
 #include "puppet.h"
 #include "tests.h"
 
+static const struct {
+    const char *name;
+    int (*test)(void);
+} tests[] = {
+    {"restart", test_restart}, {"pins", test_pins}, {"crowd", test_crowd},       {"epochs", test_epochs},
+    {"mute", test_mute},       {"stop", test_stop}, {"stranger", test_stranger}, {"broken", test_broken},
+    {"hostile", test_hostile},
+};
+#define TESTS (sizeof tests / sizeof *tests)
+
+static int (*find(const char *name))(void) {
+    for (unsigned i = 0; i < TESTS; i++)
+        if (!strcmp(tests[i].name, name))
+            return tests[i].test;
+    return NULL;
+}
+
+static void usage(void) {
+    fputs("usage: crash walk [POINT|PART/PARTS] | random KILLS SEED", stderr);
+    for (unsigned i = 0; i < TESTS; i++)
+        fprintf(stderr, " | %s", tests[i].name);
+    fputc('\n', stderr);
+}
+
 int main(int argc, char **argv) {
     const char *what = argc > 1 ? argv[1] : "";
-    int result = 2;
+    int (*test)(void), result = 2;
 
     setvbuf(stdout, NULL, _IOLBF, 0);
     if (!strcmp(what, "party"))
@@ -23,27 +47,10 @@ int main(int argc, char **argv) {
         result = test_walk(argc > 2 ? argv[2] : NULL);
     else if (!strcmp(what, "random") && argc == 4)
         result = test_random((unsigned)atoi(argv[2]), (unsigned)atoi(argv[3]));
-    else if (!strcmp(what, "restart"))
-        result = test_restart();
-    else if (!strcmp(what, "pins"))
-        result = test_pins();
-    else if (!strcmp(what, "crowd"))
-        result = test_crowd();
-    else if (!strcmp(what, "epochs"))
-        result = test_epochs();
-    else if (!strcmp(what, "mute"))
-        result = test_mute();
-    else if (!strcmp(what, "stop"))
-        result = test_stop();
-    else if (!strcmp(what, "stranger"))
-        result = test_stranger();
-    else if (!strcmp(what, "broken"))
-        result = test_broken();
-    else if (!strcmp(what, "hostile"))
-        result = test_hostile();
+    else if ((test = find(what)))
+        result = test();
     else
-        fprintf(stderr, "usage: crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | pins | crowd | "
-                        "mute | stop | stranger | broken | hostile\n");
+        usage();
     if (!result)
         director_end();
     return result;

@@ -212,6 +212,13 @@ static int endless_offer(const struct ddx_layout *layout, uint32_t epoch, int co
     return fd;
 }
 
+/* A store with so many descriptors, whatever this machine's limit is. */
+static void store_begin_with(unsigned descriptors) {
+    store_descriptors = descriptors;
+    store_begin(NULL);
+    store_descriptors = 0;
+}
+
 #define HOARDERS 8
 #define HOARD 150
 
@@ -220,9 +227,7 @@ static void hoard(void) {
     int fd[2 * HOARDERS], slot[DDX_SLOTS_MAX], control = -1;
     unsigned slots = 0;
 
-    store_descriptors = 1024;
-    store_begin(NULL);
-    store_descriptors = 0;
+    store_begin_with(1024);
     struct puppet *writer = puppet_begin(NULL), *keeper = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
     ASK(keeper, KEEP, HOARD, 0);
@@ -267,9 +272,7 @@ static void never_listen(void) {
     struct ddx_message message = {.operation = DDX_OPEN};
     int fd[GUESTS];
 
-    store_descriptors = 1024;
-    store_begin(NULL);
-    store_descriptors = 0;
+    store_begin_with(1024);
     struct puppet *writer = puppet_begin(NULL), *keeper = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
     ASK(keeper, KEEP, CROWD, 0);

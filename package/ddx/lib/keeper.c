@@ -51,8 +51,9 @@ static int look_after(DDX_STORE_ITEM *item) {
             item->retry = now + DDX_RETRY;
         again = item->socket < 0 ? DDX_RETRY / 1000000 : -1;
     }
-    if (item->writer.leaving_count && (ddx_writer_forget(&item->writer, false), item->writer.leaving_count) &&
-        again < 0)
+    if (item->writer.leaving_count)
+        ddx_writer_forget(&item->writer, false);
+    if (item->writer.leaving_count && again < 0)
         again = DDX_RETRY / 1000000;
     if (ddx_reader_wake(item))
         again = SOON;
