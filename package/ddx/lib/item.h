@@ -3,6 +3,8 @@
 #ifndef DDX_ITEM_H
 #define DDX_ITEM_H
 
+#include <poll.h>
+
 #include "futex.h"
 #include "lock.h"
 #include "memory.h"
@@ -80,7 +82,7 @@ struct ddx_store_item {
     struct ddx_writer_role writer;
     DDX_STORE_ID *id;
     DDX_STORE_ITEM *next, *next_of_id; /* under ddx_keeper_lock() */
-    bool busy;                         /* only for the keeper: `lock` was taken when it last looked */
+    struct pollfd listen;              /* only for the keeper: where news came from when it last looked */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
     struct ddx_layout *layout; /* as the store last told, or as wanted */
     uint32_t layouts;          /* so many before it */

@@ -37,9 +37,9 @@ static int look_after(DDX_STORE_ITEM *item) {
     int again = -1;
 
     /* Never wait here: the owner may hold the lock while it waits for the store's answer. */
-    item->busy = !ddx_lock_try(&item->lock);
-    if (item->busy)
-        return SOON;
+    item->listen = (struct pollfd){.fd = -1};
+    if (!ddx_lock_try(&item->lock))
+        return SOON; /* what comes for a busy owner it takes in itself; to be told of it would only keep us awake */
     if (item->socket >= 0) {
         ddx_queue_go_on(&item->queue, item->socket); /* who is gone may have left news */
         ddx_item_service(item);
@@ -57,6 +57,7 @@ static int look_after(DDX_STORE_ITEM *item) {
         again = DDX_RETRY / 1000000;
     if (ddx_reader_wake(item))
         again = SOON;
+    item->listen = (struct pollfd){.fd = item->socket, .events = item->queue.count ? POLLIN | POLLOUT : POLLIN};
     ddx_lock_give(&item->lock);
     return again;
 }
@@ -69,14 +70,8 @@ static struct pollfd *listen_list(unsigned *count) {
     if (!list)
         return NULL;
     list[(*count)++] = (struct pollfd){.fd = keeper.wake, .events = POLLIN};
-    for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next) {
-        /* What comes for a busy owner it takes in itself; to be told of it would only keep us awake. */
-        int fd = item->busy ? -1 : __atomic_load_n(&item->socket, __ATOMIC_RELAXED);
-
-        bool more = __atomic_load_n(&item->queue.count, __ATOMIC_RELAXED);
-
-        list[(*count)++] = (struct pollfd){.fd = fd, .events = more ? POLLIN | POLLOUT : POLLIN};
-    }
+    for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next)
+        list[(*count)++] = item->listen;
     return list;
 }
 
