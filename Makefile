@@ -8,13 +8,13 @@
 #   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
 #   T=...          which tests, as pytest's -k expression
 #   SECONDS=       for `make fuzz`
-#   ROUNDS=, CASES=  for `make bench`: docs/bench.md
+#   ROUNDS=, CASES=, BEFORE=commit  for `make bench`: docs/bench.md
 #   DURATION=, CASES=  for `make bench-record`: docs/recording.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
 
-RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)')
+RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)') $(if $(BEFORE),-before '$(BEFORE)')
 
 .PHONY: help setup setup-build build run test test-long again defects image reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
 	clean distclean
@@ -53,11 +53,11 @@ endurance: setup ## 10,000 toggles and an hour of video: does anything grow? doc
 	@$(PYTHON) tools/endurance.py
 fuzz: setup      ## look for what breaks the readers of foreign data: SECONDS=300 for each of tests/fuzz
 	@$(PYTHON) tools/fuzz.py $(if $(SECONDS),-seconds '$(SECONDS)')
-bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, see docs/bench.md
+bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, BEFORE=commit, see docs/bench.md
 	@tools/setup bench
 	@$(PYTHON) tools/bench.py $(RUN_BENCH)
-	@$(if $(CASES),:,$(PYTHON) tools/bench_stream.py)
-	@$(if $(CASES),:,$(PYTHON) tools/bench_replay.py)
+	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stream.py)
+	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_replay.py)
 bench-record: setup  ## frames lost on slow and frozen disks, beside a naive writer: DURATION=600, CASES=; docs/recording.md
 	@$(PYTHON) tools/bench_record.py $(if $(DURATION),-duration '$(DURATION)') $(if $(CASES),-cases '$(CASES)')
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.

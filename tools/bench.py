@@ -1,6 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make bench: the store beside other ways to pass frames, in one run. bench.py [-rounds N] [-cases WORD,...]
+"""make bench: the store beside other ways to pass frames, in one run.
+
+bench.py [-rounds N] [-cases WORD,...] [-before COMMIT]
 
 A round is a slice of each peer in each case; the order changes from round to round, so that whatever else the machine
 does meets everybody alike. docs/bench.md says what is measured and how to read it.
@@ -8,6 +10,7 @@ does meets everybody alike. docs/bench.md says what is measured and how to read 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import pathlib
@@ -22,7 +25,7 @@ from typing import Any
 
 import bench_plot
 import native
-from bench_run import BUILD, Case, Slice, Store, cases, cpus, percentile, run_slice
+from bench_run import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, run_slice
 from common import OUTPUT, TOP, Failed, run, say
 
 CARGO = OUTPUT / "bench/cargo"
@@ -59,6 +62,23 @@ def build(peers: bool) -> None:
     run(["ninja", "-C", BUILD])
 
 
+def build_before(commit: str) -> None:
+    """The store and the library of another commit, and a program of ours that uses them."""
+    name = run(["git", "-C", TOP, "rev-parse", "--verify", f"{commit}^{{commit}}"]).strip()
+    tree = BEFORE / name
+    if not tree.exists():
+        shutil.rmtree(BEFORE, ignore_errors=True)
+        tree.mkdir(parents=True)
+        archive = BEFORE / "tree.tar"
+        run(["git", "-C", TOP, "archive", "-o", archive, name, "package/ddx"])
+        run(["tar", "-xf", archive, "-C", tree])
+    root = native.build("bench/before", (), ["ddx"], tree)
+    if not (BEFORE / "build/build.ninja").exists():
+        run(["meson", "setup", f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}",
+             "-Dpeers=false", BEFORE / "build", TOP / "bench"])
+    run(["ninja", "-C", BEFORE / "build"])
+
+
 def machine() -> dict[str, Any]:
     models = [line.split(":", 1)[1].strip() for line in pathlib.Path("/proc/cpuinfo").read_text().splitlines()
               if line.startswith("model name")]
@@ -71,21 +91,27 @@ def measure(wanted: list[Case], rounds: int) -> tuple[dict[tuple[str, str], list
     failed: dict[tuple[str, str], str] = {}
     with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
         folder = pathlib.Path(name)
-        store = Store(folder)
+        own = {peer for case in wanted for peer in case.peers} & {"before"} | {"ddx"}
+        for peer in own:
+            (folder / peer).mkdir()
+        stores = {peer: Store(folder / peer, peer) for peer in own}
         try:
             for number in range(rounds):
                 say(f"bench: round {number + 1} of {rounds}")
                 for case in wanted:
                     first = number % len(case.peers)
                     for peer in case.peers[first:] + case.peers[:first]:
+                        at = peer if peer in stores else "ddx"
                         try:
-                            found.setdefault((case.name, peer), []).append(run_slice(case, peer, folder, store))
+                            found.setdefault((case.name, peer), []).append(
+                                run_slice(case, peer, folder / at, stores[at]))
                         except Failed as error:
-                            if peer in ("ddx", "futex"):
+                            if peer in (*stores, "futex"):
                                 raise
                             failed[case.name, peer] = str(error)
         finally:
-            store.end()
+            for store in stores.values():
+                store.end()
     return found, failed
 
 
@@ -120,7 +146,7 @@ def report(wanted: list[Case], found: dict[tuple[str, str], list[Slice]]) -> dic
                 one["ddx_ratio"] = {"p50": round(ratio(mine, slices, "p50"), 2),
                                     "reader_cpu": round(ratio(mine, slices, "reader_cpu"), 2),
                                     "writer_cpu": round(ratio(mine, slices, "writer_cpu"), 2)}
-            plain = found.get(("1080p-1x1-zerocopy", "ddx"))
+            plain = found.get(("1080p-1x1-zerocopy", peer))
             if case.mode == "direct" and plain:
                 one["over_acquire_us"] = round(statistics.median(a.p50 - b.p50 for a, b in zip(slices, plain)), 1)
             rows.append(one)
@@ -156,11 +182,16 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-rounds", type=int, default=10)
     parser.add_argument("-cases", default="", help="only cases with one of these words, separated by commas")
+    parser.add_argument("-before", metavar="COMMIT", help="only ours, beside the store of that commit")
     options = parser.parse_args()
     wanted = [case for case in cases() if any(word in case.name for word in options.cases.split(","))]
+    if options.before:
+        wanted = [dataclasses.replace(case, peers=("ddx", "before")) for case in wanted]
     try:
         if not os.environ.get(INSIDE):
-            build(peers=True)
+            build(peers=not options.before)
+            if options.before:
+                build_before(options.before)
         own_network()
         about = machine()
         found, failed = measure(wanted, options.rounds)
@@ -169,14 +200,16 @@ def main() -> int:
         return 1
     result = {"machine": about, "rounds": options.rounds, **report(wanted, found),
               "left_out": [{"case": case.name, "peer": "lcm", "why": "has no zero copy"} for case in wanted
-                           if case.mode == "zerocopy"] +
+                           if case.mode == "zerocopy" and not options.before] +
                           [{"case": case, "peer": peer, "why": why} for (case, peer), why in failed.items()]}
     table(result["cases"])
     for (case, peer), why in failed.items():
         say(f"bench: {case}: {peer} failed in a slice: {why}")
-    (OUTPUT / "bench/store.json").write_text(json.dumps(result, indent=1) + "\n")
-    (OUTPUT / "bench/store.html").write_text(bench_plot.page(result))
-    say("bench: output/bench/store.json, output/bench/store.html")
+    file = OUTPUT / f"bench/{'before' if options.before else 'store'}.json"
+    file.write_text(json.dumps(result, indent=1) + "\n")
+    if not options.before:
+        file.with_suffix(".html").write_text(bench_plot.page(result))
+    say(f"bench: {file.relative_to(TOP)} and, where peers are compared, .html beside it")
     torn = [one for one in result["cases"] if one["peer"] == "ddx" and one["torn"]]
     return 1 if torn else 0
 

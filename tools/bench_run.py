@@ -18,6 +18,7 @@ from common import MORTAL, OUTPUT, Failed
 import native
 
 BUILD = OUTPUT / "bench/build"
+BEFORE = OUTPUT / "bench/before"  # the store of another commit, which is the peer of that name
 PATIENCE = 30  # s that a program may take to say a line
 PEERS = ["ddx", "futex", "iceoryx2", "gstreamer", "lcm"]
 NO_ZERO_COPY = ["lcm"]
@@ -71,14 +72,21 @@ def cases() -> list[Case]:
     return found
 
 
+def place(peer: str) -> tuple[pathlib.Path, pathlib.Path]:
+    """The install tree of the peer's store and library, and its program."""
+    if peer == "before":
+        return BEFORE / "root", BEFORE / "build/bench-ddx"
+    return OUTPUT / "desk/root", BUILD / f"bench-{peer}"
+
+
 class Program:
     """A writer or a reader, started and ready."""
 
     def __init__(self, peer: str, folder: pathlib.Path, **options: object) -> None:
-        root = OUTPUT / "desk/root"
+        root, program = place(peer)
         environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder)}
         words = [f"{key.replace('_', '-')}={value}" for key, value in options.items()]
-        command = [str(BUILD / f"bench-{peer}"), *words]
+        command = [str(program), *words]
         self.name = " ".join(command[:3])
         self.process = subprocess.Popen(command, cwd=folder, env=environment, text=True, stdin=subprocess.PIPE,
                                         stdout=subprocess.PIPE)
@@ -120,8 +128,8 @@ class Program:
 class Store:
     """The store that ddx needs, in a folder of its own; its CPU time counts where everything is added up."""
 
-    def __init__(self, folder: pathlib.Path, memory: str = "256M") -> None:
-        root = OUTPUT / "desk/root"
+    def __init__(self, folder: pathlib.Path, peer: str = "ddx", memory: str = "256M") -> None:
+        root = place(peer)[0]
         self.process = subprocess.Popen([*MORTAL, root / "usr/bin/store", "-m", memory], stderr=subprocess.DEVNULL,
                                         env={**os.environ, **native.environment(root), "DDX_DIR": str(folder)})
         os.sched_setaffinity(self.process.pid, cpus()[-1:])
@@ -167,7 +175,7 @@ def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up
             program.go()
         wrote = [program.result() for program in writers]
         seconds = time.monotonic() - begin
-        store_cpu = store.cpu() - store_before if peer == "ddx" else 0
+        store_cpu = store.cpu() - store_before if peer in ("ddx", "before") else 0
         read = [program.result() for program in readers]
     finally:
         for program in [*writers, *readers]:

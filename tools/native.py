@@ -17,20 +17,21 @@ def environment(root: pathlib.Path) -> dict[str, str]:
             "LD_LIBRARY_PATH": str(libraries)}
 
 
-def build(name: str = "desk", options: Sequence[str] = (), packages: Sequence[str] = PACKAGES) -> pathlib.Path:
-    """Build packages in output/<name>, with these options for meson; the install tree."""
+def build(name: str = "desk", options: Sequence[str] = (), packages: Sequence[str] = PACKAGES,
+          tree: pathlib.Path = TOP) -> pathlib.Path:
+    """Build packages of the tree in output/<name>, with these options for meson; the install tree."""
     root = OUTPUT / name / "root"
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
         for package in packages:
-            _build(OUTPUT / name / package, options, {**environment(root), "DESTDIR": str(root)})
+            _build(OUTPUT / name / package, tree, options, {**environment(root), "DESTDIR": str(root)})
     return root
 
 
-def _build(out: pathlib.Path, options: Sequence[str], env: dict[str, str]) -> None:
+def _build(out: pathlib.Path, tree: pathlib.Path, options: Sequence[str], env: dict[str, str]) -> None:
     title = f"{out.parent.name}: {out.name}"
     if not (out / "build.ninja").exists():
         say(f"{title}: configuring ...")
-        run(["meson", "setup", *MESON, *options, out, TOP / "package" / out.name], env=env)
+        run(["meson", "setup", *MESON, *options, out, tree / "package" / out.name], env=env)
     if "ninja: no work to do" not in run(["ninja", "-C", out], env=env):
         say(f"{title}: built")
     run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)
