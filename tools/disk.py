@@ -34,6 +34,10 @@ class Disk:
             run(["qemu-io", "-f", "qcow2", "-c", f"write -q -s {file.name} {offset} {len(data)}", self.path],
                 timeout=PATIENCE)
 
+    def erase(self, offset: int, length: int) -> None:
+        """Nothing but zeros."""
+        run(["qemu-io", "-f", "qcow2", "-c", f"write -q -z {offset} {length}", self.path], timeout=PATIENCE)
+
     def read(self, offset: int, length: int) -> bytes:
         with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
             file = pathlib.Path(folder) / "part"

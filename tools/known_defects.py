@@ -39,7 +39,7 @@ DEFECTS = [
            "tests/host/test_storage.py", "modprobe.said"),
     Defect("a mount that is refused is not tried again", "overlay/usr/libexec/ddx/storage", "-le 5 ]", "-le 1 ]",
            "tests/host/test_storage.py", "FAIL"),
-    Defect("ddxgrow does not say that it is done", "package/ddxgrow/S16ddxgrow", 'echo "$DAEMON: done"', ":",
+    Defect("ddxgrow does not say that it is done", "package/ddxgrow/grow", 'echo "ddxgrow: done"', ":",
            "tests/host/test_script_timing.py::test_growing_says_when_it_is_done", "Failed|Error"),
     Defect("a service's stop is lost before runsv listens", "package/ddx/service/service",
            'pgrep -x -f "runsv $1" > /dev/null || return 1', "return 1",

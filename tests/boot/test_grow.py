@@ -14,8 +14,9 @@ from qemu import Boot, Guest
 from recording import Partition
 
 CARD = 32 << 30  # bytes
-# Seconds after it began: while table and file system grow; while what is new is still on its way to the disk.
-CUTS = [0.5, 5.0]
+# Seconds after the recordings' check began: while table and file system grow; while what is new is still on its way to
+# the disk.
+CUTS = [1.5, 6.0]
 
 
 def room(guest: Guest) -> int:
@@ -31,14 +32,10 @@ def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pat
     test_disk = testdisk.make(work / "clip.img", clip)
     with boot("grow", size=CARD, test_disk=test_disk) as guest:
         guest.shell()
-        took = guest.sh("awk '$4 == \"S16ddxgrow\" { print $2 - $1 }' /run/log/boot")
-        assert float(took) <= 1.0  # nobody waits for it
         wait_until_grown(guest)
         assert room(guest) > 0.95 * CARD
         session.wait_for_recording(guest)
-        guest.sh("/etc/init.d/S16ddxgrow start")  # as the next boot will do
-        wait_until_grown(guest)
-        said = guest.sh("cat /run/log/ddxgrow")
+        said = guest.sh("/usr/libexec/ddx/grow 2>&1")  # as the next boot will do
         assert "ddxgrow: /dev/vda: nothing to do" in said and "Nothing to do!" in said  # the second one is resize2fs
         guest.sh("/etc/init.d/S*ddxvideosave stop; mount -o remount,ro /rec")
         snapshot = guest.snapshot()
@@ -62,7 +59,7 @@ def test_power_is_cut_while_it_grows(boot: Boot, used: pathlib.Path, tmp_path: p
     """The next boot brings it to its end; what had been recorded is there."""
     shutil.copy(used / "disk.qcow2", tmp_path)
     with boot("cut", keep=tmp_path) as guest:
-        guest.wait_for_log(b"Starting ddxgrow: OK")  # it has begun, and /rec is mounted
+        guest.wait_for_log(b"Starting storage: OK")
         time.sleep(seconds)
         guest.process.kill()
         guest.process.wait()

@@ -8,9 +8,9 @@ import pytest
 import session
 from qemu import Guest
 
-# What starts and supervises the others, the shells that the test's own provisioning file opened, and `console` where
-# nobody listens, which only sleeps.
-ROOTS = {"init", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
+# What starts and supervises the others, what mounts disks, the shells that the test's own provisioning file opened, and
+# `console` where nobody listens, which only sleeps.
+ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
 # A service is one of the first three, one after the other, before it is what it is: for some milliseconds. And BusyBox'
 # timeout, with which the tests look, stays for a second behind what it watched.
 PASSING = {"run", "chpst", "setpriv", "timeout"}

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Two roots on the disk: when one cannot be booted, or does not prove itself, the other one is."""
-from collections.abc import Callable
+"""Two roots on the disk: when one cannot be booted, or does not prove itself, the other one is. Of a damaged card, what
+can be mended is."""
+import pathlib
+from collections.abc import Callable, Iterator
 
 import pytest
 
+import mbr
 from disk import Disk
-from qemu import Boot
+from qemu import Boot, Guest
 
 SLOT = {"A": 34816 * 512, "B": 165888 * 512}  # see board/common/disk.cfg
 SLOT_BYTES = 64 << 20
@@ -20,29 +23,60 @@ def spoil(disk: Disk, slot: str) -> None:
     disk.write(SLOT[slot], b"\xff" * 65536)
 
 
-def spoilt_a(disk: Disk) -> None:
-    fill_slot_b(disk)
-    spoil(disk, "A")
-
-
 def spoilt_b(disk: Disk) -> None:
     spoil(disk, "B")
 
 
-@pytest.mark.parametrize("prepare, environment, slot", [
-    (spoilt_a, (), "B"),                      # unreadable: the boot menu goes on to the other one
-    # it had its chances
-    pytest.param(fill_slot_b, ("slot=A", "left=0"), "B", marks=pytest.mark.long),
-    # an update that was cut off
-    pytest.param(spoilt_b, ("slot=B", "left=2"), "A", marks=pytest.mark.long),
-], ids=["spoilt", "no-boots-left", "bad-update"])
-def test_the_other_slot_is_booted(boot: Boot, prepare: Callable[[Disk], None], environment: tuple[str, ...],
-                                  slot: str) -> None:
-    with boot("slots", environment=environment, prepare=prepare) as guest:
+def booted(guest: Guest, slot: str) -> None:
+    words = guest.sh("cat /proc/cmdline").split()
+    assert f"ddx.slot={slot}" in words
+    assert f"root=PARTUUID=dd5601de-0{'AB'.index(slot) + 2}" in words
+    assert "squashfs (ro" in guest.sh("mount | grep ' on / '")
+    # where GRUB would have waited ten seconds for somebody
+    assert guest.log.read_bytes().count(b"Press any key") == 0
+
+
+@pytest.fixture(scope="module")
+def damaged(boot: Boot, image: pathlib.Path) -> Iterator[Guest]:
+    """A card that has lost slot A, and the superblocks of settings and recordings."""
+    def damage(disk: Disk) -> None:
+        fill_slot_b(disk)
+        spoil(disk, "A")
+        for number in (5, 6):
+            disk.write(mbr.partition(image, number).begin + 1024, bytes(1024))
+
+    with boot("slots", prepare=damage) as guest:
         guest.shell()
-        words = guest.sh("cat /proc/cmdline").split()
-        assert f"ddx.slot={slot}" in words
-        assert f"root=PARTUUID=dd5601de-0{'AB'.index(slot) + 2}" in words
-        assert "squashfs (ro" in guest.sh("mount | grep ' on / '")
-        # where GRUB would have waited ten seconds for somebody
-        assert guest.log.read_bytes().count(b"Press any key") == 0
+        yield guest
+
+
+def test_the_other_slot_is_booted(damaged: Guest) -> None:
+    """The boot menu goes on to it."""
+    booted(damaged, "B")
+
+
+def test_file_systems_without_a_superblock_are_mended(damaged: Guest) -> None:
+    damaged.wait_until("mountpoint -q /rec")
+    device = damaged.sh("/usr/libexec/ddx/own-partition 6")
+    told = f"{device} is there, after a repair that may have cost recordings; see /run/log/check.DDXREC"
+    assert damaged.sh("cat /run/log/recordings-disk").splitlines()[-1] == told
+    damaged.wait_for_log(f"DDXVIDEO: {told}".encode())
+    damaged.wait_until("ddxctl status ddxvideosave | grep -q state=running")
+    health = damaged.sh("ddxctl health || true")
+    assert "! disk       /data had to be repaired, and there is no copy on /rec; settings are what is left" in health
+    assert "beware: /data had to be repaired" in damaged.shell().run("ddxctl disable ddxvideoload")[1]
+    damaged.wait_until("grep -q ddxvideoload.conf /rec/.settings")  # now there is one
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("prepare, environment, slot", [
+    # it had its chances
+    (fill_slot_b, ("slot=A", "left=0"), "B"),
+    # an update that was cut off
+    (spoilt_b, ("slot=B", "left=2"), "A"),
+], ids=["no-boots-left", "bad-update"])
+def test_a_slot_has_its_chances(boot: Boot, prepare: Callable[[Disk], None], environment: tuple[str, ...],
+                                slot: str) -> None:
+    with boot("chances", environment=environment, prepare=prepare) as guest:
+        guest.shell()
+        booted(guest, slot)

@@ -10,6 +10,8 @@ from contextlib import contextmanager
 
 import pytest
 
+from common import TOP
+
 from .appliance import Appliance
 from .programs import wait_until
 
@@ -97,7 +99,7 @@ NOT_DONE = "ddxgrow: not done, the next boot goes on"
 
 @pytest.mark.parametrize("table, files, last", [(0, 0, "ddxgrow: done"), (0, 1, NOT_DONE), (1, 0, NOT_DONE)])
 def test_growing_says_when_it_is_done(appliance: Appliance, table: int, files: int, last: str) -> None:
-    appliance.install("package/ddxgrow/S16ddxgrow", "etc/init.d/S16ddxgrow")
+    appliance.install("package/ddxgrow/grow", "usr/libexec/ddx/grow")
     appliance.add("usr/sbin/ddxgrow", f'#!/bin/sh\necho "table $*"\nexit {table}\n')
     appliance.add("usr/sbin/resize2fs", f'#!/bin/sh\nusleep 300000\necho "files $*"\nexit {files}\n')
     (appliance.root / "rec").mkdir()
@@ -105,8 +107,21 @@ def test_growing_says_when_it_is_done(appliance: Appliance, table: int, files: i
     (appliance.root / "sys/devices/sda/sda6/partition").write_text("6\n")
     (appliance.root / "sys/class/block").mkdir(parents=True)
     (appliance.root / "sys/class/block/sda6").symlink_to("../../devices/sda/sda6")
-    status, text = appliance.run("mount -t tmpfs /dev/sda6 /rec && /etc/init.d/S16ddxgrow start")
-    assert (status, text) == (0, "Starting ddxgrow: OK\n")  # at once
-    log = appliance.root / "run/log/ddxgrow"
-    wait_until(lambda: len(log.read_text().splitlines()) == 3)
-    assert log.read_text().splitlines() == ["table /dev/sda 6", "files /dev/sda6", last]
+    status, text = appliance.run("mount -t tmpfs /dev/sda6 /rec && /usr/libexec/ddx/grow")
+    assert (status, text.splitlines()) == (0, ["table /dev/sda 6", "files /dev/sda6", last])
+
+
+def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Appliance) -> None:
+    text = (TOP / "overlay/etc/init.d/rcS").read_text()
+    assert "sleep 5" in text and "-ge 90" in text
+    appliance.add("etc/init.d/rcS", text.replace("sleep 5", "sleep 0.2").replace("-ge 90", "-ge 1"))
+    appliance.add("usr/libexec/ddx/serial", "#!/bin/sh\nexec cat\n")
+    appliance.add("etc/init.d/S10first", "#!/bin/sh\necho first\n")
+    appliance.add("etc/init.d/S20hangs", "#!/bin/sh\necho second\nsleep 1000\necho never\n")
+    appliance.add("etc/init.d/S30last", "#!/bin/sh\necho last\nfalse\n")
+    status, text = appliance.run("/etc/init.d/rcS && pkill sleep")
+    said = [line for line in text.splitlines() if line not in ("Killed", "Terminated")]  # the shell's own words
+    assert (status, said) == (0, ["first", "second", "FAIL: S20hangs takes too long", "last"])
+    boot = [line.split()[2:] for line in (appliance.root / "run/log/boot").read_text().splitlines()]
+    assert boot == [["0", "S10first"], ["137", "S20hangs"], ["1", "S30last"]]
+    assert not (appliance.root / "run/said").exists()

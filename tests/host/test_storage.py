@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The script that mounts settings and recordings, with a `mount` that refuses: it asks again, and says so when all was
-in vain. Its programs and /run are ours, all else is the script as it ships."""
+"""The scripts that mount settings and recordings, with a `mount` that refuses: they ask again, and say so when all was
+in vain. Their programs and /run are ours, all else are the scripts as they ship."""
 from __future__ import annotations
 
 import os
@@ -10,6 +10,8 @@ import subprocess
 import pytest
 
 from common import TOP
+
+from .programs import wait_until
 
 DISKS = {"DDXDATA": "/data", "DDXREC": "/rec", "DDXTEST": "/test"}
 # Refuses the first so many times for that folder, as often as `refuse.<folder>` says; then notes it as mounted.
@@ -28,6 +30,10 @@ FAKES = {
     "mountpoint": '#!/bin/sh\ngrep -qx "$2" mounted\n',
     "blkid": "#!/bin/sh\n" + "".join(f"echo '/dev/{label}: LABEL=\"{label}\"'\n" for label in DISKS),
     "own-partition": '#!/bin/sh\ncase $1 in 5) echo /dev/DDXDATA ;; 6) echo /dev/DDXREC ;; esac\n',
+    "umount": "#!/bin/sh\nsed -i \"\\|^$1$|d\" mounted\n",
+    "settings-copy": "#!/bin/sh\nexit 1\n",
+    "grow": "#!/bin/sh\n",
+    "serial": "#!/bin/sh\nexec cat\n",
     "modprobe": '#!/bin/sh\necho "$*" >> modprobe.said\n',
     **{name: "#!/bin/sh\n" for name in ("e2fsck", "chown", "chmod", "mkdir", "sleep")}}
 
@@ -43,13 +49,17 @@ class Machine:
         for name, text in FAKES.items():
             (folder / "programs" / name).write_text(text)
             (folder / "programs" / name).chmod(0o755)
-        (folder / "own-partition").symlink_to("programs/own-partition")
-        for name in ("storage", "S15storage"):
+        for name in ("own-partition", "settings-copy", "serial", "grow"):
+            (folder / name).symlink_to(f"programs/{name}")
+        for name in ("storage", "recordings-disk", "S15storage"):
             place = "etc/init.d" if name.startswith("S") else "usr/libexec/ddx"
             text = (TOP / "overlay" / place / name).read_text()
-            for theirs, ours in [("/usr/libexec/ddx/", ""), ("/proc/", ""), ("/run/", "")]:
-                text = text.replace(theirs, f"{folder}/{ours}")
+            for theirs in ("/usr/libexec/ddx/", "/proc/", "/run/", "/dev/console"):
+                text = text.replace(theirs, f"{folder}/{theirs[1:] if theirs.startswith('/dev') else ''}")
             (folder / name).write_text(text)
+            (folder / name).chmod(0o755)
+        for name in ("dev", "disks"):
+            (folder / name).mkdir()
 
     def refuse(self, where: str, times: int) -> None:
         (self.folder / f"refuse.{where}").write_text(f"{times}\n")
@@ -59,6 +69,12 @@ class Machine:
         done = subprocess.run(["sh", self.folder / "S15storage", "start"], cwd=self.folder, text=True, check=False,
                               env={"PATH": path}, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, timeout=300)
         return done.returncode, done.stdout
+
+    def recordings(self) -> str:
+        """What the job that sees to them came to, which nobody waited for."""
+        said = self.folder / "log/recordings-disk"
+        wait_until(lambda: said.exists() and not said.read_text().endswith("is being checked\n"))
+        return said.read_text().splitlines()[-1]
 
     @property
     def mounted(self) -> set[str]:
@@ -75,6 +91,7 @@ def machine(tmp_path: pathlib.Path) -> Machine:
 
 def test_everything_is_mounted_and_drivers_come_first(machine: Machine) -> None:
     assert machine.start() == (0, "Starting storage: OK\n")
+    assert machine.recordings() == "/dev/DDXREC is there"
     assert machine.mounted == set(DISKS.values())
     assert {"ext4", "crc32c", "vfat"} <= set((machine.folder / "modprobe.said").read_text().split())
 
@@ -82,6 +99,7 @@ def test_everything_is_mounted_and_drivers_come_first(machine: Machine) -> None:
 def test_a_test_disk_that_nobody_asked_for_is_left_alone(machine: Machine) -> None:
     (machine.folder / "provision").write_text("hostname=robot\ntest=no\n")
     assert machine.start() == (0, "Starting storage: OK\n")
+    assert machine.recordings() == "/dev/DDXREC is there"
     assert machine.mounted == {"/data", "/rec"}
 
 
@@ -89,6 +107,7 @@ def test_a_test_disk_that_nobody_asked_for_is_left_alone(machine: Machine) -> No
 def test_a_mount_that_fails_once_is_tried_again(machine: Machine, label: str) -> None:
     machine.refuse(DISKS[label][1:], 1)
     assert machine.start() == (0, "Starting storage: OK\n")
+    assert machine.recordings() == "/dev/DDXREC is there"
     assert machine.mounted == set(DISKS.values())
     assert "No such device" in machine.log(label)
 
@@ -97,7 +116,13 @@ def test_a_mount_that_fails_once_is_tried_again(machine: Machine, label: str) ->
 def test_a_mount_that_always_fails_is_told_and_the_others_are_there(machine: Machine, label: str) -> None:
     folder = DISKS[label]
     machine.refuse(folder[1:], 1000)
-    assert machine.start() == (1, f"Starting storage: FAIL: {folder[1:]}\n")
-    assert machine.mounted == set(DISKS.values()) - {folder}
+    if label == "DDXREC":
+        assert machine.start() == (0, "Starting storage: OK\n")  # nobody waited for it
+        assert "cannot be used" in machine.recordings()
+    else:
+        assert machine.start() == (1, f"Starting storage: FAIL: {folder[1:]}\n")
+        assert machine.recordings() == "/dev/DDXREC is there"
+    assert machine.mounted - {"/data"} == set(DISKS.values()) - {folder} - {"/data"}
+    assert label != "DDXDATA" or "settings are the image's" in (machine.folder / "settings.lost").read_text()
     assert "No such device" in machine.log(label)
     assert int((machine.folder / f"refuse.{folder[1:]}").read_text()) > 900  # it ends soon

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Damaged file systems, real ones on loop devices, with the image's scripts, its BusyBox and e2fsck: what can be
+mended is mended, what cannot is told, settings have a second copy, and nobody waits but the recorder."""
+from __future__ import annotations
+
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from .appliance import Appliance
+from .programs import wait_until
+
+SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
+           for name in ("storage", "recordings-disk", "settings-copy", "disk")}
+SCRIPTS |= {f"package/ddx/service/{name}": f"usr/libexec/ddx/{name}" for name in ("service", "finish", "mounted")}
+SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
+SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # of several groups, so there is a second superblock
+# As in board/common/disk.cfg.
+FEATURES = "extents,flex_bg,metadata_csum,64bit,large_file,huge_file,dir_nlink,extra_isize"
+OPTIONS = {"DDXDATA": ["-b", "1024", "-O", f"has_journal,{FEATURES}"],
+           "DDXREC": ["-i", "1048576", "-O", f"^has_journal,{FEATURES}"]}
+SBIN = {**os.environ, "PATH": f"{os.environ['PATH']}:/usr/sbin:/sbin"}
+MIB = 1 << 20
+
+
+def host(*words: str | pathlib.Path) -> str:
+    return subprocess.run(words, env=SBIN, check=True, capture_output=True, text=True).stdout.strip()
+
+
+class Robot(Appliance):
+    def __init__(self, folder: pathlib.Path) -> None:
+        super().__init__(folder)
+        self.files = folder
+        self.devices: dict[str, str] = {}
+        for script, to in SCRIPTS.items():
+            self.install(script, to)
+        modules = f"lib/modules/{os.uname().release}"
+        for name in ("data", "rec", "test", "mnt", "run/settings", modules):
+            (self.root / name).mkdir(parents=True)
+        (self.root / modules / "modules.dep").touch()
+        for name in ("run/provision", "run/console"):
+            (self.root / name).touch()
+        assert self.run("mount --bind /run/console /dev/console")[0] == 0
+        with (self.root / "etc/passwd").open("a") as users:
+            users.write("ddxsave:x:903:900::/:/bin/sh\nddxlogger:x:909:900::/:/bin/sh\n")
+        self.bring("e2fsck")
+        self.add("usr/libexec/ddx/serial", "#!/bin/sh\nexec cat\n")
+        self.add("usr/libexec/ddx/grow", "#!/bin/sh\necho 'ddxgrow: done'\n")
+        for label in SIZES:
+            self.devices[label] = self.disk(label)
+        self.add("usr/libexec/ddx/own-partition", "#!/bin/sh\ncase $1 in\n5) echo {DDXDATA} ;;\n6) echo {DDXREC} ;;\n"
+                                                  "esac\n".format(**self.devices))
+
+    def bring(self, program: str) -> None:
+        """A program of the desk, with its libraries."""
+        path = shutil.which(program, path=SBIN["PATH"])
+        assert path
+        for file in [path, *re.findall(r"(/\S+)", host("ldd", path))]:
+            to = self.root / file.lstrip("/")
+            if not to.exists():
+                to.parent.mkdir(parents=True, exist_ok=True)
+                shutil.copy(file, to)
+
+    def disk(self, label: str, name: str = "") -> str:
+        """A new one, with a file in it."""
+        image = self.files / f"{name or label}.img"
+        host("truncate", "-s", SIZES[label], image)
+        host("mke2fs", "-q", *OPTIONS[label], "-m", "0", "-L", label, image)
+        (self.files / "kept").write_text("kept\n")
+        host("debugfs", "-w", "-R", f"write {self.files}/kept kept", image)
+        return host("losetup", "--find", "--show", image)
+
+    def spoil(self, label: str, begin: int, length: int) -> None:
+        with open(self.devices[label], "r+b") as disk:
+            disk.seek(begin)
+            disk.write(bytes(length))
+
+    def boot(self) -> tuple[int, str]:
+        return self.run("/etc/init.d/S15storage start")
+
+    def see_to_recordings(self) -> None:
+        """As init does it, for ever."""
+        self.start("exec /usr/libexec/ddx/recordings-disk")
+
+    def told(self) -> str:
+        log = self.root / "run/log/recordings-disk"
+        return (log.read_text().splitlines() or [""])[-1] if log.exists() else ""
+
+    def mounted(self, folder: str) -> bool:
+        return self.run(f"mountpoint -q {folder}")[0] == 0
+
+    def write_settings(self) -> None:
+        """A service is switched off, and both places know."""
+        self.run("mount -t ext4 {DDXDATA} /data && mount -t ext4 {DDXREC} /rec && mkdir /data/ddx && "
+                 "echo enabled=no > /data/ddx/thing.conf && echo rate=5 > /data/ddx/thing.b.conf && "
+                 "/usr/libexec/ddx/settings-copy save && umount /data /rec".format(**self.devices))
+
+    def end(self) -> None:
+        super().end()
+        for device in self.devices.values():
+            subprocess.run(["losetup", "--detach", device], env=SBIN, check=False)
+
+
+@pytest.fixture
+def robot(tmp_path: pathlib.Path) -> Iterator[Robot]:
+    if os.geteuid() != 0 or subprocess.run(["losetup", "-f"], env=SBIN, capture_output=True, check=False).returncode:
+        pytest.skip("disks that are files take root and loop devices")
+    robot = Robot(tmp_path)
+    yield robot
+    robot.end()
+
+
+def test_both_are_there_and_belong_to_whom_they_should(robot: Robot) -> None:
+    assert robot.boot() == (0, "Starting storage: OK\n")
+    wait_until(lambda: robot.told() == f"{robot.devices['DDXREC']} is there")
+    assert robot.run("cat /data/kept /rec/kept; stat -c '%U %a' /rec /rec/log") == (
+        0, "kept\nkept\nddxsave 2755\nddxlogger 2755\n")
+    assert robot.run("grep -c errors=remount-ro /proc/mounts")[1] == "2\n"
+    assert not (robot.root / "run/settings.lost").exists() and not (robot.root / "run/console").read_text()
+    assert robot.run("cat /run/log/ddxgrow")[1] == "ddxgrow: done\n"
+
+
+@pytest.mark.parametrize("begin, length, kept", [(1024, 1024, True), (0, MIB, False)], ids=["superblock", "MiB"])
+def test_spoilt_recordings_are_mended_and_that_is_told(robot: Robot, begin: int, length: int, kept: bool) -> None:
+    robot.spoil("DDXREC", begin, length)
+    assert robot.boot() == (0, "Starting storage: OK\n")
+    told = (f"{robot.devices['DDXREC']} is there, after a repair that may have cost recordings; "
+            "see /run/log/check.DDXREC")
+    wait_until(lambda: robot.told() == told)
+    assert robot.mounted("/rec") and (robot.run("cat /rec/kept")[1] == "kept\n") == kept
+    wait_until(lambda: (robot.root / "run/console").read_text() == f"DDXVIDEO: {told}\n")
+
+
+def test_recordings_beyond_repair_are_told_once_and_another_disk_is_taken(robot: Robot) -> None:
+    robot.spoil("DDXREC", 0, 160 * MIB)
+    assert robot.boot() == (0, "Starting storage: OK\n")
+    robot.see_to_recordings()
+    broken = robot.devices["DDXREC"]
+    told = f"{broken}, the recordings' disk, cannot be used: nothing is recorded; see /run/log/check.DDXREC"
+    log = robot.root / "run/log/recordings-disk"
+    wait_until(lambda: log.exists() and log.read_text().count(told) == 2)  # by the boot, and by who goes on with it
+    assert not robot.mounted("/rec")
+    robot.devices["other"] = robot.disk("DDXREC", "other")
+    name = robot.devices["other"].removeprefix("/dev/")
+    robot.run(f"ACTION=add MDEV={name} /usr/libexec/ddx/disk")
+    wait_until(lambda: robot.told() == f"/dev/{name} is there")
+    assert robot.run("cat /rec/kept")[1] == "kept\n"
+    robot.run(f"ACTION=remove MDEV={name} /usr/libexec/ddx/disk")
+    assert not robot.mounted("/rec")
+    robot.run(f"ACTION=add MDEV={name} /usr/libexec/ddx/disk")  # and back
+    wait_until(lambda: robot.mounted("/rec"))
+
+
+def test_a_disk_that_is_none_for_recordings_is_left_alone(robot: Robot) -> None:
+    robot.spoil("DDXREC", 0, 160 * MIB)
+    robot.boot()
+    robot.see_to_recordings()
+    for name in (robot.devices["DDXDATA"], "/dev/loop-there-is-none", "/dev/null"):
+        robot.run(f"ACTION=add MDEV={name.removeprefix('/dev/')} /usr/libexec/ddx/disk")
+    robot.devices["other"] = robot.disk("DDXREC", "other")
+    robot.run(f"ACTION=add MDEV={robot.devices['other'].removeprefix('/dev/')} /usr/libexec/ddx/disk")
+    wait_until(lambda: robot.mounted("/rec"))
+    log = (robot.root / "run/log/recordings-disk").read_text()
+    assert robot.devices["DDXDATA"] not in log and "none" not in log
+
+
+def test_nobody_waits_for_a_long_check_but_the_recorder(robot: Robot) -> None:
+    os.mkfifo(robot.root / "run/patience")
+    real = robot.run("command -v e2fsck")[1].strip()
+    shutil.move(robot.root / real.lstrip("/"), robot.root / "bin/e2fsck.real")
+    robot.add(real.lstrip("/"), f"#!/bin/sh\ncase \"$*\" in *{robot.devices['DDXREC']}*) cat /run/patience ;; esac\n"
+                                'exec /bin/e2fsck.real "$@"\n')
+    robot.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
+    (robot.root / "etc/default/thing").write_text("user=root\nmounted=/rec\n")
+    assert robot.boot() == (0, "Starting storage: OK\n")  # at once
+    robot.run("/usr/libexec/ddx/service thing start")
+    robot.start("exec runsvdir -P /run/service")
+
+    def state() -> str:
+        return robot.run("/usr/libexec/ddx/service thing status")[1].split()[2]
+    wait_until(lambda: state() == "state=waiting")
+    assert robot.told() == f"{robot.devices['DDXREC']} is being checked" and not robot.mounted("/rec")
+    with (robot.root / "run/patience").open("w"):
+        pass
+    wait_until(lambda: state() == "state=running")
+    assert robot.mounted("/rec")
+    assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
+    robot.run("umount /rec && /usr/libexec/ddx/service thing start")
+    wait_until(lambda: state() == "state=waiting")
+    # who waits can be stopped, too
+    assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
+    assert state() == "state=stopped"
+
+
+LOST = {"copy": "settings are those of their copy on /rec",
+        "none": "there is no copy on /rec; settings are the image's, and forgotten at the next boot"}
+
+
+@pytest.mark.parametrize("copy", LOST)
+def test_settings_beyond_repair_come_from_their_copy(robot: Robot, copy: str) -> None:
+    if copy == "copy":
+        robot.write_settings()
+    robot.spoil("DDXDATA", 0, 32 * MIB)
+    assert robot.boot() == (1, "Starting storage: FAIL: data\n")
+    assert LOST[copy] in (robot.root / "run/settings.lost").read_text()
+    wait_until(lambda: robot.mounted("/rec"))  # recordings do not mind
+    found = robot.run("cat /data/ddx/thing.conf /data/ddx/thing.b.conf")[1]
+    assert (found == "enabled=no\nrate=5\n") == (copy == "copy")
+
+
+def test_what_is_set_without_a_disk_for_settings_holds(robot: Robot) -> None:
+    """Their copy takes it, and the next boot begins with that."""
+    robot.spoil("DDXDATA", 0, 32 * MIB)
+    robot.boot()
+    wait_until(lambda: robot.told().endswith("is there"))
+    robot.run("echo enabled=no > /data/ddx/thing.conf && /usr/libexec/ddx/settings-copy save")
+    assert robot.run("/etc/init.d/S15storage stop")[1] == "Stopping storage: OK\n"
+    robot.boot()
+    assert robot.run("cat /data/ddx/thing.conf")[1] == "enabled=no\n"
+
+
+def test_settings_that_were_repaired_are_those_of_the_copy(robot: Robot) -> None:
+    robot.write_settings()
+    robot.run("mount -t ext4 {DDXDATA} /data && echo enabled=maybe > /data/ddx/thing.conf && "
+              "touch /data/ddx/other.conf && umount /data".format(**robot.devices))
+    robot.spoil("DDXDATA", 1024, 1024)
+    assert robot.boot() == (0, "Starting storage: OK\n")
+    assert (robot.root / "run/settings.lost").read_text() == f"/data had to be repaired; {LOST['copy']}\n"
+    assert robot.run("cd /data/ddx && ls && cat thing.conf /data/kept")[1] == (
+        "thing.b.conf\nthing.conf\nenabled=no\nkept\n")
+
+
+def test_who_still_holds_a_disk_is_ended_before_it_is_unmounted(robot: Robot) -> None:
+    robot.boot()
+    wait_until(lambda: robot.told().endswith("is there"))
+    holders = [robot.start("cd /rec && exec sleep 1000"),
+               robot.start("cd /data && trap '' TERM; echo ready > /data/ready; while :; do sleep 1; done")]
+    wait_until(lambda: robot.run("[ -e /data/ready ] && fuser -m /rec")[0] == 0)
+    assert robot.run("/etc/init.d/S15storage stop") == (0, "Stopping storage: OK\n")
+    for holder in holders:
+        holder.wait(10)
+    assert not robot.mounted("/rec") and not robot.mounted("/data")
+    assert "clean" in host("e2fsck", "-n", robot.devices["DDXREC"])
