@@ -207,9 +207,11 @@ def main() -> int:
         say(f"bench: {case}: {peer} failed in a slice: {why}")
     file = OUTPUT / f"bench/{'before' if options.before else 'store'}.json"
     file.write_text(json.dumps(result, indent=1) + "\n")
+    say(f"bench: {file.relative_to(TOP)}")
     if not options.before:
-        file.with_suffix(".html").write_text(bench_plot.page(result))
-    say(f"bench: {file.relative_to(TOP)} and, where peers are compared, .html beside it")
+        page = file.with_suffix(".html")
+        page.write_text(bench_plot.page(result))
+        say(f"bench: {page.relative_to(TOP)}")
     torn = [one for one in result["cases"] if one["peer"] == "ddx" and one["torn"]]
     return 1 if torn else 0
 

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The image has what board/common/manifest.txt says."""
 import pathlib
+import re
 
 import pytest
 
+import machine
 import manifest
 from common import entries
+
+from .conftest import BOARD
 
 # Kinds of lines, and which word of theirs is spoilt. Ports are asked from outside: test_ssh.py, test_ports.py
 SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
@@ -71,3 +75,15 @@ def test_a_spoilt_line_is_seen(root: pathlib.Path, image: pathlib.Path, tmp_path
     spoilt.write_text("\n".join([*lines[:last], " ".join(words), *lines[last + 1:]]) + "\n")
     monkeypatch.setattr(manifest, "MANIFEST", spoilt)
     assert complaints(root, image)[kind] != []
+
+
+@pytest.mark.skipif(BOARD == machine.DEV, reason="the development image's FFmpeg is built for this machine")
+def test_ffmpeg_looks_at_the_processor_it_runs_on(root: pathlib.Path) -> None:
+    """What newer ones can do is built in; `configure` takes the last word of each pair."""
+    library = next(path for path in (root / "usr/lib").glob("libavutil.so.*") if not path.is_symlink())
+    words = re.search(rb"--prefix=[^\0]*", library.read_bytes())
+    assert words
+    said = dict(reversed(word.removeprefix("--").split("-", 1)) for word in words[0].decode().split()
+                if re.fullmatch(r"--(en|dis)able-(x86asm|mmx|sse\w*|ssse3|avx2?)", word))
+    assert {"x86asm", "sse2", "ssse3", "avx2"} <= said.keys()
+    assert {name for name, what in said.items() if what == "disable"} == set()
