@@ -62,7 +62,7 @@ def test_a_check_that_takes_long(boot: Boot, image: pathlib.Path, work: pathlib.
     part = mbr.partition(image, RECORDINGS)
     large = work / "many-files.ext4"
     large.unlink(missing_ok=True)
-    run(["mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-N", "1500000", "-L", "DDXREC", large,
+    run(["mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-b", "1024", "-N", "500000", "-L", "DDXREC", large,
          f"{(part.end - part.begin) >> 10}k"])
     with large.open("r+b") as file:
         file.seek(1024)
