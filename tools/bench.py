@@ -47,19 +47,21 @@ def cargo_project() -> pathlib.Path:
     return project
 
 
+def compile_bench(root: pathlib.Path, into: pathlib.Path, options: list[str]) -> None:
+    """The programs of bench/, with the store and the library that are installed in root."""
+    options = [f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}", *options]
+    run(["meson", "configure" if (into / "build.ninja").exists() else "setup", *options, into], cwd=TOP / "bench")
+    run(["ninja", "-C", into])
+
+
 def build(peers: bool) -> None:
     root = native.build()
-    options = [f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}",
-               f"-Dpeers={str(peers).lower()}"]
-    if peers:
-        say("bench: building iceoryx2 ...")
-        run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO], cwd=cargo_project())
-        options.append(f"-Diceoryx2={CARGO}/release/libbench_iceoryx2.a")
-    if not (BUILD / "build.ninja").exists():
-        run(["meson", "setup", *options, BUILD, TOP / "bench"])
-    elif peers:
-        run(["meson", "configure", *options, BUILD])
-    run(["ninja", "-C", BUILD])
+    if not peers:
+        compile_bench(root, BUILD, [] if (BUILD / "build.ninja").exists() else ["-Dpeers=false"])
+        return
+    say("bench: building iceoryx2 ...")
+    run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO], cwd=cargo_project())
+    compile_bench(root, BUILD, ["-Dpeers=true", f"-Diceoryx2={CARGO}/release/libbench_iceoryx2.a"])
 
 
 def build_before(commit: str) -> None:
@@ -72,11 +74,7 @@ def build_before(commit: str) -> None:
         archive = BEFORE / "tree.tar"
         run(["git", "-C", TOP, "archive", "-o", archive, name, "package/ddx"])
         run(["tar", "-xf", archive, "-C", tree])
-    root = native.build("bench/before", (), ["ddx"], tree)
-    if not (BEFORE / "build/build.ninja").exists():
-        run(["meson", "setup", f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}",
-             "-Dpeers=false", BEFORE / "build", TOP / "bench"])
-    run(["ninja", "-C", BEFORE / "build"])
+    compile_bench(native.build("bench/before", (), ["ddx"], tree), BEFORE / "build", ["-Dpeers=false"])
 
 
 def machine() -> dict[str, Any]:

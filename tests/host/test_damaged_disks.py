@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import os
 import pathlib
-import re
 import shutil
 import subprocess
 from collections.abc import Iterator
 
 import pytest
+import rootfs
+from common import SBIN, run
+from slow_disk import FILE_SYSTEMS
 
 from .appliance import Appliance
 from .programs import wait_until
@@ -21,15 +23,9 @@ SCRIPTS |= {f"package/ddx/service/{name}": f"usr/libexec/ddx/{name}" for name in
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
 SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # of several groups, so there is a second superblock
 # As in board/common/disk.cfg.
-FEATURES = "extents,flex_bg,metadata_csum,64bit,large_file,huge_file,dir_nlink,extra_isize"
-OPTIONS = {"DDXDATA": ["-b", "1024", "-O", f"has_journal,{FEATURES}"],
-           "DDXREC": ["-i", "1048576", "-O", f"^has_journal,{FEATURES}"]}
-SBIN = {**os.environ, "PATH": f"{os.environ['PATH']}:/usr/sbin:/sbin"}
+OPTIONS = {"DDXDATA": ["-b", "1024", *FILE_SYSTEMS["ext4-journal"]], "DDXREC": ["-i", "1048576", *FILE_SYSTEMS["ext4"]]}
 MIB = 1 << 20
-
-
-def host(*words: str | pathlib.Path) -> str:
-    return subprocess.run(words, env=SBIN, check=True, capture_output=True, text=True).stdout.strip()
+ENVIRONMENT = {**os.environ, **SBIN}
 
 
 class Robot(Appliance):
@@ -58,10 +54,11 @@ class Robot(Appliance):
 
     def bring(self, program: str) -> None:
         """A program of the desk, with its libraries."""
-        path = shutil.which(program, path=SBIN["PATH"])
-        assert path
-        for file in [path, *re.findall(r"(/\S+)", host("ldd", path))]:
-            to = self.root / file.lstrip("/")
+        found = shutil.which(program, path=SBIN["PATH"])
+        assert found
+        path = pathlib.Path(found)
+        for file in [path, *rootfs.libraries(path, [])]:
+            to = self.root / file.relative_to("/")
             if not to.exists():
                 to.parent.mkdir(parents=True, exist_ok=True)
                 shutil.copy(file, to)
@@ -69,11 +66,11 @@ class Robot(Appliance):
     def disk(self, label: str, name: str = "") -> str:
         """A new one, with a file in it."""
         image = self.files / f"{name or label}.img"
-        host("truncate", "-s", SIZES[label], image)
-        host("mke2fs", "-q", *OPTIONS[label], "-m", "0", "-L", label, image)
+        run(["truncate", "-s", SIZES[label], image])
+        run(["mke2fs", "-q", *OPTIONS[label], "-m", "0", "-L", label, image])
         (self.files / "kept").write_text("kept\n")
-        host("debugfs", "-w", "-R", f"write {self.files}/kept kept", image)
-        return host("losetup", "--find", "--show", image)
+        run(["debugfs", "-w", "-R", f"write {self.files}/kept kept", image])
+        return run(["losetup", "--find", "--show", image]).strip()
 
     def spoil(self, label: str, begin: int, length: int) -> None:
         with open(self.devices[label], "r+b") as disk:
@@ -103,12 +100,13 @@ class Robot(Appliance):
     def end(self) -> None:
         super().end()
         for device in self.devices.values():
-            subprocess.run(["losetup", "--detach", device], env=SBIN, check=False)
+            subprocess.run(["losetup", "--detach", device], env=ENVIRONMENT, check=False)
 
 
 @pytest.fixture
 def robot(tmp_path: pathlib.Path) -> Iterator[Robot]:
-    if os.geteuid() != 0 or subprocess.run(["losetup", "-f"], env=SBIN, capture_output=True, check=False).returncode:
+    if os.geteuid() != 0 or subprocess.run(["losetup", "-f"], env=ENVIRONMENT, capture_output=True,
+                                           check=False).returncode:
         pytest.skip("disks that are files take root and loop devices")
     robot = Robot(tmp_path)
     yield robot
@@ -245,4 +243,4 @@ def test_who_still_holds_a_disk_is_ended_before_it_is_unmounted(robot: Robot) ->
     for holder in holders:
         holder.wait(10)
     assert not robot.mounted("/rec") and not robot.mounted("/data")
-    assert "clean" in host("e2fsck", "-n", robot.devices["DDXREC"])
+    assert "clean" in run(["e2fsck", "-n", robot.devices["DDXREC"]])
