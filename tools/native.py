@@ -32,6 +32,6 @@ def _build(out: pathlib.Path, tree: pathlib.Path, options: Sequence[str], env: d
     if not (out / "build.ninja").exists():
         say(f"{title}: configuring ...")
         run(["meson", "setup", *MESON, *options, out, tree / "package" / out.name], env=env)
-    if "ninja: no work to do" not in run(["ninja", "-C", out], env=env):
+    if "ninja: no work to do" not in run(["nice", "-n", "10", "ninja", "-C", out], env=env):
         say(f"{title}: built")
     run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)

@@ -15,6 +15,7 @@ import shutil
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import build
 import buildroot
@@ -40,12 +41,15 @@ LONGEST = 30     # s; what a test of the gate may take
 
 
 def c_tests(run: suite.Suite) -> None:
-    for name, options, packages in BUILDS:
-        with run.part(f"build: {name}"):
-            root = native.build(name, options, packages)
-        for package in packages:
-            with run.part(f"C tests: {name}"):
-                run.meson(name, package, native.environment(root))
+    """While the tests of one build wait for each other's processes, the next one is made."""
+    with ThreadPoolExecutor(1) as builder:
+        builds = [builder.submit(native.build, *build) for build in BUILDS]
+        for (name, _, packages), build in zip(BUILDS, builds):
+            with run.part(f"build: {name}"):
+                root = build.result()
+            for package in packages:
+                with run.part(f"C tests: {name}"):
+                    run.meson(name, package, native.environment(root))
 
 
 def product(run: suite.Suite, words: list[str]) -> None:
