@@ -83,7 +83,7 @@ def test_ffmpeg_looks_at_the_processor_it_runs_on(root: pathlib.Path) -> None:
     library = next(path for path in (root / "usr/lib").glob("libavutil.so.*") if not path.is_symlink())
     words = re.search(rb"--prefix=[^\0]*", library.read_bytes())
     assert words
-    said = dict(reversed(word.removeprefix("--").split("-", 1)) for word in words[0].decode().split()
-                if re.fullmatch(r"--(en|dis)able-(x86asm|mmx|sse\w*|ssse3|avx2?)", word))
+    said = {name: what for what, name in re.findall(r"--(enable|disable)-(x86asm|mmx|sse\w*|ssse3|avx2?)(?= |$)",
+                                                    words[0].decode())}
     assert {"x86asm", "sse2", "ssse3", "avx2"} <= said.keys()
     assert {name for name, what in said.items() if what == "disable"} == set()
