@@ -97,17 +97,45 @@ static void serve_control(struct usb_device *device, const struct message *messa
         finish(device, ntohl(message->number), 0, data, in ? (size_t)length : 0, in ? (size_t)length : request.length);
 }
 
+static void answer_unlink(struct usb_device *device, uint32_t by, bool taken_back) {
+    struct message answer = {.command = htonl(RET_UNLINK), .number = htonl(by)};
+    if (taken_back)
+        answer.unlink = htonl((uint32_t)-104); /* ECONNRESET: before it was done */
+    put(device->socket, &answer, sizeof(answer));
+}
+
+/* Transfers are asked for in the order of their numbers, but vhci_hcd may take one back before it has asked for it:
+ * it sends what waits of the one kind, then of the other. Told that we know none, it would give it back as done, and
+ * unplug us for the answer that it gets later on. */
 static void serve_unlink(struct usb_device *device, const struct message *message) {
-    struct message answer = {.command = htonl(RET_UNLINK), .number = message->number};
+    uint32_t number = ntohl(message->unlink), by = ntohl(message->number);
     for (unsigned i = 0; i < device->pending_count; i++) {
-        if (device->pending[i].number != ntohl(message->unlink))
+        if (device->pending[i].number != number)
             continue;
         device->pending_count--;
         memmove(&device->pending[i], &device->pending[i + 1], (device->pending_count - i) * sizeof(device->pending[0]));
-        answer.unlink = htonl((uint32_t)-104); /* ECONNRESET: taken back before it was done */
-        break;
+        answer_unlink(device, by, true);
+        return;
     }
-    put(device->socket, &answer, sizeof(answer));
+    if (number <= device->newest) {
+        answer_unlink(device, by, false);
+        return;
+    }
+    if (device->early_count == USB_PENDING)
+        fail("too many taken back");
+    device->early[device->early_count].number = number;
+    device->early[device->early_count++].by = by;
+}
+
+static bool was_taken_back(struct usb_device *device) {
+    for (unsigned i = 0; i < device->early_count; i++) {
+        if (device->early[i].number != device->newest)
+            continue;
+        answer_unlink(device, device->early[i].by, true);
+        device->early[i] = device->early[--device->early_count];
+        return true;
+    }
+    return false;
 }
 
 static void serve_message(struct usb_device *device) {
@@ -115,8 +143,14 @@ static void serve_message(struct usb_device *device) {
     get(device->socket, &message, sizeof(message));
     if (ntohl(message.command) == CMD_UNLINK) {
         serve_unlink(device, &message);
-    } else if (!message.endpoint) {
+        return;
+    }
+    device->newest = ntohl(message.number);
+    if (!message.endpoint) {
         serve_control(device, &message);
+        (void)was_taken_back(device); /* too late: it is done */
+    } else if (was_taken_back(device)) {
+        return;
     } else if (device->pending_count < USB_PENDING) {
         device->pending[device->pending_count].number = ntohl(message.number);
         device->pending[device->pending_count++].length = ntohl(message.submit.length);

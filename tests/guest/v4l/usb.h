@@ -26,6 +26,12 @@ struct usb_device {
         uint32_t number, length;
     } pending[USB_PENDING];
     unsigned pending_count;
+    uint32_t newest; /* number of the latest transfer that was asked for */
+    /* Transfers that were taken back before they came, and which of the host's messages said so. */
+    struct {
+        uint32_t number, by;
+    } early[USB_PENDING];
+    unsigned early_count;
 };
 
 /* Plug it in. */
