@@ -12,7 +12,7 @@ import ffmpeg
 import native
 import kernel
 import rootfs
-from common import OUTPUT, TOP, Failed, fingerprint, run, say, step
+from common import OUTPUT, TOP, Failed, alone, fingerprint, run, say, step
 
 DEV = OUTPUT / "dev"
 IMAGE = DEV / "disk.img"
@@ -20,7 +20,8 @@ IMAGE = DEV / "disk.img"
 
 def foreign() -> tuple[pathlib.Path, pathlib.Path, pathlib.Path]:
     """What is not ours: kernel, BusyBox, FFmpeg."""
-    return kernel.kernel(), busybox.busybox(), ffmpeg.ffmpeg()
+    with alone("build", OUTPUT / "foreign.lock"):
+        return kernel.kernel(), busybox.busybox(), ffmpeg.ffmpeg()
 
 
 def dev(packages: list[pathlib.Path]) -> pathlib.Path:
@@ -42,8 +43,9 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
     key = fingerprint([tools / "build.py", tools / "rootfs.py", tools / "kernel.py", TOP / "overlay", TOP / "board/dev",
                        TOP / "board/common/users.txt", TOP / "board/common/post-build.sh", DEV / "kernel.stamp",
                        DEV / "busybox.stamp", DEV / "ffmpeg.stamp", *packages])
-    step("root file system", DEV / "root.stamp", key, make_root)
-    step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
+    with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it
+        step("root file system", DEV / "root.stamp", key, make_root)
+        step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
     return IMAGE
 
 
