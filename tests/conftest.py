@@ -17,6 +17,7 @@ from collections.abc import Iterator
 import pytest
 
 import qemu
+import suite
 from common import OUTPUT, commit
 
 LONG = OUTPUT / "long"
@@ -68,8 +69,8 @@ class Outcomes:
     def end(self, item: pytest.Item) -> None:
         name = item.nodeid
         outcome = "failed" if name in self.failures else "skipped" if name in self.skipped else "passed"
-        line = {"test": name, "outcome": outcome, "seconds": round(self.seconds.get(name, 0.0), 2),
-                "guests": qemu.Guest.started}
+        line = {"test": suite.plain(name), "outcome": outcome, "seconds": round(self.seconds.get(name, 0.0), 2),
+                "guests": qemu.Guest.started, "worker": os.environ.get("PYTEST_XDIST_WORKER", "")}
         if where := os.environ.get("DDX_RESULTS"):
             with open(where, "a") as file:
                 file.write(json.dumps({**line, "failure": self.failures.get(name, "")}) + "\n")

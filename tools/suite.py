@@ -33,6 +33,11 @@ class Test:
     failure: str = ""
 
 
+def plain(name: str) -> str:
+    """A test's name without the group that pytest-xdist writes behind it."""
+    return re.sub(r"@[^]]*$", "", name)
+
+
 def slug(name: str) -> str:
     return re.sub(r"[^A-Za-z0-9.\[\]-]+", "-", name.replace("tests/", "")).strip("-")
 
@@ -125,7 +130,8 @@ class Suite:
             lines = [json.loads(line) for line in results.read_text().splitlines()]
             if done.returncode not in (0, 1, 5):
                 self.broken.append(f"pytest {' '.join(arguments)}: exit status {done.returncode}")
-            self.guests += max((line["guests"] for line in lines), default=0)
+            for worker in {line["worker"] for line in lines}:
+                self.guests += max(line["guests"] for line in lines if line["worker"] == worker)
             before = f"{board}: " if board else ""
             return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"]) for line in lines]
 

@@ -28,7 +28,9 @@ BOARD = os.environ.get("BOARD") or machine.DEV
 MACHINES = machine.machines(BOARD)
 # The development image differs from the product in kernel and loader: with its second firmware, only these matter.
 OFTEN = ("test_slots.py",)
-WORK = OUTPUT / "test" / BOARD
+WORK = OUTPUT / "test" / BOARD / os.environ.get("PYTEST_XDIST_WORKER", "")
+# Of two processes that run tests, one has all that share these guests; files are what else stays together.
+SHARED = {"guest": "clip", "recorded": "clip", "closed": "clip", "camera_guest": "camera"}
 # Of the guests that ended during this test: whether it has failed may show after they are gone.
 GONE: list[evidence.Evidence] = []
 NOISE: dict[qemu.Guest, Noise] = {}
@@ -52,7 +54,7 @@ def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def
     report = (yield).get_result()
     if report.failed:
         found = [*GONE, *(evidence.take(guest, True) for guest in qemu.Guest.alive)]
-        report.sections += evidence.keep(found, suite.FAILED / suite.slug(item.nodeid))
+        report.sections += evidence.keep(found, suite.FAILED / suite.slug(suite.plain(item.nodeid)))
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -61,6 +63,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
                and any(name in item.name for name in second)]
     config.hook.pytest_deselected(items=dropped)
     items[:] = [item for item in items if item not in dropped]
+
+
+# Not where all are there: xdist has asked by then.
+def pytest_itemcollected(item: pytest.Item) -> None:
+    item.add_marker(pytest.mark.xdist_group(together(item)))
+
+
+def together(item: pytest.Item) -> str:
+    """Tests with the same of these are run by the same process, one after the other."""
+    assert isinstance(item, pytest.Function)
+    found = item._fixtureinfo.name2fixturedefs
+    shared = {group for name, group in SHARED.items() if name in found and found[name][-1].func.__module__ == __name__}
+    parts = getattr(item, "callspec", None)
+    firmware = parts.params["board"].firmware if parts and "board" in parts.params else ""
+    return f"{next(iter(sorted(shared)), item.path.name)} {firmware}"
 
 
 @pytest.fixture(scope="session")

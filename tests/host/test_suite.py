@@ -96,6 +96,11 @@ def test_tests_in_c(places: pathlib.Path) -> None:
     assert result.verdict(places / "flaky.txt") == 1
 
 
+def test_a_group_is_no_part_of_a_name() -> None:
+    assert suite.plain("tests/boot/test_x.py::test_it[a@b]@test_x.py bios") == "tests/boot/test_x.py::test_it[a@b]"
+    assert suite.plain("tests/x.py::test_it[a@b]") == "tests/x.py::test_it[a@b]"
+
+
 def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path) -> None:
     result = Suite()
     result.pytest([], ["--no-such-option"])
