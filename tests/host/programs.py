@@ -85,6 +85,7 @@ class Desk:
         for process in reversed(self.processes):
             if process.poll() is None:
                 process.terminate()
+                process.send_signal(signal.SIGCONT)  # some are stopped
                 try:
                     process.wait(5)
                 except subprocess.TimeoutExpired:

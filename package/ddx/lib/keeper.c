@@ -15,7 +15,7 @@
 #include "fault.h"
 #include "item.h"
 
-#define SOON 5 /* ms until an item is looked at again that its owner is busy with */
+#define SOON DDX_QUEUE_PAUSE /* ms until an item is looked at again that its owner is busy with */
 
 static struct {
     pthread_mutex_t lock;
@@ -57,7 +57,9 @@ static int look_after(DDX_STORE_ITEM *item) {
         again = DDX_RETRY / 1000000;
     if (ddx_reader_wake(item))
         again = SOON;
-    item->listen = (struct pollfd){.fd = item->socket, .events = item->queue.count ? POLLIN | POLLOUT : POLLIN};
+    if (item->queue.crowded)
+        again = SOON;
+    item->listen = (struct pollfd){.fd = item->socket, .events = (short)(POLLIN | ddx_queue_events(&item->queue))};
     ddx_lock_give(&item->lock);
     return again;
 }

@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <stdlib.h>
 #include <unistd.h>
 
@@ -50,9 +51,21 @@ static int keep(struct ddx_queue *queue, const struct ddx_message *message, cons
     return 0;
 }
 
+static int try(struct ddx_queue *queue, int socket, const struct ddx_message *message, const struct ddx_layout *layout,
+               const int *fds, unsigned fd_count) {
+    int result = ddx_send(socket, message, layout, fds, fd_count);
+
+    queue->crowded = result == -ETOOMANYREFS;
+    return queue->crowded ? -EAGAIN : result;
+}
+
+short ddx_queue_events(const struct ddx_queue *queue) {
+    return queue->count && !queue->crowded ? POLLOUT : 0;
+}
+
 int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message *message,
                    const struct ddx_layout *layout, const int *fds, unsigned fd_count) {
-    int result = queue->count ? -EAGAIN : ddx_send(socket, message, layout, fds, fd_count);
+    int result = queue->count ? -EAGAIN : try(queue, socket, message, layout, fds, fd_count);
 
     return result == -EAGAIN ? keep(queue, message, layout, fds, fd_count) : result;
 }
@@ -60,7 +73,7 @@ int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message
 int ddx_queue_go_on(struct ddx_queue *queue, int socket) {
     while (queue->first) {
         struct ddx_queued *queued = queue->first;
-        int result = ddx_send(socket, &queued->message, queued->layout, queued->fd, queued->fd_count);
+        int result = try(queue, socket, &queued->message, queued->layout, queued->fd, queued->fd_count);
 
         if (result)
             return result == -EAGAIN ? 0 : result;
@@ -102,5 +115,5 @@ void ddx_queue_clear(struct ddx_queue *queue) {
         next = queued->next;
         forget(queued);
     }
-    *queue = (struct ddx_queue){NULL, NULL, 0, 0};
+    *queue = (struct ddx_queue){NULL, NULL, 0, 0, false};
 }

@@ -2,17 +2,27 @@
 /*
  * Messages that wait until the other side has made room in the socket: an item may have more frames than a socket holds
  * messages, and nobody waits for who is slow. Who has one sends everything through it, and goes on when poll() says
- * POLLOUT, which is to be asked for as long as `count` is not 0.
+ * what ddx_queue_events() asks for, or when DDX_QUEUE_PAUSE is over while it is crowded.
  */
 #ifndef DDX_QUEUE_H
 #define DDX_QUEUE_H
+
+#include <stdbool.h>
 
 #include "wire.h"
 
 struct ddx_queue {
     struct ddx_queued *first, *last;
     unsigned count, files; /* messages, and the descriptors that they hold */
+    /* Descriptors that others have not read yet are as many as a user may have under way. That there are fewer poll()
+     * does not tell: it calls the socket writable all the time. */
+    bool crowded;
 };
+
+#define DDX_QUEUE_PAUSE 5 /* ms */
+
+/* What to ask poll() for, besides POLLIN. */
+short ddx_queue_events(const struct ddx_queue *queue);
 
 /*
  * Send, or keep a copy (of the descriptors, too) until there is room. 0; -EPIPE: the other side is gone; -ENOMEM, or

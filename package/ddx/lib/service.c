@@ -372,13 +372,13 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
     if (message->operation == DDX_ATTACH)
         DDX_PASS(ATTACH_SENT);
     while (!result && !item->answered) {
-        struct pollfd wait = {.fd = item->socket, .events = item->queue.count ? POLLIN | POLLOUT : POLLIN};
+        struct pollfd wait = {.fd = item->socket, .events = (short)(POLLIN | ddx_queue_events(&item->queue))};
         int64_t left = deadline - ddx_time_now();
 
         if (left <= 0)
             result = -ETIMEDOUT;
         else {
-            poll(&wait, 1, (int)(left / 1000000) + 1);
+            poll(&wait, 1, item->queue.crowded ? DDX_QUEUE_PAUSE : (int)(left / 1000000) + 1);
             result = ddx_queue_go_on(&item->queue, item->socket);
             if (!result)
                 result = ddx_item_service(item);

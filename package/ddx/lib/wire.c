@@ -44,6 +44,8 @@ int ddx_send(int socket, const struct ddx_message *message, const struct ddx_lay
     while (sent < 0 && errno == EINTR);
     if (sent >= 0)
         return 0;
+    if (errno == ETOOMANYREFS)
+        return -ETOOMANYREFS;
     return errno == EAGAIN || errno == ENOBUFS ? -EAGAIN : -EPIPE;
 }
 

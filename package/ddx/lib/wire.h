@@ -91,7 +91,7 @@ struct ddx_packet {
 
 /*
  * Send without waiting; layout may be NULL; descriptors stay the caller's. 0, -EAGAIN (the other side does not read),
- * -EPIPE (it is gone).
+ * -ETOOMANYREFS (others do not read: too many descriptors of ours are under way, see unix(7)), -EPIPE (it is gone).
  */
 int ddx_send(int socket, const struct ddx_message *message, const struct ddx_layout *layout, const int *fds,
              unsigned fd_count);

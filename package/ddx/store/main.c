@@ -184,7 +184,7 @@ static void settle(void) {
 }
 
 /* The sockets to listen on: first the listener, then the clients in the order of their list. */
-static struct pollfd *poll_list(nfds_t *count) {
+static struct pollfd *poll_list(nfds_t *count, bool *crowded) {
     static struct pollfd *list;
     static nfds_t room;
     nfds_t needed = 1;
@@ -200,12 +200,15 @@ static struct pollfd *poll_list(nfds_t *count) {
         room = 2 * needed;
     }
     bool grace = store.restarted && !store.open;
+    *crowded = false;
     list[0] = (struct pollfd){.fd = store.listener, .events = POLLIN};
     *count = 1;
-    for (struct client *c = store.clients; c; c = c->next)
-        list[(*count)++] =
-            (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) |
-                                                               (c->listing || c->queue.count ? POLLOUT : 0))};
+    for (struct client *c = store.clients; c; c = c->next) {
+        short room = c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
+
+        *crowded |= c->queue.crowded;
+        list[(*count)++] = (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | room)};
+    }
     return list;
 }
 
@@ -225,10 +228,11 @@ static void count_time(bool calm) {
 
 static void turn(const sigset_t *waiting) {
     bool young = store.restarted && !store.settled, grace = young && !store.open;
-    struct timespec tick = {0, grace && store.listened >= GRACE ? 0 : TICK};
+    struct timespec tick = {0, grace && store.listened >= GRACE ? 0 : TICK}, pause = {0, DDX_QUEUE_PAUSE * 1000000};
     nfds_t count;
-    struct pollfd *list = poll_list(&count);
-    int ready = list ? ppoll(list, count, young ? &tick : NULL, waiting) : -1;
+    bool crowded;
+    struct pollfd *list = poll_list(&count, &crowded);
+    int ready = list ? ppoll(list, count, young ? &tick : crowded ? &pause : NULL, waiting) : -1;
 
     if (ready < 0)
         return;
@@ -236,7 +240,7 @@ static void turn(const sigset_t *waiting) {
         count_time(ready == 0);
     nfds_t i = 1;
     for (struct client *c = store.clients; c && i < count; c = c->next, i++) {
-        if (list[i].revents & POLLOUT && !c->gone)
+        if ((list[i].revents & POLLOUT || c->queue.crowded) && !c->gone)
             client_go_on(c);
         if (list[i].revents & POLLOUT && c->listing && !c->gone)
             list_continue(c);

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A user may have only so many descriptors under way that nobody has taken in yet (unix(7), ETOOMANYREFS): readers that
+are stopped use them up, and who comes then waits until there are fewer. Nobody is cut off."""
+from __future__ import annotations
+
+import contextlib
+import os
+import pathlib
+import signal
+from collections.abc import Iterator
+
+import pytest
+
+from .programs import ROOT, Desk, Process, make_clip, result, stop, wait_until
+
+FRAMES = 50
+LIMIT = 256    # descriptors open, and as many under way
+STOPPED = 8    # readers
+LATECOMER = 40 # frames that the store keeps for who comes last: as many new slots, told to everybody
+STORE = """\
+#!/bin/sh
+[ "$(id -u)" != 0 ] || drop="setpriv --bounding-set=-sys_resource,-sys_admin"
+exec $drop prlimit --nofile={limit}:{limit} {store} "$@"
+"""
+
+
+@pytest.fixture
+def desk(tmp_path: pathlib.Path) -> Iterator[Desk]:
+    """With a store for which that limit holds, as for the appliance's, which is not root's."""
+    store = tmp_path / "store"
+    store.write_text(STORE.format(limit=LIMIT, store=ROOT / "bin/store"))
+    store.chmod(0o755)
+    desk = Desk(tmp_path, store=store)
+    yield desk
+    desk.end()
+
+
+def connections(store: Process) -> set[str]:
+    found = set()
+    for path in pathlib.Path(f"/proc/{store.pid}/fd").iterdir():
+        with contextlib.suppress(FileNotFoundError):  # closed meanwhile
+            found.add(os.readlink(path))
+    return {link for link in found if link.startswith("socket:")}
+
+
+def test_nobody_is_cut_off_where_others_do_not_read(desk: Desk) -> None:
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", "100", FRAMES)
+    loader = desk.start("ddxvideoload", clip, "-readers", STOPPED + 1)
+    wait_until(lambda: bool(desk.item("video")))
+    watchers = [desk.start("ddxctl", "watch", "video", "-json") for _ in range(STOPPED)]
+    wait_until(lambda: desk.readers("video") == STOPPED)
+    for watcher in watchers:
+        watcher.send_signal(signal.SIGSTOP)
+    before, room = connections(desk.store), desk.item("video")["reserved"]
+    before &= connections(desk.store)  # without those of who only looked
+    saver = desk.start("ddxvideosave", "-output", "/dev/null", "-keep", LATECOMER)
+    wait_until(lambda: bool(desk.item("video")["reserved"] > room))  # everybody has been told, or is being told
+    assert before - connections(desk.store) == set(), desk.errors(desk.store)
+    for watcher in watchers:
+        watcher.send_signal(signal.SIGCONT)
+    assert result(loader)[1]["out"] == FRAMES
+    assert len(before & connections(desk.store)) >= STOPPED  # the loader's are gone
+    status, saved = stop(saver)
+    assert (status, saved["in"], saved["out"]) == (0, FRAMES, FRAMES), desk.errors(saver)
