@@ -35,7 +35,7 @@ BUILDS: list[tuple[str, list[str], list[str]]] = [
     ("m32", [f"-D{language}{what}=-m32" for language in ("c", "cpp") for what in ("_args", "_link_args")], ["ddx"]),
 ]
 # Tests of the desk mostly wait for programs that wait for frames.
-SEVERAL = ["-n", "3", "--dist", "loadfile"]
+SEVERAL = ["-n", "4", "--dist", "loadfile"]
 # A guest that boots has one processor busy, and one that plays a clip waits for the next frame.
 TWO = ["-n", "2", "--dist", "loadgroup"]
 LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
