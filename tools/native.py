@@ -3,7 +3,7 @@
 import pathlib
 from collections.abc import Sequence
 
-from common import OUTPUT, TOP, alone, run, say
+from common import OUTPUT, TOP, alone, fingerprint, run, say
 
 PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxvideo"]
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
@@ -23,15 +23,22 @@ def build(name: str = "desk", options: Sequence[str] = (), packages: Sequence[st
     root = OUTPUT / name / "root"
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
         for package in packages:
-            _build(OUTPUT / name / package, tree, options, {**environment(root), "DESTDIR": str(root)})
+            _build(OUTPUT / name / package, root, tree, options)
     return root
 
 
-def _build(out: pathlib.Path, tree: pathlib.Path, options: Sequence[str], env: dict[str, str]) -> None:
-    title = f"{out.parent.name}: {out.name}"
+def _build(out: pathlib.Path, root: pathlib.Path, tree: pathlib.Path, options: Sequence[str]) -> None:
+    title, sources = f"{out.parent.name}: {out.name}", tree / "package" / out.name
+    env = {**environment(root), "DESTDIR": str(root)}
     if not (out / "build.ninja").exists():
         say(f"{title}: configuring ...")
-        run(["meson", "setup", *MESON, *options, out, tree / "package" / out.name], env=env)
+        run(["meson", "setup", *MESON, *options, out, sources], env=env)
+    stamp, key = root / f".{out.name}", fingerprint([sources])
     if "ninja: no work to do" not in run(["nice", "-n", "10", "ninja", "-C", out], env=env):
         say(f"{title}: built")
-    run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)
+        stamp.unlink(missing_ok=True)
+    # Only what is not there yet: meson makes the libraries' links anew each time, and who starts in that moment finds
+    # no library.
+    if not stamp.exists() or stamp.read_text() != key:
+        run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)
+        stamp.write_text(key)

@@ -11,6 +11,7 @@ import sys
 
 import pytest
 
+import native
 from common import TOP
 
 from .programs import wait_until
@@ -87,3 +88,11 @@ def test_programs_end_with_who_started_them(tmp_path: pathlib.Path) -> None:
     test.send_signal(signal.SIGKILL)
     test.communicate()
     wait_until(lambda: not pathlib.Path(f"/proc/{store}").exists())
+
+
+def test_what_is_installed_is_not_touched_where_nothing_changed() -> None:
+    """All who run tests side by side build first: programs of the others start meanwhile."""
+    link = native.build() / native.LIBRARIES / "libddx.so.0"
+    before = link.lstat().st_ino, link.lstat().st_ctime_ns
+    native.build()
+    assert (link.lstat().st_ino, link.lstat().st_ctime_ns) == before
