@@ -98,7 +98,7 @@ def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
     return digest.hexdigest()
 
 
-def step(title: str, stamp: pathlib.Path, key: str, action: Callable[[], None]) -> bool:
+def step(title: str, stamp: pathlib.Path, key: str, action: Callable[[], object]) -> bool:
     """Do the action unless the stamp says that it was done with the same key. True when it was done now."""
     if stamp.exists() and stamp.read_text() == key:
         return False

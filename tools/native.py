@@ -3,7 +3,7 @@
 import pathlib
 from collections.abc import Sequence
 
-from common import OUTPUT, TOP, alone, fingerprint, run, say
+from common import OUTPUT, TOP, alone, fingerprint, run, say, step
 
 PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxvideo"]
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
@@ -33,12 +33,11 @@ def _build(out: pathlib.Path, root: pathlib.Path, tree: pathlib.Path, options: S
     if not (out / "build.ninja").exists():
         say(f"{title}: configuring ...")
         run(["meson", "setup", *MESON, *options, out, sources], env=env)
-    stamp, key = root / f".{out.name}", fingerprint([sources])
+    stamp = root / f".{out.name}"
     if "ninja: no work to do" not in run(["nice", "-n", "10", "ninja", "-C", out], env=env):
         say(f"{title}: built")
         stamp.unlink(missing_ok=True)
     # Only what is not there yet: meson makes the libraries' links anew each time, and who starts in that moment finds
     # no library.
-    if not stamp.exists() or stamp.read_text() != key:
-        run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env)
-        stamp.write_text(key)
+    step(f"{title}: installation", stamp, fingerprint([sources]),
+         lambda: run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env))

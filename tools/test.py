@@ -37,7 +37,7 @@ BUILDS: list[tuple[str, list[str], list[str]]] = [
 # Tests of the desk mostly wait for programs that wait for frames.
 SEVERAL = ["-n", "4", "--dist", "loadfile"]
 # A guest that boots has one processor busy, and one that plays a clip waits for the next frame.
-TWO = ["-n", "2", "--dist", "loadgroup"]
+BOOT = ["-n", "2", "--dist", "loadgroup", "tests/boot"]
 LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
 LONGEST = 30     # s; what a test of the gate may take
 
@@ -64,7 +64,7 @@ def product(run: suite.Suite, words: list[str]) -> None:
             skipped.append(str(error))
             continue
         with run.part(f"boot tests: {board}"):
-            run.pytest(words, [*TWO, "tests/boot"], board)
+            run.pytest(words, BOOT, board)
     for text in skipped:
         say(f"test: skipped: {text}")
 
@@ -76,7 +76,7 @@ def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
         with run.part("build: development image"):
             build.dev([native.build()])
         with run.part(f"boot tests: {board}"):
-            run.pytest(words, [*TWO, "tests/boot"], board)
+            run.pytest(words, BOOT, board)
         return
     if not words and not run.long:
         # C tests mostly wait for each other's processes: there is time for a compiler beside them.
@@ -99,7 +99,7 @@ def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
         with run.part("tests on the desk"):
             run.pytest(words, [*SEVERAL, "tests/host", "tests/model"])
         with run.part("boot tests"):
-            run.pytest(words, [*TWO, "tests/boot"])
+            run.pytest(words, BOOT)
     if not words or run.long:
         product(run, words)
 

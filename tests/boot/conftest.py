@@ -77,7 +77,7 @@ def together(item: pytest.Item) -> str:
     shared = {group for name, group in SHARED.items() if name in found and found[name][-1].func.__module__ == __name__}
     parts = getattr(item, "callspec", None)
     firmware = parts.params["board"].firmware if parts and "board" in parts.params else ""
-    return f"{next(iter(sorted(shared)), item.path.name)} {firmware}"
+    return f"{min(shared, default=item.path.name)} {firmware}"
 
 
 @pytest.fixture(scope="session")

@@ -55,9 +55,7 @@ static int look_after(DDX_STORE_ITEM *item) {
         ddx_writer_forget(&item->writer, false);
     if (item->writer.leaving_count && again < 0)
         again = DDX_RETRY / 1000000;
-    if (ddx_reader_wake(item))
-        again = SOON;
-    if (item->queue.crowded)
+    if (ddx_reader_wake(item) || item->queue.crowded)
         again = SOON;
     item->listen = (struct pollfd){.fd = item->socket, .events = (short)(POLLIN | ddx_queue_events(&item->queue))};
     ddx_lock_give(&item->lock);

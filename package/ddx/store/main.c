@@ -204,10 +204,10 @@ static struct pollfd *poll_list(nfds_t *count, bool *crowded) {
     list[0] = (struct pollfd){.fd = store.listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store.clients; c; c = c->next) {
-        short room = c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
+        short out = c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
 
         *crowded |= c->queue.crowded;
-        list[(*count)++] = (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | room)};
+        list[(*count)++] = (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | out)};
     }
     return list;
 }
