@@ -61,6 +61,18 @@ class Archive:
             raise Failed(f"Debian's archive holds no package {pattern}")
         return sorted(names, key=lambda name: [int(n) for n in re.findall(r"\d+", name)])[-1]
 
+    def version(self, source: str) -> str:
+        """The newest version of a source package."""
+        text = run(["apt-cache", *self._options, "showsrc", "--only-source", source])
+        versions: list[str] = re.findall(r"^Version: (\S+)$", text, re.MULTILINE)
+        if not versions:
+            raise Failed(f"Debian's archive holds no source {source}")
+        newest = versions[0]
+        for version in versions[1:]:
+            if subprocess.run(["dpkg", "--compare-versions", version, "gt", newest], check=False).returncode == 0:
+                newest = version
+        return newest
+
     def _get(self, words: list[str], into: pathlib.Path) -> None:
         into.mkdir(parents=True, exist_ok=True)
         options = self._options

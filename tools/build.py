@@ -42,7 +42,7 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
 
     key = fingerprint([tools / "build.py", tools / "rootfs.py", tools / "kernel.py", TOP / "overlay", TOP / "board/dev",
                        TOP / "board/common/users.txt", TOP / "board/common/post-build.sh", DEV / "kernel.stamp",
-                       DEV / "busybox.stamp", DEV / "ffmpeg.stamp", *packages])
+                       *packages], busybox_folder.name, codecs.name)
     with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it
         step("root file system", DEV / "root.stamp", key, make_root)
         step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)

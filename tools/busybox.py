@@ -3,27 +3,20 @@
 import os
 import pathlib
 
-from archive import Archive
-from common import CACHE, OUTPUT, TOP, fingerprint, run, step
+import foreign
+from common import TOP, run
 
 CONFIG = TOP / "board/common/busybox.config"
 
 
+def build(tree: pathlib.Path, sources: dict[str, pathlib.Path]) -> None:
+    source = sources["busybox"]
+    (source / ".config").write_text(CONFIG.read_text())
+    run(["sh", "-c", 'yes "" | make oldconfig'], cwd=source)
+    run(["make", f"-j{os.cpu_count()}", "busybox"], cwd=source)
+    run(["make", f"CONFIG_PREFIX={tree}", "install"], cwd=source)
+
+
 def busybox() -> pathlib.Path:
     """An install tree: bin/busybox and its links."""
-    out = OUTPUT / "dev/busybox"
-    source = CACHE / "busybox"
-
-    def unpack() -> None:
-        Archive().source("busybox", source)
-
-    def build() -> None:
-        (source / ".config").write_text(CONFIG.read_text())
-        run(["sh", "-c", 'yes "" | make oldconfig'], cwd=source)
-        run(["make", f"-j{os.cpu_count()}", "busybox"], cwd=source)
-        run(["rm", "-rf", out])
-        run(["make", f"CONFIG_PREFIX={out}", "install"], cwd=source)
-
-    step("BusyBox: source", CACHE / "busybox.stamp", "bookworm", unpack)
-    step("BusyBox: build", OUTPUT / "dev/busybox.stamp", fingerprint([CONFIG, pathlib.Path(__file__)]), build)
-    return out
+    return foreign.built("BusyBox", ["busybox"], [CONFIG, pathlib.Path(__file__)], build)

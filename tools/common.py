@@ -14,6 +14,8 @@ from typing import NoReturn
 TOP = pathlib.Path(__file__).resolve().parent.parent
 OUTPUT = TOP / "output"
 CACHE = OUTPUT / "cache"
+# Outside of the tree: what is the same for every clone on this machine.
+MACHINE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
 SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on everybody's path
 
 # s; for whatever somebody else has to do, on a machine that may be busy: a guest, QEMU, a tool. No result depends on
@@ -88,12 +90,13 @@ def finish(name: str, main: Callable[[], int]) -> NoReturn:
 
 
 def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
-    """A hash over files (folders: everything below) and words. Times do not count, contents do."""
+    """A hash over files (folders: everything below) and words. Contents count, times do not, nor does the clone."""
     digest = hashlib.sha256("\0".join(words).encode())
     for path in paths:
         below = path.rglob("*") if path.is_dir() else [path]
         for file in sorted(p for p in below if p.is_symlink() or p.is_file()):
-            digest.update(f"\0{file}\0{file.lstat().st_mode:o}\0".encode())
+            name = file.relative_to(TOP) if file.is_relative_to(TOP) else file
+            digest.update(f"\0{name}\0{file.lstat().st_mode:o}\0".encode())
             digest.update(os.readlink(file).encode() if file.is_symlink() else file.read_bytes())
     return digest.hexdigest()
 

@@ -7,8 +7,8 @@ Debian's own would bring 130 MB of libraries along.
 import os
 import pathlib
 
-from archive import Archive
-from common import CACHE, OUTPUT, TOP, fingerprint, run, step
+import foreign
+from common import TOP, run
 
 CONFIG = TOP / "board/common/ffmpeg.config"
 
@@ -19,25 +19,16 @@ def options() -> list[str]:
     return [word for words in lines for word in words]
 
 
+def build(tree: pathlib.Path, sources: dict[str, pathlib.Path]) -> None:
+    jobs = f"-j{os.cpu_count()}"
+    run(["./configure", f"--prefix={tree}/usr", "--enable-shared", "--disable-cli", "--disable-opencl",
+         "--bit-depth=8", "--chroma-format=420"], cwd=sources["x264"])
+    run(["make", jobs, "install-lib-shared"], cwd=sources["x264"])
+    run(["./configure", f"--prefix={tree}/usr", "--enable-shared", "--disable-static", *options()],
+        cwd=sources["ffmpeg"], env={"PKG_CONFIG_PATH": f"{tree}/usr/lib/pkgconfig"})
+    run(["make", jobs, "install-libs"], cwd=sources["ffmpeg"])
+
+
 def ffmpeg() -> pathlib.Path:
     """An install tree: usr/lib/*.so."""
-    out = OUTPUT / "dev/ffmpeg"
-    sources = {name: CACHE / name for name in ("x264", "ffmpeg")}
-    jobs = f"-j{os.cpu_count()}"
-
-    def unpack() -> None:
-        for name, folder in sources.items():
-            Archive().source(name, folder)
-
-    def build() -> None:
-        run(["rm", "-rf", out])
-        run(["./configure", f"--prefix={out}/usr", "--enable-shared", "--disable-cli", "--disable-opencl",
-             "--bit-depth=8", "--chroma-format=420"], cwd=sources["x264"])
-        run(["make", jobs, "install-lib-shared"], cwd=sources["x264"])
-        run(["./configure", f"--prefix={out}/usr", "--enable-shared", "--disable-static", *options()],
-            cwd=sources["ffmpeg"], env={"PKG_CONFIG_PATH": f"{out}/usr/lib/pkgconfig"})
-        run(["make", jobs, "install-libs"], cwd=sources["ffmpeg"])
-
-    step("FFmpeg: source", CACHE / "ffmpeg.stamp", "bookworm", unpack)
-    step("FFmpeg: build", OUTPUT / "dev/ffmpeg.stamp", fingerprint([CONFIG, pathlib.Path(__file__)]), build)
-    return out
+    return foreign.built("FFmpeg", ["x264", "ffmpeg"], [CONFIG, pathlib.Path(__file__)], build)

@@ -5,6 +5,7 @@ import lzma
 import pathlib
 import shutil
 
+import foreign
 from archive import Archive
 from common import OUTPUT, TOP, entries, fingerprint, run, step
 
@@ -76,12 +77,12 @@ def kernel() -> pathlib.Path:
         names.parent.mkdir(parents=True, exist_ok=True)
         names.write_text(archive.newest(PACKAGE))
     name = names.read_text()
-    unpacked = OUTPUT / "cache" / name
 
-    def unpack() -> None:
-        shutil.rmtree(unpacked, ignore_errors=True)
-        run(["dpkg-deb", "-x", archive.package(name), unpacked])
-        run(["depmod", "-b", unpacked, next((unpacked / "lib/modules").iterdir()).name])
+    def unpack(tree: pathlib.Path) -> None:
+        run(["dpkg-deb", "-x", archive.package(name), tree])
+        run(["depmod", "-b", tree, next((tree / "lib/modules").iterdir()).name])
+
+    unpacked = foreign.kept("kernel", fingerprint([], name), unpack)
 
     def modules() -> None:
         shutil.rmtree(out, ignore_errors=True)
@@ -92,7 +93,6 @@ def kernel() -> pathlib.Path:
         _copy_modules(source, [name for words in themes().values() for name in words], out)
         _copy_modules(source, themes()["boot"] + themes()["mount"], out / "initramfs")
 
-    step(f"kernel: unpacking {name}", OUTPUT / "cache/kernel.stamp", name, unpack)
     step("kernel: modules", OUTPUT / "dev/kernel.stamp", fingerprint([LIST, pathlib.Path(__file__)], name), modules)
     return out
 

@@ -11,8 +11,9 @@ import sys
 
 import pytest
 
+import foreign
 import native
-from common import TOP
+from common import TOP, Failed
 
 from .programs import wait_until
 
@@ -96,3 +97,22 @@ def test_what_is_installed_is_not_touched_where_nothing_changed() -> None:
     before = link.lstat().st_ino, link.lstat().st_ctime_ns
     native.build()
     assert (link.lstat().st_ino, link.lstat().st_ctime_ns) == before
+
+
+def test_what_others_wrote_is_made_once_on_a_machine(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For all clones, again with another key, and again when the last time was cut short."""
+    monkeypatch.setattr(foreign, "MACHINE", tmp_path)
+    made: list[str] = []
+
+    def make(tree: pathlib.Path) -> None:
+        tree.mkdir()
+        made.append(tree.name)
+
+    def cut_short(tree: pathlib.Path) -> None:
+        make(tree)
+        raise Failed("no space left")
+
+    with pytest.raises(Failed):
+        foreign.kept("tool", "first", cut_short)
+    trees = [foreign.kept("tool", key, make) for key in ("first", "first", "second")]
+    assert made == ["tool-first", "tool-first", "tool-second"] and all(tree.is_dir() for tree in trees)
