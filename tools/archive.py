@@ -62,16 +62,12 @@ class Archive:
         return sorted(names, key=lambda name: [int(n) for n in re.findall(r"\d+", name)])[-1]
 
     def version(self, source: str) -> str:
-        """The newest version of a source package."""
+        """What the archive has of a source package: one version, or several."""
         text = run(["apt-cache", *self._options, "showsrc", "--only-source", source])
-        versions: list[str] = re.findall(r"^Version: (\S+)$", text, re.MULTILINE)
+        versions = re.findall(r"^Version: (\S+)$", text, re.MULTILINE)
         if not versions:
             raise Failed(f"Debian's archive holds no source {source}")
-        newest = versions[0]
-        for version in versions[1:]:
-            if subprocess.run(["dpkg", "--compare-versions", version, "gt", newest], check=False).returncode == 0:
-                newest = version
-        return newest
+        return " ".join(versions)
 
     def _get(self, words: list[str], into: pathlib.Path) -> None:
         into.mkdir(parents=True, exist_ok=True)
@@ -98,4 +94,5 @@ class Archive:
             self._get(["source", "--download-only", name], files)
         dsc = max(files.glob("*.dsc"), key=lambda path: path.stat().st_mtime)
         run(["rm", "-rf", into])
+        into.parent.mkdir(parents=True, exist_ok=True)
         run(["dpkg-source", "--no-check", "-x", dsc, into])

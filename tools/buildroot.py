@@ -22,7 +22,7 @@ import sys
 import disk
 import lint
 import machine
-from common import MACHINE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
+from common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
@@ -42,7 +42,7 @@ def boards() -> list[str]:
 
 
 def _own_checkout() -> pathlib.Path:
-    return MACHINE / f"buildroot-{RELEASE}"
+    return HOST_CACHE / f"buildroot-{RELEASE}"
 
 
 def checkout() -> pathlib.Path:

@@ -15,7 +15,7 @@ TOP = pathlib.Path(__file__).resolve().parent.parent
 OUTPUT = TOP / "output"
 CACHE = OUTPUT / "cache"
 # Outside of the tree: what is the same for every clone on this machine.
-MACHINE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
+HOST_CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
 SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on everybody's path
 
 # s; for whatever somebody else has to do, on a machine that may be busy: a guest, QEMU, a tool. No result depends on

@@ -72,11 +72,7 @@ def kernel() -> pathlib.Path:
     """Output folder with boot/vmlinuz, boot/config, lib/modules."""
     out = OUTPUT / "dev/kernel"
     archive = Archive()
-    names = OUTPUT / "cache/kernel.name"
-    if not names.exists():
-        names.parent.mkdir(parents=True, exist_ok=True)
-        names.write_text(archive.newest(PACKAGE))
-    name = names.read_text()
+    name = foreign.asked("kernel.name", lambda: archive.newest(PACKAGE))
 
     def unpack(tree: pathlib.Path) -> None:
         run(["dpkg-deb", "-x", archive.package(name), tree])

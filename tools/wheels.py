@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Python packages that Debian lacks, for the tests only: pinned, checked, unpacked into the cache."""
+"""Python packages that Debian lacks, for the tests only: pinned, checked, unpacked."""
 import hashlib
 import pathlib
 import tempfile
 import zipfile
 
-from common import CACHE, Failed, run, say
+import foreign
+from common import Failed, fingerprint, run
 
 MCAP = {"mcap==1.6.0": "7cd37fba2cf51d033f2139ca837d2ed3024dcec3cd9f8ecdf3d4d15930df6e17",
         "mcap-ros2-support==0.6.0": "0b5f86c88432a1370b6c8f0e8a26d1403dc02495d751052e3dd9f9a0679645ef"}
@@ -13,25 +14,16 @@ MCAP = {"mcap==1.6.0": "7cd37fba2cf51d033f2139ca837d2ed3024dcec3cd9f8ecdf3d4d159
 
 def folder(wheels: dict[str, str]) -> pathlib.Path:
     """A folder for sys.path that has these packages: name and version, SHA-256 of the wheel."""
-    place = CACHE / "wheels" / hashlib.sha256(repr(wheels).encode()).hexdigest()[:16]
-    if place.exists():
-        return place
-    say(f"downloading {', '.join(wheels)} ...")
-    place.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=place.parent) as part:
-        unpacked = pathlib.Path(part) / "unpacked"
-        for wheel, digest in wheels.items():
-            down = pathlib.Path(part) / digest
-            run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:", "--dest",
-                 down, wheel])
-            file = next(down.glob("*.whl"))
-            if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
-                raise Failed(f"{file.name} is not the one expected")
-            with zipfile.ZipFile(file) as archive:
-                archive.extractall(unpacked)
-        try:
-            unpacked.rename(place)
-        except OSError:
-            if not place.exists():  # else somebody else was quicker, with the same
-                raise
-    return place
+    def make(tree: pathlib.Path) -> None:
+        with tempfile.TemporaryDirectory() as down:
+            for number, (wheel, digest) in enumerate(wheels.items()):
+                into = pathlib.Path(down) / str(number)
+                run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
+                     "--dest", into, wheel])
+                file = next(into.glob("*.whl"))
+                if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
+                    raise Failed(f"{file.name} is not the one expected")
+                with zipfile.ZipFile(file) as archive:
+                    archive.extractall(tree)
+
+    return foreign.kept("wheels", fingerprint([], repr(wheels)), make)

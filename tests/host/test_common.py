@@ -101,7 +101,7 @@ def test_what_is_installed_is_not_touched_where_nothing_changed() -> None:
 
 def test_what_others_wrote_is_made_once_on_a_machine(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """For all clones, again with another key, and again when the last time was cut short."""
-    monkeypatch.setattr(foreign, "MACHINE", tmp_path)
+    monkeypatch.setattr(foreign, "HOST_CACHE", tmp_path)
     made: list[str] = []
 
     def make(tree: pathlib.Path) -> None:
