@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 import mbr
+from common import copy, run
 from disk import Disk
 from qemu import Boot, Guest
 
@@ -80,3 +81,31 @@ def test_a_slot_has_its_chances(boot: Boot, prepare: Callable[[Disk], None], env
     with boot("chances", environment=environment, prepare=prepare) as guest:
         guest.shell()
         booted(guest, slot)
+
+
+@pytest.mark.long
+def test_a_proven_slot_that_rots_gives_way(boot: Boot, root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """Its kernel is there, and nothing else. Three boots end in a panic, then the other slot is booted; in the next
+    boot it has one more chance."""
+    kernel, rotten = tmp_path / "root", tmp_path / "rotten"
+    (kernel / "boot").mkdir(parents=True)
+    for file in (root / "boot").iterdir():
+        copy(file, kernel / "boot" / file.name)
+    run(["mksquashfs", kernel, rotten, "-comp", "gzip", "-no-progress", "-quiet"])
+
+    def rot(disk: Disk) -> None:
+        fill_slot_b(disk)
+        disk.write(SLOT["A"], rotten.read_bytes())
+
+    with boot("rotten", prepare=rot, extra=("-action", "reboot=reset")) as guest:
+        for panics in (3, 1):
+            for _ in range(panics):
+                guest.wait_for_event("RESET")
+            guest.reset()
+            guest.shell()
+            booted(guest, "B")
+            guest.wait_until("[ -e /run/slot.failed ]")
+            assert "! slot       slot A was to be booted, and did not come up" in guest.sh("ddxctl health || true")
+            assert guest.environment() == {"begun": "2"}
+            guest.shell().begin("reboot")
+            guest.wait_for_event("RESET")
