@@ -9,6 +9,15 @@ from common import OUTPUT, TOP, Failed, entries, fingerprint
 
 DEV = "dev"  # the development image; all others are built by Buildroot
 OVMF = pathlib.Path("/usr/share/OVMF")
+# What a disk may hang on: QEMU's devices, the last one is the disk (drive=) itself.
+BUSES = {
+    "virtio": ["virtio-blk-pci"],
+    "ide": ["ide-hd,bus=ide.0"],
+    "ahci": ["ich9-ahci,id=ahci", "ide-hd,bus=ahci.0"],
+    "usb": ["qemu-xhci,id=xhci", "usb-storage,bus=xhci.0"],
+    "nvme": ["nvme,serial=ddx"],
+    "sd": ["sdhci-pci", "sd-card"],
+}
 
 
 def meta(board: str) -> dict[str, str]:
@@ -27,10 +36,17 @@ class Machine:
     cpu: str
     memory: int  # MiB
     firmware: str = "bios"  # bios (SeaBIOS) or uefi (OVMF)
+    bus: str = "virtio"  # what its disk hangs on, of BUSES
+
+    def disk(self, drive: str) -> list[str]:
+        """QEMU's options for the disk it boots from."""
+        *others, last = BUSES[self.bus]
+        return [word for device in [*others, f"{last},drive={drive}"] for word in ("-device", device)]
 
     def arguments(self, folder: pathlib.Path, more_memory: int = 0) -> list[str]:
         """QEMU's program and its options; firmware that keeps settings keeps them in the folder."""
-        words = [self.program, "-machine", self.kind, "-cpu", self.cpu, "-m", str(self.memory + more_memory)]
+        kind = "pc" if self.bus == "ide" else self.kind  # q35 has no such controller
+        words = [self.program, "-machine", kind, "-cpu", self.cpu, "-m", str(self.memory + more_memory)]
         if self.firmware == "uefi":
             shutil.copy(OVMF / "OVMF_VARS_4M.fd", folder / "vars.fd")
             words += ["-drive", f"if=pflash,unit=0,format=raw,readonly=on,file={OVMF}/OVMF_CODE_4M.fd",

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A guest: QEMU with the image as it is flashed, booted by the board's firmware and the image's own loader."""
 import contextlib
+import dataclasses
 import json
 import os
 import pathlib
@@ -30,15 +31,16 @@ MACHINE_FAULTS = (b"Oops: int3", b"8254 timer not connected")
 BOOTS_AGAIN = 2
 
 
-def _drive(disk: Disk, writes: pathlib.Path | None, test_disk: pathlib.Path | None) -> list[str]:
+def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk: pathlib.Path | None) -> list[str]:
     """The first one is booted."""
+    file = {"driver": "qcow2", "file": {"driver": "file", "filename": str(disk.path)}}
+    graph: dict[str, object] = {"node-name": "disk", "cache": {"no-flush": True}, **file}
+    if writes:
+        writes.write_bytes(b"")
+        log = {"driver": "file", "filename": str(writes)}
+        graph = {"driver": "blklogwrites", "node-name": "disk", "log": log, "file": file}
     after = ["-drive", f"file={test_disk},format=raw,if=virtio,readonly=on"] if test_disk else []
-    if not writes:
-        return ["-drive", f"file={disk.path},format=qcow2,if=virtio,cache=unsafe,node-name=disk", *after]
-    writes.write_bytes(b"")
-    file, log = ({"driver": "file", "filename": str(path)} for path in (disk.path, writes))
-    graph = {"driver": "blklogwrites", "node-name": "disk", "log": log, "file": {"driver": "qcow2", "file": file}}
-    return ["-blockdev", json.dumps(graph), "-device", "virtio-blk-pci,drive=disk", *after]
+    return ["-blockdev", json.dumps(graph), *machine.disk("disk"), *after]
 
 
 class Guest:
@@ -46,7 +48,8 @@ class Guest:
 
     `more_memory` (MiB) is added to what the machine has, `size` makes the disk larger than the image (bytes), `prepare`
     changes the disk before the boot, `keep` is a folder that outlives the guest, so that the next one goes on with the
-    same disk, `writes` is a file for all that is written to the disk (blocklog.py)."""
+    same disk, `writes` is a file for all that is written to the disk (blocklog.py), `bus` is what the disk hangs on
+    (machine.py)."""
 
     started = 0  # of all guests, by this process: what a run of the tests has cost
     alive: ClassVar[list["Guest"]] = []
@@ -59,11 +62,13 @@ class Guest:
                  serial: bool = False, provision: str = "", environment: tuple[str, ...] = (),
                  test_disk: pathlib.Path | None = None, more_memory: int = 0, log: pathlib.Path | None = None,
                  extra: tuple[str, ...] = (), size: int = 0, prepare: Callable[[Disk], None] | None = None,
-                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None) -> None:
+                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "") -> None:
         self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
         with contextlib.ExitStack() as undo:
             undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
             self.machine = machine or boards.machines(boards.DEV)[0]
+            if bus:
+                self.machine = dataclasses.replace(self.machine, bus=bus)
             self.log = log or self.folder / "console.log"
             self._channels: dict[str, Channel] = {}
             again = keep is not None and (keep / "disk.qcow2").exists()
@@ -74,7 +79,7 @@ class Guest:
             if prepare:
                 prepare(disk)
             self._command = [*MORTAL, *self.machine.arguments(self.folder, more_memory),
-                             *self._devices(accel), *_drive(disk, writes, test_disk), *extra]
+                             *self._devices(accel), *_drive(disk, self.machine, writes, test_disk), *extra]
             self._again = BOOTS_AGAIN
             self._paused = False
             self._disk, self._before, self._writes = disk.path, self.folder / "before.qcow2", writes

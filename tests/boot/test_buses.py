@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""One image, whatever its disk hangs on: the root is found there, and settings and recordings are those beside it."""
+import pytest
+
+import machine
+from qemu import Boot
+
+from .conftest import BOARD
+
+# What stands in the path of such a disk in /sys/devices, and nowhere in another one's.
+SEEN_AS = {"virtio": "/virtio", "ide": "/ata", "ahci": "/ata", "usb": "/usb", "nvme": "/nvme/", "sd": "/mmc_host/"}
+DRIVER = {"ide": "ata_piix", "ahci": "ahci"}
+CARD = 1 << 30  # QEMU's SD cards are powers of two
+OTHERS = [bus for bus in machine.meta(BOARD)["disk"].split() if bus != "virtio"]  # which all other tests have
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("bus", OTHERS)
+def test_boots_and_records_from(boot: Boot, bus: str) -> None:
+    with boot(f"bus-{bus}", bus=bus, size=CARD) as guest:
+        guest.wait_until("mountpoint -q /rec")
+        device = guest.sh("sed -n 's,^/dev/\\([^ ]*\\) /rec .*,\\1,p' /proc/mounts")
+        disk = guest.sh(f"dirname $(readlink -f /sys/class/block/{device})")
+        assert SEEN_AS[bus] in disk
+        if bus in DRIVER:
+            controller = guest.sh(f"cd {disk}; until [ -e class ]; do cd -P ..; done; readlink driver")
+            assert controller.endswith(f"/{DRIVER[bus]}")
+        name = disk.rpartition("/")[2]
+        for folder in ["/data", "/rec"]:
+            assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith(f"/dev/{name}")
+        root = guest.sh("mountpoint -d /")
+        assert guest.sh(f"readlink -f /sys/dev/block/{root}").startswith(f"{disk}/")
+        assert not [line for line in guest.sh("cat /run/log/boot").splitlines() if line.split()[2] != "0"]
+        assert "I/O error" not in guest.sh("dmesg")
