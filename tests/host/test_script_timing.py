@@ -116,12 +116,13 @@ def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Applianc
     assert "sleep 5" in text and "-ge 90" in text
     appliance.add("etc/init.d/rcS", text.replace("sleep 5", "sleep 0.2").replace("-ge 90", "-ge 1"))
     appliance.add("usr/libexec/ddx/serial", "#!/bin/sh\nexec cat\n")
+    appliance.add("usr/libexec/ddx/slot-came-up", "#!/bin/sh\necho up\n")
     appliance.add("etc/init.d/S10first", "#!/bin/sh\necho first\n")
     appliance.add("etc/init.d/S20hangs", "#!/bin/sh\necho second\nsleep 1000\necho never\n")
     appliance.add("etc/init.d/S30last", "#!/bin/sh\necho last\nfalse\n")
     status, text = appliance.run("/etc/init.d/rcS && pkill sleep")
     said = [line for line in text.splitlines() if line not in ("Killed", "Terminated")]  # the shell's own words
-    assert (status, said) == (0, ["first", "second", "FAIL: S20hangs takes too long", "last"])
+    assert (status, said) == (0, ["first", "second", "FAIL: S20hangs takes too long", "last", "up"])
     boot = [line.split()[2:] for line in (appliance.root / "run/log/boot").read_text().splitlines()]
     assert boot == [["0", "S10first"], ["137", "S20hangs"], ["1", "S30last"]]
     assert not (appliance.root / "run/said").exists()

@@ -305,7 +305,7 @@ static bool keep_fewer(struct recorder *recorder) {
     return true;
 }
 
-/* After the first frame, whose size is known only now. Where there is no room for more, it stays as it is. */
+/* With the first frame, as its size is known only now. Where there is no room for more, it stays as it is. */
 static void keep_more(struct recorder *recorder) {
     struct ddx_item_info info;
     if (ddx_store_kept(recorder->video) < recorder->keep) {
@@ -336,12 +336,12 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
             fail(recorder, recorder->name, error);
         return false;
     }
-    bool wanted = frame.time <= not_after, first = !recorder->seen;
+    bool wanted = frame.time <= not_after;
+    if (!recorder->seen)
+        keep_more(recorder); /* before it is recorded: whoever sees the recording may count on what is kept */
     if (wanted)
         handle(recorder, &frame);
     ddx_store_release(recorder->video);
-    if (first)
-        keep_more(recorder);
     return wanted;
 }
 
