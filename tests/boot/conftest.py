@@ -168,10 +168,11 @@ def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterato
 
 
 @pytest.fixture(scope="session")
-def closed(boot: qemu.Boot) -> Iterator[qemu.Guest]:
+def closed(boot: qemu.Boot, board: Machine) -> Iterator[qemu.Guest]:
     """A guest exactly as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update, and on
     its serial line a device speaks from power-on."""
-    with boot("closed", console=False, environment=("left=3",)) as running, noisy(running) as talk:
+    with boot("closed", console=False, environment=("left=3",)) as running, \
+            noisy(running, board.firmware) as talk:
         NOISE[running] = talk
         with kept(running):
             yield running

@@ -10,7 +10,7 @@ from .noise import PAUSE, SENTENCE, Noise
 def test_the_machine_comes_up_beside_a_device_that_speaks(closed: Guest, noise: Noise) -> None:
     """Bytes in GRUB's countdown would stop it for ever, a Ctrl-S our own output, a Ctrl-C what runs."""
     closed.wait_for_log(USERSPACE)
-    assert noise.before > 5
+    assert noise.before > 5 or not noise.from_power_on
     closed.wait_for_log(b"Starting ddxhealth: OK")
     closed.wait_for_log(b"this console is closed")
     before = noise.sent
