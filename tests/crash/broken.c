@@ -72,6 +72,8 @@ int test_broken(void) {
     must_fail("restart", "unheard", "a party complains");
     must_fail("restart", "reset", "a party complains");
     must_fail("restart", "half", "a party complains");
+    must_fail("retired", "uncounted", "bytes of memory files exist");
+    must_fail("retired", "pile", "keeps what it has not read");
     must_fail("stop", "patient", "a reader that holds a frame is stopped: ");
     return 0;
 }

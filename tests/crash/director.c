@@ -12,6 +12,7 @@
 struct party party[ACTORS];
 pid_t store_process;
 unsigned store_descriptors;
+const char *store_budget = "64M";
 int store_log = -1;
 static int64_t longest_wait;
 static char folder[] = "/tmp/ddx-crash-XXXXXX";
@@ -73,7 +74,7 @@ static pid_t launch(const char *const *arguments, const char *fault) {
 
 void store_begin(const char *fault) {
     const char *program = getenv("DDX_STORE_PROGRAM");
-    const char *arguments[] = {program, "-m", "64M", NULL};
+    const char *arguments[] = {program, "-m", store_budget, NULL};
 
     if (!program)
         fail("DDX_STORE_PROGRAM is not set");

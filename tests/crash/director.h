@@ -29,6 +29,7 @@ struct party {
 extern struct party party[ACTORS];
 extern pid_t store_process;
 extern int store_log; /* where it says what happens; -1: where we do */
+extern const char *store_budget;   /* -m */
 extern unsigned store_descriptors; /* at most; 0: as many as there may be */
 
 void director_begin(void);

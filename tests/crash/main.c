@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Programs that die, stop or lie, and others that must not notice:
- * crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | pins | crowd | epochs | mute | stop | stranger |
- * broken | hostile
+ * crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | pins | crowd | epochs | retired | mute | stop |
+ * stranger | broken | hostile
  */
 #include <string.h>
 
@@ -14,8 +14,8 @@ static const struct {
     int (*test)(void);
 } tests[] = {
     {"restart", test_restart}, {"pins", test_pins}, {"crowd", test_crowd},       {"epochs", test_epochs},
-    {"mute", test_mute},       {"stop", test_stop}, {"stranger", test_stranger}, {"broken", test_broken},
-    {"hostile", test_hostile},
+    {"retired", test_retired}, {"mute", test_mute}, {"stop", test_stop},         {"stranger", test_stranger},
+    {"broken", test_broken},   {"hostile", test_hostile},
 };
 #define TESTS (sizeof tests / sizeof *tests)
 

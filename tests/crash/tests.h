@@ -10,6 +10,7 @@ int test_restart(void);
 int test_pins(void);
 int test_crowd(void);
 int test_epochs(void);
+int test_retired(void);
 int test_mute(void);
 int test_stop(void);
 int test_stranger(void);

@@ -421,8 +421,10 @@ static void test_pictures(void) {
     ddx_store_done_item(out);
 }
 
-/* Memory that the store holds, counted by the kernel. */
+/* Memory that the store holds, counted by the kernel; what it has open twice once. */
 static uint64_t backed_memory(void) {
+    static ino_t seen[4096];
+    unsigned files = 0;
     uint64_t sum = 0;
 
     for (int fd = 0; fd < 4096; fd++) {
@@ -430,8 +432,15 @@ static uint64_t backed_memory(void) {
         struct stat status;
 
         snprintf(path, sizeof path, "/proc/%d/fd/%d", (int)store_pid, fd);
-        if (readlink(path, target, sizeof target - 1) > 0 && strstr(target, "memfd:") && !stat(path, &status))
-            sum += (uint64_t)status.st_blocks * 512;
+        if (readlink(path, target, sizeof target - 1) <= 0 || !strstr(target, "memfd:") || stat(path, &status))
+            continue;
+        unsigned known = 0;
+        while (known < files && seen[known] != status.st_ino)
+            known++;
+        if (known < files)
+            continue;
+        seen[files++] = status.st_ino;
+        sum += (uint64_t)status.st_blocks * 512;
     }
     return sum;
 }

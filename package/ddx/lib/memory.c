@@ -87,12 +87,20 @@ bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen) {
     return seals >= 0 && (seals & required) == required && !fstat(fd, &status) && (uint64_t)status.st_size == bytes;
 }
 
-int ddx_memory_hold(int fd) {
-    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+/* Bytes of the file that are locked as a sign; what is in them does not matter. */
+enum mark { HELD, SHARED };
+
+static int reopen(int fd, int flags) {
     char path[32];
 
     snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
-    int own = open(path, O_RDWR | O_CLOEXEC);
+    return open(path, flags | O_CLOEXEC);
+}
+
+static int reopen_marked(int fd, int flags, short type, enum mark mark) {
+    struct flock lock = {.l_type = type, .l_whence = SEEK_SET, .l_start = mark, .l_len = 1};
+    int own = reopen(fd, flags);
+
     if (own >= 0 && fcntl(own, F_OFD_SETLK, &lock)) {
         close(own);
         own = -1;
@@ -100,10 +108,30 @@ int ddx_memory_hold(int fd) {
     return own;
 }
 
-bool ddx_memory_held(int fd) {
-    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET};
+static bool marked(int fd, enum mark mark) {
+    struct flock lock = {.l_type = F_WRLCK, .l_whence = SEEK_SET, .l_start = mark, .l_len = 1};
 
     return !fcntl(fd, F_OFD_GETLK, &lock) && lock.l_type != F_UNLCK;
+}
+
+int ddx_memory_hold(int fd) {
+    return reopen_marked(fd, O_RDWR, F_WRLCK, HELD);
+}
+
+bool ddx_memory_held(int fd) {
+    return marked(fd, HELD);
+}
+
+int ddx_memory_share(int fd) {
+    return reopen_marked(fd, O_RDONLY, F_RDLCK, SHARED);
+}
+
+bool ddx_memory_shared(int fd) {
+    return marked(fd, SHARED);
+}
+
+int ddx_memory_watch(int fd) {
+    return reopen(fd, O_RDONLY);
 }
 
 uint64_t ddx_memory_number(int fd) {

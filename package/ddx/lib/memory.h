@@ -45,6 +45,16 @@ bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen);
 int ddx_memory_hold(int fd);
 bool ddx_memory_held(int fd);
 
+/*
+ * A read-only description of the file to give away, with a mark that others see as long as anybody has it: as a
+ * descriptor, as a mapping, or in a message that was not read yet. Descriptor to close, or -1 and errno.
+ */
+int ddx_memory_share(int fd);
+
+/* Whether one that was given away is left; to be asked of a description of one's own, which is no mark. */
+bool ddx_memory_shared(int fd);
+int ddx_memory_watch(int fd); /* makes one: descriptor to close, or -1 and errno */
+
 /* A memory file's number (inode), 0 if it is none. The same memory file? */
 uint64_t ddx_memory_number(int fd);
 bool ddx_memory_same(int a, int b);

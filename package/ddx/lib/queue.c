@@ -3,9 +3,16 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <linux/sockios.h>
 #include <poll.h>
 #include <stdlib.h>
+#include <sys/ioctl.h>
 #include <unistd.h>
+
+#include "fault.h"
+#include "futex.h"
+
+#define PATIENCE 100000000 /* ns */
 
 struct ddx_queued {
     struct ddx_queued *next;
@@ -51,11 +58,23 @@ static int keep(struct ddx_queue *queue, const struct ddx_message *message, cons
     return 0;
 }
 
+/* Has it read nothing of an epoch's news for so long that it may be stopped? */
+static bool sleeps(struct ddx_queue *queue, int socket) {
+    int unread;
+
+    if (DDX_BROKEN("pile") || ioctl(socket, SIOCOUTQ, &unread))
+        return false;
+    int64_t now = ddx_time_now();
+    if (!unread)
+        queue->since = now;
+    return unread && now > queue->since + PATIENCE;
+}
+
 static int try(struct ddx_queue *queue, int socket, const struct ddx_message *message, const struct ddx_layout *layout,
                const int *fds, unsigned fd_count) {
-    int result = ddx_send(socket, message, layout, fds, fd_count);
-
-    queue->crowded = result == -ETOOMANYREFS;
+    queue->crowded = message->operation == DDX_EPOCH && sleeps(queue, socket);
+    int result = queue->crowded ? -EAGAIN : ddx_send(socket, message, layout, fds, fd_count);
+    queue->crowded |= result == -ETOOMANYREFS;
     return queue->crowded ? -EAGAIN : result;
 }
 
@@ -115,5 +134,5 @@ void ddx_queue_clear(struct ddx_queue *queue) {
         next = queued->next;
         forget(queued);
     }
-    *queue = (struct ddx_queue){NULL, NULL, 0, 0, false};
+    *queue = (struct ddx_queue){0};
 }

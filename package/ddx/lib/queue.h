@@ -14,9 +14,11 @@
 struct ddx_queue {
     struct ddx_queued *first, *last;
     unsigned count, files; /* messages, and the descriptors that they hold */
-    /* Descriptors that others have not read yet are as many as a user may have under way. That there are fewer poll()
-     * does not tell: it calls the socket writable all the time. */
+    /* Descriptors that others have not read yet are as many as a user may have under way; or the next epoch waits until
+     * the other side, which seems to be stopped, has read all: else it would keep, unread, the files of each that
+     * begins. poll() does not tell when that is over: it calls the socket writable all the time. */
     bool crowded;
+    int64_t since; /* when an epoch was sent and nothing was unread, ns */
 };
 
 #define DDX_QUEUE_PAUSE 5 /* ms */

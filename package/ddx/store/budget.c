@@ -12,9 +12,10 @@
 uint64_t budget_used(void) {
     uint64_t sum = 0;
 
+    retired_sweep();
     for (const struct item *item = store.items; item; item = item->next)
-        sum += item_bytes(item);
-    return sum;
+        sum += item_bytes(item) + retired_bytes(item);
+    return sum + retired_bytes(NULL);
 }
 
 uint64_t budget_reserved(void) {
@@ -22,7 +23,7 @@ uint64_t budget_reserved(void) {
 
     for (const struct item *item = store.items; item; item = item->next)
         sum += item_reserved(item);
-    return sum;
+    return sum + retired_bytes(NULL);
 }
 
 /*
@@ -63,11 +64,13 @@ static uint64_t droppable(const struct item *except) {
 
 bool budget_allows(struct item *item, uint64_t reserved) {
     for (;;) {
+        retired_sweep();
         uint64_t others = budget_reserved() - item_reserved(item);
 
         if (others + reserved <= store.budget)
             return true;
         clients_reap();
+        retired_sweep();
         if (budget_reserved() - item_reserved(item) < others)
             continue;
         if (others - droppable(item) + reserved > store.budget)
@@ -76,7 +79,7 @@ bool budget_allows(struct item *item, uint64_t reserved) {
         if (!victim)
             return false;
         note("%s: dropped, nobody has it open and its memory is needed for %s", victim->name, item->name);
-        epoch_free(victim->epoch);
+        epoch_retire(victim, victim->epoch);
         victim->epoch = NULL;
         item_drop_if_unused(victim);
     }

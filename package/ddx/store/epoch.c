@@ -20,7 +20,7 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
     epoch->number = number;
     epoch->digest = label_digest(layout);
     ddx_runs_of(layout, &epoch->runs);
-    epoch->control_fd = -1;
+    epoch->control_fd = epoch->readers_fd = -1;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         epoch->slot_fd[i] = -1;
     return epoch;
@@ -150,6 +150,8 @@ void epoch_free(struct epoch *epoch) {
         munmap(epoch->control, sizeof(struct ddx_control));
     if (epoch->control_fd >= 0)
         close(epoch->control_fd);
+    if (epoch->readers_fd >= 0)
+        close(epoch->readers_fd);
     free(epoch->layout);
     free(epoch);
 }

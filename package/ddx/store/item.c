@@ -54,6 +54,7 @@ void item_drop_if_unused(struct item *item) {
     while (*link != item)
         link = &(*link)->next;
     *link = item->next;
+    retired_forget(item);
     if (item->notice)
         munmap(item->notice, sizeof *item->notice);
     if (item->notice_fd >= 0)
@@ -97,13 +98,14 @@ uint64_t item_bytes(const struct item *item) {
 uint64_t item_reserved(const struct item *item) {
     const struct epoch *epoch = item->pending ? item->pending : item->epoch;
     uint64_t next = epoch ? control_bytes() + ddx_page_round(1) + (2 + item->kept) * epoch->runs.file_bytes : 0;
-    uint64_t now = item_bytes(item), then = now + next;
+    uint64_t now = item_bytes(item), then = now + next, ended = retired_bytes(item);
 
     /* While a new writer prepares its epoch, the reservation is in use; the new files may be larger than the old ones,
      * and then there must be room for the next. */
     if (item->pending && item->epoch)
         then -= epoch_bytes(item->epoch);
-    return then > now ? then : now;
+    /* An epoch that somebody has not left yet lies where there is room for the next one. */
+    return then > now + ended ? then : now + ended;
 }
 
 void item_describe(const struct item *item, struct ddx_message *m) {
@@ -152,7 +154,7 @@ void item_send_new_slots(const struct item *item, struct epoch *epoch, struct cl
 }
 
 void item_send_epoch(const struct item *item, struct client *reader) {
-    const struct epoch *epoch = item->epoch;
+    struct epoch *epoch = item->epoch;
     struct ddx_message message = {.operation = DDX_EPOCH, .epoch = epoch->number};
     struct ddx_ring_frame frame;
 
@@ -164,7 +166,12 @@ void item_send_epoch(const struct item *item, struct client *reader) {
     message.frames = reader->keep;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         message.index += epoch->slot_ready[i];
-    client_send(reader, &message, epoch->layout, &epoch->control_fd, 1);
+    if (epoch->readers_fd < 0 && (epoch->readers_fd = ddx_memory_share(epoch->control_fd)) < 0) {
+        note("%s: %d cannot be told of it: %s; closing its connection", item->name, (int)reader->pid, strerror(errno));
+        reader->gone = true;
+        return;
+    }
+    client_send(reader, &message, epoch->layout, &epoch->readers_fd, 1);
     DDX_PASS(STORE_EPOCH_BEGUN);
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         if (epoch->slot_ready[i])

@@ -142,8 +142,9 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     if (!affordable(item, epoch))
         return -ENOSPC;
     supersede(item);
-    epoch_free(item->epoch);
+    struct epoch *former = item->epoch;
     item->epoch = epoch;
+    epoch_retire(item, former);
     item->epochs = epoch->number;
     item->adopted = item->foreign = true;
     client->offered = NULL;

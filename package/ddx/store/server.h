@@ -16,6 +16,7 @@ struct epoch {
     uint64_t digest; /* of its bytes */
     struct ddx_runs runs;
     int control_fd;
+    int readers_fd; /* the same file as readers get it: as long as one has it, the kernel tells; -1: none got it yet */
     struct ddx_control *control;
     bool control_ready; /* the writer has mapped and sealed it: readers may have it */
     unsigned slots;
@@ -100,7 +101,7 @@ bool item_is_awaited(const struct item *item);
 int item_define(struct item *item, const char *type, const struct ddx_layout *layout);
 void item_drop_if_unused(struct item *item);
 int item_set_notice(struct item *item, int fd); /* takes fd, also on failure */
-uint64_t item_bytes(const struct item *item);
+uint64_t item_bytes(const struct item *item); /* of what is to be had of it: no epoch that has ended */
 uint64_t item_reserved(const struct item *item);
 void item_describe(const struct item *item, struct ddx_message *message);
 void item_send_epoch(const struct item *item, struct client *reader);
@@ -117,6 +118,15 @@ bool epoch_ready(const struct epoch *epoch);
 /* True if a frame was carried over; *sequence is the number with which `from` ends, if it has any. */
 bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence);
 void epoch_free(struct epoch *epoch);
+
+/*
+ * retired.c: epochs that have ended. Whoever still has one, because it is stopped or has not read that the next one has
+ * begun, keeps its memory, so it counts until the kernel says that nobody has it any more.
+ */
+void epoch_retire(struct item *item, struct epoch *epoch); /* takes it; NULL is none */
+uint64_t retired_bytes(const struct item *item);           /* NULL: of items that are no more */
+void retired_sweep(void);
+void retired_forget(const struct item *item); /* it is no more */
 
 /* label.c: the names of memory files. Each is good until the next one is asked for. */
 #define LABEL_MAX 128

@@ -49,13 +49,13 @@ static bool keep_less(struct item *item) {
     return less;
 }
 
-/* What the files of a new epoch take of the budget: now the old and the new ones; afterwards the new ones and the room
- * for the next. */
+/* What the files of a new epoch take of the budget: now those of former ones and its own; afterwards the new ones and
+ * the room for the next. */
 static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     uint64_t one =
         ddx_page_round(sizeof(struct ddx_control)) + (2 + item->kept) * frame_bytes + ddx_page_round(1);
     uint64_t pins = item->readers * ddx_page_round(1);
-    uint64_t old = item->epoch ? item_bytes(item) - pins : 0;
+    uint64_t old = (item->epoch ? item_bytes(item) - pins : 0) + retired_bytes(item);
 
     return (old > one ? old : one) + one + pins;
 }
@@ -142,9 +142,10 @@ void writer_claim(struct client *client, const struct ddx_layout *layout) {
 static void go_live(struct item *item) {
     if (item->epoch)
         item->ended[item->epoch->number % ENDED] = (struct ended){item->epoch->number, item->sequence};
-    epoch_free(item->epoch);
+    struct epoch *former = item->epoch;
     item->epoch = item->pending;
     item->pending = NULL;
+    epoch_retire(item, former);
     item->epochs = item->epoch->number;
     item->foreign = false;
     free(item->layout);
@@ -204,7 +205,7 @@ void writer_left(struct client *client) {
     /* It may have died between W7 and the wake-up: then readers sleep over a frame that is there. */
     if (item->epoch)
         ddx_futex_wake(&item->epoch->control->latest);
-    epoch_free(item->pending);
+    epoch_retire(item, item->pending);
     item->pending = NULL;
     DDX_PASS(STORE_WRITER_LEFT);
 }
