@@ -82,7 +82,7 @@ static void nobody_listens(void) {
     if (free < 25)
         fail("the writer's handle was free %lld times of 50", (long long)free);
     ASK(writer, WRITE, 300, 302);
-    kill(store_process, SIGCONT);
+    store_go_on();
     AWAIT(readers_are(KEEPERS) && info.writer_pid, "somebody does not come back");
     ASK(writer, WRITE, 300, 602);
     for (unsigned i = 0; i < KEEPERS; i++)

@@ -2,10 +2,12 @@
 #include "director.h"
 
 #include <errno.h>
+#include <poll.h>
 #include <stdarg.h>
 #include <string.h>
 #include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -81,25 +83,90 @@ void store_begin(const char *fault) {
     store_process = launch(arguments, fault);
 }
 
+pid_t store_worker(void) {
+    char path[64];
+    int pid = 0;
+
+    snprintf(path, sizeof path, "/proc/%d/task/%d/children", (int)store_process, (int)store_process);
+    FILE *file = fopen(path, "re");
+    if (file && fscanf(file, "%d", &pid) != 1)
+        pid = 0;
+    if (file)
+        fclose(file);
+    return pid;
+}
+
+void store_kill_worker(void) {
+    pid_t worker;
+
+    AWAIT((worker = store_worker()), "the store has no worker");
+    kill(worker, SIGKILL);
+}
+
+/* The worker dies with its holder, but a moment later, and serves others until then. */
+static void wait_worker(int worker) {
+    struct pollfd gone = {.fd = worker, .events = POLLIN};
+
+    if (worker >= 0 && poll(&gone, 1, (int)(HANG / 1000000)) != 1)
+        fail("hang: the worker outlives its holder");
+    if (worker >= 0)
+        close(worker);
+}
+
+static int open_worker(void) {
+    pid_t worker = store_process ? store_worker() : 0;
+
+    return worker ? (int)syscall(SYS_pidfd_open, worker, 0) : -1;
+}
+
 void store_kill(void) {
     if (!store_process)
         return;
+    int worker = open_worker();
     kill(store_process, SIGKILL);
     waitpid(store_process, NULL, 0);
+    wait_worker(worker);
     store_process = 0;
 }
 
 void store_ended(void) {
+    int worker = open_worker();
+
     AWAIT(waitpid(store_process, NULL, WNOHANG) == store_process, "the store does not end");
+    wait_worker(worker);
     store_process = 0;
 }
 
-void store_stop(void) {
-    int status;
+static bool is_stopped(pid_t pid) {
+    char path[32], state = 0;
 
-    if (kill(store_process, SIGSTOP) || waitpid(store_process, &status, WUNTRACED) != store_process ||
-        !WIFSTOPPED(status))
-        fail("the store cannot be stopped");
+    snprintf(path, sizeof path, "/proc/%d/stat", (int)pid);
+    FILE *file = fopen(path, "re");
+    if (file && fscanf(file, "%*d (%*[^)]) %c", &state) != 1)
+        state = 0;
+    if (file)
+        fclose(file);
+    return state == 'T';
+}
+
+/* The holder first, or it would see to another worker. */
+void store_stop(void) {
+    pid_t worker;
+
+    kill(store_process, SIGSTOP);
+    AWAIT(is_stopped(store_process), "the store cannot be stopped");
+    if ((worker = store_worker())) {
+        kill(worker, SIGSTOP);
+        AWAIT(is_stopped(worker), "the store's worker cannot be stopped");
+    }
+}
+
+void store_go_on(void) {
+    pid_t worker = store_worker();
+
+    if (worker)
+        kill(worker, SIGCONT);
+    kill(store_process, SIGCONT);
 }
 
 struct actor *actor_of(const struct party *p) {

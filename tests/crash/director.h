@@ -36,9 +36,12 @@ void director_begin(void);
 void director_end(void); /* ends all in peace */
 
 void store_begin(const char *fault);
-void store_kill(void);
-void store_ended(void); /* it dies by itself: waits for that */
-void store_stop(void);  /* it is stopped when this returns */
+pid_t store_worker(void); /* 0: there is none just now */
+void store_kill_worker(void);
+void store_kill(void);  /* worker and holder */
+void store_ended(void); /* both die by themselves: waits for that */
+void store_stop(void);  /* both are stopped when this returns */
+void store_go_on(void); /* also if only the worker was stopped */
 /* A free place on the stage; `fault` as in DDX_FAULT, or NULL. */
 struct party *party_begin(char kind, unsigned stream, double period, const char *fault);
 void party_end(struct party *party, int number);   /* sends the signal, waits for the end */

@@ -17,7 +17,7 @@ static unsigned long store_memory(void) {
     char path[64], line[128];
     unsigned long found = 0;
 
-    snprintf(path, sizeof path, "/proc/%d/status", (int)store_process);
+    snprintf(path, sizeof path, "/proc/%d/status", (int)store_worker());
     FILE *file = fopen(path, "r");
     while (file && fgets(line, sizeof line, file))
         if (sscanf(line, "RssAnon: %lu", &found) == 1)

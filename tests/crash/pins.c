@@ -157,17 +157,17 @@ static void writer_taken_for_dead(void) {
 
 /* The writer has waited for the store in vain and hung up. The store does not know that yet when a reader comes. */
 static void news_for_nobody(void) {
-    store_begin("store.attached:1:stop");
+    store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
     store_stop();
     uint64_t asked = stage->journal.passed[DDX_AT_ATTACH_SENT];
-    uint32_t struck = stage->journal.struck;
+    uint64_t registered = stage->journal.passed[DDX_AT_STORE_REGISTERED];
     puppet_say(reader, ORDER_HOLD, 0);
     AWAIT(stage->journal.passed[DDX_AT_ATTACH_SENT] > asked, "the reader does not ask");
     ASK(writer, LEAVE, 0, 0);
-    kill(store_process, SIGCONT);
-    AWAIT(stage->journal.struck > struck, "the reader is not let in");
+    store_go_on();
+    AWAIT(stage->journal.passed[DDX_AT_STORE_REGISTERED] > registered, "the store does not hear of the reader");
     ASK(writer, WRITE, 20, 21);
     int64_t got = puppet_hear(reader);
     if (got != 1 && got != 21)

@@ -69,7 +69,7 @@ static void stop(const struct scene *scene) {
     unsigned before = stage->journal.struck;
 
     if (scene->kind == 's') {
-        kill(store_process, SIGSTOP);
+        store_stop();
         return;
     }
     if (!scene->fault) {
@@ -88,7 +88,7 @@ static void go_on(const struct scene *scene) {
     uint32_t terms = stage->stream[scene->stream].terms;
 
     if (scene->kind == 's')
-        kill(store_process, SIGCONT);
+        store_go_on();
     else if (!scene->fault) {
         kill(guest->pid, SIGCONT);
         guest->stopped = false;

@@ -280,13 +280,13 @@ static void never_listen(void) {
     ASK(writer, WRITE, 1, 2);
     strcpy(message.name, stream_name[0]);
     for (unsigned i = 0; i < GUESTS; i++) {
-        uint64_t attached = stage->journal.passed[DDX_AT_STORE_ATTACHED];
+        uint64_t registered = stage->journal.passed[DDX_AT_STORE_REGISTERED];
         struct ddx_message attach = {.operation = DDX_ATTACH, .frames = 1};
 
         fd[i] = ddx_connect(DDX_STORE_PORT);
         if (fd[i] < 0 || ddx_send(fd[i], &message, NULL, NULL, 0) || ddx_send(fd[i], &attach, NULL, NULL, 0))
             fail("the store does not listen");
-        AWAIT(stage->journal.passed[DDX_AT_STORE_ATTACHED] > attached, "a guest is not let in");
+        AWAIT(stage->journal.passed[DDX_AT_STORE_REGISTERED] > registered, "a guest is not let in");
     }
     struct puppet *reader = puppet_begin(NULL);
     ASK(reader, HOLD, 1, 2);
@@ -354,13 +354,13 @@ static void few_descriptors(void) {
     for (unsigned i = 0; i < 3; i++)
         idle[i] = ddx_connect(DDX_STORE_PORT);
     AWAIT(files_of_store() >= 2 + 8, "the store does not listen"); /* . and .., its five, and these */
-    prlimit(store_process, RLIMIT_NOFILE, NULL, &all);
+    prlimit(store_worker(), RLIMIT_NOFILE, NULL, &all);
     few = (struct rlimit){12, all.rlim_max}; /* for a connection, control page, notice, one slot */
-    prlimit(store_process, RLIMIT_NOFILE, &few, NULL);
+    prlimit(store_worker(), RLIMIT_NOFILE, &few, NULL);
     uint64_t offered = stage->journal.passed[DDX_AT_KEEPER_OFFERED];
     puppet_go_on(writer);
     AWAIT(stage->journal.passed[DDX_AT_KEEPER_OFFERED] > offered + 1, "the writer does not try again");
-    prlimit(store_process, RLIMIT_NOFILE, &all, NULL);
+    prlimit(store_worker(), RLIMIT_NOFILE, &all, NULL);
     puppet_go_on(reader);
     AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "somebody does not come back");
     if (info.frames < 3)

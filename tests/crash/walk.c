@@ -84,7 +84,7 @@ static void lose_slots(unsigned before) {
     store_stop();
     party_go_on(victim);
     AWAIT(struck(before), "%s: never", where);
-    kill(store_process, SIGCONT);
+    store_go_on();
 }
 
 /* No frames for so long that who waits gives up. */
@@ -168,11 +168,21 @@ static void outlast(unsigned before) {
     AWAIT(struck(before), "%s: never learns that it was superseded", where);
 }
 
-static void killed(bool wrote, uint32_t terms) {
+/* The worker of the store: another one goes on, and nobody notices. */
+static void worker_killed(void) {
+    AWAIT(store_worker() && store_worker() != stage->journal.pid, "%s: no other worker", where);
+    await_frames(1, 10, 0, where);
+}
+
+static void killed(bool wrote, uint32_t terms, bool all) {
+    if (!victim && !all) {
+        worker_killed();
+        return;
+    }
     if (!victim) {
         uint64_t others = stage->stream[1].done;
 
-        waitpid(store_process, NULL, 0);
+        store_ended();
         nap(STOPPED);
         AWAIT(stage->stream[1].done > others + 20, "%s: no frames without a store", where);
         await_frames(1, 10, 0, where);
@@ -194,7 +204,6 @@ static void killed(bool wrote, uint32_t terms) {
 }
 
 static void stopped(bool wrote) {
-    pid_t pid = victim ? victim->pid : store_process;
     uint64_t beats = victim ? actor_of(victim)->beats : 0;
 
     if (victim)
@@ -209,9 +218,11 @@ static void stopped(bool wrote) {
         await_frames(0, 20, 0, where);
     int64_t gap = longest_gap(1);
     worst_gap = gap > worst_gap ? gap : worst_gap;
-    kill(pid, SIGCONT);
-    if (!victim)
+    if (!victim) {
+        store_go_on();
         return;
+    }
+    kill(victim->pid, SIGCONT);
     victim->stopped = false;
     if (is("claim.ended") || is("attach.ended"))
         party_ended(victim, SIGTERM);
@@ -262,15 +273,15 @@ static void walk_point(unsigned point, const char *action) {
             fail("%s: never reached", where);
         stimulate(turn, before);
     }
-    if (stage->journal.point != point || stage->journal.pid != (victim ? victim->pid : store_process))
+    if (stage->journal.point != point || (victim && stage->journal.pid != victim->pid))
         fail("%s: somebody else was struck", where);
     terms = stage->stream[0].terms;
     bool wrote = victim && victim->kind == 'w' && !is("keeper.superseded");
     stage->stream[0].allowed = ~0u;
-    if (!strcmp(action, "kill"))
-        killed(wrote, terms);
-    else
+    if (!strcmp(action, "stop"))
         stopped(wrote);
+    else
+        killed(wrote, terms, !strcmp(action, "end"));
     if (liar)
         party_end(liar, SIGKILL);
     refill();
@@ -306,12 +317,15 @@ int test_walk(const char *only) {
     party_begin('o', 1, 0, NULL);
     await_frames(0, 10, 1, "at first");
     await_frames(1, 10, 1, "at first");
-    for (unsigned point = 0; point < DDX_POINT_COUNT; point++)
-        for (unsigned i = 0; i < 2; i++)
-            if (point % parts == part && (!only || strstr(ddx_point_name[point], only))) {
-                walk_point(point, i ? "stop" : "kill");
-                walked++;
-            }
+    for (unsigned point = 0; point < DDX_POINT_COUNT; point++) {
+        if (point % parts != part || (only && !strstr(ddx_point_name[point], only)))
+            continue;
+        walk_point(point, "kill");
+        walk_point(point, "stop");
+        if (!strncmp(ddx_point_name[point], "store.", 6))
+            walk_point(point, "end");
+        walked++;
+    }
     if (!walked)
         fail("there is no point %s", only);
     printf("%u points passed, %u takeovers; longest gap of others while one was stopped %.1f ms\n", walked, takeovers,

@@ -19,6 +19,7 @@
 #define TURNS 80
 #define STEP 16u /* words between those that change from frame to frame: all cache lines, every other one */
 
+struct store *store;
 static struct epoch *from;
 static atomic_bool over;
 
@@ -62,6 +63,10 @@ int main(void) {
     unsigned carried = 0, torn = 0;
     pthread_t writer;
 
+    CHECK_EQUAL(kept_begin(), 0);
+    CHECK(!kept_restore());
+    store = kept_allocate(sizeof *store);
+    CHECK(store);
     from = new_epoch(1, SLOTS);
     atomic_store(&from->control->slots, SLOTS);
     CHECK_EQUAL(pthread_create(&writer, NULL, write_on, NULL), 0);

@@ -576,9 +576,9 @@ static void test_restart_and_stop(void) {
     store_stop(SIGKILL);
     store_start("64M");
     DDX_STORE_ID *probe = ddx_store_open(NULL, 0, 2);
-    CHECK_EQUAL(kill(store_pid, SIGSTOP), 0);
+    store_signal(SIGSTOP);
     nap(0.4);
-    CHECK_EQUAL(kill(store_pid, SIGCONT), 0);
+    store_signal(SIGCONT);
     CHECK_EQUAL(ddx_store_write(rival, &value, NULL), -EEXIST);
     CHECK_EQUAL(ddx_store_read(rival, &value, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(value, 9);
@@ -592,7 +592,7 @@ static unsigned long store_sleeps(void) {
     char path[64], line[128];
     unsigned long found = 0;
 
-    snprintf(path, sizeof path, "/proc/%d/status", (int)store_pid);
+    snprintf(path, sizeof path, "/proc/%d/status", (int)store_worker());
     FILE *file = fopen(path, "re");
     CHECK(file);
     while (fgets(line, sizeof line, file) && sscanf(line, "voluntary_ctxt_switches: %lu", &found) != 1)

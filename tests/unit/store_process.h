@@ -3,8 +3,11 @@
 #ifndef STORE_PROCESS_H
 #define STORE_PROCESS_H
 
+#include <fcntl.h>
 #include <signal.h>
+#include <stdio.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/prctl.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -34,9 +37,38 @@ static inline void store_start(const char *budget) {
     }
 }
 
+/* Its worker dies with it, but a moment later: the port's lock is free when both are gone. */
 static inline void store_stop(int number) {
+    char path[64];
+
     CHECK_EQUAL(kill(store_pid, number), 0);
     CHECK_EQUAL(waitpid(store_pid, NULL, 0), store_pid);
+    snprintf(path, sizeof path, "%s/store-2005.lock", store_folder);
+    int lock = open(path, O_RDWR | O_CLOEXEC);
+    CHECK(lock >= 0);
+    CHECK_EQUAL(flock(lock, LOCK_EX), 0);
+    close(lock);
+}
+
+/* 0: there is none just now. */
+static inline pid_t store_worker(void) {
+    char path[64];
+    int pid = 0;
+
+    snprintf(path, sizeof path, "/proc/%d/task/%d/children", (int)store_pid, (int)store_pid);
+    FILE *file = fopen(path, "re");
+    if (file && fscanf(file, "%d", &pid) != 1)
+        pid = 0;
+    if (file)
+        fclose(file);
+    return pid;
+}
+
+/* To both of its processes. */
+static inline void store_signal(int number) {
+    CHECK_EQUAL(kill(store_pid, number), 0);
+    pid_t worker = store_worker();
+    CHECK(!worker || !kill(worker, number));
 }
 
 static inline void store_folder_remove(void) {

@@ -23,11 +23,12 @@ static struct plan {
     enum ddx_point point;
     uint64_t nth;
     int signal; /* 0: slow */
-    bool quiet;
+    bool quiet, with_holder;
     _Atomic(uint64_t) passed;
 } plans[PLANS];
 static unsigned plan_count;
 static struct ddx_fault_journal *journal;
+int ddx_fault_holder;
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
 static void refuse(const char *text) {
@@ -46,7 +47,8 @@ static void add_plan(const char *text) {
         plan->point++;
     plan->nth = nth;
     plan->quiet = !strcmp(what, "die");
-    plan->signal = plan->quiet || !strcmp(what, "kill") ? SIGKILL : !strcmp(what, "stop") ? SIGSTOP : 0;
+    plan->with_holder = plan->quiet || !strcmp(what, "end");
+    plan->signal = plan->with_holder || !strcmp(what, "kill") ? SIGKILL : !strcmp(what, "stop") ? SIGSTOP : 0;
     if (plan->point == DDX_POINT_COUNT || (!plan->signal && strcmp(what, "slow") != 0))
         refuse(text);
 }
@@ -86,6 +88,8 @@ static void strike(const struct plan *plan) {
         journal->time = clock_now();
         journal->struck++;
     }
+    if (plan->with_holder && ddx_fault_holder)
+        kill(ddx_fault_holder, SIGKILL);
     raise(plan->signal); /* this very thread does nothing any more */
 }
 

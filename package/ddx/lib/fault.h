@@ -7,8 +7,8 @@
  *
  *     DDX_FAULT=writer.published:3:kill[,...]    the third time it passes this point it is killed
  *
- * Also `stop` (SIGSTOP); `die`, a kill that the journal does not mention; and `slow`: 20 ms each time from then on, to
- * hold a race open. DDX_FAULT_JOURNAL names a file of struct ddx_fault_journal that counts who passed what, for all
+ * Also `stop` (SIGSTOP); `end`: the whole store, its holder, too, where a kill is its worker's end alone; `die`, an end
+ * that the journal does not mention; and `slow`: 20 ms each time from then on, to hold a race open. DDX_FAULT_JOURNAL names a file of struct ddx_fault_journal that counts who passed what, for all
  * programs together.
  */
 #ifndef DDX_FAULT_H
@@ -78,30 +78,32 @@
     X(STORE_ITEM,         "store.item")         /* a new item in the list */ \
     X(STORE_OPENED,       "store.opened")       /* a handle counts, its program not told */ \
     X(STORE_DROPPED,      "store.dropped")      /* an item out of the list */ \
+    X(STORE_HANDLED,      "store.handled")      /* a request was handled, nothing of it is committed */ \
+    X(STORE_COMMITTED,    "store.committed")    /* it is, and the request is still there */ \
+    X(STORE_DISCARDED,    "store.discarded")    /* taken off, nobody was told */ \
+    X(STORE_SAID,         "store.said")         /* told, and that is not committed */ \
     /* the store: a change of writer */ \
     X(STORE_PREPARED,     "store.prepared")     /* the next epoch's files exist */ \
     X(STORE_NOTICE,       "store.notice")       /* and its notice */ \
     X(STORE_CARRIED,      "store.carried")      /* the last whole frame is copied into it */ \
-    X(STORE_CLAIMED,      "store.claimed")      /* control and notice sent to the writer */ \
-    X(STORE_SLOTS,        "store.slots")        /* slots sent to the writer */ \
-    X(STORE_READERS,      "store.readers")      /* pin pages sent to the writer */ \
+    X(STORE_CLAIMED,      "store.claimed")      /* control and notice were sent to the writer */ \
+    X(STORE_SLOTS,        "store.slots")        /* a slot was */ \
     X(STORE_READY,        "store.ready")        /* the writer has mapped and sealed one more */ \
-    X(STORE_LIVE,         "store.live")         /* all of them: the epoch is the item's, readers not told */ \
-    X(STORE_TOLD,         "store.told")         /* they are */ \
-    X(STORE_GRANTED,      "store.granted")      /* the writer, too */ \
+    X(STORE_LIVE,         "store.live")         /* all of them: the epoch is the item's */ \
+    X(STORE_GRANTED,      "store.granted")      /* the writer was told that it may begin */ \
     X(STORE_WRITER_LEFT,  "store.writer_left")  /* the item is without a writer */ \
     /* the store: a reader comes and goes */ \
     X(STORE_ROOM,         "store.room")         /* slots for one reader more exist */ \
-    X(STORE_ROOM_TOLD,    "store.room_told")    /* sent to the writer */ \
-    X(STORE_SLOT_TOLD,    "store.slot_told")    /* sent to the readers */ \
-    X(STORE_ANNOUNCED,    "store.announced")    /* the pin page is in the writer's queue, the notice as before */ \
-    X(STORE_NOTICED,      "store.noticed")      /* the notice says so */ \
+    X(STORE_ROOM_TOLD,    "store.room_told")    /* one of them was sent to the writer */ \
+    X(STORE_SLOT_TOLD,    "store.slot_told")    /* the writer was told that readers know it */ \
+    X(STORE_ANNOUNCED,    "store.announced")    /* the pin page is to be sent to the writer */ \
+    X(STORE_NOTICED,      "store.noticed")      /* it was, and the notice says so */ \
     X(STORE_REGISTERED,   "store.registered")   /* the reader counts */ \
-    X(STORE_EPOCH_BEGUN,  "store.epoch_begun")  /* an epoch's control page is sent to a reader, its slots not */ \
-    X(STORE_EPOCH,        "store.epoch")        /* they are */ \
-    X(STORE_ATTACHED,     "store.attached")     /* the reader is let in */ \
+    X(STORE_EPOCH_BEGUN,  "store.epoch_begun")  /* an epoch's control page was sent to a reader, its slots not */ \
+    X(STORE_EPOCH,        "store.epoch")        /* a slot was sent to a reader */ \
+    X(STORE_ATTACHED,     "store.attached")     /* the reader was told that it is in */ \
     X(STORE_READER_LEFT,  "store.reader_left")  /* it counts no more, the writer not told */ \
-    X(STORE_READER_TOLD,  "store.reader_told")  /* the writer told */ \
+    X(STORE_READER_TOLD,  "store.reader_told")  /* the writer was told */ \
     /* the store: after a restart */ \
     X(STORE_TAKEN,        "store.taken")        /* an offered control page (and notice) is known */ \
     X(STORE_TAKEN_SLOT,   "store.taken_slot")   /* an offered slot */ \
@@ -109,7 +111,7 @@
     X(STORE_MERGED,       "store.merged")       /* more of its slots */ \
     X(STORE_WRITER_BACK,  "store.writer_back")  /* its writer is */ \
     X(STORE_READER_BACK,  "store.reader_back")  /* a reader is */ \
-    X(STORE_ACCEPTED,     "store.accepted")     /* the offer is answered */ \
+    X(STORE_ACCEPTED,     "store.accepted")     /* the offer was answered */ \
     X(STORE_SETTLED,      "store.settled")      /* who has not reported is dead */
 /* clang-format on */
 
@@ -132,6 +134,7 @@ struct ddx_fault_journal {
 
 extern const char *const ddx_point_name[DDX_POINT_COUNT];
 void ddx_fault_pass(enum ddx_point point);
+extern int ddx_fault_holder; /* the process that ends with this one, 0: none */
 #define DDX_PASS(name) ddx_fault_pass(DDX_AT_##name)
 /* Is the protocol to be broken in this way, named by DDX_BROKEN? For tests that must fail then. */
 int ddx_fault_broken(const char *way);

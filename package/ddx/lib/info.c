@@ -112,12 +112,12 @@ int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info) {
     return result;
 }
 
-/* The next message on a connection of our own, within the time that the store may take. */
-static int next(int socket, struct ddx_packet *packet) {
+/* The next message on a connection of our own, within the time that the store may take. *heard: the last one's number. */
+static int next(int socket, struct ddx_packet *packet, uint64_t *heard) {
     int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
     int result;
 
-    while ((result = ddx_receive(socket, packet)) == 0) {
+    while ((result = ddx_receive(socket, packet)) == 0 || (result > 0 && packet->message.number <= *heard)) {
         struct pollfd wait = {.fd = socket, .events = POLLIN};
         int64_t left = deadline - ddx_time_now();
 
@@ -125,9 +125,11 @@ static int next(int socket, struct ddx_packet *packet) {
             return -ECONNREFUSED;
         poll(&wait, 1, (int)(left / 1000000) + 1);
     }
-    if (result > 0)
-        ddx_packet_close(packet);
-    return result > 0 ? 0 : -ECONNREFUSED;
+    if (result <= 0)
+        return -ECONNREFUSED;
+    *heard = packet->message.number;
+    ddx_packet_close(packet);
+    return 0;
 }
 
 static int by_name(const void *a, const void *b) {
@@ -136,11 +138,12 @@ static int by_name(const void *a, const void *b) {
 
 static int collect(int socket, struct ddx_packet *packet, struct ddx_store_info *store, struct ddx_item_info **items,
                    unsigned *count) {
-    struct ddx_message message = {.operation = DDX_LIST};
+    struct ddx_message message = {.operation = DDX_LIST, .number = 1};
     const struct ddx_message *m = &packet->message;
+    uint64_t heard = 0;
     int result = ddx_send(socket, &message, NULL, NULL, 0);
 
-    while (!result && !(result = next(socket, packet)) && m->operation == DDX_ITEM) {
+    while (!result && !(result = next(socket, packet, &heard)) && m->operation == DDX_ITEM) {
         struct ddx_item_info *more = realloc(*items, (*count + 1) * sizeof **items);
 
         if (!more)

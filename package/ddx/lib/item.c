@@ -97,6 +97,7 @@ static int item_open(DDX_STORE_ITEM *item, uint32_t flags) {
 
     item->socket = ddx_connect(item->id->port);
     item->deaf = false;
+    item->heard = 0;
     if (item->socket < 0)
         return item->socket;
     ddx_message_init(&message, DDX_OPEN, item);

@@ -92,6 +92,7 @@ struct ddx_store_item {
     int socket;                /* -1: the store is gone; the keeper tries again */
     int64_t retry;             /* when */
     struct ddx_queue queue;    /* what the store has no room for yet; the keeper goes on */
+    uint64_t heard;            /* number of the last message taken in */
     struct ddx_packet *packet;
     uint32_t answer; /* operation that a request waits for, and what came */
     bool answered;

@@ -41,7 +41,7 @@ static int look_after(DDX_STORE_ITEM *item) {
     if (!ddx_lock_try(&item->lock))
         return SOON; /* what comes for a busy owner it takes in itself; to be told of it would only keep us awake */
     if (item->socket >= 0) {
-        ddx_queue_go_on(&item->queue, item->socket); /* who is gone may have left news */
+        ddx_queue_go_on(&item->queue, item->socket, NULL, NULL); /* who is gone may have left news */
         ddx_item_service(item);
     }
     if (item->socket < 0) {

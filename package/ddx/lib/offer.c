@@ -79,6 +79,7 @@ int ddx_item_offer(DDX_STORE_ITEM *item) {
         return fd;
     item->socket = fd;
     item->deaf = false;
+    item->heard = 0;
     DDX_PASS(KEEPER_FOUND);
     if (offer(item)) {
         ddx_item_disconnect(item);

@@ -6,6 +6,7 @@
 #include <linux/sockios.h>
 #include <poll.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
 
@@ -22,37 +23,62 @@ struct ddx_queued {
     unsigned fd_count;
 };
 
-static void forget(struct ddx_queued *queued) {
-    for (unsigned i = 0; i < queued->fd_count; i++)
-        close(queued->fd[i]);
-    free(queued->layout);
-    free(queued);
+static void *allocate(size_t bytes) {
+    return calloc(1, bytes);
 }
 
-static int keep(struct ddx_queue *queue, const struct ddx_message *message, const struct ddx_layout *layout,
-                const int *fds, unsigned fd_count) {
-    struct ddx_queued *queued = calloc(1, sizeof *queued);
+static int keep_copy(int fd) {
+    int copy = fcntl(fd, F_DUPFD_CLOEXEC, 0);
 
-    if (!queued || (layout && !(queued->layout = ddx_layout_copy(layout)))) {
-        free(queued);
+    return copy < 0 ? -errno : copy;
+}
+
+static void close_copy(int fd) {
+    close(fd);
+}
+
+static const struct ddx_queue_memory copies = {allocate, free, keep_copy, close_copy};
+const struct ddx_queue_memory *ddx_queue_memory = &copies;
+
+static void forget(struct ddx_queued *queued) {
+    for (unsigned i = 0; i < queued->fd_count; i++)
+        ddx_queue_memory->let_go(queued->fd[i]);
+    ddx_queue_memory->free(queued->layout);
+    ddx_queue_memory->free(queued);
+}
+
+static struct ddx_layout *copy_layout(const struct ddx_layout *layout) {
+    size_t bytes = ddx_layout_bytes(layout->field_count);
+    struct ddx_layout *copy = ddx_queue_memory->allocate(bytes);
+
+    return copy ? memcpy(copy, layout, bytes) : NULL;
+}
+
+int ddx_queue_put(struct ddx_queue *queue, const struct ddx_message *message, const struct ddx_layout *layout,
+                  const int *fds, unsigned fd_count) {
+    struct ddx_queued *queued = ddx_queue_memory->allocate(sizeof *queued);
+
+    if (!queued || (layout && !(queued->layout = copy_layout(layout)))) {
+        ddx_queue_memory->free(queued);
         return -ENOMEM;
     }
     queued->message = *message;
+    queued->message.number = queue->number + 1;
     for (unsigned i = 0; i < fd_count; i++) {
-        queued->fd[i] = fcntl(fds[i], F_DUPFD_CLOEXEC, 0);
-        if (queued->fd[i] < 0) {
-            int error = errno;
+        int kept = ddx_queue_memory->keep(fds[i]);
 
+        if (kept < 0) {
             forget(queued);
-            return -error;
+            return kept;
         }
-        queued->fd_count++;
+        queued->fd[queued->fd_count++] = kept;
     }
     if (queue->last)
         queue->last->next = queued;
     else
         queue->first = queued;
     queue->last = queued;
+    queue->number++;
     queue->count++;
     queue->files += fd_count;
     return 0;
@@ -84,18 +110,24 @@ short ddx_queue_events(const struct ddx_queue *queue) {
 
 int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message *message,
                    const struct ddx_layout *layout, const int *fds, unsigned fd_count) {
-    int result = queue->count ? -EAGAIN : try(queue, socket, message, layout, fds, fd_count);
+    struct ddx_message numbered = *message;
 
-    return result == -EAGAIN ? keep(queue, message, layout, fds, fd_count) : result;
+    numbered.number = queue->number + 1;
+    int result = queue->count ? -EAGAIN : try(queue, socket, &numbered, layout, fds, fd_count);
+    queue->number += !result;
+    return result == -EAGAIN ? ddx_queue_put(queue, message, layout, fds, fd_count) : result;
 }
 
-int ddx_queue_go_on(struct ddx_queue *queue, int socket) {
+int ddx_queue_go_on(struct ddx_queue *queue, int socket,
+                    void (*sent)(const struct ddx_message *message, void *context), void *context) {
     while (queue->first) {
         struct ddx_queued *queued = queue->first;
         int result = try(queue, socket, &queued->message, queued->layout, queued->fd, queued->fd_count);
 
         if (result)
             return result == -EAGAIN ? 0 : result;
+        if (sent)
+            sent(&queued->message, context);
         queue->first = queued->next;
         if (!queue->first)
             queue->last = NULL;

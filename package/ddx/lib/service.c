@@ -299,6 +299,11 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_message *m = &packet->message;
     const struct ddx_layout *layout;
 
+    if (m->number && m->number <= item->heard) { /* said twice: the store's worker has died in between */
+        ddx_packet_close(packet);
+        return;
+    }
+    item->heard = m->number ? m->number : item->heard;
     switch (m->operation) {
     case DDX_OPENED:
         if ((layout = ddx_packet_layout(packet)) && ddx_item_set_layout(item, layout))
@@ -379,7 +384,7 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
             result = -ETIMEDOUT;
         else {
             poll(&wait, 1, item->queue.crowded ? DDX_QUEUE_PAUSE : (int)(left / 1000000) + 1);
-            result = ddx_queue_go_on(&item->queue, item->socket);
+            result = ddx_queue_go_on(&item->queue, item->socket, NULL, NULL);
             if (!result)
                 result = ddx_item_service(item);
         }

@@ -68,7 +68,7 @@ static void take_descriptors(struct msghdr *envelope, struct ddx_packet *packet)
     }
 }
 
-int ddx_receive(int socket, struct ddx_packet *packet) {
+static int receive(int socket, struct ddx_packet *packet, int flags) {
     union control_buffer control;
     struct iovec part[2] = {{&packet->message, sizeof packet->message}, {packet->layout, sizeof packet->layout}};
     struct msghdr envelope = {
@@ -80,7 +80,7 @@ int ddx_receive(int socket, struct ddx_packet *packet) {
     /* Who died with a message of ours unread resets the connection, which the kernel tells once, and before what that
      * one said: the news is there all the same, and must not be lost. */
     do
-        got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+        got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC | flags);
     while (got < 0 && (errno == EINTR || (errno == ECONNRESET && !DDX_BROKEN("reset"))));
     if (got < 0)
         return errno == EAGAIN ? 0 : -EPIPE;
@@ -96,6 +96,22 @@ int ddx_receive(int socket, struct ddx_packet *packet) {
         return -EPROTO;
     }
     return 1;
+}
+
+int ddx_receive(int socket, struct ddx_packet *packet) {
+    return receive(socket, packet, 0);
+}
+
+int ddx_peek(int socket, struct ddx_packet *packet) {
+    return receive(socket, packet, MSG_PEEK);
+}
+
+void ddx_discard(int socket) {
+    char first;
+
+    /* Without room for descriptors the kernel closes them. */
+    while (recv(socket, &first, sizeof first, MSG_DONTWAIT) < 0 && errno == EINTR)
+        continue;
 }
 
 const struct ddx_layout *ddx_packet_layout(const struct ddx_packet *packet) {

@@ -17,6 +17,10 @@
  * After the store was restarted, instead of OPEN:
  *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
  * where -EEXIST tells a writer that another one was let in; with FLAG_WRITER, after which of its frames.
+ *
+ * Messages are numbered in either direction. The store may die between doing what it was asked and saying so, or between
+ * saying so and noting that it did; the one that goes on in its place takes no message a second time, and what it says
+ * twice has the number that it had.
  */
 #ifndef DDX_WIRE_H
 #define DDX_WIRE_H
@@ -26,7 +30,7 @@
 
 #include "type.h"
 
-#define DDX_WIRE_VERSION 1u
+#define DDX_WIRE_VERSION 2u
 
 enum ddx_operation {
     DDX_OPEN = 1,
@@ -73,10 +77,11 @@ struct ddx_message {
     uint64_t size; /* of the struct; of READER: the pin page's number, as ddx_memory_number() gives it */
     uint64_t frame_bytes, bytes, reserved, missed;
     int64_t time;
+    uint64_t number; /* of this message on this connection, from 1 on; 0: not numbered */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
 };
 
-static_assert(sizeof(struct ddx_message) == 224, "the same for i386 and x86_64");
+static_assert(sizeof(struct ddx_message) == 232, "the same for i386 and x86_64");
 static_assert(sizeof(struct ddx_layout_field) == 96 && sizeof(struct ddx_layout) == 16, "likewise");
 
 #define DDX_FDS_MAX 2u
@@ -98,6 +103,10 @@ int ddx_send(int socket, const struct ddx_message *message, const struct ddx_lay
 
 /* Receive without waiting. 1: got one; 0: none; -EPIPE: the other side is gone; -EPROTO: it sent nonsense. */
 int ddx_receive(int socket, struct ddx_packet *packet);
+
+/* The same, but the message stays where it is until it is discarded: it will be received again. */
+int ddx_peek(int socket, struct ddx_packet *packet);
+void ddx_discard(int socket);
 
 /* The layout in a received packet, or NULL if there is none or it is not sound. */
 const struct ddx_layout *ddx_packet_layout(const struct ddx_packet *packet);

@@ -13,7 +13,7 @@ uint64_t budget_used(void) {
     uint64_t sum = 0;
 
     retired_sweep();
-    for (const struct item *item = store.items; item; item = item->next)
+    for (const struct item *item = store->items; item; item = item->next)
         sum += item_bytes(item) + retired_bytes(item);
     return sum + retired_bytes(NULL);
 }
@@ -21,7 +21,7 @@ uint64_t budget_used(void) {
 uint64_t budget_reserved(void) {
     uint64_t sum = 0;
 
-    for (const struct item *item = store.items; item; item = item->next)
+    for (const struct item *item = store->items; item; item = item->next)
         sum += item_reserved(item);
     return sum + retired_bytes(NULL);
 }
@@ -35,7 +35,7 @@ static struct item *least_wanted(const struct item *except) {
     int64_t oldest = INT64_MAX;
     bool found_book = false;
 
-    for (struct item *item = store.items; item; item = item->next) {
+    for (struct item *item = store->items; item; item = item->next) {
         struct ddx_ring_frame frame = {.time = 0};
 
         if (item->handles || item == except)
@@ -56,7 +56,7 @@ static struct item *least_wanted(const struct item *except) {
 static uint64_t droppable(const struct item *except) {
     uint64_t sum = 0;
 
-    for (const struct item *item = store.items; item; item = item->next)
+    for (const struct item *item = store->items; item; item = item->next)
         if (!item->handles && item != except)
             sum += item_reserved(item);
     return sum;
@@ -67,13 +67,13 @@ bool budget_allows(struct item *item, uint64_t reserved) {
         retired_sweep();
         uint64_t others = budget_reserved() - item_reserved(item);
 
-        if (others + reserved <= store.budget)
+        if (others + reserved <= settings.budget)
             return true;
         clients_reap();
         retired_sweep();
         if (budget_reserved() - item_reserved(item) < others)
             continue;
-        if (others - droppable(item) + reserved > store.budget)
+        if (others - droppable(item) + reserved > settings.budget)
             return false; /* nothing is dropped in vain */
         struct item *victim = least_wanted(item);
         if (!victim)
@@ -82,5 +82,6 @@ bool budget_allows(struct item *item, uint64_t reserved) {
         epoch_retire(victim, victim->epoch);
         victim->epoch = NULL;
         item_drop_if_unused(victim);
+        store_commit(); /* only then are its files closed, and do not count any more */
     }
 }

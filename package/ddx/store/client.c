@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <errno.h>
 #include <poll.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "files.h"
+#include "holder.h"
 #include "server.h"
 
 #define MESSAGES_AT_ONCE 64 /* then the others get their turn */
@@ -22,7 +23,7 @@ static bool too_many(int socket, int32_t pid) {
 
     if (getrlimit(RLIMIT_NOFILE, &limit))
         return false;
-    for (const struct client *client = store.clients; client; client = client->next)
+    for (const struct client *client = store->clients; client; client = client->next)
         its += client->pid == pid;
     return its >= limit.rlim_cur / 4 || (rlim_t)socket >= limit.rlim_cur / 4 * 3;
 }
@@ -33,7 +34,7 @@ bool client_holds_too_much(const struct client *client) {
 
     if (getrlimit(RLIMIT_NOFILE, &limit))
         return false;
-    for (const struct client *c = store.clients; c; c = c->next)
+    for (const struct client *c = store->clients; c; c = c->next)
         if (c->pid == client->pid)
             its += c->queue.files + (c->offered ? c->offered->slots + 1 : 0) + (c->offered_notice_fd >= 0) +
                    (c->offered_pin_fd >= 0);
@@ -41,22 +42,22 @@ bool client_holds_too_much(const struct client *client) {
 }
 
 struct client *client_add(int socket) {
-    struct client *client = calloc(1, sizeof *client);
+    struct client *client = kept_allocate(sizeof *client);
     struct ucred who = {0};
     socklen_t length = sizeof who;
 
     getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
     if (!client || too_many(socket, who.pid)) {
         note("%d is refused: too many connections", (int)who.pid);
-        free(client);
+        kept_free(client);
         close(socket);
         return NULL;
     }
     client->pid = who.pid;
     client->socket = socket;
     client->pin_fd = client->offered_notice_fd = client->offered_pin_fd = -1;
-    client->next = store.clients;
-    store.clients = client;
+    client->next = store->clients;
+    store->clients = client;
     DDX_PASS(STORE_CLIENT);
     return client;
 }
@@ -67,22 +68,88 @@ void client_send(struct client *client, const struct ddx_message *message, const
         return;
     if (message->operation == DDX_EPOCH)
         ddx_queue_drop_epoch(&client->queue);
-    int result = ddx_queue_send(&client->queue, client->socket, message, layout, fds, count);
+    int result = ddx_queue_put(&client->queue, message, layout, fds, count);
     if (client->queue.count > QUEUED_MAX)
         note("%d asks and does not listen; closing its connection", (int)client->pid);
-    else if (result && result != -EPIPE)
-        note("%d does not listen, and what it is to hear cannot be kept (%s); closing its connection",
-             (int)client->pid, strerror(-result));
+    else if (result)
+        note("what %d is to hear cannot be kept (%s); closing its connection", (int)client->pid, strerror(-result));
+    client->gone |= result || client->queue.count > QUEUED_MAX;
+}
+
+/*
+ * A reader may pin as soon as it knows of a frame, so its writer has to know of its pins before it hears anything more.
+ * Should the store have lost the writer, who may live all the same, it has to be back first.
+ */
+bool client_is_gated(const struct client *client) {
+    const struct item *item = client->item;
+
+    if (!item || !item->notice || item->pending || !client->behind ||
+        (int32_t)(atomic_load(&item->notice->version) - client->behind) >= 0)
+        return false;
+    return (item->writer && !item->writer->gone) || (item->epoch && ddx_memory_held(item->epoch->control_fd));
+}
+
+static void pass_said(const struct ddx_message *message, const struct item *item) {
+    bool to_reader = message->flags & DDX_FLAG_READER, to_writer = message->flags & DDX_FLAG_WRITER;
+
+    (void)item, (void)to_reader, (void)to_writer;
+    switch (message->operation) {
+    case DDX_CLAIMED: DDX_PASS(STORE_CLAIMED); break;
+    case DDX_DONE: DDX_PASS(STORE_GRANTED); break;
+    case DDX_EPOCH: DDX_PASS(STORE_EPOCH_BEGUN); break;
+    case DDX_ATTACHED: DDX_PASS(STORE_ATTACHED); break;
+    case DDX_READER_GONE: DDX_PASS(STORE_READER_TOLD); break;
+    case DDX_OFFERED: DDX_PASS(STORE_ACCEPTED); break;
+    case DDX_SLOT:
+        if (to_reader && to_writer)
+            DDX_PASS(STORE_SLOT_TOLD);
+        else if (to_reader)
+            DDX_PASS(STORE_EPOCH);
+        else if (item && item->pending)
+            DDX_PASS(STORE_SLOTS);
+        else
+            DDX_PASS(STORE_ROOM_TOLD);
+        break;
+    default: break;
+    }
+}
+
+static void sent(const struct ddx_message *message, void *context) {
+    struct client *client = context;
+
+    pass_said(message, client->item);
+    if (message->operation != DDX_READER)
+        return;
+    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. And
+     * before the reader may hear of any frame: from its first pin on, the writer looks for it. */
+    atomic_store(&client->item->notice->version, (uint32_t)message->sequence);
+    DDX_PASS(STORE_NOTICED);
+}
+
+/* Whether there was anything to be said. */
+static bool go_on(struct client *client) {
+    if (!client->queue.count || client->gone || client_is_gated(client))
+        return false;
+    if (ddx_queue_go_on(&client->queue, client->socket, sent, client))
+        client->gone = true;
     else if (client->queue.files && client_holds_too_much(client)) {
         note("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
         client->gone = true;
     }
-    client->gone |= result || client->queue.count > QUEUED_MAX;
+    return true;
 }
 
-void client_go_on(struct client *client) {
-    if (ddx_queue_go_on(&client->queue, client->socket))
-        client->gone = true;
+bool clients_go_on(struct client *last) {
+    bool any = false;
+
+    /* Writers first: others may wait for what they hear. */
+    for (struct client *client = store->clients; client; client = client->next)
+        if (client != last && client->item && client->item->writer == client)
+            any |= go_on(client);
+    for (struct client *client = store->clients; client; client = client->next)
+        if (client != last)
+            any |= go_on(client);
+    return (last && go_on(last)) || any;
 }
 
 void client_reply(struct client *client, uint32_t operation, int status) {
@@ -95,7 +162,7 @@ void client_reply(struct client *client, uint32_t operation, int status) {
 static bool too_early(struct client *client) {
     uint32_t operation = 0;
 
-    if (!store.restarted || store.open || client->item)
+    if (!settings.restarted || store->open || client->item)
         return false;
     ssize_t got = recv(client->socket, &operation, sizeof operation, MSG_PEEK | MSG_DONTWAIT);
     return got > 0 && (operation == DDX_OPEN || operation == DDX_LIST);
@@ -108,7 +175,7 @@ void client_receive(struct client *client) {
         client->early = too_early(client);
         if (client->early)
             return;
-        int result = ddx_receive(client->socket, &packet);
+        int result = ddx_peek(client->socket, &packet);
         if (result == 0)
             return;
         if (result < 0) {
@@ -117,10 +184,21 @@ void client_receive(struct client *client) {
             client->gone = true;
             return;
         }
-        store.current = client;
-        request_handle(client, &packet);
-        store.current = NULL;
+        /* A worker may have done this, and died before it took it off. */
+        if (!packet.message.number || packet.message.number > client->handled) {
+            holder_serving(client->socket);
+            store->current = client;
+            request_handle(client, &packet);
+            store->current = NULL;
+            client->handled = packet.message.number ? packet.message.number : client->handled;
+            DDX_PASS(STORE_HANDLED);
+            store_commit();
+            holder_serving(-1);
+        }
         ddx_packet_close(&packet);
+        ddx_discard(client->socket);
+        DDX_PASS(STORE_DISCARDED);
+        store_conclude(client);
     }
 }
 
@@ -140,16 +218,16 @@ static void detach(struct client *client) {
 }
 
 void clients_reap(void) {
-    for (struct client *client = store.clients; client; client = client->next) {
+    for (struct client *client = store->clients; client; client = client->next) {
         struct pollfd look = {.fd = client->socket};
 
-        if (client != store.current && (client->gone || (poll(&look, 1, 0) > 0 && look.revents & (POLLHUP | POLLERR))))
+        if (client != store->current && (client->gone || (poll(&look, 1, 0) > 0 && look.revents & (POLLHUP | POLLERR))))
             detach(client);
     }
 }
 
 void clients_sweep(void) {
-    struct client **link = &store.clients;
+    struct client **link = &store->clients;
 
     while (*link) {
         struct client *client = *link;
@@ -159,9 +237,9 @@ void clients_sweep(void) {
             detach(client);
             offer_abandon(client);
             ddx_queue_clear(&client->queue);
-            close(client->socket);
-            free(client);
-            link = &store.clients; /* forgetting one may have found out that another is gone, too */
+            file_close(client->socket);
+            kept_free(client);
+            link = &store->clients; /* forgetting one may have found out that another is gone, too */
         } else
             link = &client->next;
     }

@@ -1,20 +1,26 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
+#include "files.h"
 #include "server.h"
 
 #define NUMBER_MAX (UINT64_MAX / 4) /* nobody writes as many frames; with higher ones numbers would come to their end */
 #define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */
 
-struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
-    struct epoch *epoch = calloc(1, sizeof *epoch);
+struct ddx_layout *store_layout(const struct ddx_layout *layout) {
+    size_t bytes = ddx_layout_bytes(layout->field_count);
+    struct ddx_layout *copy = kept_allocate(bytes);
 
-    if (!epoch || !(epoch->layout = ddx_layout_copy(layout))) {
-        free(epoch);
+    return copy ? memcpy(copy, layout, bytes) : NULL;
+}
+
+struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
+    struct epoch *epoch = kept_allocate(sizeof *epoch);
+
+    if (!epoch || !(epoch->layout = store_layout(layout))) {
+        kept_free(epoch);
         return NULL;
     }
     epoch->number = number;
@@ -61,7 +67,7 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     /* All or none. New ones lie behind those that the writer uses. */
     for (unsigned i = DDX_SLOTS_MAX; i-- > 0 && epoch->slots > before;)
         if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i]) {
-            close(epoch->slot_fd[i]);
+            file_close(epoch->slot_fd[i]);
             epoch->slot_fd[i] = -1;
             epoch->slots--;
         }
@@ -145,13 +151,13 @@ void epoch_free(struct epoch *epoch) {
         return;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         if (epoch->slot_fd[i] >= 0)
-            close(epoch->slot_fd[i]);
+            file_close(epoch->slot_fd[i]);
     if (epoch->control)
         munmap(epoch->control, sizeof(struct ddx_control));
     if (epoch->control_fd >= 0)
-        close(epoch->control_fd);
+        file_close(epoch->control_fd);
     if (epoch->readers_fd >= 0)
-        close(epoch->readers_fd);
-    free(epoch->layout);
-    free(epoch);
+        file_close(epoch->readers_fd);
+    kept_free(epoch->layout);
+    kept_free(epoch);
 }

@@ -1,24 +1,23 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
+#include "files.h"
 #include "server.h"
 
 struct item *item_find(const char *name) {
-    for (struct item *item = store.items; item; item = item->next)
+    for (struct item *item = store->items; item; item = item->next)
         if (!strcmp(item->name, name))
             return item;
     return NULL;
 }
 
 struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout) {
-    struct item *item = calloc(1, sizeof *item), **link = &store.items;
+    struct item *item = kept_allocate(sizeof *item), **link = &store->items;
 
-    if (!item || (layout && !(item->layout = ddx_layout_copy(layout)))) {
-        free(item);
+    if (!item || (layout && !(item->layout = store_layout(layout)))) {
+        kept_free(item);
         return NULL;
     }
     strcpy(item->name, name);
@@ -37,8 +36,8 @@ bool item_is_awaited(const struct item *item) {
 }
 
 int item_define(struct item *item, const char *type, const struct ddx_layout *layout) {
-    free(item->layout);
-    item->layout = ddx_layout_copy(layout);
+    kept_free(item->layout);
+    item->layout = store_layout(layout);
     if (!item->layout)
         return -ENOMEM;
     strcpy(item->type, type);
@@ -47,7 +46,7 @@ int item_define(struct item *item, const char *type, const struct ddx_layout *la
 }
 
 void item_drop_if_unused(struct item *item) {
-    struct item **link = &store.items;
+    struct item **link = &store->items;
 
     if (item->handles || item->epoch || item->pending)
         return;
@@ -58,9 +57,9 @@ void item_drop_if_unused(struct item *item) {
     if (item->notice)
         munmap(item->notice, sizeof *item->notice);
     if (item->notice_fd >= 0)
-        close(item->notice_fd);
-    free(item->layout);
-    free(item);
+        file_close(item->notice_fd);
+    kept_free(item->layout);
+    kept_free(item);
     DDX_PASS(STORE_DROPPED);
 }
 
@@ -68,15 +67,16 @@ int item_set_notice(struct item *item, int fd) {
     struct ddx_notice *notice = ddx_memory_map(fd, sizeof *notice, true);
 
     if (!notice) {
-        close(fd);
+        file_close(fd);
         return -ENOMEM;
     }
     if (item->notice)
         munmap(item->notice, sizeof *item->notice);
     if (item->notice_fd >= 0)
-        close(item->notice_fd);
+        file_close(item->notice_fd);
     item->notice = notice;
     item->notice_fd = fd;
+    item->announced = atomic_load(&notice->version);
     readers_count(item);
     return 0;
 }
@@ -128,7 +128,7 @@ void item_describe(const struct item *item, struct ddx_message *m) {
         m->sequence = frame.sequence;
         m->time = frame.time;
     }
-    for (const struct client *c = store.clients; c; c = c->next)
+    for (const struct client *c = store->clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone) {
             uint64_t missed = (uint64_t)atomic_load(&c->pin->missed_high) << 32 | atomic_load(&c->pin->missed_low);
 
@@ -172,37 +172,18 @@ void item_send_epoch(const struct item *item, struct client *reader) {
         return;
     }
     client_send(reader, &message, epoch->layout, &epoch->readers_fd, 1);
-    DDX_PASS(STORE_EPOCH_BEGUN);
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         if (epoch->slot_ready[i])
             item_send_slot(item, epoch, i, reader, DDX_FLAG_READER);
-    DDX_PASS(STORE_EPOCH);
 }
 
-bool item_announce(struct item *item, struct client *reader) {
+void item_announce(struct item *item, struct client *reader) {
     struct ddx_message message = {.operation = DDX_READER, .index = reader->id, .frames = reader->keep,
                                   .size = ddx_memory_number(reader->pin_fd)};
-    uint32_t version = atomic_load(&item->notice->version) + 1;
 
-    if (item->writer->queue.count)
-        return false;
-
-    if (version == 0)
-        version = 1; /* 0 in the message means: no change */
-    message.sequence = version;
-    int result = ddx_send(item->writer->socket, &message, NULL, &reader->pin_fd, 1);
-    if (result == -EPIPE) {
-        item->writer->gone = true;
-        /* Dead, it looks at no pins any more, and its successor is told of all readers. If it has only hung up, it will
-         * hear of this one when it is back, and that one has to wait until then. */
-        return !item->epoch || !ddx_memory_held(item->epoch->control_fd);
-    }
-    if (result)
-        return false;
+    if (++item->announced == 0)
+        item->announced = 1; /* 0 in the message means: no change */
+    message.sequence = reader->behind = item->announced;
+    client_send(item->writer, &message, NULL, &reader->pin_fd, 1);
     DDX_PASS(STORE_ANNOUNCED);
-    /* Only now that the news is queued: a writer that sees the new version finds it without waiting. And before the
-     * reader is let in: from its first pin on, the writer looks for it. */
-    atomic_store(&item->notice->version, version);
-    DDX_PASS(STORE_NOTICED);
-    return true;
 }

@@ -9,9 +9,13 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/un.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "server.h"
+
+#define LOCK_TRIES 100
+#define LOCK_STEP 10000000 /* ns */
 
 /* One store per port: the lock is held as long as this process lives, however it ends. */
 static int lock_port(const char *path) {
@@ -21,9 +25,13 @@ static int lock_port(const char *path) {
     int fd = open(name, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0)
         return -errno;
-    if (flock(fd, LOCK_EX | LOCK_NB)) {
-        close(fd);
-        return -EADDRINUSE;
+    /* The worker of a store that was killed may live a moment longer. */
+    for (int i = 0; flock(fd, LOCK_EX | LOCK_NB); i++) {
+        if (i == LOCK_TRIES) {
+            close(fd);
+            return -EADDRINUSE;
+        }
+        nanosleep(&(struct timespec){0, LOCK_STEP}, NULL);
     }
     return 0;
 }

@@ -5,10 +5,9 @@
  * looked at.
  */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
+#include "files.h"
 #include "server.h"
 
 #define NOT_OURS "no store has made it, or for something else"
@@ -20,9 +19,9 @@ void offer_abandon(struct client *client) {
     epoch_free(client->offered);
     client->offered = NULL;
     if (client->offered_notice_fd >= 0)
-        close(client->offered_notice_fd);
+        file_close(client->offered_notice_fd);
     if (client->offered_pin_fd >= 0)
-        close(client->offered_pin_fd);
+        file_close(client->offered_pin_fd);
     client->offered_notice_fd = client->offered_pin_fd = -1;
 }
 
@@ -148,9 +147,9 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     item->epochs = epoch->number;
     item->adopted = item->foreign = true;
     client->offered = NULL;
-    free(item->layout);
-    item->layout = ddx_layout_copy(epoch->layout);
-    store.adopted++;
+    kept_free(item->layout);
+    item->layout = store_layout(epoch->layout);
+    store->adopted++;
     DDX_PASS(STORE_ADOPTED);
     note("%s: taken back from %d", item->name, (int)client->pid);
     return true;
@@ -171,9 +170,9 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     item->adopted = item->away = false;
     reader_add_slots(item, 0, 0); /* for readers who came back before it */
     item_send_new_slots(item, item->epoch, client);
-    for (struct client *c = store.clients; c; c = c->next)
+    for (struct client *c = store->clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
-            c->gone = !item_announce(item, c); /* it comes back when the writer has read of the others */
+            item_announce(item, c);
     readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
     return 0;
@@ -181,7 +180,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
 
 /* Whether somebody reads with this page already. */
 static bool reads(const struct item *item, int pin_fd) {
-    for (const struct client *c = store.clients; c; c = c->next)
+    for (const struct client *c = store->clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone && ddx_memory_same(c->pin_fd, pin_fd))
             return true;
     return false;
@@ -240,20 +239,18 @@ static void finish(struct client *client, uint32_t flags) {
         reply.status = adopt_writer(item, client, offered && is_current(item, offered));
     if (reply.status && reply.status != -EEXIST)
         refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
-    for (struct client *c = store.clients; c && news; c = c->next)
+    for (struct client *c = store->clients; c && news; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_send_epoch(item, c);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);
     int result = flags & DDX_FLAG_READER && !client->gone ? adopt_reader(item, client) : 0;
-    client->gone |= result == -EAGAIN; /* when the writer has read of the others */
     if (result && !client->gone)
         refuse(client, result == -EBUSY ? NO_ROOM : result == -ENOMEM ? NO_MEMORY : NOT_OURS);
     if (client->gone)
         return;
     offer_abandon(client);
     client_send(client, &reply, NULL, NULL, 0);
-    DDX_PASS(STORE_ACCEPTED);
 }
 
 void offer_message(struct client *client, struct ddx_packet *packet) {

@@ -2,8 +2,8 @@
 #include <errno.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
+#include "files.h"
 #include "server.h"
 
 int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
@@ -24,7 +24,6 @@ int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
         return -EBUSY;
     DDX_PASS(STORE_ROOM);
     item_send_new_slots(item, epoch, item->writer);
-    DDX_PASS(STORE_ROOM_TOLD);
     return 0;
 }
 
@@ -33,13 +32,18 @@ void readers_count(struct item *item) {
     bool kept = epoch && epoch_ready(epoch) && epoch->slots >= 2 + item->kept;
     uint32_t count = 0;
 
-    for (struct client *c = store.clients; c; c = c->next)
+    for (struct client *c = store->clients; c; c = c->next)
         if (c->item == item && c->id) {
             c->counted |= kept;
             count += c->counted;
         }
-    if (item->notice)
-        atomic_store(&item->notice->readers, count);
+    item->counted = count;
+}
+
+void readers_tell(void) {
+    for (const struct item *item = store->items; item; item = item->next)
+        if (item->notice && atomic_load_explicit(&item->notice->readers, memory_order_relaxed) != item->counted)
+            atomic_store(&item->notice->readers, item->counted);
 }
 
 int reader_register(struct client *client, int pin_fd, unsigned keep) {
@@ -47,20 +51,15 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     const void *pin = ddx_memory_map(pin_fd, sizeof(struct ddx_pin_page), false);
 
     if (!pin) {
-        close(pin_fd);
+        file_close(pin_fd);
         return -ENOMEM;
     }
     client->pin_fd = pin_fd;
     client->pin = pin;
-    client->id = ++store.next_reader;
+    client->id = ++store->next_reader;
     client->keep = keep;
-    if (item->writer && !item_announce(item, client)) {
-        /* The writer has not read the news before this: it must hear of the reader before that one may pin. */
-        munmap((void *)(uintptr_t)client->pin, sizeof *client->pin);
-        close(pin_fd);
-        client->id = 0;
-        return -EAGAIN;
-    }
+    if (item->writer)
+        item_announce(item, client);
     client->counted = false;
     item->kept += keep;
     item->readers++;
@@ -89,11 +88,9 @@ static int attach(struct client *client, unsigned keep) {
         client->keep += keep;
         item->kept += keep;
         /* The writer must have the new slots before it meets the new pins, or it runs out of free ones. */
-        if (!item->writer || item_announce(item, client))
-            return 0;
-        client->keep -= keep;
-        item->kept -= keep;
-        return -EAGAIN;
+        if (item->writer)
+            item_announce(item, client);
+        return 0;
     }
     int fd = ddx_memory_create(label_of(item->name, "pin"), ddx_page_round(1));
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
@@ -117,7 +114,6 @@ void reader_attach(struct client *client, unsigned keep) {
         item_send_epoch(item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
     readers_count(item); /* unless it has to wait for the writer: see writer_ready() */
-    DDX_PASS(STORE_ATTACHED);
 }
 
 void reader_left(struct client *client) {
@@ -127,7 +123,7 @@ void reader_left(struct client *client) {
     if (!client->id)
         return;
     munmap((void *)(uintptr_t)client->pin, sizeof *client->pin);
-    close(client->pin_fd);
+    file_close(client->pin_fd);
     client->id = 0;
     item->readers--;
     item->kept -= client->keep;
@@ -135,5 +131,4 @@ void reader_left(struct client *client) {
     if (item->writer && !item->writer->gone)
         client_send(item->writer, &message, NULL, NULL, 0);
     readers_count(item);
-    DDX_PASS(STORE_READER_TOLD);
 }

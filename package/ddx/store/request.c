@@ -5,6 +5,8 @@
 
 #include "server.h"
 
+#define LISTED_AT_ONCE 64
+
 static void open_item(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
     const struct ddx_layout *layout = ddx_packet_layout(packet);
@@ -45,36 +47,33 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     client_send(client, &reply, item->layout, NULL, 0);
 }
 
-/* As many as the socket takes now; the rest when it takes more. */
+/* Some of it; the rest when it has read that. */
 void list_continue(struct client *client) {
     struct ddx_message m;
+    unsigned listed = 0;
 
     if (client->queue.count)
         return; /* what was to be said before */
-    for (struct item *item = store.items; item; item = item->next) {
+    for (struct item *item = store->items; item; item = item->next) {
         if (strcmp(item->name, client->listed) <= 0 || item_is_awaited(item))
             continue;
+        if (listed++ == LISTED_AT_ONCE)
+            return;
         item_describe(item, &m);
-        int result = ddx_send(client->socket, &m, NULL, NULL, 0);
-        if (result == -EAGAIN)
-            return;
-        if (result) {
-            client->gone = true;
-            return;
-        }
+        client_send(client, &m, NULL, NULL, 0);
         strcpy(client->listed, item->name);
     }
     memset(&m, 0, sizeof m);
     m.operation = DDX_LISTED;
-    m.size = store.budget;
+    m.size = settings.budget;
     m.bytes = budget_used();
     m.reserved = budget_reserved();
-    m.pid = (int32_t)getpid();
-    m.index = store.adopted;
-    for (const struct client *c = store.clients; c; c = c->next)
+    m.pid = (int32_t)getppid(); /* the holder: who ends it ends the store */
+    m.index = store->adopted;
+    for (const struct client *c = store->clients; c; c = c->next)
         m.readers += c->item != NULL;
-    if (!ddx_send(client->socket, &m, NULL, NULL, 0))
-        client->listing = false;
+    client_send(client, &m, NULL, NULL, 0);
+    client->listing = false;
 }
 
 void request_handle(struct client *client, struct ddx_packet *packet) {

@@ -8,6 +8,7 @@
 #include "../lib/memory.h"
 #include "../lib/queue.h"
 #include "../lib/ring.h"
+#include "kept.h"
 
 /* The memory files of one writer's term. */
 struct epoch {
@@ -28,7 +29,9 @@ struct epoch {
 struct client {
     struct client *next;
     int socket;
-    struct ddx_queue queue; /* what is to be sent when it has read more */
+    uint64_t handled;       /* number of its last request that was handled */
+    struct ddx_queue queue; /* what is to be sent when all is committed, and it has read more */
+    uint32_t behind;        /* version of the notice from which on it may hear more: see client_is_gated() */
     int32_t pid;
     bool gone;
     bool early; /* asks for something that it may not have yet: see client.c */
@@ -69,26 +72,55 @@ struct item {
     uint32_t numbered; /* the last epoch that files were made for; it may not have begun */
     int notice_fd;
     struct ddx_notice *notice;
+    uint32_t announced; /* the notice's version when the writer has heard of all readers */
+    uint32_t counted;   /* what the notice says of readers when everybody has heard everything */
     uint64_t sequence; /* of the last epoch's last frame */
     struct ended ended[ENDED];
 };
 
+/* A descriptor: see files.h. */
+struct file {
+    uint16_t users; /* messages */
+    bool closed;    /* but for them */
+};
+
+/* What a worker knows, and leaves to the next one: all of it is kept memory. */
 struct store {
-    int port;
-    int listener;
-    uint64_t budget;
     struct item *items;
     struct client *clients;
     struct client *current; /* whose request is being handled */
+    struct retired *retired;
+    struct file *file; /* by descriptor */
+    unsigned file_count;
     uint32_t next_reader, adopted;
     int64_t listened; /* ns that this store had an ear for others, without what it was stopped for */
-    bool restarted;   /* a store ran here before: living holders will report */
-    bool open;        /* they have had time to, if they are awake: newcomers may come in */
+    bool open;        /* living holders have had time to report, if they are awake: newcomers may come in */
     bool settled;     /* who has not yet, is stopped or dead */
 };
-extern struct store store;
+extern struct store *store;
 
+/* What is so from the beginning, for all workers. */
+struct settings {
+    int port;
+    int listener;
+    uint64_t budget;
+    bool restarted; /* a store ran here before: living holders will report */
+};
+extern struct settings settings;
+
+/* note.c: a line for people; say() is for a whole text. False: nobody reads, it was left out. */
 void note(const char *format, ...) __attribute__((format(printf, 1, 2)));
+bool say(int fd, const char *text, size_t length);
+
+/* worker.c */
+int worker_run(void);
+
+/* succession.c */
+void store_memory(void);    /* queues keep their messages where they outlive the worker */
+void store_take_over(void); /* from the worker before */
+void store_commit(void);    /* what was done is done */
+/* Commit, then say what is to be said: to this client (or NULL) after all others. */
+void store_conclude(struct client *last);
 
 /* item.c */
 struct item *item_find(const char *name);
@@ -108,9 +140,11 @@ void item_send_epoch(const struct item *item, struct client *reader);
 void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
                     uint32_t flags);
 void item_send_new_slots(const struct item *item, struct epoch *epoch, struct client *writer);
-bool item_announce(struct item *item, struct client *reader); /* to the writer; false: it has to read more first */
+/* To the writer. What the reader is to hear from now on, it hears when that has been sent: from then on it may pin. */
+void item_announce(struct item *item, struct client *reader);
 
 /* epoch.c */
+struct ddx_layout *store_layout(const struct ddx_layout *layout); /* a copy that is kept; NULL: no memory */
 struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number);
 int epoch_create_control(struct epoch *epoch, const char *name);
 int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count);
@@ -118,6 +152,14 @@ bool epoch_ready(const struct epoch *epoch);
 /* True if a frame was carried over; *sequence is the number with which `from` ends, if it has any. */
 bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence);
 void epoch_free(struct epoch *epoch);
+
+/* An epoch that has ended, see below. */
+struct retired {
+    struct retired *next;
+    const struct item *item; /* NULL: it is no more */
+    uint64_t bytes;
+    int watch; /* a description of the control page that nobody else has */
+};
 
 /*
  * retired.c: epochs that have ended. Whoever still has one, because it is stopped or has not read that the next one has
@@ -156,8 +198,9 @@ void reader_attach(struct client *client, unsigned keep);
 int reader_add_slots(struct item *item, unsigned keep, unsigned pages);
 int reader_register(struct client *client, int pin_fd, unsigned keep);
 void reader_left(struct client *client);
-/* Tell the writer how many readers there are for whom frames are kept: once it has their slots, and they know them. */
+/* Count the readers for whom frames are kept: once the writer has their slots, and they know them. */
 void readers_count(struct item *item);
+void readers_tell(void); /* to all writers, when everybody has been told of the rest */
 
 /* offer.c */
 void offer_message(struct client *client, struct ddx_packet *packet);
@@ -167,8 +210,10 @@ void offer_abandon(struct client *client);
 struct client *client_add(int socket);
 void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
-                 const int *fds, unsigned count); /* now, or when it has read more; who only asks is dropped */
-void client_go_on(struct client *client);         /* it has */
+                 const int *fds, unsigned count); /* after the commit, when it has read more; who only asks is dropped */
+bool client_is_gated(const struct client *client); /* the writer has to hear of it first */
+/* Send to all what they have room for; to this one (or NULL) last. Whether there was anything. */
+bool clients_go_on(struct client *last);
 /*
  * What is kept for its process, besides connections and items: offers that are not complete, and messages that it has
  * not read. A quarter of our descriptors, but a whole item in any case.

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* A writer's term: claim, get ready, go live, end. */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
+#include "files.h"
 #include "server.h"
 
 /* May this client write this layout? */
@@ -15,7 +14,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
         return -ENOENT; /* nobody has said what it is */
     if (item->writer)
         return item->writer == client ? -EINVAL : -EEXIST;
-    if (item->adopted && !store.settled && ddx_memory_held(item->epoch->control_fd))
+    if (item->adopted && !store->settled && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST; /* its writer outlived our predecessor and will report; unless it is stopped */
     if (item->away && item->epoch && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST;
@@ -37,7 +36,7 @@ static int new_notice(struct item *item) {
 static bool keep_less(struct item *item) {
     bool less = false;
 
-    for (struct client *c = store.clients; c && !item->epochs; c = c->next) {
+    for (struct client *c = store->clients; c && !item->epochs; c = c->next) {
         unsigned keep = c->item == item && c->id && c->keep > 1 ? c->keep / 2 : 0;
 
         if (keep) {
@@ -107,17 +106,10 @@ static void tell_all(struct client *client) {
     int fds[2] = {epoch->control_fd, item->notice_fd};
 
     client_send(client, &message, epoch->layout, fds, 2);
-    DDX_PASS(STORE_CLAIMED);
     item_send_new_slots(item, epoch, client);
-    DDX_PASS(STORE_SLOTS);
-    for (struct client *c = store.clients; c; c = c->next)
-        if (c->item == item && c->id && !c->gone) {
-            struct ddx_message reader = {.operation = DDX_READER, .index = c->id, .frames = c->keep,
-                                         .size = ddx_memory_number(c->pin_fd)};
-
-            client_send(client, &reader, NULL, &c->pin_fd, 1);
-        }
-    DDX_PASS(STORE_READERS);
+    for (struct client *c = store->clients; c; c = c->next)
+        if (c->item == item && c->id && !c->gone)
+            item_announce(item, c);
 }
 
 void writer_claim(struct client *client, const struct ddx_layout *layout) {
@@ -148,17 +140,15 @@ static void go_live(struct item *item) {
     epoch_retire(item, former);
     item->epochs = item->epoch->number;
     item->foreign = false;
-    free(item->layout);
-    item->layout = ddx_layout_copy(item->epoch->layout);
+    kept_free(item->layout);
+    item->layout = store_layout(item->epoch->layout);
     DDX_PASS(STORE_LIVE);
-    for (struct client *c = store.clients; c; c = c->next)
+    for (struct client *c = store->clients; c; c = c->next)
         if (c->item == item && c->id && !c->gone)
             item_send_epoch(item, c);
-    DDX_PASS(STORE_TOLD);
     readers_count(item);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);
-    DDX_PASS(STORE_GRANTED);
     note("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
          (unsigned long long)item->epoch->runs.file_bytes);
 }
@@ -178,13 +168,12 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
     else if (m->index < DDX_SLOTS_MAX && epoch->slot_fd[m->index] >= 0 && !epoch->slot_ready[m->index] &&
              ddx_memory_sound(epoch->slot_fd[m->index], epoch->runs.file_bytes, true)) {
         epoch->slot_ready[m->index] = true;
-        for (struct client *c = store.clients; c && epoch == item->epoch; c = c->next)
+        for (struct client *c = store->clients; c && epoch == item->epoch; c = c->next)
             if (c->item == item && c->id && !c->gone)
                 item_send_slot(item, epoch, m->index, c, DDX_FLAG_READER);
         if (epoch == item->epoch) {
             struct ddx_message told = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
 
-            DDX_PASS(STORE_SLOT_TOLD);
             told.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
             client_send(client, &told, NULL, NULL, 0);
             readers_count(item);

@@ -1,0 +1,130 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "files.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "server.h"
+
+#define OTHERS 64 /* descriptors that were open when the store began, at most */
+
+static int others[OTHERS];
+static unsigned other_count;
+
+/* To be closed after the next commit. Not kept: what a dead worker did not close, the next one sweeps. */
+static int *closing;
+static unsigned closing_count, closing_room;
+
+static struct file *file_at(int fd) {
+    return fd >= 0 && (unsigned)fd < store->file_count ? &store->file[fd] : NULL;
+}
+
+int file_use(int fd) {
+    if ((unsigned)fd >= store->file_count) {
+        unsigned count = ((unsigned)fd + 1) * 2;
+        struct file *more = kept_allocate(count * sizeof *more);
+
+        if (!more)
+            return -ENOMEM;
+        if (store->file_count)
+            memcpy(more, store->file, store->file_count * sizeof *more);
+        kept_free(store->file);
+        store->file = more;
+        store->file_count = count;
+    }
+    store->file[fd].users++;
+    return 0;
+}
+
+static void close_later(int fd) {
+    if (closing_count == closing_room) {
+        int *more = realloc(closing, (closing_room * 2 + 64) * sizeof *more);
+
+        if (!more)
+            return; /* it stays open until the next worker sweeps */
+        closing = more;
+        closing_room = closing_room * 2 + 64;
+    }
+    closing[closing_count++] = fd;
+}
+
+void file_unuse(int fd) {
+    struct file *file = file_at(fd);
+
+    if (--file->users == 0 && file->closed) {
+        file->closed = false;
+        close_later(fd);
+    }
+}
+
+void file_close(int fd) {
+    struct file *file = file_at(fd);
+
+    if (file && file->users)
+        file->closed = true;
+    else
+        close_later(fd);
+}
+
+void files_close(void) {
+    while (closing_count)
+        close(closing[--closing_count]);
+}
+
+/* Calls `what` for each open descriptor but that of the look itself. */
+static void each_open(void (*what)(int fd)) {
+    DIR *folder = opendir("/proc/self/fd");
+
+    for (struct dirent *entry; folder && (entry = readdir(folder));) {
+        int fd = atoi(entry->d_name);
+
+        if (*entry->d_name != '.' && fd != dirfd(folder))
+            what(fd);
+    }
+    if (folder)
+        closedir(folder);
+}
+
+static void note_other(int fd) {
+    if (other_count < OTHERS)
+        others[other_count++] = fd;
+}
+
+void files_begin(void) {
+    each_open(note_other);
+}
+
+static bool (*is_known)(int fd);
+static void (*take_in)(int socket);
+
+static bool is_connection(int fd) {
+    int listens = 1, type = 0;
+    socklen_t length = sizeof type;
+
+    return !getsockopt(fd, SOL_SOCKET, SO_TYPE, &type, &length) && type == SOCK_SEQPACKET &&
+           !getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &length) && !listens;
+}
+
+static void sweep(int fd) {
+    const struct file *file = file_at(fd);
+
+    for (unsigned i = 0; i < other_count; i++)
+        if (others[i] == fd)
+            return;
+    if ((file && file->users) || is_known(fd))
+        return;
+    if (is_connection(fd))
+        take_in(fd);
+    else
+        close(fd);
+}
+
+void files_sweep(bool (*known)(int fd), void (*found)(int socket)) {
+    is_known = known;
+    take_in = found;
+    each_open(sweep);
+}

@@ -1,0 +1,122 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* From one worker to the next: what is done is committed, then said; and a new worker finds everything as it was. */
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "files.h"
+#include "holder.h"
+#include "server.h"
+
+static int use(int fd) {
+    int result = file_use(fd);
+
+    return result ? result : fd;
+}
+
+void store_memory(void) {
+    static const struct ddx_queue_memory kept = {kept_allocate, kept_free, use, file_unuse};
+
+    ddx_queue_memory = &kept;
+}
+
+void store_commit(void) {
+    kept_commit();
+    DDX_PASS(STORE_COMMITTED);
+    files_close();
+}
+
+/* Not before it is committed: what was said is true whoever dies. */
+void store_conclude(struct client *last) {
+    store_commit();
+    bool said = clients_go_on(last);
+    readers_tell();
+    if (!said)
+        return;
+    DDX_PASS(STORE_SAID);
+    store_commit();
+}
+
+static bool *known; /* by descriptor */
+static unsigned known_count;
+
+static void know(int fd) {
+    if (fd < 0)
+        return;
+    if ((unsigned)fd >= known_count) {
+        unsigned count = ((unsigned)fd + 1) * 2;
+        bool *more = realloc(known, count * sizeof *more);
+
+        if (!more)
+            abort(); /* the next one may have more luck */
+        memset(more + known_count, 0, (count - known_count) * sizeof *more);
+        known = more;
+        known_count = count;
+    }
+    known[fd] = true;
+}
+
+static bool is_known(int fd) {
+    return (unsigned)fd < known_count && known[fd];
+}
+
+static void found(int socket) {
+    client_add(socket);
+}
+
+static void *map(int fd, size_t bytes, bool writable) {
+    void *address = ddx_memory_map(fd, bytes, writable);
+
+    if (!address)
+        abort();
+    return address;
+}
+
+/* Whoever made the control page has sealed it against writers meanwhile; what the store wrote there is written. */
+static void take_over_epoch(struct epoch *epoch) {
+    if (!epoch)
+        return;
+    know(epoch->control_fd);
+    know(epoch->readers_fd);
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        know(epoch->slot_fd[i]);
+    if (epoch->control)
+        epoch->control = map(epoch->control_fd, sizeof *epoch->control, false);
+}
+
+static void take_over_item(struct item *item) {
+    know(item->notice_fd);
+    if (item->notice)
+        item->notice = map(item->notice_fd, sizeof *item->notice, true);
+    take_over_epoch(item->epoch);
+    take_over_epoch(item->pending);
+}
+
+static void take_over_client(struct client *client) {
+    know(client->socket);
+    know(client->offered_notice_fd);
+    know(client->offered_pin_fd);
+    take_over_epoch(client->offered);
+    if (client->id) {
+        know(client->pin_fd);
+        client->pin = map(client->pin_fd, sizeof *client->pin, false);
+    }
+    if (client->socket == holder_banned()) {
+        note("%d has cost three workers their lives; closing its connection", (int)client->pid);
+        client->gone = true;
+    }
+}
+
+void store_take_over(void) {
+    store = kept_root();
+    store->current = NULL;
+    for (struct item *item = store->items; item; item = item->next)
+        take_over_item(item);
+    for (struct client *client = store->clients; client; client = client->next)
+        take_over_client(client);
+    for (const struct retired *retired = store->retired; retired; retired = retired->next)
+        know(retired->watch);
+    files_sweep(is_known, found);
+    clients_sweep();
+    store_conclude(NULL);
+}

@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What the worker does: it waits for news of its clients, and takes them in one after the other. */
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+
+#include "files.h"
+#include "holder.h"
+#include "server.h"
+
+/* ns of listening after a restart */
+#define GRACE 250000000   /* in which only living holders are heard */
+#define NOISE 1000000000  /* after which newcomers are heard although the holders still have a lot to say */
+#define SETTLE 2000000000 /* after which those who did not report count as dead */
+#define TICK 20000000     /* between looks at the clock while that goes on */
+#define BEAT 500000000    /* between signs of life, at most */
+
+struct store *store;
+
+static volatile sig_atomic_t stop, report;
+
+static void on_signal(int number) {
+    if (number == SIGUSR1)
+        report = 1;
+    else
+        stop = 1;
+}
+
+static void print_json(void) {
+    unsigned items = 0, clients = 0;
+    char text[256];
+
+    for (const struct item *item = store->items; item; item = item->next)
+        items++;
+    for (const struct client *client = store->clients; client; client = client->next)
+        clients++;
+    int length = snprintf(text, sizeof text,
+                          "{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
+                          "\"budget\":%llu,\"restarts\":%u}\n",
+                          items, clients, (unsigned long long)budget_used(), (unsigned long long)budget_reserved(),
+                          (unsigned long long)settings.budget, holder_restarts());
+    say(1, text, (size_t)length);
+}
+
+/* Readers that died while no store ran still stand in the writers' lists. */
+static void settle(void) {
+    if (store->settled || !settings.restarted || store->listened < SETTLE)
+        return;
+    store->settled = true;
+    DDX_PASS(STORE_SETTLED);
+    for (struct item *item = store->items; item; item = item->next) {
+        struct ddx_message message = {.operation = DDX_READER_GONE, .flags = DDX_FLAG_CREATE};
+
+        if (item->writer)
+            client_send(item->writer, &message, NULL, NULL, 0);
+    }
+}
+
+/*
+ * The sockets to listen on: first the listener, then the clients in the order of their list. *waits: for some of them
+ * there is something to be said for which poll() does not tell when.
+ */
+static struct pollfd *poll_list(nfds_t *count, bool *waits) {
+    static struct pollfd *list;
+    static nfds_t room;
+    nfds_t needed = 1;
+
+    for (struct client *c = store->clients; c; c = c->next)
+        needed++;
+    if (needed > room) {
+        struct pollfd *more = realloc(list, 2 * needed * sizeof *list);
+
+        if (!more)
+            return NULL;
+        list = more;
+        room = 2 * needed;
+    }
+    bool grace = settings.restarted && !store->open;
+    *waits = false;
+    list[0] = (struct pollfd){.fd = settings.listener, .events = POLLIN};
+    *count = 1;
+    for (struct client *c = store->clients; c; c = c->next) {
+        bool gated = client_is_gated(c);
+        short out = gated ? 0 : c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
+
+        *waits |= c->queue.crowded || (gated && c->queue.count);
+        list[(*count)++] = (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | out)};
+    }
+    return list;
+}
+
+/*
+ * After a restart: count the time that we listened. A store that was stopped meanwhile, or does not get to run, has not
+ * heard those who reported; were it to let newcomers in by the clock, it would give them items that others hold.
+ */
+static void count_time(bool calm) {
+    static int64_t last;
+    int64_t now = ddx_time_now(), passed = last ? now - last : 0;
+
+    last = now;
+    store->listened += passed < TICK ? passed : TICK;
+    if (store->listened >= (calm ? GRACE : NOISE))
+        store->open = true;
+}
+
+/* How long nothing may happen: until the next look at the clock, at a crowd, at who is gated, or the next beat. */
+static struct timespec patience(bool young, bool waits) {
+    bool grace = young && !store->open;
+
+    if (young)
+        return (struct timespec){0, grace && store->listened >= GRACE ? 0 : TICK};
+    return (struct timespec){0, waits ? DDX_QUEUE_PAUSE * 1000000 : BEAT};
+}
+
+static void hear(const struct pollfd *list, nfds_t count) {
+    nfds_t i = 1;
+
+    for (struct client *c = store->clients; c && i < count; c = c->next, i++) {
+        if (list[i].revents & POLLOUT && c->listing && !c->gone)
+            list_continue(c);
+        if (c->early && list[i].revents & (POLLHUP | POLLERR))
+            c->gone = true; /* what it asked for it wants no more */
+        else if (list[i].revents & ~POLLOUT)
+            client_receive(c);
+    }
+    if (list[0].revents) {
+        int fd = accept4(settings.listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+
+        if (fd >= 0)
+            client_add(fd);
+    }
+}
+
+static void turn(const sigset_t *waiting) {
+    bool young = settings.restarted && !store->settled;
+    nfds_t count;
+    bool waits = false;
+    struct pollfd *list = poll_list(&count, &waits);
+    struct timespec timeout = patience(young, waits);
+    int ready = list ? ppoll(list, count, &timeout, waiting) : -1;
+
+    holder_beat();
+    if (ready < 0 || (!ready && !young && !waits))
+        return;
+    if (young)
+        count_time(ready == 0);
+    if (ready)
+        hear(list, count);
+    clients_sweep();
+    settle();
+    store_conclude(NULL);
+}
+
+static void begin(void) {
+    store = kept_allocate(sizeof *store);
+    if (!store) {
+        note("no memory");
+        exit(1);
+    }
+    store->next_reader = 1;
+    kept_commit();
+}
+
+int worker_run(void) {
+    struct sigaction action = {.sa_handler = on_signal};
+    static const int signals[] = {SIGTERM, SIGINT, SIGUSR1};
+    sigset_t blocked, waiting;
+
+    sigemptyset(&blocked);
+    for (unsigned i = 0; i < sizeof signals / sizeof *signals; i++) {
+        sigaction(signals[i], &action, NULL);
+        sigaddset(&blocked, signals[i]);
+    }
+    /* Delivered while ppoll() waits, and only then. */
+    sigprocmask(SIG_BLOCK, &blocked, &waiting);
+    sigemptyset(&waiting);
+    store_memory();
+    if (kept_restore())
+        store_take_over();
+    else
+        begin();
+    DDX_PASS(STORE_LISTENS);
+    while (!stop) {
+        turn(&waiting);
+        if (report)
+            print_json();
+        report = 0;
+    }
+    /* The socket's name stays: it tells the next store that there may be living holders of items. */
+    print_json();
+    return 0;
+}
