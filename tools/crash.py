@@ -38,7 +38,8 @@ def text(runs: list[Run]) -> str:
     lines = [
         f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}:",
         f"{total('writers')} of the writer, {total('standbys')} of a standby, {total('readers')} of a reader,",
-        f"{total('stores')} of the store, {both} of writer and store together.",
+        f"{total('workers')} of the store's worker, {total('stores')} of the whole store, {both} of writer and store",
+        f"together; {total('stopped')} times a reader or the worker was stopped for a while instead.",
         f"{total('frames_written')} frames were written in {total('terms')} terms.",
         f"Three readers that lived all the time saw {total('seen')} and were told that they missed {total('missed')},",
         "each of these counts checked against what the writers wrote down.",

@@ -2,7 +2,7 @@
 /*
  * Programs that die, stop or lie, and others that must not notice:
  * crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | pins | crowd | epochs | retired | mute | stop |
- * stranger | broken | hostile
+ * stranger | broken | hostile | worker
  */
 #include <string.h>
 
@@ -15,7 +15,7 @@ static const struct {
 } tests[] = {
     {"restart", test_restart}, {"pins", test_pins}, {"crowd", test_crowd},       {"epochs", test_epochs},
     {"retired", test_retired}, {"mute", test_mute}, {"stop", test_stop},         {"stranger", test_stranger},
-    {"broken", test_broken},   {"hostile", test_hostile},
+    {"broken", test_broken},   {"hostile", test_hostile}, {"worker", test_worker},
 };
 #define TESTS (sizeof tests / sizeof *tests)
 

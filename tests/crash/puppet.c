@@ -121,6 +121,13 @@ static int64_t have_child(void) {
     return pid;
 }
 
+static int64_t ask_info(void) {
+    struct ddx_item_info info;
+    int result = ddx_store_item_info(item, &info);
+
+    return result ? result : (int64_t)info.readers;
+}
+
 static int64_t obey(const struct message *message) {
     int result;
 
@@ -145,6 +152,7 @@ static int64_t obey(const struct message *message) {
     case ORDER_FREE: return look_at_lock(message->n);
     case ORDER_LEAVE: return leave_store();
     case ORDER_FORK: return have_child();
+    case ORDER_INFO: return ask_info();
     case ORDER_HANG_UP: return hang_up();
     default: return -ENOSYS;
     }

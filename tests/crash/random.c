@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * SIGKILL at random, of writers, readers and the store, as many times as asked for. The same seed kills the same
+ * SIGKILL at random, of writers, readers, the store and its worker, as many times as asked for; worker and readers are
+ * stopped for a while, too. The same seed kills the same
  * parties after the same pauses. With an odd seed all run with real-time priority, if allowed: takeovers are judged
  * as if the machine had nothing else to do. Ends with one line of JSON.
  */
@@ -12,7 +13,7 @@
 #define PERIOD 0.001
 #define TOGETHER 400000000 /* ns: a takeover so soon after the store's death waits for the store, too */
 
-enum victim { WRITER, STANDBY, READER, STORE, WRITER_AND_STORE, VICTIMS };
+enum victim { WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, STORE, WRITER_AND_STORE, VICTIMS };
 
 static uint64_t state;
 static unsigned killed[VICTIMS];
@@ -46,6 +47,22 @@ static void kill_store(void) {
     store_died = ddx_time_now();
     nap(chance(3) ? 0 : chance(60) / 1000.0);
     store_begin(NULL);
+}
+
+/* For a moment, or for so long that all it is to hear of does not fit its socket. */
+static void stop_worker(void) {
+    pid_t worker;
+
+    AWAIT((worker = store_worker()), "the store has no worker");
+    kill(worker, SIGSTOP);
+    nap(chance(60) / 1000.0);
+    kill(worker, SIGCONT);
+}
+
+static void stop_reader(struct party *victim) {
+    party_stop(victim);
+    nap(chance(60) / 1000.0);
+    party_go_on(victim);
 }
 
 static void most(int64_t *worst_one, int64_t value) {
@@ -91,7 +108,7 @@ static void kill_party(struct party *victim, const char *kinds) {
 }
 
 static void kill_one(unsigned observers) {
-    static const unsigned share[VICTIMS] = {52, 10, 30, 5, 3};
+    static const unsigned share[VICTIMS] = {45, 8, 20, 12, 3, 4, 5, 3};
     unsigned dice = chance(100), what = 0;
 
     while (dice >= share[what])
@@ -102,6 +119,9 @@ static void kill_one(unsigned observers) {
     case WRITER_AND_STORE: kill_writer(true); break;
     case STANDBY: kill_party(any("w", owner_of(0), 0), "w"); break;
     case READER: kill_party(any("nodcm", NULL, observers), "nodcm"); break;
+    case WORKER: store_kill_worker(); break;
+    case STOPPED_WORKER: stop_worker(); break;
+    case STOPPED_READER: stop_reader(any("nodcm", NULL, observers)); break;
     default: kill_store(); break;
     }
 }
@@ -146,13 +166,14 @@ int test_random(unsigned kills, unsigned seed) {
     }
     look();
     printf("{\"kills\":%u,\"seed\":%u,\"writers\":%u,\"standbys\":%u,\"readers\":%u,\"stores\":%u,"
-           "\"writers_and_stores\":%u,"
+           "\"writers_and_stores\":%u,\"workers\":%u,\"stopped\":%u,"
            "\"frames_written\":%llu,\"terms\":%u,\"seen\":%llu,\"missed\":%llu,\"torn\":0,\"hangs\":0,"
            "\"takeovers\":%u,\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,"
            "\"urgent\":%u,\"published_worst_ms\":%.1f,"
            "\"noticed_mean_ms\":%.1f,\"granted_mean_ms\":%.1f,\"published_mean_ms\":%.1f,\"seen_mean_ms\":%.1f,"
            "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u}\n",
            kills, seed, killed[WRITER], killed[STANDBY], killed[READER], killed[STORE], killed[WRITER_AND_STORE],
+           killed[WORKER], killed[STOPPED_WORKER] + killed[STOPPED_READER],
            (unsigned long long)stage->stream[0].done, stage->stream[0].terms, (unsigned long long)seen,
            (unsigned long long)missed, takeovers[0], mean_ms(sum[0].whole), (double)worst[0].whole / 1e6, urgent,
            (double)worst[0].published / 1e6, mean_ms(sum[0].noticed), mean_ms(sum[0].granted),

@@ -5,6 +5,7 @@
 int test_walk(const char *only); /* points whose name contains this, or NULL for all */
 int test_random(unsigned kills, unsigned seed);
 int test_broken(void);
+int test_worker(void);
 int test_hostile(void);
 int test_restart(void);
 int test_pins(void);

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -92,6 +93,9 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
     case DDX_ATTACH: reader_attach(client, m->frames); break;
     case DDX_INFO: {
         struct ddx_message reply;
+
+        if (DDX_BROKEN("poison"))
+            abort();
 
         clients_reap(); /* the dead are not counted */
         item_describe(client->item, &reply);
