@@ -21,8 +21,6 @@ SLOWEST = 15
 # Nobody is lucky with these: a frame that was torn or lost, memory or threads that a sanitizer saw go wrong. Counters
 # that are printed as they are (lost={...}) say nothing yet.
 NO_CHANCE = re.compile(r"\btorn\b(?!=)|\blost\b(?![=\[])|Sanitizer|runtime error:", re.IGNORECASE)
-# ... but for this test, which finds what a rebuild of the store is to cure, about once in thirty runs.
-FORGIVEN = ("crash at random",)
 
 
 @dataclasses.dataclass
@@ -76,8 +74,7 @@ class Suite:
 
     def _again(self, test: Test) -> bool:
         """Whether a test that failed may be run once more."""
-        forgiven = test.name.rsplit(": ", 1)[-1] in FORGIVEN
-        return not self.strict and test.outcome == "failed" and (forgiven or not NO_CHANCE.search(told(test.failure)))
+        return not self.strict and test.outcome == "failed" and not NO_CHANCE.search(told(test.failure))
 
     def _take(self, tests: list[Test], again: dict[str, Test]) -> None:
         for test in tests:

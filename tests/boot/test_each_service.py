@@ -68,6 +68,17 @@ def test_killed(guest: Guest, record_property: Figure, name: str) -> None:
     assert restarts(guest) == once_more(before, name)
 
 
+@pytest.mark.parametrize("signal", ["KILL", "STOP"])
+def test_worker_of_the_store(guest: Guest, record_property: Figure, signal: str) -> None:
+    """Dead or hung, another one goes on in its place; no service ends, and nothing that is recorded is lost."""
+    before, pid = restarts(guest), state(guest, "store")["pid"]
+    worker, begin = guest.sh(f"pgrep -P {pid}").strip(), uptime(guest)
+    guest.sh(f"kill -{signal} {worker}; until now=$(pgrep -P {pid}) && [ $now != {worker} ]; do sleep 0.05; done")
+    record_property("seconds_until_replaced", round(uptime(guest) - begin, 2))
+    flows(guest)
+    assert restarts(guest) == before
+
+
 @pytest.mark.parametrize("name", LOOKED_AFTER)
 def test_hung(guest: Guest, record_property: Figure, name: str) -> None:
     before = restarts(guest)

@@ -36,7 +36,7 @@ def hang(guest: Guest, name: str) -> float:
     old = state(guest, name)
     assert old["state"] == "running"
     begin = uptime(guest)
-    guest.sh(f"kill -STOP {old['pid']}")
+    guest.sh(f"kill -STOP {old['pid']} $(pgrep -P {old['pid']})")  # a store's worker, too
     supervise = f"/run/service/{name}/supervise"
     guest.wait_until(f"read -r pid < {supervise}/pid && [ ${{pid:-{old['pid']}}} != {old['pid']} ]", pause=0.1)
     guest.wait_until(f"ddxctl status {name} | grep -q state=running", pause=0.1)

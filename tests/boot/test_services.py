@@ -57,6 +57,19 @@ def test_a_killed_service_is_back_within_a_second_and_counted(guest: Guest, reco
     assert int(after["restarts"]) == int(before["restarts"]) + 1
 
 
+def test_another_worker_of_the_store_goes_on(guest: Guest, recorded: session.Result) -> None:
+    """It is no other store: the service has not ended, and no other one has noticed."""
+    before = status(guest, "store")[1]
+    worker = guest.sh(f"pgrep -P {before['pid']}").strip()
+    guest.sh(f"kill -9 {worker}")
+    guest.wait_until(f"now=$(pgrep -P {before['pid']}) && [ $now != {worker} ]")
+    assert "the worker was ended by signal 9; another one goes on" in guest.sh("ddxctl logs store")
+    assert "video" in guest.sh("ddxctl list")
+    after = status(guest, "store")[1]
+    assert (after["pid"], after["restarts"]) == (before["pid"], before["restarts"])
+    assert guest.sh(f"stat -c %U /proc/$(pgrep -P {before['pid']})") == USERS["store"]
+
+
 def test_what_hangs_is_replaced(guest: Guest, recorded: session.Result) -> None:
     """While nothing is recorded; with a clip, and its losses counted: test_health.py."""
     print(f"replaced after {hang(guest, 'ddxvideosave'):.1f} s")
