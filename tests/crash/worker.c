@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The store's worker dies again and again, hangs, or is killed by what somebody asks: its clients notice nothing. Nobody
- * loses his connection, a reader in order gets every frame, and who comes in between is let in.
+ * The store's worker dies again and again, hangs, or is killed by what somebody asks: its clients notice nothing.
+ * Nobody loses his connection, a reader in order gets every frame, and who comes in between is let in.
  */
 #include <string.h>
 
@@ -43,7 +43,8 @@ static void dies_again_and_again(void) {
     look();
     const struct actor *a = actor_of(reader);
     if (a->missed || a->frames != a->last - a->first + 1)
-        fail("the reader got %llu frames, and missed %llu", (unsigned long long)a->frames, (unsigned long long)a->missed);
+        fail("the reader got %llu frames, and missed %llu", (unsigned long long)a->frames,
+             (unsigned long long)a->missed);
     if (lost() != before)
         fail("%llu connections were lost", (unsigned long long)(lost() - before));
     printf("%u workers died, %llu frames were read, and %llu guests\n", DEATHS, (unsigned long long)a->frames,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The store's worker is killed over and over while a recording goes on: no frame is lost, and none comes late for it."""
+"""The store's worker is killed over and over while a recording goes on: no frame is lost, and none comes late."""
 from __future__ import annotations
 
 import json
@@ -11,8 +11,7 @@ from collections.abc import Callable
 
 import pytest
 
-from .conftest import Compiler
-from .programs import KEEP, Desk, Process, lost, make_clip, pictures, stop, wait_until
+from .programs import KEEP, Compiler, Desk, Process, lost, make_clip, pictures, stop, wait_until
 
 Figure = Callable[[str, object], None]
 LATE = 50_000  # us that a frame may be late

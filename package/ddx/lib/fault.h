@@ -8,8 +8,8 @@
  *     DDX_FAULT=writer.published:3:kill[,...]    the third time it passes this point it is killed
  *
  * Also `stop` (SIGSTOP); `end`: the whole store, its holder, too, where a kill is its worker's end alone; `die`, an end
- * that the journal does not mention; and `slow`: 20 ms each time from then on, to hold a race open. DDX_FAULT_JOURNAL names a file of struct ddx_fault_journal that counts who passed what, for all
- * programs together.
+ * that the journal does not mention; and `slow`: 20 ms each time from then on, to hold a race open. DDX_FAULT_JOURNAL
+ * names a file of struct ddx_fault_journal that counts who passed what, for all programs together.
  */
 #ifndef DDX_FAULT_H
 #define DDX_FAULT_H

@@ -112,7 +112,7 @@ int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info) {
     return result;
 }
 
-/* The next message on a connection of our own, within the time that the store may take. *heard: the last one's number. */
+/* The next message on a connection of our own, within the store's time to answer; *heard: the number of the last. */
 static int next(int socket, struct ddx_packet *packet, uint64_t *heard) {
     int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
     int result;

@@ -44,7 +44,7 @@ int ddx_queue_put(struct ddx_queue *queue, const struct ddx_message *message, co
 int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message *message,
                    const struct ddx_layout *layout, const int *fds, unsigned fd_count);
 
-/* There may be room. Each message that is sent is shown to `sent`, which may be NULL. 0; -EPIPE: the other side is gone. */
+/* There may be room. Each message that is sent is shown to `sent` (or NULL). 0; -EPIPE: the other side is gone. */
 int ddx_queue_go_on(struct ddx_queue *queue, int socket,
                     void (*sent)(const struct ddx_message *message, void *context), void *context);
 

@@ -18,9 +18,9 @@
  *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
  * where -EEXIST tells a writer that another one was let in; with FLAG_WRITER, after which of its frames.
  *
- * Messages are numbered in either direction. The store may die between doing what it was asked and saying so, or between
- * saying so and noting that it did; the one that goes on in its place takes no message a second time, and what it says
- * twice has the number that it had.
+ * Messages are numbered in either direction. The store's worker may die between doing what it was asked and saying so,
+ * or between saying so and noting that it did; the one that goes on in its place takes no message a second time, and
+ * what it says twice has the number that it had.
  */
 #ifndef DDX_WIRE_H
 #define DDX_WIRE_H

@@ -210,7 +210,7 @@ void offer_abandon(struct client *client);
 struct client *client_add(int socket);
 void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
-                 const int *fds, unsigned count); /* after the commit, when it has read more; who only asks is dropped */
+                 const int *fds, unsigned count); /* after the commit, and when there is room */
 bool client_is_gated(const struct client *client); /* the writer has to hear of it first */
 /* Send to all what they have room for; to this one (or NULL) last. Whether there was anything. */
 bool clients_go_on(struct client *last);
