@@ -60,7 +60,7 @@ static void work(unsigned generation) {
         memset(root->piece[i], 0xaa, root->bytes[i]);
         kept_free(root->piece[i]);
     }
-    CHECK(!kept_allocate((size_t)1 << 40));
+    CHECK(!kept_allocate(SIZE_MAX / 2));
     while (kept_allocate(1 << 20)) /* all that there is */
         continue;
     _exit(0);
