@@ -39,7 +39,9 @@ def text(runs: list[Run]) -> str:
         f"{total('kills')} kills, {RUN} with each of the seeds {seeds[0]} to {seeds[-1]}:",
         f"{total('writers')} of the writer, {total('standbys')} of a standby, {total('readers')} of a reader,",
         f"{total('workers')} of the store's worker, {total('stores')} of the whole store, {both} of writer and store",
-        f"together; {total('stopped')} times a reader or the worker was stopped for a while instead.",
+        f"together; {total('stopped')} times a reader or the worker was stopped for a while instead, "
+        f"{total('limited')} times",
+        f"a program had no descriptor left, {total('crowds')} times a reader's socket was full.",
         f"{total('frames_written')} frames were written in {total('terms')} terms.",
         f"Three readers that lived all the time saw {total('seen')} and were told that they missed {total('missed')},",
         "each of these counts checked against what the writers wrote down.",

@@ -50,7 +50,7 @@ void actor_fail(const char *format, ...) {
 }
 
 bool later(int result) {
-    return result == -ECONNREFUSED || result == -EBUSY || result == -ENOSPC;
+    return result == -ECONNREFUSED || result == -EBUSY || result == -ENOSPC || result == -EMFILE;
 }
 
 DDX_STORE_ITEM *actor_lookup(DDX_STORE_ID *id, const char *name) {

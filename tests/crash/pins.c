@@ -107,29 +107,39 @@ static void too_few(void) {
     puppets_end();
 }
 
-/* The writer's program has no descriptor left for the pin page of a reader that is let in. */
+/* The writer's program has no descriptor left for a reader that comes: that one is refused, and nobody else notices. */
 static void no_descriptors(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *second = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
     ASK(reader, HOLD, 0, 1);
     AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 2, "the writer does not write");
-    ASK(writer, LIMIT, 1, 0); /* for a slot */
-    ASK(second, HOLD, 0, 2);
-    for (unsigned i = 0; i < 8; i++)
-        ASK(writer, WRITE, 1, -EMFILE);
-    ASK(writer, SHORT, 0, 8);
-    ASK(second, LOOK, 0, 2);
-    ASK(second, DONE, 0, 0);
-    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 3, "the writer does not go on when the reader has left");
-    second = puppet_begin(NULL);
-    ASK(second, HOLD, 0, 3);
-    ASK(writer, WRITE, 1, -EMFILE);
-    ASK(writer, LIMIT, -1, 0);
-    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 4, "the writer does not go on when there are descriptors");
-    ASK(writer, WRITE, 20, 24);
+    ASK(writer, LIMIT, 0, 0);
+    ASK(second, HOLD, 0, -EBUSY); /* there is none for a slot */
+    ASK(writer, WRITE, 8, 10);
+    ASK(writer, LIMIT, 1, 0);
+    ASK(second, HOLD, 0, -EBUSY); /* for a slot, and none for the pin page */
+    ASK(writer, WRITE, 8, 18);
     ASK(reader, LOOK, 0, 1);
-    ASK(second, LOOK, 0, 3);
+    ASK(writer, LIMIT, -1, 0);
+    ASK(second, HOLD, 0, 18);
+    ASK(writer, WRITE, 20, 38);
+    ASK(reader, LOOK, 0, 1);
+    ASK(second, LOOK, 0, 18);
+    ASK(writer, SHORT, 0, 0);
+    /* Nor does one begin that cannot look at all pins. */
+    struct puppet *next = puppet_begin(NULL);
+    puppet_kill(writer);
+    AWAIT(writer_is_gone(), "the store does not notice");
+    for (int64_t room = 0; room < 7; room++) { /* control page, notice, four slots, two pin pages */
+        ASK(next, LIMIT, room, 0);
+        ASK(next, WRITE, 1, -EMFILE);
+    }
+    ASK(reader, LOOK, 0, 1);
+    ASK(second, LOOK, 0, 18);
+    ASK(next, LIMIT, -1, 0);
+    ASK(next, WRITE, 20, 58);
+    ASK(reader, LOOK, 0, 1);
     puppets_end();
 }
 

@@ -76,6 +76,7 @@ static int64_t limit(int64_t more) {
 
     getrlimit(RLIMIT_NOFILE, &room);
     room.rlim_cur = room.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &room);
     if (more >= 0) {
         int taken[16];
 
@@ -152,6 +153,7 @@ static int64_t obey(const struct message *message) {
     case ORDER_FREE: return look_at_lock(message->n);
     case ORDER_LEAVE: return leave_store();
     case ORDER_FORK: return have_child();
+    case ORDER_READERS: return ddx_store_readers(item);
     case ORDER_INFO: return ask_info();
     case ORDER_HANG_UP: return hang_up();
     default: return -ENOSYS;

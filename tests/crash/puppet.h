@@ -23,6 +23,7 @@ enum order {
     ORDER_FREE,    /* n looks at the handle's lock: how often it was free */
     ORDER_LEAVE,   /* the store, as after waiting for it in vain */
     ORDER_FORK,    /* a child that does nothing, for 30 s; its pid */
+    ORDER_READERS, /* for whom it keeps frames, as the writer knows */
     ORDER_INFO,    /* what the store says of the item; the number of its readers */
     ORDER_HANG_UP, /* the connection is lost, and the program stopped before it notices */
 };

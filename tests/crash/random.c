@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * SIGKILL at random, of writers, readers, the store and its worker, as many times as asked for; worker and readers are
- * stopped for a while, too. The same seed kills the same
+ * stopped for a while, too, programs have no descriptors left, and sockets are full. The same seed kills the same
  * parties after the same pauses. With an odd seed all run with real-time priority, if allowed: takeovers are judged
  * as if the machine had nothing else to do. Ends with one line of JSON.
  */
+#include <dirent.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include "takeover.h"
 #include "tests.h"
@@ -13,7 +15,7 @@
 #define PERIOD 0.001
 #define TOGETHER 400000000 /* ns: a takeover so soon after the store's death waits for the store, too */
 
-enum victim { WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, STORE, WRITER_AND_STORE, VICTIMS };
+enum victim { WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, LIMITED, CROWD, STORE, WRITER_AND_STORE, VICTIMS };
 
 static uint64_t state;
 static unsigned killed[VICTIMS];
@@ -65,6 +67,40 @@ static void stop_reader(struct party *victim) {
     party_go_on(victim);
 }
 
+/* No descriptor is left to it for a moment, or a few. */
+static void limit(const struct party *victim) {
+    struct rlimit all, few;
+    char path[32];
+    rlim_t used = 0;
+
+    snprintf(path, sizeof path, "/proc/%d/fd", (int)victim->pid);
+    DIR *folder = opendir(path);
+    for (struct dirent *entry; folder && (entry = readdir(folder));)
+        used = (rlim_t)atoi(entry->d_name) >= used ? (rlim_t)atoi(entry->d_name) + 1 : used;
+    if (folder)
+        closedir(folder);
+    if (!used || prlimit(victim->pid, RLIMIT_NOFILE, NULL, &all))
+        return; /* it has just begun */
+    few = all;
+    few.rlim_cur = used + chance(4);
+    prlimit(victim->pid, RLIMIT_NOFILE, &few, NULL);
+    nap(chance(60) / 1000.0);
+    prlimit(victim->pid, RLIMIT_NOFILE, &all, NULL);
+}
+
+/* So many frames are added while a reader is stopped that their news do not fit its socket. */
+static void crowd(struct party *victim) {
+    struct party *guest[3];
+
+    party_stop(victim);
+    for (unsigned i = 0; i < 3; i++)
+        guest[i] = party_begin('k', 0, 0, NULL);
+    nap(chance(100) / 1000.0);
+    for (unsigned i = 0; i < 3; i++)
+        party_end(guest[i], SIGKILL);
+    party_go_on(victim);
+}
+
 static void most(int64_t *worst_one, int64_t value) {
     *worst_one = value > *worst_one ? value : *worst_one;
 }
@@ -108,7 +144,7 @@ static void kill_party(struct party *victim, const char *kinds) {
 }
 
 static void kill_one(unsigned observers) {
-    static const unsigned share[VICTIMS] = {45, 8, 20, 12, 3, 4, 5, 3};
+    static const unsigned share[VICTIMS] = {43, 8, 18, 12, 3, 4, 3, 1, 5, 3};
     unsigned dice = chance(100), what = 0;
 
     while (dice >= share[what])
@@ -121,6 +157,8 @@ static void kill_one(unsigned observers) {
     case READER: kill_party(any("nodcm", NULL, observers), "nodcm"); break;
     case WORKER: store_kill_worker(); break;
     case STOPPED_WORKER: stop_worker(); break;
+    case LIMITED: limit(any("wnodcm", NULL, observers)); break;
+    case CROWD: crowd(any("nodcm", NULL, observers)); break;
     case STOPPED_READER: stop_reader(any("nodcm", NULL, observers)); break;
     default: kill_store(); break;
     }
@@ -166,14 +204,14 @@ int test_random(unsigned kills, unsigned seed) {
     }
     look();
     printf("{\"kills\":%u,\"seed\":%u,\"writers\":%u,\"standbys\":%u,\"readers\":%u,\"stores\":%u,"
-           "\"writers_and_stores\":%u,\"workers\":%u,\"stopped\":%u,"
+           "\"writers_and_stores\":%u,\"workers\":%u,\"stopped\":%u,\"limited\":%u,\"crowds\":%u,"
            "\"frames_written\":%llu,\"terms\":%u,\"seen\":%llu,\"missed\":%llu,\"torn\":0,\"hangs\":0,"
            "\"takeovers\":%u,\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,"
            "\"urgent\":%u,\"published_worst_ms\":%.1f,"
            "\"noticed_mean_ms\":%.1f,\"granted_mean_ms\":%.1f,\"published_mean_ms\":%.1f,\"seen_mean_ms\":%.1f,"
            "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u}\n",
            kills, seed, killed[WRITER], killed[STANDBY], killed[READER], killed[STORE], killed[WRITER_AND_STORE],
-           killed[WORKER], killed[STOPPED_WORKER] + killed[STOPPED_READER],
+           killed[WORKER], killed[STOPPED_WORKER] + killed[STOPPED_READER], killed[LIMITED], killed[CROWD],
            (unsigned long long)stage->stream[0].done, stage->stream[0].terms, (unsigned long long)seen,
            (unsigned long long)missed, takeovers[0], mean_ms(sum[0].whole), (double)worst[0].whole / 1e6, urgent,
            (double)worst[0].published / 1e6, mean_ms(sum[0].noticed), mean_ms(sum[0].granted),

@@ -98,31 +98,6 @@ static void between_two_writers(void) {
 }
 
 /*
- * The store dies when it has let a reader in, while a message of the writer lies before it unread: the kernel tells the
- * writer of that first, and behind it stands the news of the reader.
- */
-static void unread_news(void) {
-    store_begin("store.attached:2:stop"); /* the writer reads, too: that is the first */
-    struct party *writer = party_begin('w', 0, PERIOD, "claim.ready:5:stop"); /* control page, three slots; one more */
-    AWAIT(stage->stream[0].done >= 10, "nobody writes");
-    uint32_t struck = stage->journal.struck;
-    party_stop(writer);
-    struct party *holder = party_begin('h', 0, 0, "reader.holds:1:stop");
-    AWAIT(stage->journal.struck == struck + 2, "the reader is not let in");
-    holder->stopped = true;
-    party_go_on(writer);
-    AWAIT(stage->journal.struck == struck + 3, "the writer is told of no slot");
-    store_kill();
-    party_go_on(writer);
-    uint64_t done = stage->stream[0].done;
-    AWAIT(stage->stream[0].done >= done + ROUND, "the writer does not write on");
-    uint64_t beats = actor_of(holder)->beats;
-    party_go_on(holder);
-    AWAIT(actor_of(holder)->beats > beats + 1, "the reader does not go on");
-    end_all();
-}
-
-/*
  * The store dies when the first of the readers was told of the next epoch, and of none of its slots. That one reports
  * first to the next store, and must not have given up the epoch that has the last frame.
  */
@@ -154,7 +129,6 @@ static void half_told(void) {
 int test_restart(void) {
     same_number();
     between_two_writers();
-    unread_news();
     half_told();
     return 0;
 }

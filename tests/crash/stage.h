@@ -76,6 +76,6 @@ extern volatile int leaving;
 extern const char *const stream_name[STREAMS];
 void actor_fail(const char *format, ...) __attribute__((noreturn, format(printf, 1, 2)));
 DDX_STORE_ITEM *actor_lookup(DDX_STORE_ID *id, const char *name);
-bool later(int result); /* an error that passes by itself while a store or a writer is away */
+bool later(int result); /* an error that passes by itself, while a store or a writer is away or descriptors are short */
 
 #endif

@@ -27,7 +27,9 @@ static void dies_again_and_again(void) {
     for (unsigned i = 0; i < DEATHS; i++) {
         if (!guest)
             guest = party_begin("nom"[i % 3], 0, 0, NULL);
+        uint64_t begun = stage->journal.passed[DDX_AT_STORE_LISTENS];
         store_kill_worker();
+        AWAIT(stage->journal.passed[DDX_AT_STORE_LISTENS] > begun, "no other worker");
         nap((i % 7) / 1000.0);
         if (i % 10 == 0)
             await_frames(0, 1, 1, "after a worker's death");

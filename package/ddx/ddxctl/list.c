@@ -25,12 +25,15 @@ static void print_table(const struct ddx_store_info *store, const struct ddx_ite
     }
     printf("%u items, %s used, %s reserved of %s\n", count, readable_bytes(store->bytes, bytes),
            readable_bytes(store->reserved, reserved), readable_bytes(store->budget, size));
+    if (store->restarts)
+        printf("its worker died or hung %u times, and was replaced\n", (unsigned)store->restarts);
 }
 
 static void print_json(const struct ddx_store_info *store, const struct ddx_item_info *items, unsigned count) {
-    printf("{\"budget\":%llu,\"bytes\":%llu,\"reserved\":%llu,\"clients\":%u,\"pid\":%d,\"items\":[",
+    printf("{\"budget\":%llu,\"bytes\":%llu,\"reserved\":%llu,\"clients\":%u,\"pid\":%d,\"restarts\":%u,"
+           "\"items\":[",
            (unsigned long long)store->budget, (unsigned long long)store->bytes, (unsigned long long)store->reserved,
-           (unsigned)store->clients, (int)store->pid);
+           (unsigned)store->clients, (int)store->pid, (unsigned)store->restarts);
     for (unsigned i = 0; i < count; i++) {
         const struct ddx_item_info *item = &items[i];
 

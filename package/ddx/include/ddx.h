@@ -19,7 +19,8 @@
  *                -EMSGSIZE      wrong size, or the item's value does not fit the caller's struct
  *                -EEXIST        another living program writes this item
  *                -ENOSPC        the store's memory budget is used up
- *                -EBUSY         no memory left for one reader more, or this handle still holds a frame or a loan
+ *                -EBUSY         no memory left for one reader more, or the item's writer cannot take it (it is stopped, or
+ *                               has no descriptor left), or this handle still holds a frame or a loan
  *                -ENOBUFS       every frame of the item is held; nothing was written
  *                -EMFILE        the program has too few descriptors: one for each frame and each reader of each handle
  *                -ETIMEDOUT     nothing was written within the timeout
@@ -229,8 +230,7 @@ uint64_t ddx_store_written(const DDX_STORE_ITEM *item);
 
 /*
  * Writes and loans of this handle that were given up: -ENOBUFS, every frame is held (the store makes room for what each
- * of its readers holds, but after a restart it may not know all of them yet); -EMFILE, this program had no descriptor
- * left for a frame or a reader that came, so it cannot know what is held.
+ * of its readers holds, but after a restart it may not know all of them yet).
  */
 uint64_t ddx_store_short(const DDX_STORE_ITEM *item);
 
@@ -278,7 +278,7 @@ struct ddx_store_info {
     uint64_t reserved; /* of the budget, never above it */
     uint32_t items, clients;
     int32_t pid;
-    uint32_t restarts; /* items taken back from living holders since the store started */
+    uint32_t restarts; /* of its worker, which died or hung and was replaced; nobody has lost anything by that */
 };
 
 /*

@@ -35,6 +35,7 @@
     X(CLAIM_SLOT,         "claim.slot")         /* a slot mapped and sealed, the store not told */ \
     X(CLAIM_READY,        "claim.ready")        /* the store told of it */ \
     X(CLAIM_READER,       "claim.reader")       /* a reader's pin page is in the list */ \
+    X(CLAIM_TAKEN,        "claim.taken")        /* and the store told so */ \
     X(CLAIM_READER_GONE,  "claim.reader_gone")  /* and out of it again */ \
     X(CLAIM_GRANTED,      "claim.granted")      /* the readers were told: frames may be written */ \
     X(CLAIM_ENDED,        "claim.ended")        /* unmapped, the store not told */ \
@@ -97,6 +98,7 @@
     X(STORE_ROOM_TOLD,    "store.room_told")    /* one of them was sent to the writer */ \
     X(STORE_SLOT_TOLD,    "store.slot_told")    /* the writer was told that readers know it */ \
     X(STORE_ANNOUNCED,    "store.announced")    /* the pin page is to be sent to the writer */ \
+    X(STORE_TAKEN_READER, "store.taken_reader") /* the writer looks at its pins */ \
     X(STORE_NOTICED,      "store.noticed")      /* it was, and the notice says so */ \
     X(STORE_REGISTERED,   "store.registered")   /* the reader counts */ \
     X(STORE_EPOCH_BEGUN,  "store.epoch_begun")  /* an epoch's control page was sent to a reader, its slots not */ \

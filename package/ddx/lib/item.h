@@ -24,6 +24,7 @@ struct ddx_term {
     struct ddx_control *control;
     uint32_t epoch;
     unsigned slots_coming; /* of those that the store announced with the epoch: not told of yet */
+    uint64_t former_last;  /* number of the last frame of the epoch before */
     bool writable;
     void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
     int fd[DDX_SLOTS_MAX];
@@ -42,6 +43,7 @@ struct ddx_reader_role {
     int held;             /* slot that ddx_store_acquire() gave, or -1 */
     bool waiting;         /* ddx_reader_take() sleeps, unlocked, ... */
     bool both;            /* memory for both of its pins at once */
+    bool in_order;        /* it last asked for the oldest frame not yet seen */
     uint32_t waits_since; /* ... and has seen as much news: `changed` below */
     uint64_t missed;
     unsigned keep;
@@ -67,7 +69,9 @@ struct ddx_writer_role {
     bool leaving[DDX_READERS_MAX];   /* and that it left; it stays until the kernel says so, too */
     unsigned leaving_count;
     unsigned offered; /* slots that the store was told of when it came back: what it tells readers */
-    bool incomplete; /* there is a reader whose pins it cannot see */
+    uint64_t unseen[DDX_READERS_MAX]; /* numbers of the pin pages that it could not take: their readers may be in */
+    unsigned unseen_count;
+    bool refused;    /* a slot that was added could not be taken: nor can the reader that it was for */
     int loaned;      /* slot, or -1 */
     bool superseded; /* another writer took over while no store could tell us */
     uint64_t lost;   /* what was published since then */

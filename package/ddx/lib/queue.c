@@ -84,11 +84,11 @@ int ddx_queue_put(struct ddx_queue *queue, const struct ddx_message *message, co
     return 0;
 }
 
-/* Has it read nothing of an epoch's news for so long that it may be stopped? */
+/* Has it read nothing of what it was told for so long that it may be stopped? */
 static bool sleeps(struct ddx_queue *queue, int socket) {
     int unread;
 
-    if (DDX_BROKEN("pile") || ioctl(socket, SIOCOUTQ, &unread))
+    if (ioctl(socket, SIOCOUTQ, &unread))
         return false;
     int64_t now = ddx_time_now();
     if (!unread)
@@ -98,7 +98,9 @@ static bool sleeps(struct ddx_queue *queue, int socket) {
 
 static int try(struct ddx_queue *queue, int socket, const struct ddx_message *message, const struct ddx_layout *layout,
                const int *fds, unsigned fd_count) {
-    queue->crowded = message->operation == DDX_EPOCH && sleeps(queue, socket);
+    bool sleeping = sleeps(queue, socket);
+
+    queue->crowded = message->operation == DDX_EPOCH && sleeping && !DDX_BROKEN("pile");
     int result = queue->crowded ? -EAGAIN : ddx_send(socket, message, layout, fds, fd_count);
     queue->crowded |= result == -ETOOMANYREFS;
     return queue->crowded ? -EAGAIN : result;

@@ -19,7 +19,7 @@ struct ddx_queue {
      * the other side, which seems to be stopped, has read all: else it would keep, unread, the files of each that
      * begins. poll() does not tell when that is over: it calls the socket writable all the time. */
     bool crowded;
-    int64_t since; /* when an epoch was sent and nothing was unread, ns */
+    int64_t since; /* when something was sent and nothing was unread, ns */
 };
 
 #define DDX_QUEUE_PAUSE 5 /* ms */

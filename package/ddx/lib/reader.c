@@ -50,6 +50,10 @@ DDX_COLD void ddx_reader_follow(DDX_STORE_ITEM *item) {
      * is left of the item: it must not be given up before. */
     if (!reader->coming || reader->held >= 0 || (reader->coming->slots_coming && !DDX_BROKEN("half")))
         return;
+    /* Who reads in order has not seen all of it. What its writer may have written since it was replaced does not count. */
+    if (reader->in_order && reader->term && !DDX_BROKEN("hasty") &&
+        ddx_ring_left(reader->term->control, reader->term->base, reader->seen, reader->coming->former_last))
+        return;
     /* A frame in the window stays until the next one is there: nobody writes into an epoch that has ended. */
     if (reader->term != reader->shown_term)
         ddx_term_free(reader->term);
@@ -167,6 +171,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
 
     if (tail < DDX_IN_ORDER)
         return -EINVAL;
+    reader->in_order = tail == DDX_IN_ORDER;
     if (pin == DDX_PIN_READ && reader->held >= 0)
         return -EBUSY;
     if (!reader->page && (result = attach(item)))

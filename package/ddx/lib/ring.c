@@ -245,6 +245,23 @@ DDX_HOT unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen,
     return best;
 }
 
+bool ddx_ring_left(const struct ddx_control *control, void *const *base, uint64_t seen, uint64_t last) {
+    uint64_t oldest_new = UINT64_MAX;
+    bool mapped = false;
+
+    for (unsigned slot = 0; slot < DDX_SLOTS_MAX; slot++) {
+        const struct ddx_slot_state *state = &control->slot[slot];
+        uint32_t generation = atomic_load_explicit(&state->generation, memory_order_acquire);
+        uint64_t sequence = sequence_of(state);
+
+        if (generation != (uint32_t)sequence << 1 || sequence <= seen || sequence > last || sequence > oldest_new)
+            continue;
+        oldest_new = sequence;
+        mapped = base[slot];
+    }
+    return mapped;
+}
+
 unsigned ddx_ring_coming(const struct ddx_control *control, void *const *base, unsigned except) {
     unsigned slots = atomic_load_explicit(&control->slots, memory_order_relaxed), best = DDX_NO_SLOT;
     unsigned newest = DDX_LATEST_SLOT(atomic_load_explicit(&control->latest, memory_order_relaxed));

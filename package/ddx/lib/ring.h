@@ -78,6 +78,9 @@ uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest);
  */
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
 
+/* Whether a frame is left that is newer than `seen`, and not than `last`; the oldest one has to have a `base`. */
+bool ddx_ring_left(const struct ddx_control *control, void *const *base, uint64_t seen, uint64_t last);
+
 /*
  * Where the next frame will probably be: the one that is being written, or else the oldest. Only among those
  * that have a `base`, and not `except`, which the caller has pinned. DDX_NO_SLOT if there is none.

@@ -29,7 +29,7 @@ static void hang_up(DDX_STORE_ITEM *item) {
     int result;
 
     shutdown(item->socket, SHUT_RDWR);
-    while (!DDX_BROKEN("reset") && ((result = ddx_receive(item->socket, item->packet)) > 0 || result == -EPROTO))
+    while ((result = ddx_receive(item->socket, item->packet)) > 0 || result == -EPROTO)
         if (result > 0)
             handle(item, item->packet);
     close(item->socket);
@@ -62,16 +62,33 @@ int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
     return 0;
 }
 
-static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot) {
+static void answer(DDX_STORE_ITEM *item, const struct ddx_message *message) {
+    ddx_queue_send(&item->queue, item->socket, message, NULL, NULL, 0);
+    if (item->queue.count)
+        ddx_keeper_wake();
+}
+
+/* `status`: an error if there will never be such a slot. */
+static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int status) {
     struct ddx_message message;
 
     ddx_message_init(&message, DDX_READY, item);
     message.epoch = epoch;
     message.index = slot;
-    ddx_queue_send(&item->queue, item->socket, &message, NULL, NULL, 0);
-    if (item->queue.count)
-        ddx_keeper_wake();
+    message.status = status;
+    answer(item, &message);
     DDX_PASS(CLAIM_READY);
+}
+
+static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, int status) {
+    struct ddx_message message;
+
+    ddx_message_init(&message, DDX_TAKEN, item);
+    message.index = reader->index;
+    message.sequence = reader->sequence;
+    message.status = status;
+    answer(item, &message);
+    DDX_PASS(CLAIM_TAKEN);
 }
 
 /* This handle's claim was granted: its term as the writer begins. */
@@ -81,12 +98,21 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     const struct ddx_layout *layout = ddx_packet_layout(packet);
     struct ddx_term *term;
 
-    if (writer->term || !layout || packet->fd[1] < 0 ||
-        ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true))
+    if (writer->term || !layout)
         return;
+    int result = packet->cut ? -EMFILE
+                             : ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true);
+    if (result) {
+        send_ready(item, m->epoch, DDX_NO_SLOT, result);
+        return;
+    }
     writer->notice = ddx_memory_map(packet->fd[1], sizeof(struct ddx_notice), false);
     if (!writer->notice || ddx_item_set_layout(item, layout)) {
+        if (writer->notice)
+            munmap(writer->notice, sizeof(struct ddx_notice));
+        writer->notice = NULL;
         ddx_term_free(term);
+        send_ready(item, m->epoch, DDX_NO_SLOT, -ENOMEM);
         return;
     }
     writer->notice_fd = ddx_packet_take(packet, 1);
@@ -103,7 +129,7 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     /* Not what the notice says now: news about readers may already stand behind this message. */
     writer->ring.notice_seen = m->index;
     DDX_PASS(CLAIM_CONTROL);
-    send_ready(item, m->epoch, DDX_NO_SLOT);
+    send_ready(item, m->epoch, DDX_NO_SLOT, 0);
 }
 
 /* This handle was there before the item. 0, or -ENOMEM. */
@@ -136,6 +162,7 @@ static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     if (packet->message.frames && packet->message.frames < reader->keep)
         reader->keep = packet->message.frames;
     term->slots_coming = packet->message.index;
+    term->former_last = packet->message.missed;
     ddx_term_free(reader->coming);
     reader->coming = term;
     DDX_PASS(ATTACH_EPOCH);
@@ -166,15 +193,20 @@ static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
 
         if (!term || term->epoch != m->epoch)
             return;
-        if (ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0))) {
-            item->deaf |= !term->base[m->index % DDX_SLOTS_MAX];
+        int result = ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0));
+
+        if (result) {
+            if (!term->base[m->index % DDX_SLOTS_MAX]) {
+                item->writer.refused = true;
+                send_ready(item, m->epoch, m->index, packet->cut ? -EMFILE : result);
+            }
             return;
         }
         ring->slot[ring->slot_count++] = (uint8_t)m->index;
         if (m->index >= atomic_load_explicit(&ring->control->slots, memory_order_relaxed))
             atomic_store_explicit(&ring->control->slots, m->index + 1, memory_order_release);
         DDX_PASS(CLAIM_SLOT);
-        send_ready(item, m->epoch, m->index);
+        send_ready(item, m->epoch, m->index, 0);
         return;
     }
     struct ddx_term *term = item->reader.coming ? item->reader.coming : item->reader.term;
@@ -187,38 +219,74 @@ static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         ddx_reader_follow(item);
 }
 
+/* Room in the list for a reader, with its page mapped; or -errno. */
+static int add_reader(struct ddx_writer_role *writer, struct ddx_packet *packet) {
+    struct ddx_ring_writer *ring = &writer->ring;
+    unsigned i = ring->reader_count;
+
+    if (packet->fd[0] < 0)
+        return packet->cut ? -EMFILE : -EPROTO;
+    if (i == DDX_READERS_MAX || !ddx_memory_sound(packet->fd[0], ddx_page_round(1), false))
+        return -EBUSY;
+    const void *page = ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false);
+    if (!page)
+        return -errno;
+    writer->pin_fd[i] = ddx_packet_take(packet, 0);
+    writer->leaving[i] = false;
+    ring->reader[i] = (struct ddx_ring_reader){.page = page};
+    ring->reader_count++;
+    return (int)i;
+}
+
+/*
+ * A reader whose pins cannot be looked at may have been let in all the same, since we were stopped for too long: until it
+ * is refused, or can be seen, no frame may be written over.
+ */
+static void see(struct ddx_writer_role *writer, uint64_t page, bool unseen) {
+    unsigned i = 0;
+
+    while (i < writer->unseen_count && writer->unseen[i] != page)
+        i++;
+    if (!unseen && i < writer->unseen_count)
+        writer->unseen[i] = writer->unseen[--writer->unseen_count];
+    else if (unseen && i == writer->unseen_count && i < DDX_READERS_MAX)
+        writer->unseen[writer->unseen_count++] = page;
+}
+
+/*
+ * It is let in when we have said that we look at its pins. A program without a descriptor for its page, or for the
+ * frames that were to be added for it, refuses it instead: what is written comes first.
+ */
 static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_writer_role *writer = &item->writer;
     struct ddx_ring_writer *ring = &writer->ring;
-    unsigned i = 0;
+    const struct ddx_message *m = &packet->message;
+    bool refused = writer->refused;
+    int i = 0;
 
     if (ring->reader_count == DDX_READERS_MAX)
         ddx_writer_forget(writer, true);
-    ring->notice_seen = packet->message.sequence ? (uint32_t)packet->message.sequence : ring->notice_seen;
-    while (i < ring->reader_count && ddx_memory_number(writer->pin_fd[i]) != packet->message.size)
+    writer->refused = false;
+    ring->notice_seen = m->sequence ? (uint32_t)m->sequence : ring->notice_seen;
+    while ((unsigned)i < ring->reader_count && ddx_memory_number(writer->pin_fd[i]) != m->size)
         i++;
-    if (i == ring->reader_count) {
-        const void *page = i < DDX_READERS_MAX && ddx_memory_sound(packet->fd[0], ddx_page_round(1), false)
-                               ? ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false)
-                               : NULL;
-
-        if (!page) {
-            /* It is let in already. What it pins cannot be seen, so no frame may be written over, until the store has
-             * told of it once more: see choose(). */
-            item->deaf = writer->incomplete = true;
-            return;
-        }
-        writer->pin_fd[i] = ddx_packet_take(packet, 0);
-        writer->leaving[i] = false;
-        ring->reader[i] = (struct ddx_ring_reader){.page = page};
-        ring->reader_count++;
+    bool known = (unsigned)i < ring->reader_count;
+    if (refused && (!known || m->frames > ring->reader[i].share))
+        i = -EMFILE;
+    else if (!known)
+        i = add_reader(writer, packet);
+    see(writer, m->size, i < 0 && !known);
+    if (i < 0) {
+        send_taken(item, m, i);
+        return;
     }
-    ring->reader[i].id = packet->message.index;
-    ring->reader[i].share = packet->message.frames;
+    ring->reader[i].id = m->index;
+    ring->reader[i].share = m->frames;
     writer->confirmed[i] = true;
     writer->leaving_count -= writer->leaving[i];
     writer->leaving[i] = false;
     DDX_PASS(CLAIM_READER);
+    send_taken(item, m, 0);
 }
 
 static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
@@ -254,6 +322,7 @@ bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
 static void on_reader_gone(DDX_STORE_ITEM *item, const struct ddx_message *m) {
     struct ddx_writer_role *writer = &item->writer;
 
+    see(writer, m->size, false);
     for (unsigned i = writer->ring.reader_count; i-- > 0;)
         if (m->flags & DDX_FLAG_CREATE
                 ? !writer->confirmed[i]
@@ -304,6 +373,8 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         return;
     }
     item->heard = m->number ? m->number : item->heard;
+    /* A reader without a descriptor for what it is told of has to be told anew when there are some. */
+    item->deaf |= packet->cut && (m->operation == DDX_EPOCH || (m->operation == DDX_SLOT && m->flags == DDX_FLAG_READER));
     switch (m->operation) {
     case DDX_OPENED:
         if ((layout = ddx_packet_layout(packet)) && ddx_item_set_layout(item, layout))
@@ -325,7 +396,6 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         /* Not those that it has added since. */
         if (!m->status && item->writer.ring.told_count < item->writer.offered)
             item->writer.ring.told_count = item->writer.offered;
-        item->writer.incomplete &= item->deaf || m->status;
         if (m->status == -EEXIST) {
             item->writer.superseded = true;
             if (m->flags & DDX_FLAG_WRITER && item->writer.ring.sequence > m->sequence)

@@ -81,7 +81,7 @@ static int receive(int socket, struct ddx_packet *packet, int flags) {
      * one said: the news is there all the same, and must not be lost. */
     do
         got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC | flags);
-    while (got < 0 && (errno == EINTR || (errno == ECONNRESET && !DDX_BROKEN("reset"))));
+    while (got < 0 && (errno == EINTR || errno == ECONNRESET));
     if (got < 0)
         return errno == EAGAIN ? 0 : -EPIPE;
     if (got == 0)

@@ -6,14 +6,16 @@
  * A handle's life:
  *   OPEN                            -> OPENED (layout) or an error
  *   CLAIM (layout)                  -> CLAIMED (control, notice), SLOT..., READER...           become the writer
- *   READY (slot)                    one for each slot mapped and sealed, the control file as slot DDX_NO_SLOT
+ *   READY (slot, or an error)       one for each slot mapped and sealed, the control file as slot DDX_NO_SLOT
  *                                   -> DONE when all are, and the readers were told
  *   ATTACH (frames to keep)         -> ATTACHED (pin), then as below                           become a reader
  * and unasked from the store:
  *   EPOCH (layout, control), SLOT...   to a reader: a writer's term begins (or is going on)
  *   SLOT                               one slot more; to the writer a second time, without the file, when the readers
  *                                      have been told of it
- *   READER (pin), READER_GONE          to the writer; the notice's version changes after READER is queued
+ *   READER (pin), READER_GONE          to the writer; the notice's version changes after READER was sent
+ *                                      -> TAKEN: only then the reader hears more, ATTACHED among it; or with an error,
+ *                                         which is what the reader gets then (or the claim, while there is one)
  * After the store was restarted, instead of OPEN:
  *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
  * where -EEXIST tells a writer that another one was let in; with FLAG_WRITER, after which of its frames.
@@ -44,6 +46,7 @@ enum ddx_operation {
     DDX_SLOT,
     DDX_READER,
     DDX_READER_GONE,
+    DDX_TAKEN,
     DDX_DONE,
     DDX_OFFER,
     DDX_OFFER_SLOT,
@@ -75,7 +78,8 @@ struct ddx_message {
     uint32_t layout_bytes; /* of the layout behind this header */
     uint64_t sequence;
     uint64_t size; /* of the struct; of READER: the pin page's number, as ddx_memory_number() gives it */
-    uint64_t frame_bytes, bytes, reserved, missed;
+    uint64_t frame_bytes, bytes, reserved;
+    uint64_t missed; /* of EPOCH: the number of the last frame of the epoch before */
     int64_t time;
     uint64_t number; /* of this message on this connection, from 1 on; 0: not numbered */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];

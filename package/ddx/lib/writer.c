@@ -9,6 +9,8 @@
 #include "fault.h"
 #include "item.h"
 
+#define REFUSAL 5 /* ms that the store may take to refuse a reader whose pins cannot be seen */
+
 int ddx_writer_claim(DDX_STORE_ITEM *item) {
     struct ddx_message message;
 
@@ -33,14 +35,20 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
     struct ddx_writer_role *writer = &item->writer;
     int result;
 
-    if (writer->incomplete) {
-        writer->given_up++;
-        return -EMFILE;
+    if (writer->unseen_count) { /* it will be refused at once, unless we were stopped for a long time */
+        struct pollfd wait = {.fd = item->socket, .events = POLLIN};
+
+        poll(&wait, 1, REFUSAL);
+        ddx_item_service(item);
     }
-    while ((result = ddx_ring_choose(&writer->ring, slot)) != 0) {
+    while ((result = writer->unseen_count ? -EMFILE : ddx_ring_choose(&writer->ring, slot)) != 0) {
         uint32_t version = atomic_load(&writer->notice->version);
         unsigned slots = writer->ring.slot_count;
 
+        if (result == -EMFILE) {
+            writer->given_up++;
+            break;
+        }
         if (result == -ENOBUFS) {
             /* There may be slots that were not taken in yet, and dead readers that nobody told of. */
             ddx_item_service(item);
@@ -53,10 +61,6 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
         if (ddx_item_service(item))
             /* The store died meanwhile: then nobody has let the new reader in. */
             writer->ring.notice_seen = version;
-        if (writer->incomplete) {
-            writer->given_up++;
-            return -EMFILE;
-        }
     }
     return result;
 }
@@ -198,6 +202,7 @@ void ddx_writer_end(DDX_STORE_ITEM *item) {
     writer->notice = NULL;
     writer->notice_fd = writer->hold_fd = -1;
     writer->leaving_count = 0;
-    writer->incomplete = false;
+    writer->refused = false;
+    writer->unseen_count = 0;
     DDX_PASS(CLAIM_ENDED);
 }

@@ -76,19 +76,7 @@ void client_send(struct client *client, const struct ddx_message *message, const
     client->gone |= result || client->queue.count > QUEUED_MAX;
 }
 
-/*
- * A reader may pin as soon as it knows of a frame, so its writer has to know of its pins before it hears anything more.
- * Should the store have lost the writer, who may live all the same, it has to be back first.
- */
-bool client_is_gated(const struct client *client) {
-    const struct item *item = client->item;
-
-    if (!item || !item->notice || item->pending || !client->behind ||
-        (int32_t)(atomic_load(&item->notice->version) - client->behind) >= 0)
-        return false;
-    return (item->writer && !item->writer->gone) || (item->epoch && ddx_memory_held(item->epoch->control_fd));
-}
-
+/* For tests: at what point others know. */
 static void pass_said(const struct ddx_message *message, const struct item *item) {
     bool to_reader = message->flags & DDX_FLAG_READER, to_writer = message->flags & DDX_FLAG_WRITER;
 
@@ -118,17 +106,16 @@ static void sent(const struct ddx_message *message, void *context) {
     struct client *client = context;
 
     pass_said(message, client->item);
-    if (message->operation != DDX_READER)
-        return;
-    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. And
-     * before the reader may hear of any frame: from its first pin on, the writer looks for it. */
+    if (message->operation != DDX_READER || client->item->writer != client)
+        return; /* or its claim has failed, and the notice is another one's */
+    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. */
     atomic_store(&client->item->notice->version, (uint32_t)message->sequence);
     DDX_PASS(STORE_NOTICED);
 }
 
-/* Whether there was anything to be said. */
+/* Whether there was anything to be said to it. */
 static bool go_on(struct client *client) {
-    if (!client->queue.count || client->gone || client_is_gated(client))
+    if (!client->queue.count || client->gone)
         return false;
     if (ddx_queue_go_on(&client->queue, client->socket, sent, client))
         client->gone = true;
@@ -142,7 +129,7 @@ static bool go_on(struct client *client) {
 bool clients_go_on(struct client *last) {
     bool any = false;
 
-    /* Writers first: others may wait for what they hear. */
+    /* Writers first: others wait for what they answer. */
     for (struct client *client = store->clients; client; client = client->next)
         if (client != last && client->item && client->item->writer == client)
             any |= go_on(client);
@@ -198,7 +185,7 @@ void client_receive(struct client *client) {
         ddx_packet_close(&packet);
         ddx_discard(client->socket);
         DDX_PASS(STORE_DISCARDED);
-        store_conclude(client);
+        store_conclude(packet.message.status ? NULL : client); /* who complains is told first what comes of it */
     }
 }
 

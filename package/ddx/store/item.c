@@ -76,7 +76,7 @@ int item_set_notice(struct item *item, int fd) {
         file_close(item->notice_fd);
     item->notice = notice;
     item->notice_fd = fd;
-    item->announced = atomic_load(&notice->version);
+    item->announced = item->taken = atomic_load(&notice->version);
     readers_count(item);
     return 0;
 }
@@ -129,7 +129,7 @@ void item_describe(const struct item *item, struct ddx_message *m) {
         m->time = frame.time;
     }
     for (const struct client *c = store->clients; c; c = c->next)
-        if (c->item == item && c->id && !c->gone) {
+        if (reader_of(c, item)) {
             uint64_t missed = (uint64_t)atomic_load(&c->pin->missed_high) << 32 | atomic_load(&c->pin->missed_low);
 
             if (missed > m->missed)
@@ -163,6 +163,7 @@ void item_send_epoch(const struct item *item, struct client *reader) {
     message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : 0;
     if (message.sequence < item->sequence) /* of what was published in the one before, not all may be left */
         message.sequence = item->sequence;
+    message.missed = item->sequence;
     message.frames = reader->keep;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         message.index += epoch->slot_ready[i];
@@ -183,7 +184,7 @@ void item_announce(struct item *item, struct client *reader) {
 
     if (++item->announced == 0)
         item->announced = 1; /* 0 in the message means: no change */
-    message.sequence = reader->behind = item->announced;
+    message.sequence = reader->version = item->announced;
     client_send(item->writer, &message, NULL, &reader->pin_fd, 1);
     DDX_PASS(STORE_ANNOUNCED);
 }

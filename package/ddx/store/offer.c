@@ -149,7 +149,6 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     client->offered = NULL;
     kept_free(item->layout);
     item->layout = store_layout(epoch->layout);
-    store->adopted++;
     DDX_PASS(STORE_ADOPTED);
     note("%s: taken back from %d", item->name, (int)client->pid);
     return true;
@@ -171,7 +170,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     reader_add_slots(item, 0, 0); /* for readers who came back before it */
     item_send_new_slots(item, item->epoch, client);
     for (struct client *c = store->clients; c; c = c->next)
-        if (c->item == item && c->id && !c->gone)
+        if (reader_of(c, item))
             item_announce(item, c);
     readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
@@ -181,7 +180,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
 /* Whether somebody reads with this page already. */
 static bool reads(const struct item *item, int pin_fd) {
     for (const struct client *c = store->clients; c; c = c->next)
-        if (c->item == item && c->id && !c->gone && ddx_memory_same(c->pin_fd, pin_fd))
+        if (reader_of(c, item) && ddx_memory_same(c->pin_fd, pin_fd))
             return true;
     return false;
 }
@@ -207,9 +206,8 @@ static int adopt_reader(struct item *item, struct client *client) {
              (int)client->pid, client->offered_keep);
     client->offered_pin_fd = -1;
     int result = reader_register(client, fd, keep);
-    if (!result && item->epoch)
-        item_send_epoch(item, client);
-    readers_count(item);
+    if (!result && !item->writer)
+        reader_taken(client, 0);
     DDX_PASS(STORE_READER_BACK);
     return result;
 }
@@ -240,7 +238,7 @@ static void finish(struct client *client, uint32_t flags) {
     if (reply.status && reply.status != -EEXIST)
         refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
     for (struct client *c = store->clients; c && news; c = c->next)
-        if (c->item == item && c->id && !c->gone)
+        if (reader_hears(c, item))
             item_send_epoch(item, c);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);

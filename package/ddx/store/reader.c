@@ -6,6 +6,11 @@
 #include "files.h"
 #include "server.h"
 
+/* ns */
+#define STOPPED 100000000   /* after which a writer that says nothing seems to be stopped */
+#define PATIENCE 4000000000 /* that a reader waits at most; it gives up after five seconds itself */
+#define AGAIN 50000000      /* between attempts to tell a writer of a reader that it could not see */
+
 int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
     struct epoch *epoch = item->pending ? item->pending : item->epoch;
     unsigned wanted = 2 + item->kept + keep;
@@ -33,7 +38,7 @@ void readers_count(struct item *item) {
     uint32_t count = 0;
 
     for (struct client *c = store->clients; c; c = c->next)
-        if (c->item == item && c->id) {
+        if (reader_hears(c, item)) {
             c->counted |= kept;
             count += c->counted;
         }
@@ -58,13 +63,21 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     client->pin = pin;
     client->id = ++store->next_reader;
     client->keep = keep;
-    if (item->writer)
-        item_announce(item, client);
-    client->counted = false;
+    client->counted = client->admitted = false;
     item->kept += keep;
     item->readers++;
+    if (item->writer)
+        item_announce(item, client);
     DDX_PASS(STORE_REGISTERED);
     return 0;
+}
+
+bool reader_of(const struct client *client, const struct item *item) {
+    return client->item == item && client->id && !client->gone;
+}
+
+bool reader_hears(const struct client *client, const struct item *item) {
+    return reader_of(client, item) && client->admitted;
 }
 
 static int attach(struct client *client, unsigned keep) {
@@ -87,7 +100,6 @@ static int attach(struct client *client, unsigned keep) {
     if (client->id) {
         client->keep += keep;
         item->kept += keep;
-        /* The writer must have the new slots before it meets the new pins, or it runs out of free ones. */
         if (item->writer)
             item_announce(item, client);
         return 0;
@@ -96,35 +108,131 @@ static int attach(struct client *client, unsigned keep) {
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
 }
 
-void reader_attach(struct client *client, unsigned keep) {
-    struct item *item = client->item;
-    struct ddx_message message = {.operation = DDX_ATTACHED};
-    struct ddx_ring_frame frame;
-    bool before = client->id != 0;
+/* The answer to what it has asked for. */
+static void reply(struct client *client, int status) {
+    struct ddx_message message = {.operation = DDX_ATTACHED, .status = status, .sequence = client->asked_after};
+    bool before = client->admitted;
 
-    /* Before the writer hears of the reader: what is written from then on must count as not yet seen. */
-    message.sequence = item->epoch && ddx_ring_peek(item->epoch->control, &frame) ? frame.sequence : item->sequence;
-    message.status = attach(client, keep);
-    strcpy(message.name, item->name);
-    if (message.status || before) {
+    strcpy(message.name, client->item->name);
+    client->asked = 0;
+    if (status || before) {
         client_send(client, &message, NULL, NULL, 0);
         return;
     }
-    if (item->epoch)
-        item_send_epoch(item, client);
+    client->admitted = true;
+    if (client->item->epoch)
+        item_send_epoch(client->item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
-    readers_count(item); /* unless it has to wait for the writer: see writer_ready() */
+    readers_count(client->item); /* unless it has to wait for the writer: see writer_ready() */
+}
+
+void reader_attach(struct client *client, unsigned keep) {
+    struct item *item = client->item;
+    struct ddx_ring_frame frame;
+
+    if (client->asked) { /* one after the other */
+        client->gone = true;
+        return;
+    }
+    /* Before the writer hears of the reader: what is written from then on must count as not yet seen. */
+    client->asked_after = item->epoch && ddx_ring_peek(item->epoch->control, &frame) ? frame.sequence : item->sequence;
+    int result = attach(client, keep);
+    client->asked = keep;
+    client->asked_at = ddx_time_now();
+    if (result || !item->writer)
+        reply(client, result);
+}
+
+/* As if it had never asked. */
+static void withdraw(struct client *client, int status) {
+    struct item *item = client->item;
+    unsigned asked = client->asked;
+
+    reply(client, status);
+    if (!client->admitted) {
+        reader_left(client);
+        return;
+    }
+    client->keep -= asked;
+    item->kept -= asked;
+    if (item->writer)
+        item_announce(item, client);
+}
+
+static void admit(struct client *client) {
+    if (client->asked) {
+        reply(client, 0);
+        return;
+    }
+    client->admitted = true; /* it came back with an offer */
+    if (client->item->epoch)
+        item_send_epoch(client->item, client);
+    readers_count(client->item);
+}
+
+void reader_taken(struct client *client, int status) {
+    client->unseen = status && client->admitted && !client->asked;
+    if (!status && (client->asked || !client->admitted))
+        admit(client);
+    else if (status && client->asked) {
+        note("%s: its writer cannot take one more reader, %d: %s", client->item->name, (int)client->pid,
+             strerror(-status));
+        withdraw(client, -EBUSY);
+    } else if (status && !client->admitted)
+        client->gone = true; /* it comes back, and there may be room then */
+}
+
+/* The news of it is in its writer's socket, and it would be seen there before a frame is written over. */
+static bool is_noticed(const struct client *client) {
+    const struct item *item = client->item;
+
+    return item->writer && !item->pending && item->notice &&
+           (int32_t)(atomic_load(&item->notice->version) - client->version) >= 0;
+}
+
+bool readers_wait(void) {
+    int64_t now = ddx_time_now();
+    bool any = false;
+
+    for (struct client *c = store->clients; c; c = c->next) {
+        if (c->gone || !(c->asked || c->unseen))
+            continue;
+        if (c->unseen && now - c->asked_at > AGAIN && c->item->writer) {
+            c->asked_at = now;
+            item_announce(c->item, c);
+        } else if (c->asked && now - c->asked_at > PATIENCE)
+            withdraw(c, -EBUSY);
+        else if (c->asked && now - c->asked_at > STOPPED && is_noticed(c))
+            admit(c);
+        any = true;
+    }
+    return any;
+}
+
+void readers_without_writer(struct item *item) {
+    bool lives = item->epoch && ddx_memory_held(item->epoch->control_fd);
+
+    for (struct client *c = store->clients; c; c = c->next)
+        if (reader_of(c, item) && (c->asked || !c->admitted)) {
+            if (!lives)
+                reader_taken(c, 0);
+            else if (c->asked)
+                withdraw(c, -EAGAIN);
+        }
 }
 
 void reader_left(struct client *client) {
     struct item *item = client->item;
-    struct ddx_message message = {.operation = DDX_READER_GONE, .index = client->id};
+    struct ddx_message message = {.operation = DDX_READER_GONE, .index = client->id,
+                                  .size = ddx_memory_number(client->pin_fd)};
 
     if (!client->id)
         return;
     munmap((void *)(uintptr_t)client->pin, sizeof *client->pin);
     file_close(client->pin_fd);
     client->id = 0;
+    client->admitted = client->unseen = false;
+    client->asked = 0;
     item->readers--;
     item->kept -= client->keep;
     DDX_PASS(STORE_READER_LEFT);

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "holder.h"
 #include "server.h"
 
 #define LISTED_AT_ONCE 64
@@ -70,7 +71,7 @@ void list_continue(struct client *client) {
     m.bytes = budget_used();
     m.reserved = budget_reserved();
     m.pid = (int32_t)getppid(); /* the holder: who ends it ends the store */
-    m.index = store->adopted;
+    m.index = holder_restarts();
     for (const struct client *c = store->clients; c; c = c->next)
         m.readers += c->item != NULL;
     client_send(client, &m, NULL, NULL, 0);
@@ -90,6 +91,7 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
     case DDX_OPEN: open_item(client, packet); break;
     case DDX_CLAIM: writer_claim(client, ddx_packet_layout(packet)); break;
     case DDX_READY: writer_ready(client, m); break;
+    case DDX_TAKEN: writer_taken(client, m); break;
     case DDX_ATTACH: reader_attach(client, m->frames); break;
     case DDX_INFO: {
         struct ddx_message reply;

@@ -31,7 +31,6 @@ struct client {
     int socket;
     uint64_t handled;       /* number of its last request that was handled */
     struct ddx_queue queue; /* what is to be sent when all is committed, and it has read more */
-    uint32_t behind;        /* version of the notice from which on it may hear more: see client_is_gated() */
     int32_t pid;
     bool gone;
     bool early; /* asks for something that it may not have yet: see client.c */
@@ -39,6 +38,12 @@ struct client {
     /* as a reader: */
     uint32_t id; /* 0: does not read */
     unsigned keep;
+    bool admitted;  /* the writer looks at its pins, or will before it writes: it may hear of frames, and pin them */
+    bool unseen;    /* the writer cannot, and is told again and again */
+    uint32_t version; /* of the notice, when the writer was told */
+    unsigned asked; /* frames of its ATTACH that is not answered yet, 0: there is none */
+    int64_t asked_at;
+    uint64_t asked_after; /* the newest frame at that time */
     bool counted; /* by the writer: frames are kept for it */
     int pin_fd;
     const struct ddx_pin_page *pin;
@@ -73,6 +78,7 @@ struct item {
     int notice_fd;
     struct ddx_notice *notice;
     uint32_t announced; /* the notice's version when the writer has heard of all readers */
+    uint32_t taken;     /* and of those whose pins it looks at, or has refused to */
     uint32_t counted;   /* what the notice says of readers when everybody has heard everything */
     uint64_t sequence; /* of the last epoch's last frame */
     struct ended ended[ENDED];
@@ -92,7 +98,7 @@ struct store {
     struct retired *retired;
     struct file *file; /* by descriptor */
     unsigned file_count;
-    uint32_t next_reader, adopted;
+    uint32_t next_reader;
     int64_t listened; /* ns that this store had an ear for others, without what it was stopped for */
     bool open;        /* living holders have had time to report, if they are awake: newcomers may come in */
     bool settled;     /* who has not yet, is stopped or dead */
@@ -140,7 +146,7 @@ void item_send_epoch(const struct item *item, struct client *reader);
 void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
                     uint32_t flags);
 void item_send_new_slots(const struct item *item, struct epoch *epoch, struct client *writer);
-/* To the writer. What the reader is to hear from now on, it hears when that has been sent: from then on it may pin. */
+/* To the writer, who answers with TAKEN: see reader_taken(). */
 void item_announce(struct item *item, struct client *reader);
 
 /* epoch.c */
@@ -190,10 +196,23 @@ void list_continue(struct client *client);
 /* writer.c: terms of writing. */
 void writer_claim(struct client *client, const struct ddx_layout *layout);
 void writer_ready(struct client *client, const struct ddx_message *message);
+void writer_taken(struct client *client, const struct ddx_message *message);
 void writer_left(struct client *client);
 
 /* reader.c */
 void reader_attach(struct client *client, unsigned keep);
+/* Its writer looks at its pins, or (-errno) does not; it is told so if it has asked. */
+void reader_taken(struct client *client, int status);
+/*
+ * Whether any of them waits for that. A writer that is stopped keeps nobody waiting for long: when the news is in its
+ * socket, and the notice says so, it takes it in before it writes.
+ */
+bool readers_wait(void);
+/* There is no writer any more: who waits for it is let in, unless it lives and may come back. */
+void readers_without_writer(struct item *item);
+/* Whether it reads this item; and may hear of its frames. */
+bool reader_of(const struct client *client, const struct item *item);
+bool reader_hears(const struct client *client, const struct item *item);
 /* Give the writer as many slots as there are pins, plus the newest and the one being written. 0 or -EBUSY. */
 int reader_add_slots(struct item *item, unsigned keep, unsigned pages);
 int reader_register(struct client *client, int pin_fd, unsigned keep);
@@ -211,7 +230,6 @@ struct client *client_add(int socket);
 void client_receive(struct client *client);
 void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
                  const int *fds, unsigned count); /* after the commit, and when there is room */
-bool client_is_gated(const struct client *client); /* the writer has to hear of it first */
 /* Send to all what they have room for; to this one (or NULL) last. Whether there was anything. */
 bool clients_go_on(struct client *last);
 /*

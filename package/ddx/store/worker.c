@@ -63,7 +63,7 @@ static void settle(void) {
 
 /*
  * The sockets to listen on: first the listener, then the clients in the order of their list. *waits: for some of them
- * there is something to be said for which poll() does not tell when.
+ * something is to be done of which poll() does not tell when.
  */
 static struct pollfd *poll_list(nfds_t *count, bool *waits) {
     static struct pollfd *list;
@@ -81,14 +81,13 @@ static struct pollfd *poll_list(nfds_t *count, bool *waits) {
         room = 2 * needed;
     }
     bool grace = settings.restarted && !store->open;
-    *waits = false;
+    *waits = readers_wait();
     list[0] = (struct pollfd){.fd = settings.listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store->clients; c; c = c->next) {
-        bool gated = client_is_gated(c);
-        short out = gated ? 0 : c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
+        short out = c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
 
-        *waits |= c->queue.crowded || (gated && c->queue.count);
+        *waits |= c->queue.crowded;
         list[(*count)++] = (struct pollfd){.fd = c->socket, .events = (short)((grace && c->early ? 0 : POLLIN) | out)};
     }
     return list;
@@ -108,7 +107,7 @@ static void count_time(bool calm) {
         store->open = true;
 }
 
-/* How long nothing may happen: until the next look at the clock, at a crowd, at who is gated, or the next beat. */
+/* How long nothing may happen: until the next look at the clock, at a crowd, at who waits, or the next beat. */
 static struct timespec patience(bool young, bool waits) {
     bool grace = young && !store->open;
 

@@ -108,7 +108,7 @@ static void tell_all(struct client *client) {
     client_send(client, &message, epoch->layout, fds, 2);
     item_send_new_slots(item, epoch, client);
     for (struct client *c = store->clients; c; c = c->next)
-        if (c->item == item && c->id && !c->gone)
+        if (reader_of(c, item))
             item_announce(item, c);
 }
 
@@ -144,13 +144,39 @@ static void go_live(struct item *item) {
     item->layout = store_layout(item->epoch->layout);
     DDX_PASS(STORE_LIVE);
     for (struct client *c = store->clients; c; c = c->next)
-        if (c->item == item && c->id && !c->gone)
+        if (reader_hears(c, item))
             item_send_epoch(item, c);
     readers_count(item);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);
     note("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
          (unsigned long long)item->epoch->runs.file_bytes);
+}
+
+/* Its readers are known to the new writer, each of them, and all its slots are there. */
+static void go_live_if_ready(struct item *item) {
+    if (item->pending && epoch_ready(item->pending) && item->taken == item->announced)
+        go_live(item);
+}
+
+/* The claim fails. */
+static void give_up(struct client *client, int status) {
+    client_reply(client, DDX_DONE, status);
+    writer_left(client);
+}
+
+/* The writer cannot take a file: without it, it cannot write at all; or goes on, and who it was for is refused next. */
+static void refused(struct client *client, struct epoch *epoch, const struct ddx_message *m) {
+    if (epoch == client->item->pending) {
+        give_up(client, m->status);
+        return;
+    }
+    if (m->index < DDX_SLOTS_MAX && epoch->slot_fd[m->index] >= 0 && !epoch->slot_ready[m->index]) {
+        file_close(epoch->slot_fd[m->index]);
+        epoch->slot_fd[m->index] = -1;
+        epoch->slot_told[m->index] = false;
+        epoch->slots--;
+    }
 }
 
 void writer_ready(struct client *client, const struct ddx_message *m) {
@@ -162,6 +188,10 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
     if (!epoch || m->epoch != epoch->number)
         return;
     DDX_PASS(STORE_READY);
+    if (m->status) {
+        refused(client, epoch, m);
+        return;
+    }
     /* Its word is not enough: readers get nothing that anybody could map writable. */
     if (m->index == DDX_NO_SLOT)
         epoch->control_ready = ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true);
@@ -169,7 +199,7 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
              ddx_memory_sound(epoch->slot_fd[m->index], epoch->runs.file_bytes, true)) {
         epoch->slot_ready[m->index] = true;
         for (struct client *c = store->clients; c && epoch == item->epoch; c = c->next)
-            if (c->item == item && c->id && !c->gone)
+            if (reader_hears(c, item))
                 item_send_slot(item, epoch, m->index, c, DDX_FLAG_READER);
         if (epoch == item->epoch) {
             struct ddx_message told = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
@@ -179,8 +209,27 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
             readers_count(item);
         }
     }
-    if (epoch == item->pending && epoch_ready(epoch))
-        go_live(item);
+    go_live_if_ready(item);
+}
+
+void writer_taken(struct client *client, const struct ddx_message *m) {
+    struct item *item = client->item;
+
+    if (!item || item->writer != client || (int32_t)((uint32_t)m->sequence - item->taken) <= 0 ||
+        (int32_t)((uint32_t)m->sequence - item->announced) > 0)
+        return;
+    item->taken = (uint32_t)m->sequence;
+    DDX_PASS(STORE_TAKEN_READER);
+    for (struct client *c = store->clients; c; c = c->next) {
+        if (!reader_of(c, item) || c->id != m->index)
+            continue;
+        if (m->status && c->admitted && !c->asked && item->pending) {
+            give_up(client, m->status); /* it would write over what this one holds */
+            return;
+        }
+        reader_taken(c, m->status);
+    }
+    go_live_if_ready(item);
 }
 
 void writer_left(struct client *client) {
@@ -196,5 +245,6 @@ void writer_left(struct client *client) {
         ddx_futex_wake(&item->epoch->control->latest);
     epoch_retire(item, item->pending);
     item->pending = NULL;
+    readers_without_writer(item);
     DDX_PASS(STORE_WRITER_LEFT);
 }
