@@ -15,7 +15,9 @@
 #define PERIOD 0.001
 #define TOGETHER 400000000 /* ns: a takeover so soon after the store's death waits for the store, too */
 
-enum victim { WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, LIMITED, CROWD, STORE, WRITER_AND_STORE, VICTIMS };
+enum victim {
+    WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, LIMITED, CROWD, STORE, WRITER_AND_STORE, VICTIMS
+};
 
 static uint64_t state;
 static unsigned killed[VICTIMS];

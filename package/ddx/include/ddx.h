@@ -19,8 +19,8 @@
  *                -EMSGSIZE      wrong size, or the item's value does not fit the caller's struct
  *                -EEXIST        another living program writes this item
  *                -ENOSPC        the store's memory budget is used up
- *                -EBUSY         no memory left for one reader more, or the item's writer cannot take it (it is stopped, or
- *                               has no descriptor left), or this handle still holds a frame or a loan
+ *                -EBUSY         no memory left for one reader more, or the item's writer cannot take it (it has no
+ *                               descriptor left), or this handle still holds a frame or a loan
  *                -ENOBUFS       every frame of the item is held; nothing was written
  *                -EMFILE        the program has too few descriptors: one for each frame and each reader of each handle
  *                -ETIMEDOUT     nothing was written within the timeout

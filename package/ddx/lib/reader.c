@@ -50,7 +50,7 @@ DDX_COLD void ddx_reader_follow(DDX_STORE_ITEM *item) {
      * is left of the item: it must not be given up before. */
     if (!reader->coming || reader->held >= 0 || (reader->coming->slots_coming && !DDX_BROKEN("half")))
         return;
-    /* Who reads in order has not seen all of it. What its writer may have written since it was replaced does not count. */
+    /* Who reads in order has not seen all of it. What its writer has written since it was replaced does not count. */
     if (reader->in_order && reader->term && !DDX_BROKEN("hasty") &&
         ddx_ring_left(reader->term->control, reader->term->base, reader->seen, reader->coming->former_last))
         return;

@@ -239,8 +239,8 @@ static int add_reader(struct ddx_writer_role *writer, struct ddx_packet *packet)
 }
 
 /*
- * A reader whose pins cannot be looked at may have been let in all the same, since we were stopped for too long: until it
- * is refused, or can be seen, no frame may be written over.
+ * A reader whose pins cannot be looked at may have been let in all the same, since we were stopped for too long: until
+ * it is refused, or can be seen, no frame may be written over.
  */
 static void see(struct ddx_writer_role *writer, uint64_t page, bool unseen) {
     unsigned i = 0;
@@ -374,7 +374,8 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     }
     item->heard = m->number ? m->number : item->heard;
     /* A reader without a descriptor for what it is told of has to be told anew when there are some. */
-    item->deaf |= packet->cut && (m->operation == DDX_EPOCH || (m->operation == DDX_SLOT && m->flags == DDX_FLAG_READER));
+    if (packet->cut && (m->operation == DDX_EPOCH || (m->operation == DDX_SLOT && m->flags == DDX_FLAG_READER)))
+        item->deaf = true;
     switch (m->operation) {
     case DDX_OPENED:
         if ((layout = ddx_packet_layout(packet)) && ddx_item_set_layout(item, layout))
