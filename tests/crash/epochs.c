@@ -205,8 +205,10 @@ static void last_ones_are_read(void) {
     AWAIT(puppet_ask(writer, ORDER_READERS, 0) == 1, "no frames are kept");
     ASK(writer, WRITE, 8, 9);
     ASK(reader, NEXT, 0, 2);
+    uint64_t slots = stage->journal.passed[DDX_AT_ATTACH_SLOT];
     puppet_kill(writer);
     AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 10, "nobody takes the dead writer's place");
+    AWAIT(stage->journal.passed[DDX_AT_ATTACH_SLOT] >= slots + 10, "the reader hears of no other epoch");
     for (int64_t number = 3; number <= 10; number++)
         ASK(reader, NEXT, 1, number);
     ASK(next, WRITE, 1, 11);

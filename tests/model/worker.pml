@@ -105,7 +105,7 @@ byte known; /* to the writer: a bit for each page */
 #elif defined FAULT_WRITER_IS_GATED
 #define GATED(c) (store.behind[c] > notice)
 #else
-#define GATED(c) (c != WRITER && store.behind[c] > notice) /* client_is_gated() */
+#define GATED(c) (c != WRITER && store.behind[c] > notice) /* is_noticed() */
 #endif
 #define SENDABLE(c) (store.count[c] && !hung_up[c] && len(said[c]) < ROOM && !GATED(c)) /* go_on() */
 #ifdef FAULT_NOTICE_GOES_BACK

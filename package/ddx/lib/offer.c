@@ -23,6 +23,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
     ddx_message_init(&message, DDX_OFFER, item);
     message.flags = flags;
     message.epoch = term->epoch;
+    message.index = flags & DDX_FLAG_WRITER ? item->writer.ring.notice_seen : 0;
     message.sequence = flags & DDX_FLAG_WRITER ? item->writer.ring.sequence : item->reader.seen;
     result = say(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
     item->writer.offered = flags & DDX_FLAG_WRITER ? item->writer.ring.slot_count : 0;

@@ -17,7 +17,7 @@
  *                                      -> TAKEN: only then the reader hears more, ATTACHED among it; or with an error,
  *                                         which is what the reader gets then (or the claim, while there is one)
  * After the store was restarted, instead of OPEN:
- *   OFFER (layout, control, notice), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
+ *   OFFER (layout, control, notice and what was heard of it), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
  * where -EEXIST tells a writer that another one was let in; with FLAG_WRITER, after which of its frames.
  *
  * Messages are numbered in either direction. The store's worker may die between doing what it was asked and saying so,

@@ -108,8 +108,11 @@ static void sent(const struct ddx_message *message, void *context) {
     pass_said(message, client->item);
     if (message->operation != DDX_READER || client->item->writer != client)
         return; /* or its claim has failed, and the notice is another one's */
-    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. */
-    atomic_store(&client->item->notice->version, (uint32_t)message->sequence);
+    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. And
+     * never back: what is said a second time, since a worker has died, was followed by more. */
+    ddx_word *version = &client->item->notice->version;
+    if ((int32_t)((uint32_t)message->sequence - atomic_load(version)) > 0)
+        atomic_store(version, (uint32_t)message->sequence);
     DDX_PASS(STORE_NOTICED);
 }
 
@@ -222,6 +225,7 @@ void clients_sweep(void) {
         if (client->gone) {
             *link = client->next;
             detach(client);
+            shutdown(client->socket, SHUT_RDWR); /* or the next worker might take it for one that has just come */
             offer_abandon(client);
             ddx_queue_clear(&client->queue);
             file_close(client->socket);

@@ -58,6 +58,7 @@ static void take_control(struct client *client, struct ddx_packet *packet, const
         return;
     }
     client->offered_notice_fd = ddx_packet_take(packet, 1);
+    client->offered_seen = packet->message.index;
     DDX_PASS(STORE_TAKEN);
 }
 
@@ -165,6 +166,9 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     client->offered_notice_fd = -1;
     if (result)
         return result;
+    /* It may have taken in news that our predecessor died over before the notice said so. */
+    if ((int32_t)(client->offered_seen - item->announced) > 0)
+        item->announced = item->taken = client->offered_seen;
     item->writer = client;
     item->adopted = item->away = false;
     reader_add_slots(item, 0, 0); /* for readers who came back before it */

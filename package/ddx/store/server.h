@@ -51,6 +51,7 @@ struct client {
     struct epoch *offered;
     int offered_notice_fd, offered_pin_fd;
     unsigned offered_keep;
+    uint32_t offered_seen; /* the notice's version up to which it has heard of readers */
     /* in the middle of LIST: the last item it was told of */
     bool listing;
     char listed[DDX_NAME_MAX + 1];
