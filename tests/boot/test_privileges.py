@@ -16,8 +16,9 @@ ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console"
 PASSING = {"run", "chpst", "setpriv", "timeout"}
 REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
 SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode")
-OWN = {"store": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905, "decode": 906, "ddxhealth": 907,
-       "svlogd": 908, "ddxlog": 909}
+OWN = {"store": 901, "store-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905, "decode": 906,
+       "ddxhealth": 907, "svlogd": 908, "ddxlog": 909}
+
 
 Fields = dict[str, str]
 
@@ -84,7 +85,7 @@ def test_a_service_cannot_take_what_another_one_owns(guest: Guest, processes: li
 
 def test_store_and_recorder_are_the_last_to_go_when_memory_is_short(guest: Guest, processes: list[Fields]) -> None:
     for one in processes:
-        wanted = "-900" if one["Name"] in ("store", "ddxvideosave") else "0"
+        wanted = "-900" if one["Name"] in ("store", "store-worker", "ddxvideosave") else "0"
         status, text = guest.shell().run(f"cat /proc/{one['Pid']}/oom_score_adj")
         assert status != 0 or text.strip() == wanted, one["Name"]
 
