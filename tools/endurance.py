@@ -2,130 +2,214 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make endurance: does anything grow over 10,000 toggles and an hour of video? See docs/services.md.
 
-endurance.py [-toggles N] [-minutes N]: in rounds, each in a machine that has just started; what is done already is in
-output/endurance.json, and a run that was broken off goes on behind it. Removing the file begins anew.
+endurance.py [-toggles N] [-guest N] [-minutes N]: N toggles of the image's services on this machine's own kernel, where
+they take half an hour instead of a day, in rounds that each begin with a new machine; N in the emulated machine, for
+what its kernel keeps; N minutes of video in it. What is done already is in output/endurance.json, and a run that was
+broken off goes on behind it. Removing the file begins anew.
 """
 import argparse
 import json
 import pathlib
+import shutil
 import sys
+import tempfile
 import time
+from typing import Any, Protocol
 
 import build
 import clip
+import counters
 import machine
 import native
 import qemu
 import session
 import testdisk
 from common import OUTPUT, PATIENCE, Failed, say
-from counters import Counters
+from native_machine import NativeMachine
 from qemu import Guest
 
 RESULT = OUTPUT / "endurance.json"
-ROUND = 1000    # toggles in one machine
-STEP = 50       # toggles between two looks
-WARM_UP = 100   # toggles, or
+ROUND = 2500    # toggles in one machine
+LOOKS = 20      # while it goes on; what is judged is more of it at the end than at the beginning
+GLANCES = 5     # of which the least counts: a process of a moment is not growth
+WARM_UP = 100   # toggles, at most as many as are to follow, or
 SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
 DISK = 24 << 30  # bytes; an hour's recording fits
-SEND = "ddxvideosend"
-PROGRAMS = ("store", "ddxvideoload", "ddxvideosave", "ddxvideosend", "ddxhealth", "runsvdir")
+SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
+# What is switched: in the guest one of them, natively several at once, each as often as its share of the toggles.
+IN_GUEST = (SEND,)
+AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
+SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SEND}.conf": "interface=lo\n", "decode.conf": "interface=lo\n"}
+# Those that live on while others are switched, by the names of their processes.
+STAYING = ("init", "runsvdir", "runsv", "svlogd", "store", "ddxvideoload", "ddxhealth")
+RECORDING = (*STAYING, SAVE, SEND)
 # A machine keeps some: the kernel's own tables, the logs in memory. What leaks at each toggle or frame shows as more.
-MEMORY_LIMIT = 1024  # KiB between first and last look
+MEMORY_LIMIT = 1024   # KiB of the whole machine
+PROGRAM_LIMIT = 256   # KiB of all processes of one name
+FILES_LIMIT = 64      # KiB in /run and /tmp
+# They come and go with a request to the store, or a frame's memory.
+NUMBER_LIMIT = {"descriptors": 8, "processes": 2}
 Look = dict[str, int]
 
 
-def look(guest: Guest) -> Look:
-    """Memory in KiB, descriptors and processes, after what can be given back has been."""
-    guest.sh("sync; echo 3 > /proc/sys/vm/drop_caches")
-    found = {"available": int(guest.sh("awk '/^MemAvailable/ { print $2 }' /proc/meminfo")),
-             "descriptors": int(guest.sh("ls -d /proc/[0-9]*/fd/* 2> /dev/null | wc -l")),
-             "processes": int(guest.sh("ls -d /proc/[0-9]* | wc -l"))}
-    for name in PROGRAMS:
-        status = guest.sh(f"cat /proc/$(pidof -s {name} || echo self)/status")
-        found[name] = int(next(line.split()[1] for line in status.splitlines() if line.startswith("RssAnon")))
-    return found
+class Machine(Protocol):
+    """An emulated one or a native one."""
+    def sh(self, command: str, timeout: float = PATIENCE) -> str:
+        """What a command says, which has to succeed."""
+
+    def wait_until(self, condition: str, timeout: float = PATIENCE) -> None:
+        """Until it succeeds."""
 
 
-def settled(guest: Guest) -> None:
-    """The sender, which was switched on just now, has all that it needs: it sends."""
-    begin = session.follow(guest, 0).get(SEND, Counters()).out
+def look(robot: Machine, programs: tuple[str, ...]) -> Look:
+    """Memory and files in KiB, descriptors and processes, after what can be given back has been."""
+    if isinstance(robot, Guest):
+        robot.sh("sync; echo 3 > /proc/sys/vm/drop_caches")
+    several = [(int(robot.sh("ls -d /proc/[0-9]*/fd/* 2> /dev/null | wc -l")),
+                int(robot.sh("ls -d /proc/[0-9]* | wc -l"))) for _ in range(GLANCES)]
+    found = {"descriptors": min(one for one, _ in several), "processes": min(one for _, one in several),
+             "files": int(robot.sh("echo $(($(du -skx /run /tmp | awk '{ n += $1 } END { print n }') - "
+                                   "$(du -skx /run/log | cut -f 1)))"))}
+    if isinstance(robot, Guest):  # natively that is the host's
+        found["available"] = int(robot.sh("awk '/^MemAvailable/ { print $2 }' /proc/meminfo"))
+    # Of each name the sum; a process may end while it is looked at.
+    text = robot.sh("awk '/^Name/ { name = $2 } /^RssAnon/ { sum[name] += $2 } "
+                    "END { for (name in sum) print name, sum[name] }' /proc/[0-9]*/status 2> /dev/null || true")
+    memory = dict(line.split() for line in text.splitlines())
+    return {**found, **{name: int(memory[name]) for name in programs}}
+
+
+def settled(robot: Machine, names: tuple[str, ...]) -> None:
+    """What was switched on just now has all that it needs, and nobody is busy with the switching any more."""
+    for name in names:
+        robot.wait_until(f"ddxctl status {name} | grep -q state=running")
+    robot.wait_until("! pgrep -f settings-cop[y]")
+    begin = sent(robot)
     end = time.monotonic() + PATIENCE
-    while session.follow(guest, 0).get(SEND, Counters()).out <= begin:
+    while sent(robot) <= begin:
         if time.monotonic() > end:
             raise Failed(f"{SEND} does not send")
         time.sleep(1)
 
 
-def toggles(guest: Guest, count: int) -> list[Look]:
-    """The sender off and on again, as a technician does it."""
-    looks = []
-    for begin in range(0, WARM_UP + count, STEP):
-        if begin >= WARM_UP:
-            settled(guest)
-            looks.append(look(guest))
-        guest.sh(f"i=0; while [ $i -lt {STEP // 2} ]; do ddxctl disable ddxvideosend && ddxctl enable ddxvideosend || "
-                 "break; i=$((i + 1)); done; " f"[ $i -eq {STEP // 2} ]", 60 + 20 * STEP)
-        say(f"endurance: {begin + STEP} toggles")
-    settled(guest)
-    return [*looks, look(guest)]
+def sent(robot: Machine) -> int:
+    """Frames, so far."""
+    found = [one for line in robot.sh("ddxctl stats --json").splitlines() if (one := counters.parse(line))]
+    return sum(one.out for one in found if one.instance == SEND)
 
 
-def video(guest: Guest, minutes: int) -> list[Look]:
+def switch(robot: Machine, names: tuple[str, ...], times: int) -> None:
+    """Each of them off and on again so many times, as a technician does it; all at once."""
+    # One line, as a console takes it.
+    robot.sh(f"toggle() {{ left={times}; while [ $left -gt 0 ]; do ddxctl disable $1 && ddxctl enable $1 || return 1; "
+             f"left=$((left - 1)); done > /dev/null; }}; all= failed=; "
+             f"for name in {' '.join(names)}; do toggle $name & all=\"$all $!\"; done; "
+             'for one in $all; do wait $one || failed=yes; done; [ -z "$failed" ]',
+             PATIENCE + 20 * times * len(names))
+
+
+def toggles(robot: Machine, names: tuple[str, ...], count: int) -> list[Look]:
+    step = max(1, count // LOOKS // len(names) // 2)  # of each name, off and on
+    switch(robot, names, max(1, min(WARM_UP, count) // len(names) // 2))
+    settled(robot, names)
+    looks = [look(robot, STAYING)]
+    done = 0
+    while done < count:
+        switch(robot, names, step)
+        settled(robot, names)
+        looks.append(look(robot, STAYING))
+        done += 2 * step * len(names)
+        say(f"endurance: {done} toggles")
+    restarts = robot.sh("cd /run/service; grep -v '^0$' */restarts || true")
+    if restarts:
+        raise Failed(f"what was only switched counts as died: {restarts}")
+    return looks
+
+
+def video(robot: Machine, minutes: int) -> list[Look]:
     time.sleep(SETTLED)
-    looks = [look(guest)]
+    looks = [look(robot, RECORDING)]
     for minute in range(minutes):
         time.sleep(60)
-        looks.append(look(guest))
+        looks.append(look(robot, RECORDING))
         say(f"endurance: {minute + 1} minutes")
     return looks
 
 
 def growth(looks: list[Look]) -> list[str]:
-    """What is more at the end than at the beginning."""
-    first, last = looks[0], looks[-1]
-    found = [f"{name}: from {first[name]} to {last[name]}" for name in ("descriptors", "processes")
-             if last[name] > first[name]]
-    found += [f"{name}: {last[name] - first[name]} KiB more" for name in PROGRAMS
-              if last[name] - first[name] > MEMORY_LIMIT // 4]
-    if first["available"] - last["available"] > MEMORY_LIMIT:
-        found.append(f"{first['available'] - last['available']} KiB less memory available")
+    """What is more at the end than at the beginning. Of several looks at either the one that says least: a process of
+    a moment is not growth."""
+    some = max(1, len(looks) // 4)
+    found = []
+    for name in looks[0]:
+        begin, end = [one[name] for one in looks[:some]], [one[name] for one in looks[-some:]]
+        if name == "available":
+            more = min(begin) - max(end)
+            limit = MEMORY_LIMIT
+        else:
+            more = min(end) - max(begin)
+            limit = {**NUMBER_LIMIT, "files": FILES_LIMIT}.get(name, PROGRAM_LIMIT)
+        if more > limit:
+            found.append(f"{name}: {more} {'less' if name == 'available' else 'more'}, from {begin} to {end}")
     return found
 
 
-def one_round(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Look]:
+def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Look]:
+    """Toggles, or minutes of video, in an emulated machine."""
     work = OUTPUT / "endurance"
     work.mkdir(parents=True, exist_ok=True)
-    disk = testdisk.make(work / "test.img", clip.write(work / "clip.y4m", 10), {"ddxvideoload.conf": "loop=\n"})
+    disk = testdisk.make(work / "test.img", clip.write(work / "clip.y4m", 10), SETTINGS)
     with Guest(image, accel, machine.machines(machine.DEV)[0], test_disk=disk, size=DISK, more_memory=64,
-               provision="service=ddxvideosend on\nservice=ddxvideoV4L off\n") as guest:
+               provision=f"service={SEND} on\nservice={V4L} off\n") as guest:
         guest.shell()
         session.wait_for_recording(guest)
         if kind == "toggles":
-            guest.sh("ddxctl disable ddxvideosave")  # its files would fill the disk meanwhile
-            return toggles(guest, amount)
+            guest.sh(f"ddxctl disable {SAVE}")  # its files would fill the disk meanwhile
+            return toggles(guest, IN_GUEST, amount)
         return video(guest, amount)
+
+
+def natively(root: pathlib.Path, amount: int) -> list[Look]:
+    """Toggles on this machine's own kernel."""
+    with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+        keep = pathlib.Path(folder)
+        (keep / "test").mkdir()
+        shutil.move(clip.write(keep / "clip.y4m", 1), keep / "test")
+        for name, text in {**SETTINGS, f"{SAVE}.conf": "segment=16\n"}.items():
+            (keep / "test" / name).write_text(text)
+        with NativeMachine(root, keep) as robot:
+            for name in AT_ONCE:
+                robot.sh(f"ddxctl enable {name}")
+            return toggles(robot, AT_ONCE, amount)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-toggles", type=int, default=10000)
+    parser.add_argument("-guest", type=int, default=400)
     parser.add_argument("-minutes", type=int, default=60)
     arguments = parser.parse_args()
-    done: list[dict[str, object]] = json.loads(RESULT.read_text()) if RESULT.exists() else []
-    wanted = [("toggles", min(ROUND, arguments.toggles - begin)) for begin in range(0, arguments.toggles, ROUND)]
-    wanted += [("video", arguments.minutes)] if arguments.minutes else []
+    done: list[dict[str, Any]] = json.loads(RESULT.read_text()) if RESULT.exists() else []
+    rounds = range(0, arguments.toggles, ROUND)
+    wanted = [("native toggles", min(ROUND, arguments.toggles - begin)) for begin in rounds]
+    wanted += [(kind, n) for kind, n in (("toggles", arguments.guest), ("video", arguments.minutes)) if n]
+    for one in done:
+        if (one["kind"], one["amount"]) in wanted:
+            wanted.remove((one["kind"], one["amount"]))
     try:
         image = build.dev([native.build()])
         accel = qemu.acceleration(image)
-        for kind, amount in wanted[len(done):]:
-            looks = one_round(image, accel, kind, amount)
-            done.append({"kind": kind, "amount": amount, "growth": growth(looks), "looks": looks})
+        for kind, amount in wanted:
+            begin = time.monotonic()
+            looks = (natively(image.parent / "root", amount) if kind == "native toggles"
+                     else in_guest(image, accel, kind, amount))
+            done.append({"kind": kind, "amount": amount, "seconds": round(time.monotonic() - begin),
+                         "growth": growth(looks), "looks": looks})
             RESULT.write_text(json.dumps(done, indent=1))
     except Failed as error:
         say(f"endurance: {error}")
         return 1
-    grown = [f"{one['kind']}: {text}" for one in done for text in one["growth"]]  # type: ignore[attr-defined]
+    grown = [f"{one['kind']}: {text}" for one in done for text in one["growth"]]
     for text in grown:
         say(f"endurance: {text}")
     say(f"endurance: {len(done)} rounds, {'something grows' if grown else 'nothing grows'}")

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Each service in turn is killed, and hangs: it is back, that is counted, frames flow again, and nobody else notices.
-How long it took is a figure."""
+"""Each service in turn is killed, hangs, and dies again and again: it is back, that is counted, frames flow again, and
+nobody else notices. How long it took is a figure."""
 import pathlib
 from collections.abc import Iterator
 
 import pytest
 
+import crash_loop
 import stream
 import testdisk
 from qemu import Boot, Guest
@@ -44,9 +45,9 @@ def restarts(guest: Guest) -> dict[str, object]:
     return {name: one["restarts"] for name, one in services(guest).items() if name in SERVICES}
 
 
-def once_more(before: dict[str, object], name: str) -> dict[str, object]:
-    """These restarts, and one more of one service."""
-    return {**before, name: int(str(before[name])) + 1}
+def once_more(before: dict[str, object], name: str, times: int = 1) -> dict[str, object]:
+    """These restarts, and one more of one service, or so many."""
+    return {**before, name: int(str(before[name])) + times}
 
 
 def flows(guest: Guest) -> None:
@@ -85,3 +86,19 @@ def test_hung(guest: Guest, record_property: Figure, name: str) -> None:
     record_property("seconds_until_replaced", round(hang(guest, name), 1))
     flows(guest)
     assert restarts(guest) == once_more(before, name)
+
+
+@pytest.mark.parametrize("name", SERVICES)
+def test_dies_again_and_again(guest: Guest, record_property: Figure, name: str) -> None:
+    before = restarts(guest)
+    guest.sh(crash_loop.at_once([name]))
+    screen = guest.shell().run("ddxctl health")[1]
+    pauses = crash_loop.pauses(guest.sh(crash_loop.times(name)))
+    record_property("seconds_between", pauses)
+    assert len(pauses) == len(crash_loop.PAUSES) and crash_loop.too_soon(pauses) == []
+    assert "state=died" in guest.sh(crash_loop.status(name))
+    after = once_more(before, name, crash_loop.KILLS)
+    assert f"! service    {name} had to be started again, {after[name]} times; ddxctl logs {name}" in screen
+    runs(guest, name)
+    flows(guest)
+    assert restarts(guest) == after

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Does anything grow while services are switched, and while video flows? The short form of `make endurance`."""
+"""Does anything grow while services are switched, and while video flows? In an emulated machine, with
+what its kernel keeps; the short form of `make endurance`."""
 import pathlib
 
 import pytest
@@ -18,7 +19,7 @@ pytestmark = [
 
 @pytest.mark.parametrize("kind, amount", [("toggles", 100), ("video", 3)])
 def test_nothing_grows(image: pathlib.Path, accel: str, record_property: Figure, kind: str, amount: int) -> None:
-    looks = endurance.one_round(image, accel, kind, amount)
+    looks = endurance.in_guest(image, accel, kind, amount)
     record_property("first", looks[0])
     record_property("last", looks[-1])
     assert endurance.growth(looks) == []

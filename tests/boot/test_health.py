@@ -20,6 +20,7 @@ BACK = 30.0    # s after which a program that hangs is replaced; wanted are 10, 
 TIMEOUT = 20   # s; the watchdog's here
 # QEMU's hardware watchdog, and a machine that really starts again
 DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
+FED = f'grep -q "after {TIMEOUT} s" /run/log/{HEALTH}/current'  # ddxhealth has begun with it
 
 
 def uptime(guest: Guest) -> float:
@@ -98,7 +99,7 @@ def guarded(boot: Boot, work: pathlib.Path) -> Iterator[Guest]:
     disk = testdisk.make(work / "dog.img", None, {f"{HEALTH}.conf": f"timeout={TIMEOUT}\n"})
     with boot("dog", test_disk=disk, extra=DOG) as guest:
         guest.shell()
-        guest.wait_until(f'grep -q "after {TIMEOUT} s" /run/log/{HEALTH}/current')
+        guest.wait_until(FED)
         yield guest
 
 
@@ -129,6 +130,21 @@ def test_what_dies_again_and_again_is_given_time_and_shown(guarded: Guest) -> No
     assert "name a file or a folder that can be written" in guarded.sh(f"ddxctl logs {bad}")
     guarded.sh(f"ddxctl remove {bad}")
     assert boots(guarded) == 1
+
+
+@pytest.mark.long
+def test_a_recorder_that_cannot_be_helped_is_a_reason_for_a_reset(guarded: Guest, record_property: Figure) -> None:
+    """Nobody takes the order to kill it. The watchdog gets no food from then on."""
+    guarded.wait_until(f"ddxctl stats --json | grep -q '\"instance\":\"{SAVE}\"'")
+    runsv = guarded.sh(f"pgrep -x -f 'runsv {SAVE}'")
+    guarded.shell().begin(f"kill -STOP {runsv} {state(guarded, SAVE)['pid']}")
+    begin = time.monotonic()
+    guarded.wait_for_event("WATCHDOG")
+    record_property("seconds_until_reset", round(time.monotonic() - begin, 1))
+    guarded.reset()
+    health = guarded.shell().run("ddxctl health")[1]
+    assert "! last boot  the watchdog had reset the machine" in health
+    guarded.wait_until(FED)
 
 
 @pytest.mark.long

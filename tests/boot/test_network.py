@@ -14,6 +14,7 @@ from qemu import Boot, Guest
 from . import camera
 from .segment import Segment
 from .test_control import run, runs, services
+from .test_privileges import unconfined
 
 PROVISION = """\
 hostname=robot1
@@ -22,6 +23,7 @@ network=eth1 192.168.7.2/24 192.168.7.1
 network=eth2 192.168.8.300/24
 service=ddxvideosend on
 service=ddxvideosave off
+ntp=192.168.7.1
 """
 WRONG_LINE = 1 + 4  # the test opens the console in a line before these
 
@@ -80,6 +82,11 @@ def test_services_are_as_told_until_the_technician_says_otherwise(told: Guest) -
     assert services(told)["ddxvideosave"]["enabled"] is False
     told.sh("ddxctl enable ddxvideosave")
     runs(told, "ddxvideosave")
+
+
+def test_root_s_programs_can_do_their_own_job_and_no_more(told: Guest) -> None:
+    told.wait_until("pidof ntpd udhcpc | grep -q ' '")
+    assert unconfined(told) == ({"network", "udhcpc", "ntpd"}, [])
 
 
 @pytest.mark.long

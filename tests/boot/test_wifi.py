@@ -9,6 +9,7 @@ from common import PATIENCE
 from qemu import Boot, Guest
 
 from .test_control import run
+from .test_privileges import ADDRESSES
 
 pytestmark = pytest.mark.long
 
@@ -83,6 +84,8 @@ def test_it_joins_and_gets_a_lease_and_data_flows(robot: Guest, point: AccessPoi
     assert int(robot.sh("cat /sys/class/net/wlan0/statistics/rx_bytes")) > before + 3000
     _, screen = run(robot, "ddxctl health")
     assert f"  network    wlan0: up, 10.0.2.15/24, {NAME} at -" in screen, screen
+    status = robot.sh("cat /proc/$(cat /run/service/wifi.wlan0/supervise/pid)/status")
+    assert f"CapPrm:\t{ADDRESSES:016x}" in status and f"CapBnd:\t{ADDRESSES:016x}" in status
 
 
 def test_the_passphrase_is_in_two_files_for_root_and_nowhere_else(robot: Guest, point: AccessPoint) -> None:

@@ -1,10 +1,19 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The verdict of make endurance: what leaks shows, what a machine keeps anyway does not."""
+"""Does anything grow while services are switched, thousands of times? On this machine's own kernel. And the verdict
+itself: what leaks shows, what a machine keeps anyway does not."""
+import os
+import pathlib
+from collections.abc import Callable
+
 import pytest
 
+import build
 import endurance
+import native
 
-FIRST = {"available": 200_000, "descriptors": 300, "processes": 90, **{name: 1000 for name in endurance.PROGRAMS}}
+FEW = 40
+FIRST = {"available": 200_000, "descriptors": 300, "processes": 90, "files": 400,
+         **{name: 1000 for name in endurance.RECORDING}}
 
 
 def grown(**by: int) -> list[str]:
@@ -13,11 +22,40 @@ def grown(**by: int) -> list[str]:
 
 def test_what_stays_is_fine() -> None:
     assert grown() == []
-    assert grown(available=-endurance.MEMORY_LIMIT, store=200, processes=-2, descriptors=-5) == []
+    assert grown(available=-endurance.MEMORY_LIMIT, store=200, processes=-2, descriptors=-5, files=60) == []
 
 
 @pytest.mark.parametrize("name, by", [
-    ("descriptors", 1), ("processes", 1), ("available", -endurance.MEMORY_LIMIT - 1), ("store", 300),
-    ("ddxvideosave", 300)])
+    ("descriptors", 9), ("processes", 3), ("available", -endurance.MEMORY_LIMIT - 1), ("store", 300),
+    ("ddxvideosave", 300), ("files", 70)])
 def test_what_grows_is_told(name: str, by: int) -> None:
     assert len(grown(**{name: by})) == 1
+
+
+def test_a_process_of_a_moment_is_no_growth() -> None:
+    looks = [dict(FIRST) for _ in range(20)]
+    looks[-1]["processes"] += 9
+    assert endurance.growth(looks) == []
+    for number, one in enumerate(looks):
+        one["descriptors"] += number
+    assert len(endurance.growth(looks)) == 1
+
+
+@pytest.fixture
+def root() -> pathlib.Path:
+    if os.geteuid() != 0:
+        pytest.skip("a machine in namespaces of its own takes root")
+    return build.dev([native.build()]).parent / "root"
+
+
+def test_nothing_grows(root: pathlib.Path) -> None:
+    assert endurance.growth(endurance.natively(root, FEW)) == []
+
+
+@pytest.mark.long
+def test_nothing_grows_over_thousands_of_toggles(root: pathlib.Path,
+                                                 record_property: Callable[[str, object], None]) -> None:
+    looks = endurance.natively(root, endurance.ROUND)
+    record_property("first", looks[0])
+    record_property("last", looks[-1])
+    assert endurance.growth(looks) == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import pathlib
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -126,3 +127,74 @@ def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Applianc
     boot = [line.split()[2:] for line in (appliance.root / "run/log/boot").read_text().splitlines()]
     assert boot == [["0", "S10first"], ["137", "S20hangs"], ["1", "S30last"]]
     assert not (appliance.root / "run/said").exists()
+
+
+def supervise(service: Appliance) -> None:
+    """By a runsv that nobody outside waits for: a test may stop it."""
+    service.run("cd /run/service && runsv thing > /dev/null 2>&1 &")
+    wait_until(lambda: service.run("sv status /run/service/thing")[0] == 0)
+
+
+def be(service: Appliance, text: str) -> None:
+    """What the service's program does from its next start on; that it started is a line in /run/starts."""
+    new = service.root / "usr/bin/thing.new"
+    new.write_text(f"#!/bin/sh\necho >> /run/starts\n{text}\n")
+    new.chmod(0o755)
+    new.rename(service.root / "usr/bin/thing")
+
+
+def starts(service: Appliance) -> int:
+    file = service.root / "run/starts"
+    return len(file.read_text().splitlines()) if file.exists() else 0
+
+
+@pytest.fixture
+def supervised(service: Appliance) -> Appliance:
+    be(service, "exec sleep 1000")
+    supervise(service)
+    wait_until(lambda: starts(service) == 1)
+    return service
+
+
+def test_toggles_within_a_second_are_heard_in_their_order(supervised: Appliance) -> None:
+    """After a program that ran for less than a second, runsv sleeps for one."""
+    told(supervised, "stop")
+    for _ in range(4):
+        before = starts(supervised)
+        told(supervised, "start")
+        told(supervised, "stop")
+        assert supervised.run("pidof sleep")[0] != 0
+        assert starts(supervised) <= before + 1  # none that comes after its own stop
+    told(supervised, "start")
+    wait_until(lambda: state(supervised) == "running")
+    assert (supervised.root / THING / "restarts").read_text() == "0\n"  # nothing died
+
+
+def test_a_restart_of_what_dies_at_once_is_a_start(supervised: Appliance) -> None:
+    """Told while its runsv sleeps, and wants it up."""
+    be(supervised, "exit 1")
+    supervised.run("killall sleep")
+    runsv = supervised.run("pidof runsv")[1].strip()
+    wait_until(lambda: (supervised.root / THING / "supervise/stat").read_text() == "down\n")
+    supervised.run(f"kill -STOP {runsv}")
+    be(supervised, "exec sleep 1000")
+    restart = supervised.start("/usr/libexec/ddx/service thing restart")
+    wait_until(lambda: restart.poll() is not None or (supervised.root / THING / "down").exists())
+    time.sleep(0.3)  # a script that does not wait has said all that it has to
+    supervised.run(f"kill -CONT {runsv}")
+    assert restart.communicate(timeout=30)[0] == "Stopping thing: OK\nStarting thing: OK\n"
+    wait_until(lambda: state(supervised) == "running")
+
+
+def test_nobody_waits_for_a_back_off(supervised: Appliance) -> None:
+    """Neither a stop nor a start by somebody who has mended it; it would be eight seconds."""
+    for action, result in (("stop", "stopped"), ("start", "running")):
+        told(supervised, "start")
+        wait_until(lambda: state(supervised) == "running")
+        (supervised.root / THING / "delay").write_text("4\n")
+        supervised.run("killall sleep")
+        wait_until(lambda: (supervised.root / THING / "delay").read_text() == "8\n")
+        begin = time.monotonic()
+        assert told(supervised, action).endswith(": OK\n")
+        wait_until(lambda: state(supervised) == result)
+        assert time.monotonic() - begin < 4

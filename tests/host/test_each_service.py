@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""All services of the image die again and again, or hang, at the same time, and the store for itself: they are given
+time, or replaced, and that is counted and shown. One after the other, where nobody else may notice, in the emulated
+machine: tests/boot/test_each_service.py."""
+from __future__ import annotations
+
+import os
+import pathlib
+import time
+from collections.abc import Iterator
+
+import pytest
+
+import build
+import clip
+import counters
+import crash_loop
+import native
+from native_machine import NativeMachine
+
+from .programs import wait_until
+
+SAVE, SEND = "ddxvideosave", "ddxvideosend"
+SERVICES = ("store", "ddxlog", "ddxvideoV4L", "ddxvideoload", SAVE, "decode", SEND, "ddxhealth")
+OTHERS = SERVICES[1:]
+SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "enabled=yes\ninterface=lo\n",
+            "decode": "enabled=yes\ninterface=lo\n", "ddxlog": "enabled=yes\n"}
+
+
+@pytest.fixture
+def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
+    """All of them run."""
+    if os.geteuid() != 0:
+        pytest.skip("a machine in namespaces of its own takes root")
+    (tmp_path / "test").mkdir()
+    clip.write(tmp_path / "test/clip.y4m", 1)
+    for name, text in SETTINGS.items():
+        (tmp_path / f"test/{name}.conf").write_text(text)
+    with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:
+        for name in SERVICES:
+            machine.wait_until(f"ddxctl status {name} | grep -q state=running")
+        yield machine
+
+
+def frames(robot: NativeMachine, name: str) -> int:
+    """How many it let through."""
+    found = [one for line in robot.run("ddxctl stats --json")[1].splitlines() if (one := counters.parse(line))]
+    return sum(one.out for one in found if one.instance == name)
+
+
+def restarts(robot: NativeMachine) -> dict[str, int]:
+    return {name: int(robot.sh(f"cat /run/service/{name}/restarts")) for name in SERVICES}
+
+
+@pytest.mark.parametrize("names", [OTHERS, ("store",)], ids=["all-but-store", "store"])
+def test_what_dies_again_and_again_is_given_time_and_shown(robot: NativeMachine, names: tuple[str, ...]) -> None:
+    robot.sh(crash_loop.at_once(names))
+    screen = robot.run("ddxctl health")[1]
+    for name in names:
+        pauses = crash_loop.pauses(robot.sh(crash_loop.times(name)))
+        assert len(pauses) == len(crash_loop.PAUSES) and crash_loop.too_soon(pauses) == [], (name, pauses)
+        assert f"! service    {name} had to be started again, {crash_loop.KILLS} times; ddxctl logs {name}" in screen
+        assert "state=died" in robot.sh(crash_loop.status(name))
+        robot.wait_until(f"ddxctl status {name} | grep -q state=running")
+    for name in (SAVE, "decode"):
+        before = frames(robot, name)
+        wait_until(lambda: frames(robot, name) > before)
+    assert restarts(robot) == {name: crash_loop.KILLS if name in names else 0 for name in SERVICES}
+
+
+def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
+    """All but who looks after them; the store, whose silence makes the others' mean nothing, for itself."""
+    hung = tuple(name for name in OTHERS if name != "ddxhealth")
+    for names in (hung, ("store",)):
+        for name in names:
+            robot.wait_until(f"ddxctl stats --json | grep -q '\"instance\":\"{name}\"' || [ {name} = store ]")
+        pids = {name: robot.sh(f"cat /run/service/{name}/supervise/pid") for name in names}
+        begin = time.monotonic()
+        robot.sh(f"kill -STOP {' '.join(pids.values())}")
+        for name in names:
+            robot.wait_until(f"ddxctl status {name} | grep -q 'state=running .*restarts=1$'")
+        print(f"replaced within {time.monotonic() - begin:.1f} s: {' '.join(names)}")  # wanted: 10
+        said = robot.sh("ddxctl logs ddxhealth")
+        for name, pid in pids.items():
+            assert f"{name}: no sign of life from process {pid}, killed" in said
+    assert restarts(robot) == {name: name != "ddxhealth" for name in SERVICES}

@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The power goes at any write of a toggle: the image's scripts on this machine's kernel, with a disk of their own whose
+every write is kept. In the emulated machine, with more of what a disk may lose: tests/boot/test_settings_power.py."""
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+import blocklog
+import build
+import native
+from common import MORTAL, SBIN, run
+from native_machine import NativeMachine
+from settings_cut import TOGGLES, cuts, toggle, wrong
+from slow_disk import FILE_SYSTEMS
+
+from .programs import wait_until
+
+SIZE = 24 << 20  # bytes of the file system: of several groups, so there is a second superblock, as on the appliance
+SECTOR = 512     # for marks, behind it
+ENVIRONMENT = {**os.environ, **SBIN}
+
+
+class LoggedDisk:
+    """A file that is a disk: a process holds it, and writes down what is written to it and when it is flushed."""
+
+    def __init__(self, folder: pathlib.Path) -> None:
+        self.image, self.log, self.file = folder / "data.img", folder / "writes", folder / "disk"
+        run(["truncate", "-s", str(SIZE), self.image])
+        run(["mke2fs", "-q", "-b", "1024", *FILE_SYSTEMS["ext4-journal"], "-m", "0", "-L", "DDXDATA", self.image])
+        run(["truncate", "-s", str(SIZE + SECTOR), self.image])
+        self.before = self.image.read_bytes()[:SIZE]
+        for path in (self.log, self.file):
+            path.touch()
+        nodes = ["driver=file,node-name=image,filename=" + str(self.image),
+                 "driver=file,node-name=log,filename=" + str(self.log),
+                 "driver=blklogwrites,node-name=disk,file=image,log=log"]
+        words = [word for node in nodes for word in ("--blockdev", node)]
+        export = f"type=fuse,id=disk,node-name=disk,mountpoint={self.file},writable=on"
+        self.process = subprocess.Popen([*MORTAL, "qemu-storage-daemon", *words, "--export", export], env=ENVIRONMENT)
+        wait_until(lambda: self.file.stat().st_size >= SIZE + SECTOR)
+
+    def mark(self, text: bytes) -> None:
+        with self.file.open("r+b", buffering=0) as file:
+            file.seek(SIZE)
+            file.write(text.ljust(SECTOR, b"\0"))  # not flushed: that would save what a toggle has left unsaved
+
+    def end(self) -> None:
+        self.process.terminate()
+        self.process.wait()
+
+
+@pytest.fixture
+def disk(tmp_path: pathlib.Path) -> Iterator[LoggedDisk]:
+    if os.geteuid() != 0 or not os.access("/dev/fuse", os.W_OK) or not os.access("/dev/loop-control", os.W_OK):
+        pytest.skip("a disk whose writes are kept takes root, FUSE and loop devices")
+    disk = LoggedDisk(tmp_path)
+    yield disk
+    disk.end()
+
+
+@pytest.mark.parametrize("naive", [False, True], ids=["ddxctl", "naive"])
+def test_settings_survive_a_power_cut_at_any_write(disk: LoggedDisk, tmp_path: pathlib.Path, naive: bool) -> None:
+    keep = tmp_path / "keep"
+    (keep / "data").mkdir(parents=True)
+    run(["mount", "-o", f"loop,sizelimit={SIZE},noatime", disk.file, keep / "data"])
+    try:
+        with NativeMachine(build.dev([native.build()]).parent / "root", keep) as robot:
+            toggle(robot.sh, disk.mark, naive)
+    finally:
+        run(["umount", "-d", keep / "data"])
+    disk.end()
+    found = cuts(disk.log, blocklog.Disk(0, disk.before), tmp_path / "cut.ext4", 1)
+    assert len(found) > 4 * 3 * 2
+    assert {done for done, _ in found} >= set(range(len(TOGGLES)))
+    assert bool(wrong(found)) is naive, wrong(found)[:5]

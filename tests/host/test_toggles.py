@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What a technician has switched holds at once, after a boot and in the next image, until he takes it back. With the
+image's root on this machine's kernel; with its disk, its two slots and its power: tests/boot/test_control.py."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import subprocess
+
+import pytest
+
+import build
+import native
+from native_machine import NativeMachine
+
+SAVE, SEND, REAR = "ddxvideosave", "ddxvideosend", "ddxvideosend.rear"
+Services = dict[str, dict[str, object]]
+
+
+@pytest.fixture
+def root() -> pathlib.Path:
+    """The image's; nothing may change it."""
+    if os.geteuid() != 0:
+        pytest.skip("a machine in namespaces of its own takes root")
+    return build.dev([native.build()]).parent / "root"
+
+
+@pytest.fixture
+def newer(root: pathlib.Path, tmp_path: pathlib.Path) -> pathlib.Path:
+    """Another image's, with another opinion of what is on, and at which bit rate."""
+    subprocess.run(["cp", "-a", root, tmp_path / "newer"], check=True)
+    for name, old, new in ((SAVE, "segment=256", "segment=64"), (SEND, "bitrate=400", "bitrate=321")):
+        file = tmp_path / "newer/etc/default" / name
+        assert file.read_text().count(f"{old}\n") == 1
+        file.write_text(file.read_text().replace(old, new))
+    return tmp_path / "newer"
+
+
+def services(robot: NativeMachine) -> Services:
+    found = [json.loads(line) for line in robot.sh("ddxctl services --json").splitlines()]
+    return {one.pop("name"): one for one in found}
+
+
+def runs(robot: NativeMachine, name: str) -> None:
+    robot.wait_until(f"ddxctl status {name} | grep -q state=running")
+
+
+def held(robot: NativeMachine) -> None:
+    """What was toggled in the first boot."""
+    runs(robot, REAR)
+    found = services(robot)
+    assert found[SAVE]["enabled"] is False and found[SAVE]["state"] == "stopped"
+    assert found[REAR]["enabled"] is True and "-bitrate 100" in command(robot, REAR)
+
+
+def command(robot: NativeMachine, name: str) -> str:
+    return robot.sh(f"xargs -0 < /proc/$(cat /run/service/{name}/supervise/pid)/cmdline")
+
+
+def test_a_toggle_holds_now_after_a_boot_and_in_another_image(root: pathlib.Path, newer: pathlib.Path,
+                                                              tmp_path: pathlib.Path) -> None:
+    keep = tmp_path / "disk"
+    with NativeMachine(root, keep) as robot:
+        runs(robot, SAVE)
+        robot.sh(f"ddxctl disable {SAVE}")
+        assert services(robot)[SAVE] == {"enabled": False, "state": "stopped", "pid": None, "restarts": 0}
+        robot.sh(f"ddxctl add {REAR} name=rear port=8004 interface=lo bitrate=100")
+        held(robot)
+        robot.sh("reboot")
+        robot.wait_for_end()
+    with NativeMachine(root, keep) as robot:
+        held(robot)
+    with NativeMachine(newer, keep) as robot:
+        held(robot)
+        robot.sh(f"ddxctl enable {SAVE} && ddxctl enable {SEND} && ddxctl remove {REAR}")
+        runs(robot, SAVE)
+        runs(robot, SEND)
+        assert "-segment 64" in command(robot, SAVE) and "-bitrate 321" in command(robot, SEND)
+        assert REAR not in services(robot)
+
+
+def test_each_level_of_a_reset_takes_its_own_and_asks_first(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    with NativeMachine(root, tmp_path) as robot:
+        robot.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo")
+        robot.sh("echo kept > /rec/old.y4m; mkdir /data/ssh; echo secret > /data/ssh/key")
+        runs(robot, "store")
+        runs(robot, REAR)
+        store = robot.sh("cat /run/service/store/supervise/pid")
+        for typed in ("", "yes", "everything"):
+            status, text = robot.run(f"echo {typed} | ddxctl reset settings")
+            assert status == 1 and "not confirmed, nothing was changed" in text
+        assert services(robot)[SAVE]["enabled"] is False
+        robot.sh("echo settings | ddxctl reset settings")
+        runs(robot, SAVE)
+        assert services(robot)[SAVE]["enabled"] is True and REAR not in services(robot)
+        assert robot.sh("cat /run/service/store/supervise/pid /data/ssh/key /rec/old.y4m") == f"{store}\nsecret\nkept"
+        assert "not confirmed" in robot.run("echo settings | ddxctl reset everything")[1]
+        robot.sh(f"ddxctl disable {SAVE}")
+        robot.run("echo everything | ddxctl reset everything")
+        robot.wait_for_end()
+    with NativeMachine(root, tmp_path) as robot:
+        runs(robot, SAVE)
+        assert robot.sh("cat /rec/old.y4m; ls -A /data /data/ddx") == "kept\n/data:\nddx\n\n/data/ddx:"
+        robot.run("echo everything | ddxctl reset everything recordings")
+        robot.wait_for_end()
+    assert list((tmp_path / "rec").glob("*.y4m")) == []
