@@ -95,6 +95,19 @@ class Desk:
                 process.stdout.close()
 
 
+def worker_of(store: Process) -> int:
+    """The process that does the store's work; 0: there is none just now."""
+    children = pathlib.Path(f"/proc/{store.pid}/task/{store.pid}/children").read_text().split()
+    return int(children[0]) if children else 0
+
+
+def send_signal(process: Process, number: int) -> None:
+    """To a store's worker, too; the holder first, or it would see to another one."""
+    process.send_signal(number)
+    if worker := worker_of(process):
+        os.kill(worker, number)
+
+
 def stop(process: Process, number: int = signal.SIGTERM) -> tuple[int, Counters]:
     """End a program; its exit status, and its counters (empty if it printed none)."""
     process.send_signal(number)

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .programs import Desk, Process, wait_until
+from .programs import Desk, Process, send_signal, wait_until
 
 NO_FOOD = "the watchdog gets no food"
 WELL = "all is well again"
@@ -69,14 +69,14 @@ def kennel(desk: Desk, recorder: Process) -> Iterator[Kennel]:
 @pytest.mark.parametrize("name", ["store", "ddxvideosave"])
 def test_no_food_while_one_of_the_two_hangs(desk: Desk, kennel: Kennel, recorder: Process, name: str) -> None:
     hung = {"store": desk.store, "ddxvideosave": recorder}[name]
-    hung.send_signal(signal.SIGSTOP)
+    send_signal(hung, signal.SIGSTOP)
     wait_until(lambda: kennel.said(NO_FOOD) == 1)
     wait_until(lambda: kennel.said(GIVEN_UP) > 0)
     before = kennel.count()
     kennel.looks_on(GIVEN_UP)
     assert kennel.count() == before
     assert kennel.said(NO_FOOD) == 1 and kennel.said(WELL) == 0
-    hung.send_signal(signal.SIGCONT)
+    send_signal(hung, signal.SIGCONT)
     wait_until(lambda: kennel.said(WELL) == 1)
     kennel.fed(3)
 

@@ -11,18 +11,12 @@ from collections.abc import Callable
 
 import pytest
 
-from .programs import KEEP, Compiler, Desk, Process, lost, make_clip, pictures, stop, wait_until
+from .programs import KEEP, Compiler, Desk, Process, lost, make_clip, pictures, stop, wait_until, worker_of
 
 Figure = Callable[[str, object], None]
 LATE = 50_000  # us that a frame may be late
 RATE = 25      # frames a second
 PAUSE = 0.1    # s between two deaths
-
-
-def worker_of(store: Process) -> int:
-    """The process that does the store's work; 0: there is none just now."""
-    children = pathlib.Path(f"/proc/{store.pid}/task/{store.pid}/children").read_text().split()
-    return int(children[0]) if children else 0
 
 
 def kill_worker(store: Process) -> None:
