@@ -88,7 +88,7 @@ def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
     """Each ends only when all have been told to: one after the other they would be killed, after five seconds each."""
     appliance.add("usr/bin/thing", "#!/bin/sh\ntrap 'touch /tmp/told.$$; until [ $(ls /tmp | grep -c told) = 3 ]; "
                                    "do usleep 20000; done; touch /tmp/met.$$; exit' TERM\n"
-                                   "while :; do usleep 20000; done\n")
+                                   "touch /tmp/ready.$$\nwhile :; do usleep 20000; done\n")
     (appliance.root / "tmp").mkdir()
     (appliance.root / "tmp").chmod(0o777)
     for instance in INSTANCES[1:]:
@@ -97,6 +97,7 @@ def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
     supervise(appliance)
     for instance in INSTANCES:
         wait_until(functools.partial(runs, appliance, instance))
+    wait_until(lambda: len(list((appliance.root / "tmp").glob("ready.*"))) == 3)  # from then on TERM does not end them
     assert appliance.run(f"{THING} stop") == (0, "Stopping thing: OK\n")
     assert len(list((appliance.root / "tmp").glob("met.*"))) == 3
     assert [status(appliance, one)[1]["state"] for one in INSTANCES] == ["stopped"] * 3
