@@ -73,7 +73,8 @@ class Machine:
     def recordings(self) -> str:
         """What the job that sees to them came to, which nobody waited for."""
         said = self.folder / "log/recordings-disk"
-        wait_until(lambda: said.exists() and not said.read_text().endswith("is being checked\n"))
+        wait_until(lambda: said.exists() and said.read_text() != "" and
+               not said.read_text().endswith("is being checked\n"))
         return said.read_text().splitlines()[-1]
 
     @property

@@ -220,16 +220,17 @@ void writer_taken(struct client *client, const struct ddx_message *m) {
         return;
     item->taken = (uint32_t)m->sequence;
     DDX_PASS(STORE_TAKEN_READER);
-    for (struct client *c = store->clients; c; c = c->next) {
-        if (!reader_of(c, item) || c->id != m->index)
-            continue;
-        if (m->status && c->admitted && !c->asked && item->pending) {
-            give_up(client, m->status); /* it would write over what this one holds */
-            return;
-        }
-        reader_taken(c, m->status);
+    struct client *reader = store->clients;
+    while (reader && (!reader_of(reader, item) || reader->id != m->index))
+        reader = reader->next;
+    if (m->status && reader && reader->admitted && !reader->asked && item->pending) {
+        give_up(client, m->status); /* it would write over what this one holds */
+        return;
     }
+    /* First: who is let in now hears of the new epoch before it hears that it is in, and finds the newest value. */
     go_live_if_ready(item);
+    if (reader)
+        reader_taken(reader, m->status);
 }
 
 void writer_left(struct client *client) {
