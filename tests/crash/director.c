@@ -11,6 +11,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../worker_of.h"
+
 struct party party[ACTORS];
 pid_t store_process;
 unsigned store_descriptors;
@@ -84,16 +86,7 @@ void store_begin(const char *fault) {
 }
 
 pid_t store_worker(void) {
-    char path[64];
-    int pid = 0;
-
-    snprintf(path, sizeof path, "/proc/%d/task/%d/children", (int)store_process, (int)store_process);
-    FILE *file = fopen(path, "re");
-    if (file && fscanf(file, "%d", &pid) != 1)
-        pid = 0;
-    if (file)
-        fclose(file);
-    return pid;
+    return worker_of(store_process);
 }
 
 void store_kill_worker(void) {

@@ -265,7 +265,7 @@ said_next: /* clients_go_on(), ddx_queue_go_on(); here in any order, and it may 
     OR_DIE
     fi;
     goto said_next;
-said_all: /* store_conclude() */
+said_all: /* store_commit(), store_say() */
 #ifdef FAULT_SAID_BEFORE_COMMIT
     if
     :: operation -> any = false; goto commit_late

@@ -12,6 +12,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../worker_of.h"
 #include "check.h"
 #include "ddx.h"
 
@@ -52,16 +53,7 @@ static inline void store_stop(int number) {
 
 /* 0: there is none just now. */
 static inline pid_t store_worker(void) {
-    char path[64];
-    int pid = 0;
-
-    snprintf(path, sizeof path, "/proc/%d/task/%d/children", (int)store_pid, (int)store_pid);
-    FILE *file = fopen(path, "re");
-    if (file && fscanf(file, "%d", &pid) != 1)
-        pid = 0;
-    if (file)
-        fclose(file);
-    return pid;
+    return worker_of(store_pid);
 }
 
 /* To both of its processes. */

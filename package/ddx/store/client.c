@@ -188,7 +188,7 @@ void client_receive(struct client *client) {
         ddx_packet_close(&packet);
         ddx_discard(client->socket);
         DDX_PASS(STORE_DISCARDED);
-        store_conclude(packet.message.status ? NULL : client); /* who complains is told first what comes of it */
+        store_say(packet.message.status ? NULL : client); /* who complains is told first what comes of it */
     }
 }
 

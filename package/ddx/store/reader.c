@@ -197,8 +197,8 @@ bool readers_wait(void) {
     for (struct client *c = store->clients; c; c = c->next) {
         if (c->gone || !(c->asked || c->unseen))
             continue;
-        if (c->unseen && now - c->asked_at > AGAIN && c->item->writer) {
-            c->asked_at = now;
+        if (c->unseen && now - c->told_at > AGAIN && c->item->writer) {
+            c->told_at = now;
             item_announce(c->item, c);
         } else if (c->asked && now - c->asked_at > PATIENCE)
             withdraw(c, -EBUSY);

@@ -40,6 +40,7 @@ struct client {
     unsigned keep;
     bool admitted;  /* the writer looks at its pins, or will before it writes: it may hear of frames, and pin them */
     bool unseen;    /* the writer cannot, and is told again and again */
+    int64_t told_at; /* the last time */
     uint32_t version; /* of the notice, when the writer was told */
     unsigned asked; /* frames of its ATTACH that is not answered yet, 0: there is none */
     int64_t asked_at;
@@ -126,8 +127,8 @@ int worker_run(void);
 void store_memory(void);    /* queues keep their messages where they outlive the worker */
 void store_take_over(void); /* from the worker before */
 void store_commit(void);    /* what was done is done */
-/* Commit, then say what is to be said: to this client (or NULL) after all others. */
-void store_conclude(struct client *last);
+/* Now that it is committed, what is to be said: to this client (or NULL) after all others. */
+void store_say(struct client *last);
 
 /* item.c */
 struct item *item_find(const char *name);

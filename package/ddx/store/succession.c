@@ -27,8 +27,7 @@ void store_commit(void) {
 }
 
 /* Not before it is committed: what was said is true whoever dies. */
-void store_conclude(struct client *last) {
-    store_commit();
+void store_say(struct client *last) {
     bool said = clients_go_on(last);
     readers_tell();
     if (!said)
@@ -118,5 +117,6 @@ void store_take_over(void) {
         know(retired->watch);
     files_sweep(is_known, found);
     clients_sweep();
-    store_conclude(NULL);
+    store_commit();
+    store_say(NULL);
 }

@@ -152,7 +152,8 @@ static void turn(const sigset_t *waiting) {
         hear(list, count);
     clients_sweep();
     settle();
-    store_conclude(NULL);
+    store_commit();
+    store_say(NULL);
 }
 
 static void begin(void) {
