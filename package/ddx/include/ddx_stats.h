@@ -105,6 +105,15 @@ int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source)
 uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence);
 
 /*
+ * The same for a program that does not want each frame. `wanted` says how many of the writes 1 to `sequence` it wants
+ * (or wanted, as all programs of this instance do); the others of that gap are counted as skipped. Returns how many
+ * were lost. NULL: each.
+ */
+typedef uint64_t ddx_stats_wanted(const void *argument, uint64_t sequence);
+uint64_t ddx_stats_follow_some(DDX_STATS_BOOK *book, uint64_t sequence, ddx_stats_wanted *wanted,
+                               const void *argument);
+
+/*
  * The program is going to end though nobody told it to: what the source is given until the next start is lost, and
  * ddx_stats_close() leaves the book so that the next program of this instance counts it.
  */

@@ -83,10 +83,17 @@ void ddx_stats_found(DDX_STATS_BOOK *book, uint64_t frames) {
 }
 
 uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence) {
+    return ddx_stats_follow_some(book, sequence, NULL, NULL);
+}
+
+uint64_t ddx_stats_follow_some(DDX_STATS_BOOK *book, uint64_t sequence, ddx_stats_wanted *wanted,
+                               const void *argument) {
     pthread_mutex_lock(&book->lock);
     DDX_STATS *stats = &book->stats;
     uint64_t from = stats->sequence <= sequence ? stats->sequence : 0;
-    uint64_t gap = stats->follows ? sequence - from : 0;
+    uint64_t all = stats->follows ? sequence - from : 0;
+    uint64_t gap = wanted && all ? wanted(argument, sequence) - wanted(argument, from) : all;
+    stats->skipped += all - gap;
     stats->in += gap;
     stats->lost[book->restart].frames += gap;
     stats->sequence = sequence;

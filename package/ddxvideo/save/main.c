@@ -4,10 +4,11 @@
 
 #include "orders.h"
 #include "recorder.h"
+#include "schedule.h"
 
 int main(int argc, char **argv) {
     struct recorder recorder = {.name = "video"};
-    const char *full = "stop", *start = "recording";
+    const char *full = "stop", *start = "recording", *rate = NULL;
     long pre_roll = 0;
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to record (default: video)", OPTION_NAME, &recorder.name, 0, 0},
@@ -19,6 +20,9 @@ int main(int argc, char **argv) {
          OPTION_NUMBER, &recorder.keep_frames, 1, 128},
         {"segment", "MB", "record into prepared files of this size, with an index; 0: into one that grows",
          OPTION_NUMBER, &recorder.segment, 0, 65536},
+        {"skip", "N", "record one of N frames (default: 1, each)", OPTION_NUMBER, &recorder.choice.skip, 1, 100000},
+        {"rate", "R", "record at most R frames a second, evenly, of an item that says how many it has", OPTION_TEXT,
+         &rate, 0, 0},
         {"recover", NULL, "with -segment: finish what nobody finished, and end", OPTION_FLAG, &recorder.recover, 0, 0},
         {"full", "stop|recycle", "with -segment, on a full disk: record no more (default), or give up the oldest",
          OPTION_TEXT, &full, 0, 0},
@@ -56,6 +60,17 @@ int main(int argc, char **argv) {
         say("-start %s: recording or paused is needed; see ddxvideosave -help", start);
         return EXIT_USAGE;
     }
+    struct schedule_speed speed = {0, 1};
+    if (rate && (!schedule_parse_speed(rate, &speed) || !speed.num)) {
+        say("-rate %s: a number above 0, up to 1000, is needed; see ddxvideosave -help", rate);
+        return EXIT_USAGE;
+    }
+    if (rate && recorder.choice.skip > 1) {
+        say("-skip and -rate: one of them is enough; see ddxvideosave -help");
+        return EXIT_USAGE;
+    }
+    recorder.choice.rate_num = speed.num;
+    recorder.choice.rate_den = speed.den;
     if (recorder.recover && !recorder.segment) {
         say("-recover: -segment is needed; see ddxvideosave -help");
         return EXIT_USAGE;

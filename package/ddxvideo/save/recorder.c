@@ -151,22 +151,39 @@ static void count_missed(struct recorder *recorder, uint64_t missed, int frame) 
         say("lost frames %d to %d: gone from the store before they were read", (int)first, (int)last);
 }
 
+/* What kind of pictures come, and which of them are wanted. */
+static void look(struct recorder *recorder, struct ddxvideo_picture *view) {
+    if (choice_look(&recorder->choice, &view->geometry) && !recorder->rate_unknown) {
+        say("%s: nobody says how many frames a second it has, so each one is recorded; -skip takes one of some",
+            recorder->name);
+        recorder->rate_unknown = true;
+    }
+    recorder->geometry = view->geometry;
+}
+
+static uint64_t wanted_up_to(const void *choice, uint64_t sequence) {
+    return choice_up_to(choice, sequence);
+}
+
 /*
  * After the first read, which may have given a frame: what is written from now on is ours to record, and before that
  * what a forerunner who did not end as told has left. An item that was not there when we came is ours from its first
  * write on, whenever the store began to keep frames for us.
  */
 static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
+    struct ddxvideo_picture view;
+    if (frame && !ddxvideo_view(recorder->video, frame->data, &view))
+        look(recorder, &view);
     uint64_t seen = ddx_store_seen(recorder->video);
     uint64_t from = frame ? seen - frame->missed - 1 : seen;
-    uint64_t missed = recorder->awaited ? from : 0;
-    uint64_t gap = ddx_stats_follow(recorder->book, from - missed);
+    uint64_t before = recorder->awaited ? from : 0;
+    uint64_t gap = ddx_stats_follow_some(recorder->book, from - before, wanted_up_to, &recorder->choice);
     recorder->follows = true;
     if (gap)
         say("lost %" PRIu64 " frames while no recorder ran", gap);
-    if (missed && recorder->paused) {
-        ddx_stats_skipped(recorder->book, missed);
-    } else if (missed) {
+    uint64_t missed = recorder->paused ? 0 : choice_up_to(&recorder->choice, before);
+    ddx_stats_skipped(recorder->book, before - missed);
+    if (missed) {
         say("lost %" PRIu64 " frames: they were written before the store kept any for the recorder", missed);
         ddx_stats_in(recorder->book, missed, from);
         ddx_stats_lost(recorder->book, LOST_STORE, missed);
@@ -235,8 +252,22 @@ static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *
     recorder->frame = view ? view->stamp.frame : recorder->frame + 1;
 }
 
+/* It was not to be recorded; what was missed before it was. */
+static void pass_over(struct recorder *recorder, const struct recording_frame *frame, int number) {
+    if (frame->missed) {
+        count_missed(recorder, frame->missed, number);
+        if (recorder->recording)
+            recording_missed(recorder->recording, frame->missed);
+        else
+            recorder->lost_store += frame->missed;
+    }
+    ddx_stats_skipped(recorder->book, 1);
+    ddx_stats_in(recorder->book, 0, frame->sequence);
+    recorder->frame = number;
+}
+
 /* It can be recorded no more, and was to be. */
-static void give_up(struct recorder *recorder, const struct ddx_frame *frame) {
+static void give_up(struct recorder *recorder, const struct recording_frame *frame) {
     if (recorder->paused)
         return;
     ddx_stats_in(recorder->book, frame->missed + 1, frame->sequence);
@@ -246,19 +277,25 @@ static void give_up(struct recorder *recorder, const struct ddx_frame *frame) {
 
 static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
-    struct recording_frame facts = {frame->time, frame->sequence, frame->missed};
     recorder->seen = true;
     int error = recorder->done ? 0 : ddxvideo_view(recorder->video, frame->data, &view);
     if (error == -EPROTOTYPE)
         fail(recorder, recorder->name, error);
+    if (!error && !recorder->done)
+        look(recorder, &view);
+    bool wanted = choice_wants(&recorder->choice, frame->sequence, 1);
+    uint64_t missed = choice_wants(&recorder->choice, frame->sequence - 1, frame->missed);
+    struct recording_frame facts = {frame->time, frame->sequence, missed};
+    ddx_stats_skipped(recorder->book, frame->missed - missed);
     if (recorder->done) {
-        give_up(recorder, frame);
+        if (wanted)
+            give_up(recorder, &facts);
         return;
     }
-    if (!error)
-        recorder->geometry = view.geometry;
-    if (recorder->paused)
-        leave_out(recorder, error ? NULL : &view, &facts);
+    if (!wanted && !recorder->paused)
+        pass_over(recorder, &facts, error ? recorder->frame + 1 : view.stamp.frame);
+    else if (recorder->paused)
+        leave_out(recorder, error || !wanted ? NULL : &view, &facts);
     else if (error)
         put_broken(recorder, &facts);
     else
@@ -409,6 +446,7 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
         return false;
     }
     recorder->awaited = !*ddx_store_item_type(recorder->video);
+    choice_look(&recorder->choice, &recorder->geometry); /* what is known before there is a frame */
     recorder->keep = recorder->keep_frames ? (unsigned)recorder->keep_frames : KEEP_FRAMES;
     ddx_store_keep(recorder->video, recorder->keep);
     return true;

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 
 #include "backlog.h"
+#include "choice.h"
 #include "disk_watch.h"
 #include "preroll.h"
 #include "program.h"
@@ -22,6 +23,7 @@ struct recorder {
     bool recover;      /* what was left unfinished, and nothing else */
     bool paused;       /* frames are left out, until an order to record comes */
     bool recycle;      /* of the full disk's recordings the oldest is given up */
+    struct choice choice; /* of the frames: the others are skipped, as if they had not been there */
     /* how it stands */
     struct output output;
     DDX_STATS_BOOK *book;
@@ -45,6 +47,7 @@ struct recorder {
     int frame;                   /* number of the frame before; -1: there was none */
     bool ring_full;              /* the frame before was lost in the ring */
     bool rate_changed;           /* said so */
+    bool rate_unknown;           /* likewise */
     int status;                  /* exit status so far */
     bool done;
 };

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Which frames are to be recorded, when not all are: the first one that the item ever had, and from there on so many
+ * of so many, evenly, by their numbers in the store. So it is known of each frame whether it was wanted, also of one
+ * that nobody got to see, and a recorder that is started anew goes on in step with the one before.
+ */
+#ifndef DDXVIDEO_CHOICE_H
+#define DDXVIDEO_CHOICE_H
+
+#include <stdint.h>
+
+#include "ddxvideo.h"
+
+struct choice {
+    /* what is wanted, one of both: */
+    long skip;                   /* one of so many frames; 0 or 1: each */
+    uint32_t rate_num, rate_den; /* frames a second at most; rate_num 0: as many as there are */
+    /* private: */
+    uint32_t take, of; /* so many of so many; take 0: each */
+};
+
+/*
+ * Look at pictures of this kind: a wanted rate counts against theirs. Their rate becomes that of the recording. 0;
+ * -ENODATA if a rate is wanted and theirs is not known: then each frame is.
+ */
+int choice_look(struct choice *choice, struct ddxvideo_geometry *geometry);
+
+/* How many of the frames 1 to `sequence` are wanted. */
+uint64_t choice_up_to(const struct choice *choice, uint64_t sequence);
+
+/* How many of the last `frames` frames up to this one. */
+uint64_t choice_wants(const struct choice *choice, uint64_t sequence, uint64_t frames);
+
+#endif
