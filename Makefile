@@ -30,9 +30,9 @@ build: setup-build  ## build the programs and the development image, output/dev/
 run: setup-build ## a clip through the appliance in QEMU, frame by frame; output/report.json
 	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances
-	@$(PYTHON) tools/test.py $(if $(T),'$(T)')
+	@$(PYTHON) tools/gate.py $(if $(T),'$(T)')
 test-long: setup ## the tests that take minutes and hours; output/long/<test>.json; goes on where it was broken off
-	@$(PYTHON) tools/test.py -long $(if $(T),'$(T)')
+	@$(PYTHON) tools/gate.py -long $(if $(T),'$(T)')
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
 	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')
 defects: setup   ## put defects back that once were: the test against each turns red; T= words of a name

@@ -16,9 +16,9 @@ from collections.abc import Iterator
 
 import pytest
 
-import qemu
-import suite
-from common import OUTPUT, commit
+from parts.common import OUTPUT, commit
+from parts.guest import qemu
+from parts.testing import suite
 
 LONG = OUTPUT / "long"
 

@@ -15,14 +15,14 @@ import subprocess
 import sys
 
 import build
-import native
-import suite
-from common import OUTPUT, TOP, Failed, alone, commit, finish, say
+from parts.common import OUTPUT, TOP, Failed, alone, commit, finish, say
+from parts.image import native
+from parts.testing import suite
 
 
 def once(options: argparse.Namespace) -> list[suite.Test]:
     if not options.c and not options.words:
-        subprocess.run([sys.executable, "-B", TOP / "tools/test.py"], env={**os.environ, "STRICT": "1"}, check=False)
+        subprocess.run([sys.executable, "-B", TOP / "tools/gate.py"], env={**os.environ, "STRICT": "1"}, check=False)
         return [suite.Test(**json.loads(line)) for line in suite.RESULTS.read_text().splitlines()]
     with alone("again", suite.LOCK):
         run = suite.Suite(strict=True)

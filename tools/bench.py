@@ -23,10 +23,10 @@ import sys
 import tempfile
 from typing import Any
 
-import bench_plot
-import native
-from bench_run import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, run_slice
-from common import OUTPUT, TOP, Failed, run, say
+from parts.bench import plot as bench_plot
+from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, run_slice
+from parts.common import OUTPUT, TOP, Failed, run, say
+from parts.image import native
 
 CARGO = OUTPUT / "bench/cargo"
 INSIDE = "DDX_BENCH_INSIDE"  # set in the network of our own

@@ -20,20 +20,16 @@ from typing import Any
 
 import numpy
 
-import bench_record_plot
 import build
-import clip as default_clip
-import disk_session
-import machine
-import native
-import qemu
-import session
-import testdisk
-from channel import Timeout
-from common import OUTPUT, Failed, say
-from disk_session import Result
-from qemu import Guest
-from slow_disk import SlowDisk, Speed
+from parts.bench import record_plot as bench_record_plot
+from parts.common import OUTPUT, Failed, say
+from parts.guest import disk_session, machine, qemu, session, testdisk
+from parts.guest.channel import Timeout
+from parts.guest.disk_session import Result
+from parts.guest.qemu import Guest
+from parts.guest.slow_disk import SlowDisk, Speed
+from parts.image import native
+from parts.media import clip as default_clip
 
 WORK = OUTPUT / "bench/record"
 RESULT, PICTURE = OUTPUT / "bench/record.json", OUTPUT / "bench/record.svg"

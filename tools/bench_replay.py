@@ -15,10 +15,10 @@ import sys
 import tempfile
 import time
 
-import native
-from bench_run import percentile
 from bench_stream import Programs
-from common import OUTPUT, TOP, Failed, finish, say
+from parts.bench.measure import percentile
+from parts.common import OUTPUT, TOP, Failed, finish, say
+from parts.image import native
 
 ITEMS = {"imu": 200, "wheels": 50, "gps": 10}  # values a second
 LIMIT_US = 1000.0

@@ -21,11 +21,11 @@ from typing import Any
 
 import numpy
 
-import native
-from bench_run import cpus, percentile
-from clip import draw_number, frame_number
-from common import MORTAL, OUTPUT, TOP, Failed, finish, say
-from footage import footage
+from parts.bench.measure import cpus, percentile
+from parts.common import MORTAL, OUTPUT, TOP, Failed, finish, say
+from parts.image import native
+from parts.media.clip import draw_number, frame_number
+from parts.media.footage import footage
 
 SIZE = 352, 288
 RATE, SECONDS, WARM_UP = 25, 15, 2

@@ -7,12 +7,8 @@ foreign: only what the image takes from others (kernel, BusyBox, FFmpeg), which 
 import pathlib
 import sys
 
-import busybox
-import ffmpeg
-import native
-import kernel
-import rootfs
-from common import OUTPUT, TOP, Failed, alone, fingerprint, run, say, step
+from parts.common import OUTPUT, TOP, Failed, alone, fingerprint, run, say, step
+from parts.image import busybox, ffmpeg, kernel, native, rootfs
 
 DEV = OUTPUT / "dev"
 IMAGE = DEV / "disk.img"
@@ -40,7 +36,8 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
     def make_disk() -> None:
         run([TOP / "board/common/post-image.sh"], env={"BINARIES_DIR": str(DEV)})
 
-    key = fingerprint([tools / "build.py", tools / "rootfs.py", tools / "kernel.py", TOP / "overlay", TOP / "board/dev",
+    parts = tools / "parts/image"
+    key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "kernel.py", TOP / "overlay", TOP / "board/dev",
                        TOP / "board/common/users.txt", TOP / "board/common/post-build.sh", DEV / "kernel.stamp",
                        *packages], busybox_folder.name, codecs.name)
     with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it

@@ -19,10 +19,10 @@ import shutil
 import subprocess
 import sys
 
-import disk
 import lint
-import machine
-from common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
+from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
+from parts.disk import disk
+from parts.guest import machine
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"

@@ -11,8 +11,8 @@ import subprocess
 import sys
 from typing import Any
 
-import native
-from common import OUTPUT, TOP, Failed, say
+from parts.common import OUTPUT, TOP, Failed, say
+from parts.image import native
 
 RUN = 500
 RESULTS = OUTPUT / "crash.json"

@@ -12,8 +12,8 @@ import shutil
 import subprocess
 import sys
 
-from common import OUTPUT, TOP, Failed, alone, commit, finish, run, say
-from known_defects import DEFECTS, Defect
+from parts.common import OUTPUT, TOP, Failed, alone, commit, finish, run, say
+from parts.testing.known_defects import DEFECTS, Defect
 
 TREE = OUTPUT / "defects/tree"
 LIMIT = 900  # s; for the build and a test that may wait in vain

@@ -11,8 +11,8 @@ import site
 import subprocess
 import sys
 
-import native
-from common import OUTPUT, TOP, Failed, run, say
+from parts.common import OUTPUT, TOP, Failed, run, say
+from parts.image import native
 
 TAGS = "runtime,devel,python-runtime"
 

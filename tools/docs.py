@@ -9,14 +9,11 @@ import time
 from typing import Any
 
 import build
-import clip
-import machine
-import native
-import qemu
-import session
-import testdisk
-from common import OUTPUT, TOP, Failed, run, say
-from qemu import Guest
+from parts.common import OUTPUT, TOP, Failed, run, say
+from parts.guest import machine, qemu, session, testdisk
+from parts.guest.qemu import Guest
+from parts.image import native
+from parts.media import clip
 
 PAGE = TOP / "docs/technician.md"
 PROMPT = re.compile(r"^    robot# (.*)$", re.M)

@@ -17,16 +17,12 @@ import time
 from typing import Any, Protocol
 
 import build
-import clip
-import counters
-import machine
-import native
-import qemu
-import session
-import testdisk
-from common import OUTPUT, PATIENCE, Failed, say
-from native_machine import NativeMachine
-from qemu import Guest
+from parts.common import OUTPUT, PATIENCE, Failed, say
+from parts.guest import machine, qemu, session, testdisk
+from parts.guest.native_machine import NativeMachine
+from parts.guest.qemu import Guest
+from parts.image import native
+from parts.media import clip, counters
 
 RESULT = OUTPUT / "endurance.json"
 ROUND = 2500    # toggles in one machine

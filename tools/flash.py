@@ -13,12 +13,10 @@ import sys
 import time
 from types import FrameType
 
-import blockmap
-import provision
-import target
-from blockio import CHUNK, Device, Source
-from blockmap import Range
-from common import OUTPUT, Failed, say
+from parts.common import OUTPUT, Failed, say
+from parts.flash import blockmap, provision, target
+from parts.flash.blockio import CHUNK, Device, Source
+from parts.flash.blockmap import Range
 
 WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "CONSOLE", "SERIAL"]
 SIGNATURE = 440  # of the disk, in its boot sector; four bytes

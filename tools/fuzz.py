@@ -10,8 +10,8 @@ import pathlib
 import subprocess
 import sys
 
-import native
-from common import OUTPUT, TOP, Failed, fingerprint, run, say, step
+from parts.common import OUTPUT, TOP, Failed, fingerprint, run, say, step
+from parts.image import native
 
 FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"

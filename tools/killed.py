@@ -17,17 +17,13 @@ import time
 from collections.abc import Callable
 
 import build
-import clip as default_clip
-import machine
-import native
-import qemu
-import session
-import testdisk
-import y4m
-from common import OUTPUT, PATIENCE, Failed, say
-from qemu import Guest
-from recording import Partition
-from session import SAVE
+from parts.common import OUTPUT, PATIENCE, Failed, say
+from parts.guest import machine, qemu, session, testdisk
+from parts.guest.qemu import Guest
+from parts.guest.session import SAVE
+from parts.image import native
+from parts.media import clip as default_clip, y4m
+from parts.media.recording import Partition
 
 WORK = OUTPUT / "killed"
 RESULT = OUTPUT / "killed.json"

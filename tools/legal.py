@@ -16,7 +16,7 @@ import tarfile
 
 import buildroot
 import lint
-from common import OUTPUT, TOP, Failed, finish, run, say
+from parts.common import OUTPUT, TOP, Failed, finish, run, say
 
 WARNING = re.compile(r"^WARNING: (?:(\S+): )?(.*)$", re.M)
 ANSWERED = "the Buildroot source code has not been saved"  # it is: see scripts()

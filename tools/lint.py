@@ -5,7 +5,7 @@ import pathlib
 import subprocess
 import sys
 
-from common import TOP, say
+from parts.common import TOP, say
 
 SOURCES = ["*.c", "*.h", "*.py", "*.sh", "meson.build"]
 LONGEST = 120

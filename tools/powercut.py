@@ -20,20 +20,14 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import blocklog
 import build
-import clip as default_clip
-import crc32c
-import machine
-import mbr
-import native
-import qemu
-import record_index
-import testdisk
-import y4m
-from common import OUTPUT, Failed, say
-from qemu import Guest
-from session import SAVE
+from parts.common import OUTPUT, Failed, say
+from parts.disk import blocklog, mbr
+from parts.guest import machine, qemu, testdisk
+from parts.guest.qemu import Guest
+from parts.guest.session import SAVE
+from parts.image import native
+from parts.media import clip as default_clip, crc32c, record_index, y4m
 
 WORK = OUTPUT / "powercut"
 REC, MARKS = 6, 3  # partitions; the second slot is empty

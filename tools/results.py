@@ -9,7 +9,7 @@ import pathlib
 import re
 from typing import Any
 
-from common import OUTPUT, TOP, Failed, finish, say
+from parts.common import OUTPUT, TOP, Failed, finish, say
 
 LONG = OUTPUT / "long"
 PAGE = TOP / "docs/results.md"

@@ -17,21 +17,15 @@ import sys
 import time
 
 import build
-import clip as default_clip
-import machine
-import native
-import qemu
-import session
-import source
-import stream
-import terminal
-import y4m
-from common import OUTPUT, TOP, Failed, say
-from counters import Counters
-from disk import digest
-from report import Report, Stage, page
-from session import SAVE
-from stream import DECODE, RECORDER, SEND
+from parts.common import OUTPUT, TOP, Failed, say
+from parts.disk.disk import digest
+from parts.guest import machine, qemu, session, source, stream, terminal
+from parts.guest.session import SAVE
+from parts.guest.stream import DECODE, RECORDER, SEND
+from parts.image import native
+from parts.media import clip as default_clip, y4m
+from parts.media.counters import Counters
+from parts.media.report import Report, Stage, page
 
 REPORT, PAGE = OUTPUT / "report.json", OUTPUT / "report.html"
 WORK = OUTPUT / "run"

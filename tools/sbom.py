@@ -20,7 +20,7 @@ from typing import Any
 
 import buildroot
 import legal
-from common import CACHE, OUTPUT, TOP, Failed, finish, run, say
+from parts.common import CACHE, OUTPUT, TOP, Failed, finish, run, say
 
 # Version 7.3.0 has the file of CycloneDX 1.6 as it is; later ones have newer lists of licences.
 WHEEL, MEMBER = "cyclonedx-python-lib==7.3.0", "cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json"

@@ -8,13 +8,12 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-import counters
-import y4m
-from clip import HEIGHT, WIDTH, frame_number
-from common import PATIENCE, Failed
-from counters import Counters
-from guest_camera import GRABBER, control, disk, loop, prepare, vivid
-from qemu import Guest
+from parts.common import PATIENCE, Failed
+from parts.guest.guest_camera import GRABBER, control, disk, loop, prepare, vivid
+from parts.guest.qemu import Guest
+from parts.media import counters, y4m
+from parts.media.clip import HEIGHT, WIDTH, frame_number
+from parts.media.counters import Counters
 
 KEEP = 64  # frames that a test's reader may be late by
 MS = 100  # between two frames of the USB camera

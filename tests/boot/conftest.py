@@ -9,17 +9,13 @@ from typing import Any
 import pytest
 
 import build
-import clip as default_clip
-import disk
-import evidence
-import machine
-import native
-import qemu
-import session
-import suite
-import testdisk
-from common import OUTPUT
-from machine import Machine
+from parts.common import OUTPUT
+from parts.disk import disk
+from parts.guest import machine, qemu, session, testdisk
+from parts.guest.machine import Machine
+from parts.image import native
+from parts.media import clip as default_clip
+from parts.testing import evidence, suite
 
 from . import camera
 from .noise import Noise, noisy

@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Iterator
 
-from qemu import USERSPACE, Guest
+from parts.guest.qemu import USERSPACE, Guest
 
 PAUSE = 0.2       # s
 BURST = 2000      # bytes, at once

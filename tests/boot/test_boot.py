@@ -2,9 +2,9 @@
 """How the machine comes up."""
 import time
 
-from common import PATIENCE
-from qemu import USERSPACE, Guest
-from recording import Partition
+from parts.common import PATIENCE
+from parts.guest.qemu import USERSPACE, Guest
+from parts.media.recording import Partition
 
 
 def test_boots_through_grub_from_slot_a(guest: Guest) -> None:

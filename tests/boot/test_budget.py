@@ -7,15 +7,14 @@ import warnings
 
 import pytest
 
-import budget
-import machine
-import session
-from budget import MIB
-from common import entries
-from counters import Counters
-from machine import Machine
-from qemu import Boot, Guest
-from session import Result
+from parts.common import entries
+from parts.guest import machine, session
+from parts.guest.machine import Machine
+from parts.guest.qemu import Boot, Guest
+from parts.guest.session import Result
+from parts.media.counters import Counters
+from parts.release import budget
+from parts.release.budget import MIB
 
 BOOTS = 3
 

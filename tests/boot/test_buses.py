@@ -2,8 +2,8 @@
 """One image, whatever its disk hangs on: the root is found there, and settings and recordings are those beside it."""
 import pytest
 
-import machine
-from qemu import Boot
+from parts.guest import machine
+from parts.guest.qemu import Boot
 
 from .conftest import BOARD
 

@@ -4,11 +4,11 @@ import pathlib
 
 import pytest
 
-import session
-import y4m
-from common import PATIENCE
-from qemu import Guest
-from recording import Partition
+from parts.common import PATIENCE
+from parts.guest import session
+from parts.guest.qemu import Guest
+from parts.media import y4m
+from parts.media.recording import Partition
 
 from . import camera
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from qemu import Guest
+from parts.guest.qemu import Guest
 
 from . import camera
 from .camera import GRABBER

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-import clip as default_clip
-import qemu
-from machine import Machine
-from qemu import Guest
+from parts.guest import qemu
+from parts.guest.machine import Machine
+from parts.guest.qemu import Guest
+from parts.media import clip as default_clip
 
 from . import camera
 from .camera import GRABBER

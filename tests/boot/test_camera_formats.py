@@ -6,11 +6,11 @@ from collections.abc import Iterator
 import numpy
 import pytest
 
-import clip as default_clip
-import qemu
-from clip import HEIGHT, WIDTH, picture
-from machine import Machine
-from qemu import Guest
+from parts.guest import qemu
+from parts.guest.machine import Machine
+from parts.guest.qemu import Guest
+from parts.media import clip as default_clip
+from parts.media.clip import HEIGHT, WIDTH, picture
 
 from . import camera
 from .camera import GRABBER, Reader

@@ -6,14 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 
-import clip as default_clip
-import qemu
-import session
-from clip import HEIGHT, WIDTH, picture
-from common import run
-from machine import Machine
-from qemu import Guest
-from recording import Partition
+from parts.common import run
+from parts.guest import qemu, session
+from parts.guest.machine import Machine
+from parts.guest.qemu import Guest
+from parts.media import clip as default_clip
+from parts.media.clip import HEIGHT, WIDTH, picture
+from parts.media.recording import Partition
 
 from . import camera
 from .camera import GRABBER, plug, unplug

@@ -5,11 +5,10 @@ import pathlib
 
 import pytest
 
-import clip as default_clip
-import session
-import testdisk
-from qemu import Boot, Guest
-from recording import Partition, compare
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.media import clip as default_clip
+from parts.media.recording import Partition, compare
 
 from . import camera
 

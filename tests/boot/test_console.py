@@ -3,7 +3,7 @@
 import pathlib
 import time
 
-from qemu import Guest
+from parts.guest.qemu import Guest
 
 
 def test_no_console_without_provisioning(closed: Guest) -> None:

@@ -5,9 +5,9 @@ import pathlib
 
 import pytest
 
-import session
-from common import PATIENCE, TOP, entries
-from qemu import Boot, Guest
+from parts.common import PATIENCE, TOP, entries
+from parts.guest import session
+from parts.guest.qemu import Boot, Guest
 
 from .test_slots import fill_slot_b
 

@@ -7,13 +7,11 @@ from collections.abc import Iterator
 
 import pytest
 
-import disk_session
-import machine
-import session
-from common import PATIENCE
-from qemu import Boot, Guest
-from session import LOAD, SAVE
-from slow_disk import SlowDisk
+from parts.common import PATIENCE
+from parts.guest import disk_session, machine, session
+from parts.guest.qemu import Boot, Guest
+from parts.guest.session import LOAD, SAVE
+from parts.guest.slow_disk import SlowDisk
 
 from .conftest import BOARD
 from .figures import Figure

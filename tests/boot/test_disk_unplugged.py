@@ -5,12 +5,11 @@ import pathlib
 
 import pytest
 
-import session
-import testdisk
-from common import run
-from qemu import Boot, Guest
-from session import LOAD, SAVE
-from slow_disk import FILE_SYSTEMS, OPTIONS
+from parts.common import run
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.guest.session import LOAD, SAVE
+from parts.guest.slow_disk import FILE_SYSTEMS, OPTIONS
 
 from .figures import Figure
 from .test_disk import SOON, source_is_unaffected, wait_for_out

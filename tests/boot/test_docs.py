@@ -5,7 +5,7 @@ import pathlib
 import pytest
 
 import docs
-from qemu import Boot
+from parts.guest.qemu import Boot
 
 pytestmark = pytest.mark.long
 

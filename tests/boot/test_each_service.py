@@ -6,11 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
-import crash_loop
-import stream
-import testdisk
-from qemu import Boot, Guest
-from session import LOAD, SAVE
+from parts.guest import stream, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.guest.session import LOAD, SAVE
+from parts.testing import crash_loop
 
 from . import camera
 from .figures import Figure

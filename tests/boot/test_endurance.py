@@ -6,7 +6,7 @@ import pathlib
 import pytest
 
 import endurance
-import machine
+from parts.guest import machine
 
 from .conftest import BOARD
 from .figures import Figure

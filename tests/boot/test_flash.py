@@ -6,9 +6,9 @@ import subprocess
 import sys
 import time
 
-from common import PATIENCE, SBIN, TOP, run
-from machine import Machine
-from qemu import Guest
+from parts.common import PATIENCE, SBIN, TOP, run
+from parts.guest.machine import Machine
+from parts.guest.qemu import Guest
 
 NOISE = 2**20
 ROOM = 64  # MiB more than the image needs, as a real card has

@@ -6,12 +6,11 @@ import time
 
 import pytest
 
-import mbr
-import session
-import testdisk
-from common import run
-from qemu import Boot, Guest
-from recording import Partition
+from parts.common import run
+from parts.disk import mbr
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.media.recording import Partition
 
 CARD = 32 << 30  # bytes
 # Seconds after the recordings' check began: while table and file system grow; while what is new is still on its way to

@@ -7,10 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-import session
-import testdisk
-from qemu import Boot, Guest
-from recording import Partition
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.media.recording import Partition
 
 from . import camera
 from .figures import Figure

@@ -5,9 +5,9 @@ import pathlib
 import pytest
 
 import killed
-import machine
-from common import Failed
 from killed import Kill, Plug
+from parts.common import Failed
+from parts.guest import machine
 
 from .conftest import BOARD
 from .figures import Figure

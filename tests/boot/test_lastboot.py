@@ -4,7 +4,7 @@ import pathlib
 
 import pytest
 
-from qemu import Boot, Guest
+from parts.guest.qemu import Boot, Guest
 
 from .test_control import run
 

@@ -2,11 +2,9 @@
 """The logger in the image: off until switched on, then every value of a clip's items is in a log that others read."""
 import pathlib
 
-import clip as default_clip
-import logs
-import qemu
-import session
-from recording import Partition
+from parts.guest import qemu, session
+from parts.media import clip as default_clip, logs
+from parts.media.recording import Partition
 
 FRAMES = default_clip.RATE * default_clip.SHORT
 RATE = 4  # times as fast

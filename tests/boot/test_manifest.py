@@ -5,9 +5,9 @@ import re
 
 import pytest
 
-import machine
-import manifest
-from common import entries
+from parts.common import entries
+from parts.guest import machine
+from parts.release import manifest
 
 from .conftest import BOARD
 

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-import clip as default_clip
-import session
-import testdisk
-from qemu import Boot, Guest
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.media import clip as default_clip
 
 from . import camera
 from .segment import Segment

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-import qemu
+from parts.guest import qemu
 
 from . import camera
 

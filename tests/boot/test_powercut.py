@@ -7,11 +7,10 @@ import time
 
 import pytest
 
-import blocklog
-import mbr
 import powercut
-import testdisk
-from qemu import Boot, Guest
+from parts.disk import blocklog, mbr
+from parts.guest import testdisk
+from parts.guest.qemu import Boot, Guest
 
 from .figures import Figure
 

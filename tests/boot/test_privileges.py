@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-import session
-from qemu import Guest
+from parts.guest import session
+from parts.guest.qemu import Guest
 
 # What starts and supervises the others, what mounts disks, the shells that the test's own provisioning file opened, and
 # `console` where nobody listens, which only sleeps.

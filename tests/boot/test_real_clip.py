@@ -4,10 +4,8 @@ import pathlib
 
 import pytest
 
-import qemu
-import session
-import testdisk
-from footage import footage as make_footage
+from parts.guest import qemu, session, testdisk
+from parts.media.footage import footage as make_footage
 
 pytestmark = pytest.mark.long
 

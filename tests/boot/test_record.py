@@ -2,12 +2,9 @@
 """No frame is lost, counted from outside; and when one is, it shows."""
 import pathlib
 
-import clip as default_clip
-import counters
-import qemu
-import session
-import y4m
-from recording import Partition
+from parts.guest import qemu, session
+from parts.media import clip as default_clip, counters, y4m
+from parts.media.recording import Partition
 
 
 def test_every_frame_is_recorded_bit_exact_and_in_order(recorded: session.Result) -> None:

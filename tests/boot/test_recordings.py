@@ -8,12 +8,11 @@ from collections.abc import Iterator
 
 import pytest
 
-import counters
-import testdisk
-import y4m
-from common import PATIENCE, run
-from qemu import Boot, Guest
-from recording import Partition
+from parts.common import PATIENCE, run
+from parts.guest import testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.media import counters, y4m
+from parts.media.recording import Partition
 
 SAVE = "ddxvideosave"
 STICK_MB = 64

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The menu's rescue entry, chosen over the serial line: a shell, and neither services nor their file systems."""
 
-from channel import Timeout
-from qemu import USERSPACE, Boot, Guest
+from parts.guest.channel import Timeout
+from parts.guest.qemu import USERSPACE, Boot, Guest
 
 OWN = "/usr/libexec/ddx/own-partition"
 DOWN = "\x1b[B"

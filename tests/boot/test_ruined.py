@@ -6,13 +6,12 @@ import time
 
 import pytest
 
-import mbr
-import session
-import testdisk
-from common import run
-from disk import Disk
-from qemu import Boot, Guest
-from session import LOAD, SAVE
+from parts.common import run
+from parts.disk import mbr
+from parts.disk.disk import Disk
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.guest.session import LOAD, SAVE
 
 from .figures import Figure
 

@@ -3,7 +3,7 @@
 import pathlib
 import subprocess
 
-from common import TOP
+from parts.common import TOP
 
 
 def test_our_shell_parses_every_script(root: pathlib.Path) -> None:

@@ -2,7 +2,7 @@
 """The serial line belongs to the robot: a device that speaks there, from power-on, is nobody's order."""
 import time
 
-from qemu import USERSPACE, Guest
+from parts.guest.qemu import USERSPACE, Guest
 
 from .noise import PAUSE, SENTENCE, Noise
 

@@ -2,8 +2,8 @@
 """Services: they run, as their own users, and come back."""
 import time
 
-import session
-from qemu import Guest
+from parts.guest import session
+from parts.guest.qemu import Guest
 
 from .test_control import runs
 from .test_health import hang

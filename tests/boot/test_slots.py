@@ -6,10 +6,10 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-import mbr
-from common import copy, run
-from disk import Disk
-from qemu import Boot, Guest
+from parts.common import copy, run
+from parts.disk import mbr
+from parts.disk.disk import Disk
+from parts.guest.qemu import Boot, Guest
 
 SLOT = {"A": 34816 * 512, "B": 165888 * 512}  # see board/common/disk.cfg
 SLOT_BYTES = 64 << 20

@@ -8,13 +8,12 @@ from collections.abc import Iterator
 
 import pytest
 
-import clip as default_clip
-import manifest
-import session
-import testdisk
-from common import PATIENCE, run
-from qemu import Boot, Guest
-from recording import Partition
+from parts.common import PATIENCE, run
+from parts.guest import session, testdisk
+from parts.guest.qemu import Boot, Guest
+from parts.media import clip as default_clip
+from parts.media.recording import Partition
+from parts.release import manifest
 
 from .test_control import runs
 

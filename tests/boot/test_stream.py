@@ -4,10 +4,8 @@ import json
 import pathlib
 import re
 
-import clip as default_clip
-import qemu
-import session
-import testdisk
+from parts.guest import qemu, session, testdisk
+from parts.media import clip as default_clip
 
 SECONDS = 10
 FRAMES = SECONDS * default_clip.RATE

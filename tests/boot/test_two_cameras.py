@@ -5,15 +5,12 @@ import time
 
 import pytest
 
-import clip as default_clip
-import guest_camera
-import qemu
-import session
-import y4m
-from guest_camera import GRABBER
-from machine import Machine
-from recording import Partition
-from session import SAVE
+from parts.guest import guest_camera, qemu, session
+from parts.guest.guest_camera import GRABBER
+from parts.guest.machine import Machine
+from parts.guest.session import SAVE
+from parts.media import clip as default_clip, y4m
+from parts.media.recording import Partition
 
 from . import camera
 from .figures import Figure

@@ -7,13 +7,10 @@ import time
 
 import pytest
 
-import clip as default_clip
-import qemu
-import session
-import stream
-import testdisk
-from qemu import Guest
-from recording import Partition
+from parts.guest import qemu, session, stream, testdisk
+from parts.guest.qemu import Guest
+from parts.media import clip as default_clip
+from parts.media.recording import Partition
 
 from . import camera
 from .figures import Figure

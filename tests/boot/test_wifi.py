@@ -5,8 +5,8 @@ from collections.abc import Iterator
 
 import pytest
 
-from common import PATIENCE
-from qemu import Boot, Guest
+from parts.common import PATIENCE
+from parts.guest.qemu import Boot, Guest
 
 from .test_control import run
 from .test_privileges import ADDRESSES

@@ -6,8 +6,8 @@ import pathlib
 import shutil
 import subprocess
 
-import busybox
-from common import MORTAL
+from parts.common import MORTAL
+from parts.image import busybox
 
 from .programs import TOP
 

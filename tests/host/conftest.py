@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-import native
+from parts.image import native
 
 from .programs import Compiler, Desk
 from .stream import Stream

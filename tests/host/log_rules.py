@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What log_client writes, and what a log of it must hold. Logs are read by PyPI's mcap (tools/logs.py)."""
+"""What log_client writes, and what a log of it must hold. Logs are read by PyPI's mcap (tools/parts/media/logs.py)."""
 from __future__ import annotations
 
 import pathlib
 import struct
 from typing import Any
 
-import logs
+from parts.media import logs
 
 from .programs import Compiler, Desk, Process, wait_until
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from common import MORTAL
+from parts.common import MORTAL
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 # Other builds are tested by naming their install tree, and what its users must be compiled with:

@@ -9,7 +9,7 @@ import re
 import subprocess
 from typing import Any
 
-from clip import frame_number
+from parts.media.clip import frame_number
 
 from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_until
 

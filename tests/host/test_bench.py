@@ -15,9 +15,9 @@ from typing import Any
 import pytest
 
 import bench
-import bench_plot
-from bench_run import Case, Slice, Store, cpus, percentile, run_slice
-from common import MORTAL
+from parts.bench import plot as bench_plot
+from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
+from parts.common import MORTAL
 
 Run = Callable[..., Slice]
 CASE = Case("cif-1x2-zerocopy", 152064, 2, "zerocopy", 15000, 40, ("ddx", "futex"))  # slowly: others are busy here

@@ -11,7 +11,7 @@ import subprocess
 
 import pytest
 
-from common import MORTAL
+from parts.common import MORTAL
 
 from .programs import (ROOT, Counters, Desk, Process, lost, make_clip, pictures, result, start_recorder, stop,
                        wait_until)

@@ -8,9 +8,9 @@ import subprocess
 
 import buildroot
 import buildroot_fragments
-import machine
 import pytest
-from common import TOP
+from parts.common import TOP
+from parts.guest import machine
 
 PYTHON = "/usr/bin/python3"
 

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from channel import Channel, Timeout
+from parts.guest.channel import Channel, Timeout
 
 
 def relay(far: socket.socket, terminal: int) -> None:

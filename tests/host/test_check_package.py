@@ -5,7 +5,7 @@ import pathlib
 import buildroot
 import lint
 import pytest
-from common import TOP, Failed
+from parts.common import TOP, Failed
 
 pytestmark = pytest.mark.skipif(not buildroot.present(), reason=(
     "no checkout of Buildroot, neither BUILDROOT= nor one made by `make image`: check-package judged nothing of ours"))

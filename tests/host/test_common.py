@@ -11,9 +11,8 @@ import sys
 
 import pytest
 
-import foreign
-import native
-from common import TOP, Failed
+from parts.common import TOP, Failed
+from parts.image import foreign, native
 
 from .programs import wait_until
 

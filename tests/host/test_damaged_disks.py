@@ -10,9 +10,9 @@ import subprocess
 from collections.abc import Iterator
 
 import pytest
-import rootfs
-from common import SBIN, run
-from slow_disk import FILE_SYSTEMS
+from parts.common import SBIN, run
+from parts.guest.slow_disk import FILE_SYSTEMS
+from parts.image import rootfs
 
 from .appliance import Appliance
 from .programs import wait_until

@@ -9,8 +9,8 @@ import shutil
 import pytest
 
 import build
-import native
-from common import OUTPUT
+from parts.common import OUTPUT
+from parts.image import native
 
 from .appliance import Appliance
 

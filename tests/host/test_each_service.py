@@ -12,11 +12,10 @@ from collections.abc import Iterator
 import pytest
 
 import build
-import clip
-import counters
-import crash_loop
-import native
-from native_machine import NativeMachine
+from parts.guest.native_machine import NativeMachine
+from parts.image import native
+from parts.media import clip, counters
+from parts.testing import crash_loop
 
 from .programs import wait_until
 

@@ -9,7 +9,7 @@ import pytest
 
 import build
 import endurance
-import native
+from parts.image import native
 
 FEW = 40
 FIRST = {"available": 200_000, "descriptors": 300, "processes": 90, "files": 400,

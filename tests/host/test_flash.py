@@ -17,14 +17,11 @@ from collections.abc import Iterator
 
 import pytest
 
-import blockio
-import blockmap
 import flash
-import mbr
-import provision
-import target
-from common import SBIN, TOP, Failed, run
-from recording import Partition
+from parts.common import SBIN, TOP, Failed, run
+from parts.disk import mbr
+from parts.flash import blockio, blockmap, provision, target
+from parts.media.recording import Partition
 
 MIB = 2**20
 ENVIRONMENT = {**os.environ, **SBIN, "LC_ALL": "C"}

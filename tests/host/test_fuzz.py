@@ -7,7 +7,7 @@ import pathlib
 import pytest
 
 import fuzz
-from common import TOP
+from parts.common import TOP
 
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
 SEED = 1     # what is new is looked for by `make fuzz`, not by whoever tests something else

@@ -6,9 +6,9 @@ import subprocess
 
 import pytest
 
-import mbr
-import native
-from common import run
+from parts.common import run
+from parts.disk import mbr
+from parts.image import native
 
 TABLE = """label: dos
 label-id: 0xdd5601de

@@ -6,8 +6,8 @@ import subprocess
 import pytest
 
 import build
-import native
-from common import OUTPUT, TOP
+from parts.common import OUTPUT, TOP
+from parts.image import native
 
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBkvAbcd+/9 someone@there"
 

@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-from common import MORTAL
+from parts.common import MORTAL
 
 from .programs import TOP, Desk, make_clip, pictures, wait_until
 

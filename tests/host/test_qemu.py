@@ -12,10 +12,10 @@ import time
 
 import pytest
 
-import common
-import qemu
-from common import PATIENCE, TOP, Failed
-from qmp import Monitor
+from parts import common
+from parts.common import PATIENCE, TOP, Failed
+from parts.guest import qemu
+from parts.guest.qmp import Monitor
 
 GREETING = b'{"QMP": {"version": {}, "capabilities": []}}\n'
 DONE = b'{"return": {}}\n'

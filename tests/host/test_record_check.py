@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from record_check import Found, numbers_lost
+from parts.media.record_check import Found, numbers_lost
 
 CLIP = 50  # frames, which go round and round
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 import results
-from common import TOP
+from parts.common import TOP
 
 
 def result(name: str, outcome: str, **figures: Any) -> dict[str, Any]:

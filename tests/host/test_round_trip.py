@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from common import MORTAL
+from parts.common import MORTAL
 
 from .programs import (ROOT, Counters, Desk, ffmpeg, frame_md5, header_of, lost, make_clip, pictures, record, result,
                        start_recorder, stop, times, wait_until)

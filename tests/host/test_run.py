@@ -5,13 +5,11 @@ import pathlib
 
 import pytest
 
-import camera_run
-import clip as default_clip
-import report
-import stream
-from counters import Counters
-from report import Report, Stage
-from stream import Picture
+from parts.guest import camera_run, stream
+from parts.guest.stream import Picture
+from parts.media import clip as default_clip, report
+from parts.media.counters import Counters
+from parts.media.report import Report, Stage
 
 MS = 1_000_000
 PERIODS = 5  # of the camera, that a frame of the clip is shown for

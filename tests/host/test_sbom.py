@@ -8,7 +8,7 @@ import buildroot
 import legal
 import pytest
 import sbom
-from common import OUTPUT, Failed
+from parts.common import OUTPUT, Failed
 
 ELF = b"\x7fELF" + bytes(60)
 

@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 import pytest
 
-from common import TOP
+from parts.common import TOP
 
 from .appliance import Appliance
 from .programs import wait_until

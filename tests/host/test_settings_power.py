@@ -10,13 +10,13 @@ from collections.abc import Iterator
 
 import pytest
 
-import blocklog
 import build
-import native
-from common import MORTAL, SBIN, run
-from native_machine import NativeMachine
-from settings_cut import TOGGLES, cuts, toggle, wrong
-from slow_disk import FILE_SYSTEMS
+from parts.common import MORTAL, SBIN, run
+from parts.disk import blocklog
+from parts.guest.native_machine import NativeMachine
+from parts.guest.slow_disk import FILE_SYSTEMS
+from parts.image import native
+from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 
 from .programs import wait_until
 

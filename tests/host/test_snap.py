@@ -9,7 +9,7 @@ import numpy
 import pytest
 from numpy.typing import NDArray
 
-import clip as numbered_clip
+from parts.media import clip as numbered_clip
 
 from .programs import Desk, ffmpeg, make_clip
 

@@ -9,7 +9,7 @@ import subprocess
 
 import pytest
 
-from common import TOP
+from parts.common import TOP
 
 from .programs import wait_until
 

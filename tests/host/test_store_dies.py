@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from common import MORTAL, OUTPUT
+from parts.common import MORTAL, OUTPUT
 
 TESTS = OUTPUT / "desk/ddx/tests"
 Figure = Callable[[str, object], None]

@@ -6,7 +6,7 @@ import pathlib
 
 import pytest
 
-import clip as numbered_clip
+from parts.media import clip as numbered_clip
 
 from .stream import Stream, drawn, finish, printed, stop_recording
 

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-import clip as numbered_clip
+from parts.media import clip as numbered_clip
 
 from .programs import Counters, Process, result, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording

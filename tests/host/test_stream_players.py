@@ -11,8 +11,8 @@ from collections.abc import Iterator
 import numpy
 import pytest
 
-import clip as numbered_clip
-from common import MORTAL
+from parts.common import MORTAL
+from parts.media import clip as numbered_clip
 
 from .programs import ROOT, Desk, pictures, wait_until
 from .stream import Stream

@@ -8,7 +8,7 @@ import subprocess
 import numpy
 import pytest
 
-from footage import footage
+from parts.media.footage import footage
 
 from .programs import pictures, result, wait_until
 from .rtp_rules import broken_rules, captured, parse

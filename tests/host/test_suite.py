@@ -8,9 +8,9 @@ import tempfile
 
 import pytest
 
-import suite
-from common import TOP, run
-from suite import Suite
+from parts.common import TOP, run
+from parts.testing import suite
+from parts.testing.suite import Suite
 
 # Fails when it is run for the first time in this folder, with these words.
 ONCE = """\

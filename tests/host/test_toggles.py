@@ -11,8 +11,8 @@ import subprocess
 import pytest
 
 import build
-import native
-from native_machine import NativeMachine
+from parts.guest.native_machine import NativeMachine
+from parts.image import native
 
 SAVE, SEND, REAR = "ddxvideosave", "ddxvideosend", "ddxvideosend.rear"
 Services = dict[str, dict[str, object]]

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Measuring: a slice is one peer in one case for about a second, writer and readers. bench/main.c does the work."""
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+import os
+import pathlib
+import select
+import statistics
+import subprocess
+import time
+from collections.abc import Iterable
+from typing import Any
+
+from parts.common import MORTAL, OUTPUT, Failed
+from parts.image import native
+
+BUILD = OUTPUT / "bench/build"
+BEFORE = OUTPUT / "bench/before"  # the store of another commit, which is the peer of that name
+PATIENCE = 30  # s that a program may take to say a line
+PEERS = ["ddx", "futex", "iceoryx2", "gstreamer", "lcm"]
+NO_ZERO_COPY = ["lcm"]
+SIZES = {"cif": 352 * 288 * 3 // 2, "1080p": 1920 * 1080 * 3 // 2, "640x480": 640 * 480 * 3 // 2}
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    name: str
+    bytes: int
+    readers: int
+    mode: str  # zerocopy, copy or direct
+    interval: int  # us
+    frames: int
+    peers: tuple[str, ...]
+    writers: int = 1
+
+
+@dataclasses.dataclass
+class Slice:
+    """What one slice found; times in us, CPU per frame written and per frame delivered."""
+    latency: list[float]
+    writer_cpu: float
+    reader_cpu: float
+    percent: float  # of one core: all processes together
+    lost: int
+    torn: int
+    queued: float  # ms that writers and readers were ready to run and others had their cores
+
+    @property
+    def p50(self) -> float:
+        return percentile(self.latency, 50)
+
+
+def percentile(values: Iterable[float], part: float) -> float:
+    """The nearest of the values that at least `part` per cent of them do not exceed."""
+    ordered = sorted(values)
+    return ordered[max(0, -(-int(part * len(ordered)) // 100) - 1)] if ordered else float("nan")
+
+
+def cases() -> list[Case]:
+    found = []
+    for size, interval, frames in (("cif", 5000, 150), ("1080p", 10000, 80)):
+        for readers in (1, 8):
+            zero = tuple(peer for peer in PEERS if peer not in NO_ZERO_COPY)
+            found.append(Case(f"{size}-1x{readers}-zerocopy", SIZES[size], readers, "zerocopy", interval, frames, zero))
+            if (size, readers) == ("1080p", 1):
+                found.append(Case("direct", SIZES[size], readers, "direct", interval, frames, ("ddx",)))
+            found.append(Case(f"{size}-1x{readers}-copy", SIZES[size], readers, "copy", interval, frames, tuple(PEERS)))
+    found.append(Case("5x640x480-30fps-3readers", SIZES["640x480"], 3, "zerocopy", 33333, 60, zero, writers=5))
+    return found
+
+
+def place(peer: str) -> tuple[pathlib.Path, pathlib.Path]:
+    """The install tree of the peer's store and library, and its program."""
+    if peer == "before":
+        return BEFORE / "root", BEFORE / "build/bench-ddx"
+    return OUTPUT / "desk/root", BUILD / f"bench-{peer}"
+
+
+class Program:
+    """A writer or a reader, started and ready."""
+
+    def __init__(self, peer: str, folder: pathlib.Path, **options: object) -> None:
+        root, program = place(peer)
+        environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder)}
+        words = [f"{key.replace('_', '-')}={value}" for key, value in options.items()]
+        command = [str(program), *words]
+        self.name = " ".join(command[:3])
+        self.process = subprocess.Popen(command, cwd=folder, env=environment, text=True, stdin=subprocess.PIPE,
+                                        stdout=subprocess.PIPE)
+
+    def ready(self) -> None:
+        if self.line() != "ready":
+            raise Failed(f"{self.name}: cannot start")
+
+    def line(self) -> str:
+        assert self.process.stdout
+        if not select.select([self.process.stdout], [], [], PATIENCE)[0]:
+            self.process.kill()
+            raise Failed(f"{self.name}: hangs")
+        return self.process.stdout.readline().strip()
+
+    def go(self) -> None:
+        assert self.process.stdin
+        self.process.stdin.write("go\n")
+        self.process.stdin.flush()
+
+    def result(self) -> dict[str, Any]:
+        try:
+            return dict(json.loads(self.line()))
+        except ValueError:
+            raise Failed(f"{self.name}: failed") from None
+
+    def end(self) -> None:
+        if self.process.stdin:
+            self.process.stdin.close()
+        try:
+            self.process.wait(5)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        if self.process.stdout:
+            self.process.stdout.close()
+
+
+class Store:
+    """The store that ddx needs, in a folder of its own; its CPU time counts where everything is added up."""
+
+    def __init__(self, folder: pathlib.Path, peer: str = "ddx", memory: str = "256M") -> None:
+        root = place(peer)[0]
+        self.process = subprocess.Popen([*MORTAL, root / "usr/bin/store", "-m", memory], stderr=subprocess.DEVNULL,
+                                        env={**os.environ, **native.environment(root), "DDX_DIR": str(folder)})
+        os.sched_setaffinity(self.process.pid, cpus()[-1:])
+
+    def cpu(self) -> float:
+        """ns"""
+        return float(pathlib.Path(f"/proc/{self.process.pid}/schedstat").read_text().split()[0])
+
+    def end(self) -> None:
+        self.process.terminate()
+        self.process.wait(10)
+
+
+def cpus() -> list[int]:
+    return sorted(os.sched_getaffinity(0))
+
+
+names = (f"bench-{os.getpid()}-{number}" for number in itertools.count())
+
+
+def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up: int = 10,
+              **faults: object) -> Slice:
+    """The writer is on the first core, the readers on the others in turn, and then on the first one, too."""
+    core = cpus()
+    writers: list[Program] = []
+    readers: list[Program] = []
+    try:
+        for camera in range(case.writers):
+            options = {"mode": case.mode, "name": next(names), "bytes": case.bytes, "readers": case.readers,
+                       "frames": case.frames, "warm_up": warm_up, "interval": case.interval}
+            writers.append(Program(peer, folder, role="writer", cpu=core[camera % len(core)], **options, **faults))
+            writers[-1].ready()
+            readers += [Program(peer, folder, role="reader", cpu=core[(camera + 1 + number) % len(core)], **options)
+                        for number in range(case.readers)]
+        for program in readers:
+            program.ready()
+        for program in readers:
+            program.go()
+        time.sleep(0.05)  # the readers are asleep in their first wait
+        store_before = store.cpu()
+        begin = time.monotonic()
+        for program in writers:
+            program.go()
+        wrote = [program.result() for program in writers]
+        seconds = time.monotonic() - begin
+        store_cpu = store.cpu() - store_before if peer in ("ddx", "before") else 0
+        read = [program.result() for program in readers]
+    finally:
+        for program in [*writers, *readers]:
+            program.end()
+    reader_cpu = [found["cpu_ns"] / (found["frames"] - 1) / 1000 for found in read if found["frames"] > 1]
+    if not reader_cpu:
+        raise Failed(f"{peer}: {case.name}: nothing arrives")
+    writer_cpu = statistics.mean(found["cpu_ns"] / found["frames"] / 1000 for found in wrote)
+    total = writer_cpu * case.writers + sum(reader_cpu)
+    return Slice(latency=[ns / 1000 for found in read for ns in found["latency_ns"]], writer_cpu=writer_cpu,
+                 reader_cpu=statistics.mean(reader_cpu),
+                 percent=100 * (total / case.interval + store_cpu / 1e9 / seconds),
+                 lost=sum(found["lost"] for found in read), torn=sum(found["torn"] for found in read),
+                 queued=sum(found["queued_ns"] for found in wrote + read) / 1e6)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What every tool shares: where things are, running commands, progress lines, steps that are done only when needed."""
+import contextlib
+import fcntl
+import hashlib
+import os
+import pathlib
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import NoReturn
+
+TOP = pathlib.Path(__file__).resolve().parents[2]
+OUTPUT = TOP / "output"
+CACHE = OUTPUT / "cache"
+# Outside of the tree: what is the same for every clone on this machine.
+HOST_CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
+SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on everybody's path
+
+# s; for whatever somebody else has to do, on a machine that may be busy: a guest, QEMU, a tool. No result depends on
+# it, it only ends what would never end.
+PATIENCE = 300.0
+
+# Before a command: it ends with who started it, however that ended.
+MORTAL = ("setpriv", "--pdeathsig", "KILL")
+
+Command = Sequence[str | os.PathLike[str]]
+
+
+class Failed(Exception):
+    """Something went wrong that is best told in one line."""
+
+
+def say(text: str) -> None:
+    print(text, flush=True)
+
+
+def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] | None = None,
+        timeout: float | None = None) -> str:
+    """Run a command quietly; what it printed is the result, or shown when it failed."""
+    try:
+        done = subprocess.run(command, cwd=cwd, env={**os.environ, **SBIN, **(env or {})}, stdin=subprocess.DEVNULL,
+                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
+                              timeout=timeout)
+    except subprocess.TimeoutExpired as error:
+        raise Failed(f"not done after {error.timeout:.0f} s: {' '.join(map(str, command))}") from None
+    if done.returncode != 0:
+        sys.stdout.write("".join(done.stdout.splitlines(keepends=True)[-60:]))
+        raise Failed(f"exit status {done.returncode}: {' '.join(map(str, command))}")
+    return done.stdout
+
+
+def commit() -> str:
+    """What is tested: the commit, and whether there is more than that in the tree; empty outside git."""
+    words = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
+    done = subprocess.run(words, cwd=TOP, capture_output=True, text=True, check=False)
+    return done.stdout.strip()
+
+
+def copy(source: pathlib.Path, target: pathlib.Path) -> None:
+    """A file that may have holes, such as a disk, without filling them."""
+    run(["cp", "--reflink=auto", "--sparse=always", source, target])
+
+
+@contextlib.contextmanager
+def alone(name: str, lock: pathlib.Path) -> Iterator[None]:
+    """Not while another process is here with the same lock; says so when it has to wait. It ends with the process."""
+    lock.parent.mkdir(parents=True, exist_ok=True)
+    with lock.open("a+") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            file.seek(0)
+            say(f"{name}: waiting for process {file.read() or '?'}, which is at it already ({lock})")
+            fcntl.flock(file, fcntl.LOCK_EX)
+        file.truncate(0)
+        file.write(str(os.getpid()))
+        file.flush()
+        yield
+
+
+def finish(name: str, main: Callable[[], int]) -> NoReturn:
+    """Run a tool's main() and end with its status; what failed is one line and status 1."""
+    try:
+        sys.exit(main())
+    except Failed as error:
+        say(f"{name}: {error}")
+        sys.exit(1)
+
+
+def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
+    """A hash over files (folders: everything below) and words. Contents count, times do not, nor does the clone."""
+    digest = hashlib.sha256("\0".join(words).encode())
+    for path in paths:
+        below = path.rglob("*") if path.is_dir() else [path]
+        for file in sorted(p for p in below if p.is_symlink() or p.is_file()):
+            name = file.relative_to(TOP) if file.is_relative_to(TOP) else file
+            digest.update(f"\0{name}\0{file.lstat().st_mode:o}\0".encode())
+            digest.update(os.readlink(file).encode() if file.is_symlink() else file.read_bytes())
+    return digest.hexdigest()
+
+
+def step(title: str, stamp: pathlib.Path, key: str, action: Callable[[], object]) -> bool:
+    """Do the action unless the stamp says that it was done with the same key. True when it was done now."""
+    if stamp.exists() and stamp.read_text() == key:
+        return False
+    stamp.parent.mkdir(parents=True, exist_ok=True)
+    stamp.unlink(missing_ok=True)
+    begin = time.monotonic()
+    say(f"{title} ...")
+    action()
+    say(f"{title}: {time.monotonic() - begin:.1f} s")
+    stamp.write_text(key)
+    return True
+
+
+def entries(path: pathlib.Path) -> list[str]:
+    """The lines of a list file, without comments and empty lines."""
+    lines = (line.split("#", 1)[0].strip() for line in path.read_text().splitlines())
+    return [line for line in lines if line]

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A clip that goes round and round in a guest, recorded on a slow disk, and what became of its frames."""
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+
+from parts.common import TOP, Failed, run
+from parts.guest import session, testdisk, write_trace
+from parts.guest.qemu import Guest
+from parts.guest.session import LOAD, SAVE
+from parts.guest.slow_disk import SlowDisk, Speed
+from parts.media import record_check
+from parts.media.clip import RATE
+from parts.media.counters import Counters
+from parts.media.record_check import Found
+
+CLIP_SECONDS = 20
+FRAMES = CLIP_SECONDS * RATE
+PROGRAMS = ("naive", "neighbour")
+HERTZ = 20  # of the neighbour's
+# In the provisioning file: nothing happens before the disk is there
+QUIET = f"service={SAVE} off\nservice={LOAD} off\n"
+READY = 2  # files that the recorder prepares before it needs them
+NAIVE_FILE = "naive"
+
+
+@dataclasses.dataclass
+class Result:
+    found: Found
+    load: Counters
+    save: Counters
+    stall_ms: float  # longest write of pictures
+    neighbour: int   # how often the neighbour's writes were made safe
+
+
+def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
+    """tests/guest/naive and neighbour as static programs of the development image's processor."""
+    ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
+    library = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
+    library += (video / "common").glob("item*.c")
+    for name in PROGRAMS:
+        run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
+             f"-I{ddx}/include", f"-I{video}/include", TOP / f"tests/guest/{name}/main.c",
+             *(library if name == "naive" else []), "-o", folder / name])
+    return {name: folder / name for name in PROGRAMS}
+
+
+def test_disk(work: pathlib.Path, clip: pathlib.Path, settings: str = "") -> pathlib.Path:
+    """With the clip, the two programs and the recorder's settings."""
+    return testdisk.make(work / "disk-session.img", clip, {
+        **programs(work), f"{LOAD}.conf": "loop=\n", f"{SAVE}.conf": settings})
+
+
+def prepare(guest: Guest, disk: SlowDisk) -> None:
+    guest.shell()
+    disk.mount(guest)
+    guest.sh(f"for name in {' '.join(PROGRAMS)}; do cp /test/$name /tmp; chmod 755 /tmp/$name; done")
+
+
+def start_program(guest: Guest, name: str, arguments: str) -> None:
+    guest.sh(f"cd /; nohup /tmp/{name} {arguments} > /tmp/{name}.said 2>&1 & echo $! > /tmp/{name}.pid")
+
+
+def end_program(guest: Guest, name: str) -> list[int]:
+    """The numbers that it says at its end."""
+    pid = guest.sh(f"read -r pid < /tmp/{name}.pid && kill $pid && echo $pid")
+    guest.wait_until(f"! [ -d /proc/{pid} ]")
+    said = guest.sh(f"cat /tmp/{name}.said")
+    return [int(word) for word in said.split()]
+
+
+def prepared(guest: Guest) -> None:
+    """Wait until the recorder has files ready, as on a machine that has been on for a while."""
+    ready = "for file in /rec/pool/*.index; do tail -c +9 $file | head -c 1; done | tr '\\001' R | grep -o R | wc -l"
+    guest.sh(f"(for i in $(seq 400); do [ $({ready}) -lt {READY} ] || exit 0; sleep 0.5; done 2> /dev/null; "
+             f"cat /run/log/{SAVE}/current; ls -la /rec/pool; exit 1)", 300)
+
+
+def begin(guest: Guest, disk: SlowDisk, speed: Speed | None, naive: bool = False, cold: bool = False) -> None:
+    """Record: the clip begins when the recorder is there. `cold`: and has prepared nothing yet."""
+    if naive:
+        start_program(guest, "naive", f"video /rec/{NAIVE_FILE}")
+    else:
+        guest.sh(f"ddxctl enable {SAVE}")
+        if not cold:
+            prepared(guest)
+    write_trace.start(guest, "write" if naive else "pwrite64")
+    if speed:
+        disk.limit(guest, speed)
+    start_program(guest, "neighbour", f"/rec/neighbour {HERTZ}")
+    guest.sh(f"ddxctl enable {LOAD}")
+
+
+def end(guest: Guest, disk: SlowDisk, naive: bool = False, frames: int = FRAMES) -> Result:
+    """The source first, so that all that was published arrives; then everybody, and the disk is looked at. The clip has
+    so many frames."""
+    guest.sh(f"/etc/init.d/S*{LOAD} stop")
+    load = session.end_counters(guest, LOAD)
+    save, counts = Counters(), []
+    if naive:
+        counts = end_program(guest, "naive")
+    else:
+        guest.sh(f"/etc/init.d/S*{SAVE} stop")
+        save = session.end_counters(guest, SAVE)
+    neighbour, = end_program(guest, "neighbour")
+    stall, _ = write_trace.longest(guest)
+    guest.sh("sync; umount /rec")
+    if naive and len(counts) != 2:
+        raise Failed("the naive writer has failed")
+    found = (record_check.naive(disk.image, NAIVE_FILE, load, counts[0], counts[1], frames) if naive
+             else record_check.recorder(disk.image, load, save, frames))
+    return Result(found, load, save, stall, neighbour)

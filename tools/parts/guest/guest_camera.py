@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A camera inside a guest: vivid, the kernel's camera for tests, and the programs of tests/guest at its far side."""
+import pathlib
+from collections.abc import Mapping
+
+from parts.common import TOP, run
+from parts.guest import machine, testdisk
+from parts.guest.qemu import Guest
+
+GRABBER = "ddxvideoV4L"
+FEED = "feed.y4m"   # on the test disk: a clip that nobody replays by himself
+INTERLACED = 4      # V4L2_FIELD_INTERLACED
+LOOPED = "input=S-Video\nstandard=PAL\nsize=CIF\nformat=YU12\n"  # settings of the grabber for loop()
+SOURCES = TOP / "tests/guest"
+
+
+def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
+    """tests/guest as static programs for the board's processor; `frames` has libddx in it."""
+    bits = ["-m32", "-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"] if "i386" in machine.meta(board)["qemu"] else []
+    ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
+    library = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
+    library += (video / "common").glob("item*.c")
+    folders = [f"-I{ddx}/include", f"-I{video}/include"]
+    more: dict[str, list[str]] = {"v4l": [], "frames": ["-D_GNU_SOURCE", *folders, *map(str, library)]}
+    for name in more:
+        run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", *bits,
+             *sorted((SOURCES / name).glob("*.c")), *more[name], "-o", work / name])
+    return {name: work / name for name in more}
+
+
+def disk(work: pathlib.Path, board: str, clip: pathlib.Path,
+         more: Mapping[str, pathlib.Path | str] | None = None) -> pathlib.Path:
+    """A test disk with the far side of a camera, and other files, such as settings."""
+    files: dict[str, pathlib.Path | str] = {**programs(work, board), FEED: clip, **(more or {})}
+    return testdisk.make(work / f"camera-{clip.stem}.img", None, files)
+
+
+def prepare(guest: Guest) -> None:
+    guest.shell()
+    guest.sh("mkdir -p /tmp/feed && cp /test/v4l /test/frames /tmp && chmod 755 /tmp/v4l /tmp/frames")
+
+
+def vivid(guest: Guest, options: str = "") -> None:
+    """Load it; devices 0 and 1 of each instance give and show pictures."""
+    guest.sh(f"modprobe vivid no_error_inj=0 {options}")
+    guest.wait_until("[ -c /dev/video0 ]")
+
+
+def control(guest: Guest, what: str, device: str = "/dev/video0") -> None:
+    """Set one of the driver's controls, past the program under test: "Brightness=100"."""
+    guest.sh(f"/tmp/v4l control {device} {what!r}")
+
+
+def loop(guest: Guest, milliseconds: int, fourcc: str = "YU12") -> None:
+    """Show the feed's first frame on vivid's output, and connect that with the S-Video input. The clip goes on when
+    there is /tmp/feed/go, each of its frames for so long; the last one stays until there is /tmp/feed/end."""
+    control(guest, "OSD Text Mode=None")
+    control(guest, "Timestamp Source=Start of Exposure")  # else its times are in the future
+    guest.sh("rm -f /tmp/feed/*; cd /; nohup /tmp/v4l feed /dev/video1 0 "
+             f"{fourcc} {INTERLACED} {milliseconds} /test/{FEED} /tmp/feed > /tmp/feed/log 2>&1 & sleep 1")
+    control(guest, "S-Video 000-0 Is Connected To=Output S-Video")

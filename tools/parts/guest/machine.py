@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What a board's image is booted in: board/<board>/meta says which machine, which processor, which firmware."""
+import dataclasses
+import os
+import pathlib
+import shutil
+
+from parts.common import OUTPUT, TOP, Failed, entries, fingerprint
+
+DEV = "dev"  # the development image; all others are built by Buildroot
+OVMF = pathlib.Path("/usr/share/OVMF")
+# What a disk may hang on: QEMU's devices, the last one is the disk (drive=) itself.
+BUSES = {
+    "virtio": ["virtio-blk-pci"],
+    "ide": ["ide-hd,bus=ide.0"],
+    "ahci": ["ich9-ahci,id=ahci", "ide-hd,bus=ahci.0"],
+    "usb": ["qemu-xhci,id=xhci", "usb-storage,bus=xhci.0"],
+    "nvme": ["nvme,serial=ddx"],
+    "sd": ["sdhci-pci", "sd-card"],
+}
+
+
+def meta(board: str) -> dict[str, str]:
+    path = TOP / "board" / board / "meta"
+    if not path.is_file():
+        known = sorted(one.parent.name for one in (TOP / "board").glob("*/meta"))
+        raise Failed(f"no board {board!r}; there are: {' '.join(known)}")
+    return dict(line.split("=", 1) for line in entries(path))
+
+
+@dataclasses.dataclass(frozen=True)
+class Machine:
+    board: str
+    program: str
+    kind: str  # pc: IDE, ISA, 1996; q35: AHCI, PCIe, 2009
+    cpu: str
+    memory: int  # MiB
+    firmware: str = "bios"  # bios (SeaBIOS) or uefi (OVMF)
+    bus: str = "virtio"  # what its disk hangs on, of BUSES
+
+    def disk(self, drive: str) -> list[str]:
+        """QEMU's options for the disk it boots from."""
+        *others, last = BUSES[self.bus]
+        return [word for device in [*others, f"{last},drive={drive}"] for word in ("-device", device)]
+
+    def arguments(self, folder: pathlib.Path, more_memory: int = 0) -> list[str]:
+        """QEMU's program and its options; firmware that keeps settings keeps them in the folder."""
+        kind = "pc" if self.bus == "ide" else self.kind  # q35 has no such controller
+        words = [self.program, "-machine", kind, "-cpu", self.cpu, "-m", str(self.memory + more_memory)]
+        if self.firmware == "uefi":
+            shutil.copy(OVMF / "OVMF_VARS_4M.fd", folder / "vars.fd")
+            words += ["-drive", f"if=pflash,unit=0,format=raw,readonly=on,file={OVMF}/OVMF_CODE_4M.fd",
+                      "-drive", f"if=pflash,unit=1,format=raw,file={folder}/vars.fd"]
+        return words
+
+
+def machines(board: str) -> list[Machine]:
+    """One for each firmware that the board's image has to boot with; FIRMWARE= chooses one."""
+    about = meta(board)
+    wanted = os.environ.get("FIRMWARE")
+    names = about["firmware"].split()
+    if wanted and wanted not in names:
+        raise Failed(f"board {board} is tested with {' and '.join(names)}, not with {wanted}")
+    return [Machine(board, about["qemu"], about["machine"], about["cpu"], int(about["memory"]), name)
+            for name in names if not wanted or name == wanted]
+
+
+def sources(board: str) -> str:
+    """A hash over everything of ours that goes into a board's image."""
+    return fingerprint([TOP / "package", TOP / "overlay", TOP / "board/common", TOP / "board" / board,
+                        TOP / "buildroot-external"])
+
+
+def image(board: str) -> pathlib.Path:
+    """The product's image, built from the sources as they are now."""
+    meta(board)
+    path = OUTPUT / board / "disk.img"
+    if not path.exists():
+        raise Failed(f"there is no image for {board}; `make image BOARD={board}` builds it, in about an hour")
+    if (path.parent / "sources").read_text() != sources(board):
+        raise Failed(f"the image for {board} is older than its sources; `make image BOARD={board}` renews it")
+    return path

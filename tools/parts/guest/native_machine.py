@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The development image's root file system, started on this machine's own kernel instead of an emulated one: for what
+has to be done thousands of times.
+
+Its own init, runsvdir, scripts and programs run as they ship, in namespaces of their own (processes, mounts, network,
+host name). Left out is what belongs to hardware: no device is there but those that each machine has (so neither a
+camera nor a watchdog: nothing in here can reset its host), and nobody checks disks. /data and /rec are folders that
+outlive the machine, so that the next one starts with the same settings.
+"""
+from __future__ import annotations
+
+import os
+import pathlib
+import signal
+import subprocess
+import tempfile
+import time
+from types import TracebackType
+
+from parts.common import MORTAL, PATIENCE, Failed
+
+SCRIPTS = "S02base S[2-9]*"  # of /etc/init.d: folders and loopback, then the services
+DEVICES = {"null": "1 3", "zero": "1 5", "full": "1 7", "random": "1 8", "urandom": "1 9", "tty": "5 0"}
+# Instead of the image's own, which also opens consoles, and looks for disks.
+INITTAB = """\
+::sysinit:/bin/sh /run/start
+::respawn:/usr/bin/runsvdir -P /run/service
+::shutdown:/etc/init.d/rcK
+"""
+START = f"""\
+cd /run
+touch provision provision.wrong
+for script in $(cd /etc/init.d && echo {SCRIPTS}); do /etc/init.d/$script start; done > boot 2>&1
+"""
+# $1: where the root becomes this machine's, $2: the image's root, $3: folders that outlive it. The root is a file
+# system of its own, as it has to be for /data and /rec to be known as mounted.
+SETUP = f"""\
+set -e
+mount -t overlay -o "ro,lowerdir=$2:$3/empty" root "$1"
+mount -t proc -o nosuid,nodev,noexec proc "$1/proc"
+mount --bind -o ro "$1/proc/sys" "$1/proc/sys"
+mount -o remount,bind,ro "$1/proc/sys"
+mount -t sysfs -o ro,nosuid,nodev,noexec sysfs "$1/sys"
+mount -t tmpfs -o mode=755,nosuid,size=1m dev "$1/dev"
+{"".join(f'mknod -m 666 "$1/dev/{name}" c {number}; ' for name, number in DEVICES.items())}
+mount -t tmpfs -o mode=755,nosuid,nodev,size=16m run "$1/run"
+mount -t tmpfs -o mode=1777,nosuid,nodev,size=16m tmp "$1/tmp"
+for folder in data rec test; do mount --bind "$3/$folder" "$1/$folder"; done
+cp "$3/start" "$1/run"
+mount --bind "$3/inittab" "$1/etc/inittab"
+exec chroot "$1" /sbin/init
+"""
+# As overlay/usr/libexec/ddx/recordings-disk gives them away: the recorder's, and the logger's.
+OWNERS = {"rec": 903, "rec/log": 909}
+GROUP = 900
+ENTER = ("--mount", "--pid", "--net", "--uts", "--ipc", "--root", "--wd=/")
+PATH = "PATH=/usr/sbin:/usr/bin:/sbin:/bin"
+
+
+class NativeMachine:
+    """One run of it. `keep` is a folder that outlives it, with /data, /rec and /test."""
+
+    def __init__(self, root: pathlib.Path, keep: pathlib.Path) -> None:
+        if os.geteuid() != 0:
+            raise Failed("a machine in namespaces of its own takes root")
+        self.keep = keep
+        for name in ("data/ddx", "rec/log", "test", "empty"):
+            (keep / name).mkdir(parents=True, exist_ok=True)
+        for path, user in OWNERS.items():
+            os.chown(keep / path, user, GROUP)
+            (keep / path).chmod(0o2755)
+        (keep / "inittab").write_text(INITTAB)
+        (keep / "start").write_text(START)
+        self._place = tempfile.TemporaryDirectory(prefix="ddx-")
+        spaces = ("--mount", "--pid", "--net", "--uts", "--ipc", "--fork", "--kill-child")
+        self.process = subprocess.Popen([*MORTAL, "unshare", *spaces, "sh", "-c", SETUP, "sh", self._place.name,
+                                         str(root), str(keep)], stdin=subprocess.DEVNULL,
+                                        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        self._enter: list[str] = []
+        self._wait_for_init()
+        self.wait_until("pidof runsvdir")
+
+    def _wait_for_init(self) -> None:
+        """Until init has taken over: before, the root may still be this machine's own."""
+        children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
+        end = time.monotonic() + PATIENCE
+        while True:
+            first = children.read_text().split()
+            if first and pathlib.Path(f"/proc/{first[0]}/comm").read_text() == "init\n":
+                self._enter = ["nsenter", *ENTER, "--target", first[0], "env", "-i", PATH, "sh", "-c"]
+                return
+            if self.process.poll() is not None or time.monotonic() > end:
+                raise Failed(f"no machine of its own: {self.process.stderr.read() if self.process.stderr else ''}")
+            time.sleep(0.02)
+
+    def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
+        """Exit status, and what it said."""
+        done = subprocess.run([*MORTAL, *self._enter, command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                              stderr=subprocess.STDOUT, text=True, errors="replace", timeout=timeout)
+        return done.returncode, done.stdout.strip()
+
+    def sh(self, command: str, timeout: float = PATIENCE) -> str:
+        """What a command says, which has to succeed."""
+        status, text = self.run(command, timeout)
+        if status:
+            raise Failed(f"exit status {status}: {command}: {text}")
+        return text
+
+    def wait_until(self, condition: str, timeout: float = PATIENCE) -> None:
+        end = time.monotonic() + timeout
+        while self.run(condition)[0]:
+            if time.monotonic() > end:
+                raise Failed(f"waited in vain: {condition}")
+            time.sleep(0.1)
+
+    def wait_for_end(self) -> None:
+        """It was told to stop, or to start anew: init ends, and everything with it."""
+        self.process.wait(PATIENCE)
+
+    def end(self) -> None:
+        """As the power does it."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGKILL)
+        self.process.wait()
+        if self.process.stderr:
+            self.process.stderr.close()
+        self._place.cleanup()
+
+    def __enter__(self) -> NativeMachine:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.end()

@@ -1,0 +1,345 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A guest: QEMU with the image as it is flashed, booted by the board's firmware and the image's own loader."""
+import contextlib
+import dataclasses
+import json
+import os
+import pathlib
+import shlex
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Mapping
+from types import TracebackType
+from typing import ClassVar
+
+from parts.common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, copy, run, say
+from parts.disk.disk import BOOT, Disk
+from parts.guest import machine as boards
+from parts.guest.channel import Channel, Timeout
+from parts.guest.machine import Machine
+from parts.guest.qmp import Monitor
+
+PROBE_SECONDS = 6
+TCG = "tcg,thread=multi"
+USERSPACE = b"Starting base"  # our own scripts' first line
+# With several processors under TCG, QEMU 7.2 may execute the breakpoint by which a kernel changes its own code (jump
+# labels) after it is gone: once in some hundred boots, always before userspace. No image can help that.
+# And on a starved host the kernel's short look at the timer may end before QEMU has let it tick.
+MACHINE_FAULTS = (b"Oops: int3", b"8254 timer not connected")
+BOOTS_AGAIN = 2
+
+
+def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk: pathlib.Path | None) -> list[str]:
+    """The first one is booted."""
+    file = {"driver": "qcow2", "file": {"driver": "file", "filename": str(disk.path)}}
+    graph: dict[str, object] = {"node-name": "disk", "cache": {"no-flush": True}, **file}
+    if writes:
+        writes.write_bytes(b"")
+        log = {"driver": "file", "filename": str(writes)}
+        graph = {"driver": "blklogwrites", "node-name": "disk", "log": log, "file": file}
+    after = ["-drive", f"file={test_disk},format=raw,if=virtio,readonly=on"] if test_disk else []
+    return ["-blockdev", json.dumps(graph), *machine.disk("disk"), *after]
+
+
+class Guest:
+    """One run of a machine with an image; what it wrote is gone afterwards, the image stays as it was.
+
+    `more_memory` (MiB) is added to what the machine has, `size` makes the disk larger than the image (bytes), `prepare`
+    changes the disk before the boot, `keep` is a folder that outlives the guest, so that the next one goes on with the
+    same disk, `writes` is a file for all that is written to the disk (blocklog.py), `bus` is what the disk hangs on
+    (machine.py)."""
+
+    started = 0  # of all guests, by this process: what a run of the tests has cost
+    alive: ClassVar[list["Guest"]] = []
+    # Those that live on for somebody later: one of them runs, and none when another guest starts.
+    kept: ClassVar[list["Guest"]] = []
+    # Is told of each guest that is about to end, and whether an error ends it.
+    witness: ClassVar[Callable[["Guest", bool], None] | None] = None
+
+    def __init__(self, image: pathlib.Path, accel: str, machine: Machine | None = None, *, console: bool = True,
+                 serial: bool = False, provision: str = "", environment: tuple[str, ...] = (),
+                 test_disk: pathlib.Path | None = None, more_memory: int = 0, log: pathlib.Path | None = None,
+                 extra: tuple[str, ...] = (), size: int = 0, prepare: Callable[[Disk], None] | None = None,
+                 keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "") -> None:
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="ddx-", dir=os.environ.get("TMPDIR", "/tmp")))
+        with contextlib.ExitStack() as undo:
+            undo.callback(shutil.rmtree, self.folder, ignore_errors=True)
+            self.machine = machine or boards.machines(boards.DEV)[0]
+            if bus:
+                self.machine = dataclasses.replace(self.machine, bus=bus)
+            self.log = log or self.folder / "console.log"
+            self._channels: dict[str, Channel] = {}
+            again = keep is not None and (keep / "disk.qcow2").exists()
+            disk = Disk(image, keep or self.folder, size)
+            if not again:
+                provision = ("console=open\n" if console else "") + ("test=yes\n" if test_disk else "") + provision
+            self._set_boot_files(disk, provision, environment, serial)
+            if prepare:
+                prepare(disk)
+            self._command = [*MORTAL, *self.machine.arguments(self.folder, more_memory),
+                             *self._devices(accel), *_drive(disk, self.machine, writes, test_disk), *extra]
+            self._again = BOOTS_AGAIN
+            self._paused = False
+            self._disk, self._before, self._writes = disk.path, self.folder / "before.qcow2", writes
+            copy(self._disk, self._before)
+            self._rest()
+            self._start()
+            undo.pop_all()
+        Guest.alive.append(self)
+
+    def _devices(self, accel: str) -> list[str]:
+        words = [
+            "-accel", accel, "-smp", "2", "-nodefaults", "-no-user-config", "-no-reboot", "-display", "none",
+            "-vga", "std", "-rtc", "base=utc", "-device", "virtio-rng-pci", "-device", "virtio-serial-pci",
+            "-chardev", f"socket,id=ttyS0,path={self.folder}/ttyS0,server=on,wait=off,logfile={self.log}",
+            "-serial", "chardev:ttyS0",
+            "-chardev", f"socket,id=qmp,path={self.folder}/qmp,server=on,wait=off", "-mon", "chardev=qmp,mode=control"]
+        for name in ["hvc0", "hvc1"]:
+            words += ["-chardev", f"socket,id={name},path={self.folder}/{name},server=on,wait=off",
+                      "-device", f"virtconsole,chardev={name}"]
+        return words
+
+    def _start(self) -> None:
+        for name in ["hvc1", "ttyS0"]:
+            (self.folder / name).unlink(missing_ok=True)
+        self.log.unlink(missing_ok=True)
+        Guest.started += 1
+        self.begin = time.monotonic()
+        with (self.folder / "qemu.log").open("w") as words:
+            self.process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stderr=words)
+        try:
+            deadline = time.monotonic() + PATIENCE
+            while not (self.folder / "hvc1").exists():
+                if self.process.poll() is not None or time.monotonic() > deadline:
+                    raise Failed("QEMU does not start")
+                time.sleep(0.02)
+            with Monitor(self.folder / "qmp"):  # it answers when all devices are there
+                pass
+        except BaseException as error:
+            self.process.kill()
+            self.process.wait()
+            if isinstance(error, Failed):
+                raise Failed(f"{error}: {self.words()}") from None
+            raise
+
+    def _set_boot_files(self, disk: Disk, provision: str, environment: tuple[str, ...],
+                        serial: bool) -> None:
+        """ddx.txt and GRUB's variables (name=value), where the test wants others than the image has, and whether
+        menu and shell listen on the serial line."""
+        files = {}
+        if serial:
+            files["serial-on.txt"] = TOP / "board/common/serial-off.txt"
+        if provision:
+            files["ddx.txt"] = self.folder / "ddx.txt"
+            files["ddx.txt"].write_text(provision)
+        if environment:
+            files["grub/grubenv"] = self.folder / "grubenv"
+            run(["grub-editenv", files["grub/grubenv"], "create"])
+            run(["grub-editenv", files["grub/grubenv"], "set", *environment])
+        if files:
+            disk.set_boot_files(files)
+
+    def pause(self) -> None:
+        """Stop its processors and its time until it is used again: it takes nobody's meanwhile."""
+        if not self._paused and self.process.poll() is None:
+            self.monitor("stop")
+            self._paused = True
+
+    def _rest(self) -> None:
+        for other in Guest.kept:
+            if other is not self:
+                other.pause()
+
+    def _wake(self) -> None:
+        if self._paused:
+            self._paused = False
+            self._rest()
+            self.monitor("cont")
+
+    def snapshot(self) -> pathlib.Path:
+        """The disk as it is now, as a plain file; from QEMU itself, so that what it has not written yet counts."""
+        image, link = self.folder / "snapshot.img", self.folder / "nbd"
+        image.unlink(missing_ok=True)
+        self.monitor("nbd-server-start", addr={"type": "unix", "data": {"path": str(link)}})
+        try:
+            self.monitor("block-export-add", type="nbd", id="disk", **{"node-name": "disk"})
+            run(["qemu-img", "convert", "-f", "raw", "-O", "raw", f"nbd+unix:///disk?socket={link}", image],
+                timeout=PATIENCE)
+        finally:
+            self.monitor("nbd-server-stop")
+        return image
+
+    def environment(self) -> dict[str, str]:
+        """GRUB's variables, as they are on the disk now."""
+        text = run(["mtype", "-i", f"{self.snapshot()}@@{BOOT}", "::grub/grubenv"], timeout=PATIENCE)
+        return dict(line.split("=", 1) for line in text.splitlines() if "=" in line and not line.startswith("#"))
+
+    def __enter__(self) -> "Guest":
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        try:
+            if Guest.witness and not isinstance(error, KeyboardInterrupt):
+                Guest.witness(self, error is not None)
+        finally:
+            self.close()
+
+    @property
+    def opened(self) -> Mapping[str, Channel]:
+        """The channels that are in use."""
+        return self._channels
+
+    @property
+    def paused(self) -> bool:
+        return self._paused
+
+    def channel(self, name: str) -> Channel:
+        """ttyS0, hvc0 or hvc1, as it is."""
+        self._wake()
+        if name not in self._channels:
+            self._channels[name] = Channel(self.folder / name)
+        return self._channels[name]
+
+    def shell(self, name: str = "hvc0", timeout: float = PATIENCE) -> Channel:
+        """The channel with a shell behind it; waits for the boot."""
+        self._wake()
+        if name not in self._channels:
+            if not self._channels:
+                self.wait_for_log(USERSPACE, timeout)
+            try:
+                self.channel(name).open_shell(timeout)
+            except Timeout as error:
+                tail = self._said().decode(errors="replace")[-1500:]
+                raise Failed(f"the guest did not come up: {error}\n{tail}") from None
+        return self._channels[name]
+
+    def wait_for_log(self, text: bytes, timeout: float = PATIENCE) -> None:
+        """Until the serial line has said so, whether anybody was listening or not."""
+        self._wake()
+        deadline = time.monotonic() + timeout
+        while text not in self._said():
+            if not self._channels and self.boots_again():
+                deadline = time.monotonic() + timeout
+            if self.process.poll() is not None:
+                raise Failed(f"QEMU ended before the guest had said {text!r}: {self.words()}")
+            if time.monotonic() > deadline:
+                raise Failed(f"the guest did not say {text!r} within {timeout:.0f} s")
+            time.sleep(0.02)
+
+    def words(self) -> str:
+        """What QEMU itself has said, to whom it may concern."""
+        return (self.folder / "qemu.log").read_text(errors="replace").strip()
+
+    def _said(self) -> bytes:
+        return self.log.read_bytes() if self.log.exists() else b""
+
+    def boots_again(self) -> bool:
+        """Whether the machine has failed the guest's kernel before there was a userspace; then it is started again, on
+        the disk as it was, and channels are closed."""
+        said = self._said()
+        if USERSPACE in said or not any(fault in said for fault in MACHINE_FAULTS) or not self._again:
+            return False
+        self._again -= 1
+        say("the machine failed the guest's kernel (breakpoint or timer); booting again ...")
+        self.process.kill()
+        self.process.wait()
+        self.reset()
+        copy(self._before, self._disk)  # where GRUB has counted the boot that failed
+        if self._writes:
+            self._writes.write_bytes(b"")
+        self._start()
+        return True
+
+    def sh(self, command: str, timeout: float = PATIENCE) -> str:
+        """Run a command in the guest that has to succeed."""
+        status, text = self.shell().run(command, timeout)
+        if status != 0:
+            raise Failed(f"in the guest: exit status {status}: {command}\n{text}")
+        return text.strip()
+
+    def wait_until(self, condition: str, timeout: float = PATIENCE, pause: float = 0.5) -> None:
+        """Until the command succeeds in the guest. Not asked too often: what it waits for needs the machine, too."""
+        loop = shlex.quote(f"until {condition}; do sleep {pause}; done")
+        status, text = self.shell().run(f"timeout {timeout:.0f} sh -c {loop}", timeout + PATIENCE)
+        if status != 0:
+            raise Failed(f"in the guest, not within {timeout:.0f} s: {condition}\n{text}")
+
+    def wait_for_event(self, name: str, timeout: float = PATIENCE) -> None:
+        """Until QEMU tells of it: RESET, WATCHDOG, SHUTDOWN ..."""
+        self._wake()
+        with Monitor(self.folder / "qmp", timeout) as monitor:
+            monitor.wait_for(name)
+
+    def reset(self) -> None:
+        """The machine has started again: shells from before are gone."""
+        for channel in self._channels.values():
+            channel.close()
+        self._channels.clear()
+
+    def monitor(self, command: str, **arguments: object) -> None:
+        """One QMP command."""
+        self._wake()
+        with Monitor(self.folder / "qmp") as monitor:
+            monitor.execute(command, **arguments)
+
+    def poweroff(self, timeout: float = PATIENCE) -> None:
+        """Stop the guest by its own means, so that its file systems are clean."""
+        self.shell().begin("poweroff")
+        try:
+            self.process.wait(timeout)
+        except subprocess.TimeoutExpired:
+            raise Failed("the guest did not power off") from None
+
+    def close(self) -> None:
+        if self in Guest.alive:
+            Guest.alive.remove(self)
+        for channel in self._channels.values():
+            channel.close()
+        if self.process.poll() is None:
+            self.process.terminate()
+            try:
+                self.process.wait(5)
+            except subprocess.TimeoutExpired:
+                self.process.kill()
+                self.process.wait()
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+Boot = Callable[..., Guest]  # starts a guest of a board that has been chosen: a log's name, and Guest()'s options
+
+
+def _reaches_userspace(image: pathlib.Path, accel: str) -> bool:
+    """Boot and wait for the first line of our own scripts."""
+    try:
+        with Guest(image, accel, console=False) as guest:
+            deadline = time.monotonic() + PROBE_SECONDS
+            while time.monotonic() < deadline and guest.process.poll() is None:
+                if guest.log.exists() and USERSPACE in guest.log.read_bytes():
+                    return True
+                if b"KVM internal error" in (guest.folder / "qemu.log").read_bytes():
+                    return False
+                time.sleep(0.1)
+    except Failed:
+        pass
+    return False
+
+
+def acceleration(image: pathlib.Path) -> str:
+    """What to run the guest with: ACCEL=, else KVM if a guest really runs under it, else multi-threaded TCG."""
+    if os.environ.get("ACCEL"):
+        accel = os.environ["ACCEL"]
+        return TCG if accel == "tcg" else accel
+    if not os.access("/dev/kvm", os.R_OK | os.W_OK):
+        return TCG
+    machine = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
+    cache = OUTPUT / "accel"
+    if cache.exists() and cache.read_text().split()[0] == machine:
+        return cache.read_text().split()[1]
+    say("does KVM work here? ...")
+    accel = "kvm" if _reaches_userspace(image, "kvm") else TCG
+    say(f"does KVM work here? {'yes' if accel == 'kvm' else f'no userspace within {PROBE_SECONDS} s; using TCG'}")
+    cache.write_text(f"{machine} {accel}\n")
+    return accel

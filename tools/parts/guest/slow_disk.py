@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A second disk for a guest, as slow as told, which can be frozen, can fail and can be taken away.
+
+A process of its own serves it (qemu-nbd), the guest's QEMU limits it: while that process is stopped, every request of
+the guest hangs, exactly as long; when it is gone, every request fails."""
+from __future__ import annotations
+
+import dataclasses
+import os
+import pathlib
+import signal
+import subprocess
+import tempfile
+import time
+from types import TracebackType
+
+from parts.common import MORTAL, PATIENCE, Failed, run
+from parts.guest.qemu import Guest
+
+MEMORY = pathlib.Path("/dev/shm")
+DEVICE = "/dev/vdc"  # behind the image's disk and the test disk, by its PCI address
+# As board/common/disk.cfg makes the recordings' partition
+FEATURES = "extents,flex_bg,metadata_csum,64bit,large_file,huge_file,dir_nlink,extra_isize"
+OPTIONS = ["-m", "0", "-i", "1048576", "-E", "lazy_itable_init=0,lazy_journal_init=0"]
+FILE_SYSTEMS = {"ext4": ["-t", "ext4", "-O", f"^has_journal,{FEATURES}"],
+                "ext4-journal": ["-t", "ext4", "-O", f"has_journal,{FEATURES}"],
+                "ext3": ["-t", "ext3"]}
+
+
+@dataclasses.dataclass(frozen=True)
+class Speed:
+    megabytes: int  # 10^6 bytes a second
+    requests: int   # a second
+
+
+class SlowDisk:
+    """Its content is in memory, unless `folder` says another place: the host's disk does not matter then."""
+
+    def __init__(self, megabytes: int, file_system: str = "ext4", folder: pathlib.Path = MEMORY) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="ddx-disk-", dir=folder)
+        self.image = pathlib.Path(self._folder.name) / "disk.img"
+        self._socket = pathlib.Path(self._folder.name) / "nbd"
+        self.kind = file_system.split("-", maxsplit=1)[0]
+        with self.image.open("wb") as file:
+            file.truncate(megabytes << 20)
+        run(["mke2fs", "-q", "-F", *FILE_SYSTEMS[file_system], *OPTIONS, self.image])
+        self.process = self._serve()
+
+    def _serve(self) -> subprocess.Popen[bytes]:
+        self._socket.unlink(missing_ok=True)
+        process = subprocess.Popen([*MORTAL, "qemu-nbd", "--persistent", "--format=raw", f"--socket={self._socket}",
+                                    self.image])
+        end = time.monotonic() + PATIENCE
+        while not self._socket.exists():
+            if process.poll() is not None or time.monotonic() > end:
+                process.kill()
+                process.wait()
+                raise Failed("qemu-nbd does not start")
+            time.sleep(0.02)
+        return process
+
+    def drive(self) -> tuple[str, ...]:
+        """QEMU's options for a guest that has it."""
+        file = f"file=nbd+unix:///?socket={self._socket}"
+        return ("-drive", f"if=none,id=slow,format=raw,werror=report,rerror=report,{file}",
+                "-device", "virtio-blk-pci,id=slow-disk,drive=slow,addr=0x1e")
+
+    def limit(self, guest: Guest, speed: Speed) -> None:
+        """From now on it is that slow."""
+        rest = {key: 0 for key in ("bps_rd", "bps_wr", "iops_rd", "iops_wr")}
+        guest.monitor("block_set_io_throttle", id="/machine/peripheral/slow-disk/virtio-backend",
+                      bps=speed.megabytes * 1_000_000, iops=speed.requests,
+                      **rest)
+
+    def mount(self, guest: Guest, place: str = "/rec") -> None:
+        """In the place of the image's own partition for recordings."""
+        guest.sh(f"if mountpoint -q {place}; then umount {place}; fi; "
+                 f"mount -t {self.kind} -o noatime,nosuid,nodev,noexec {DEVICE} {place} && "
+                 f"chown ddxsave:ddx {place} && chmod 2775 {place}", 60)
+
+    def freeze(self) -> None:
+        os.kill(self.process.pid, signal.SIGSTOP)
+
+    def thaw(self) -> None:
+        os.kill(self.process.pid, signal.SIGCONT)
+
+    def frozen(self, seconds: float) -> None:
+        self.freeze()
+        time.sleep(seconds)
+        self.thaw()
+
+    def fail(self) -> None:
+        """From now on every request ends with an error."""
+        self.process.kill()
+        self.process.wait()
+
+    def __enter__(self) -> SlowDisk:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        if self.process.poll() is None:
+            self.thaw()
+            self.process.terminate()
+            self.process.wait(PATIENCE)
+        self._folder.cleanup()

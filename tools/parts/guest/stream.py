@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A stream inside one guest: the sender, decode and a recorder of what decode shows, all as the image's services."""
+import dataclasses
+import pathlib
+
+from parts.guest import qemu, session
+from parts.media import y4m
+from parts.media.clip import frame_number
+from parts.media.counters import Counters, adds_up, agree
+from parts.media.recording import Partition
+from parts.media.report import bucket_us
+
+SEND, DECODE = "ddxvideosend", "decode"
+ITEM = "seen"  # decode's item, as decode.default says
+RECORDER = f"ddxvideosave.{ITEM}"
+EARLIER = 25      # pictures that decode may have shown before the recorder had its item
+SAME = 1_000_000  # ns within which two time stamps are of the same frame: RTP and NTP round
+
+
+@dataclasses.dataclass(frozen=True)
+class Picture:
+    """One picture of a recording: when it was taken (ns since the first one), and the number that it shows."""
+    time: int
+    number: int | None
+
+
+@dataclasses.dataclass
+class Result:
+    sent: Counters
+    decoded: Counters
+    shown: list[Picture]  # what decode showed, from its recording
+    wrong: list[int]      # of these, those that do not show what the source showed at their time
+    disagreements: list[str]
+
+    @property
+    def lost_send(self) -> int:
+        return self.sent.lost_total
+
+    @property
+    def lost_decode(self) -> int:
+        """Frames that were sent and not shown."""
+        return self.sent.out - self.decoded.out
+
+
+def settings(accel: str) -> dict[str, str]:
+    """For a test disk. An emulated processor is too slow for H.264."""
+    codec = "mpeg4" if accel.startswith("tcg") else "h264"
+    return {f"{SEND}.conf": f"enabled=yes\ncodec={codec}\ninterface=lo\n",
+            f"{DECODE}.conf": "enabled=yes\ninterface=lo\n", f"{RECORDER}.conf": f"name={ITEM}\n"}
+
+
+def stop(guest: qemu.Guest) -> None:
+    """When the source is silent: what is on its way arrives, then the sender and decode end."""
+    guest.sh(f"sleep 1; for name in {SEND} {DECODE}; do /etc/init.d/S*$name stop; done")
+
+
+def collect(guest: qemu.Guest, grabber: str, recorded: pathlib.Path, shown: pathlib.Path) -> dict[str, Counters]:
+    """After all have stopped: both recordings, taken out without the guest's help, and what each program said last."""
+    partition = Partition(guest.snapshot())
+    for where in partition.lost():
+        print(where)
+    partition.take_only("video", recorded)
+    partition.take_only(ITEM, shown)
+    return {name: session.end_counters(guest, name) for name in (grabber, session.SAVE, SEND, DECODE, RECORDER)}
+
+
+def pictures(recording: pathlib.Path) -> list[Picture]:
+    header, frames = y4m.read(recording)
+    return [Picture(frame.time or 0, frame_number(frame.data, header.width, header.height)) for frame in frames]
+
+
+def unlike(shown: list[Picture], source: list[Picture]) -> list[int]:
+    """Which of the pictures do not show what the source showed at that time. The recordings begin at different times,
+    so the first one with a number may be any picture of the source that shows it: the best fit counts."""
+    first = next((one for one in shown if one.number is not None), None)
+    if first is None:
+        return list(range(len(shown)))
+    best = list(range(len(shown)))
+    for begin in (one.time - first.time for one in source if one.number == first.number):
+        at = {(one.time - begin + SAME // 2) // SAME: one.number for one in source}
+        wrong = []
+        for index, one in enumerate(shown):
+            key = (one.time + SAME // 2) // SAME
+            due = {at[near] for near in (key - 1, key, key + 1) if near in at}
+            if one.number not in due or one.number is None:
+                wrong.append(index)
+        best = min(best, wrong, key=len)
+    return best
+
+
+def judge(shown: pathlib.Path, source: list[Picture], sent: Counters, decoded: Counters,
+          recorder: Counters) -> Result:
+    """What decode showed against what was recorded at the source; the counters have to say the same."""
+    seen = pictures(shown)
+    result = Result(sent, decoded, seen, unlike(seen, source), [])
+    agree(result.disagreements, f"pictures of {DECODE} recorded", len(seen), recorder.out)
+    agree(result.disagreements, "frames sent and expected", sent.out, decoded.frames_in)
+    adds_up(result.disagreements, sent, decoded, recorder)
+    if not 0 <= decoded.out - recorder.frames_in <= EARLIER:
+        result.disagreements.append(f"{DECODE} showed {decoded.out}, the recorder received {recorder.frames_in}")
+    return result
+
+
+def percentile(histogram: list[int], percent: float) -> float:
+    rest = percent / 100 * sum(histogram)
+    for index, count in enumerate(histogram):
+        rest -= count
+        if rest <= 0:
+            return bucket_us(index)
+    raise AssertionError("no frames")
+
+
+def windows(marks: list[list[int]]) -> list[list[int]]:
+    """The frames between two marks each."""
+    return [[now - then for now, then in zip(end, begin)] for begin, end in zip(marks, marks[1:])]
+
+
+def quieter(some: list[list[int]]) -> list[int]:
+    """The frames of the better half of the windows: the emulated processors are the host's, and when it has something
+    else to do, frames are late in one or two windows. What the appliance does, it does in all."""
+    full = sorted((one for one in some if sum(one)), key=lambda one: percentile(one, 99))
+    return [sum(counts) for counts in zip(*full[:(len(full) + 1) // 2])]

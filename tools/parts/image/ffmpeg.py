@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""FFmpeg and x264 for the development image, from Debian's source packages, with the parts that the product has.
+
+The same versions as Debian's libraries, which the programs are built with, so these take their place in the image:
+Debian's own would bring 130 MB of libraries along.
+"""
+import os
+import pathlib
+
+from parts.common import TOP, run
+from parts.image import foreign
+
+CONFIG = TOP / "board/common/ffmpeg.config"
+
+
+def options() -> list[str]:
+    """The product's choice of parts: lines that configure understands."""
+    lines = (line.split("#", 1)[0].split() for line in CONFIG.read_text().splitlines())
+    return [word for words in lines for word in words]
+
+
+def build(tree: pathlib.Path, sources: dict[str, pathlib.Path]) -> None:
+    jobs = f"-j{os.cpu_count()}"
+    run(["./configure", f"--prefix={tree}/usr", "--enable-shared", "--disable-cli", "--disable-opencl",
+         "--bit-depth=8", "--chroma-format=420"], cwd=sources["x264"])
+    run(["make", jobs, "install-lib-shared"], cwd=sources["x264"])
+    run(["./configure", f"--prefix={tree}/usr", "--enable-shared", "--disable-static", *options()],
+        cwd=sources["ffmpeg"], env={"PKG_CONFIG_PATH": f"{tree}/usr/lib/pkgconfig"})
+    run(["make", jobs, "install-libs"], cwd=sources["ffmpeg"])
+
+
+def ffmpeg() -> pathlib.Path:
+    """An install tree: usr/lib/*.so."""
+    return foreign.built("FFmpeg", ["x264", "ffmpeg"], [CONFIG, pathlib.Path(__file__)], build)

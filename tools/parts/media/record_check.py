@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What was lost of a clip that goes round and round: counted from the numbers in the pictures that were recorded, and
+compared with the index and with the programs' counters. The three know nothing of each other."""
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+import tempfile
+from collections.abc import Iterable
+
+import numpy
+
+from parts.media import y4m
+from parts.media.clip import HEIGHT, WIDTH, frame_number
+from parts.media.counters import Counters, adds_up, agree
+from parts.media.recording import Partition
+
+
+class Disk(Partition):
+    """A disk that is one file system, without partitions."""
+
+    def __init__(self, image: pathlib.Path) -> None:  # pylint: disable=super-init-not-called
+        self.place = str(image)
+
+
+@dataclasses.dataclass
+class Found:
+    published: int = 0  # frames that the source says it has written into the store
+    recorded: int = 0   # pictures on the disk
+    lost: int = 0       # pictures that are missing there, by their numbers
+    longest: int = 0    # of these, in one piece
+    wrong: int = 0      # pictures that are not the ones of which the index speaks
+    counted: dict[str, int] = dataclasses.field(default_factory=dict)  # lost, as the recorder says
+    disagreements: list[str] = dataclasses.field(default_factory=list)
+
+
+def numbers_lost(found: Found, numbers: Iterable[int | None], clip: int) -> None:
+    """Count pictures and gaps; a gap is shorter than the clip."""
+    last = -1
+    for number in numbers:
+        found.recorded += 1
+        if number is None:
+            found.wrong += 1
+            last = (last + 1) % clip
+            continue
+        gap = (number - last - 1) % clip
+        found.lost += gap
+        found.longest = max(found.longest, gap)
+        last = number
+    behind = (found.published - 1 - last) % clip if found.recorded else found.published
+    found.lost += behind
+    found.longest = max(found.longest, behind)
+
+
+def _numbers(disk: Disk, found: Found, clip: int) -> Iterable[int | None]:
+    """Of all pictures, file by file; each is compared with its entry in the index on the way."""
+    with tempfile.TemporaryDirectory(prefix="ddx-", dir="/dev/shm") as name:
+        folder = pathlib.Path(name)
+        indexes = disk.indexes()
+        last = lost = 0
+        for file in [file for recording in disk.recordings("video") for file in recording]:
+            index = indexes[file]
+            path = disk.take(file, folder / "file")
+            agree(found.disagreements, f"{file}: bytes", path.stat().st_size, index.bytes)
+            header, frames = y4m.read(path)
+            pictures = [frame_number(frame.data, header.width, header.height) for frame in frames]
+            agree(found.disagreements, f"{file}: pictures", len(pictures), len(index.entries))
+            for picture, entry in zip(pictures, index.entries):
+                found.wrong += picture is None or picture % clip != (entry.sequence - 1) % clip
+                agree(found.disagreements, f"{file}: lost before frame {entry.sequence}, by its entry",
+                      entry.sequence - last - 1, entry.lost_store + entry.lost_ring)
+                last = entry.sequence
+            lost += index.lost
+            yield from pictures
+    agree(found.disagreements, "lost, by the headers of the index", found.published - found.recorded, lost)
+
+
+def recorder(image: pathlib.Path, load: Counters, save: Counters, clip: int) -> Found:
+    """What the recorder has left on the disk, which nobody has mounted any more. The clip has so many frames."""
+    found = Found(published=load.out, counted=dict(save.lost))
+    numbers_lost(found, _numbers(Disk(image), found, clip), clip)
+    for what, ours, theirs in [("published and received", load.out, save.frames_in),
+                               ("pictures", found.recorded, save.out),
+                               ("missing pictures", found.lost, save.lost_total),
+                               ("published", found.recorded + found.lost, load.out)]:
+        agree(found.disagreements, what, ours, theirs)
+    adds_up(found.disagreements, load, save)
+    return found
+
+
+def naive(image: pathlib.Path, name: str, load: Counters, written: int, missed: int, clip: int) -> Found:
+    """What tests/guest/naive has left there."""
+    found = Found(published=load.out, counted={"store": missed})
+    size = WIDTH * HEIGHT * 3 // 2
+    with tempfile.TemporaryDirectory(prefix="ddx-", dir="/dev/shm") as folder:
+        data = numpy.memmap(Disk(image).take(name, pathlib.Path(folder) / "file"), numpy.uint8, "r")
+        numbers_lost(found, (frame_number(data[at:at + size].tobytes(), WIDTH, HEIGHT)
+                             for at in range(0, len(data), size)), clip)
+    for what, ours, theirs in [("pictures", found.recorded, written), ("missing pictures", found.lost, missed),
+                               ("published", found.recorded + found.lost, load.out)]:
+        agree(found.disagreements, what, ours, theirs)
+    return found

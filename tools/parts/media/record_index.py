@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The index beside each file of a recording, read from outside: package/ddxvideo/save/index.h says what is in it."""
+from __future__ import annotations
+
+import dataclasses
+import struct
+
+from parts.common import Failed
+
+HEADER = struct.Struct("<8sIIQQqqQQII128s192s3II")
+ENTRY = struct.Struct("<QQqQIIIiIIII")
+BLOCK = 4096
+NAMED = 4
+
+
+@dataclasses.dataclass(frozen=True)
+class Entry:
+    sequence: int  # in the store
+    lost_store: int  # frames lost before this one
+    lost_ring: int
+
+
+@dataclasses.dataclass(frozen=True)
+class Index:
+    """Of a finished file."""
+    bytes: int
+    lost_store: int  # also behind its last frame
+    lost_ring: int
+    name: str
+    entries: list[Entry]
+
+    @property
+    def lost(self) -> int:
+        return self.lost_store + self.lost_ring
+
+
+def parse(data: bytes) -> Index:
+    magic, state, frames, recording, size, _, _, store, ring, _, _, _, name, *_ = HEADER.unpack_from(data)
+    if magic != b"DDXINDX1" or state != NAMED:
+        raise Failed("no index of a finished recording")
+    entries = []
+    for position in range(frames):
+        one, sequence, _, _, _, _, number, _, lost_store, lost_ring, _, _ = ENTRY.unpack_from(
+            data, BLOCK + position * ENTRY.size)
+        if (one, number) != (recording, position):
+            raise Failed(f"entry {position} of the index is foreign")
+        entries.append(Entry(sequence, lost_store, lost_ring))
+    return Index(size, store, ring, name.rstrip(b"\0").decode(), entries)

@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The outside view of a recording: taken out of the disk without the guest's help, compared with the clip."""
+import dataclasses
+import hashlib
+import itertools
+import pathlib
+import re
+import struct
+import tempfile
+
+from parts.common import Failed, run
+from parts.disk import mbr
+from parts.media import record_index, y4m
+from parts.media.clip import frame_number
+
+REC = 6  # the partition, see board/common/disk.cfg
+FULL_420 = ["420", "420jpeg", "420mpeg2", "420paldv"]
+
+
+class Partition:
+    """A file system inside a disk image, through debugfs: needs neither root nor a mount."""
+
+    def __init__(self, disk: pathlib.Path, number: int = REC) -> None:
+        self.place = f"{disk}?offset={mbr.partition(disk, number).begin}"
+
+    def _debugfs(self, request: str) -> str:
+        return run(["debugfs", "-R", request, self.place])
+
+    def _files(self, folder: str) -> dict[str, int]:
+        """Names and inodes of the files there; none if there is no such folder."""
+        found = re.findall(r"^/(\d+)/10\d+/\d+/\d+/([^/]+)/", self._debugfs(f"ls -p {folder}"), re.M)
+        return {name: int(inode) for inode, name in found}
+
+    def names(self) -> list[str]:
+        return sorted(self._files("/"))
+
+    def take(self, name: str, into: pathlib.Path) -> pathlib.Path:
+        self._debugfs(f'dump "/{name}" "{into}"')
+        return into
+
+    def _session(self, index: str) -> int:
+        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+            data = self.take(f"pool/{index}", pathlib.Path(folder) / "index").read_bytes()
+        magic, session = struct.unpack_from("<8s60xI", data)  # package/ddxvideo/save/index.h
+        if magic != b"DDXINDX1":
+            raise Failed(f"/pool/{index} is no index")
+        return int(session)
+
+    def recordings(self, item: str = "") -> list[list[str]]:
+        """Recordings, oldest first; of each the names of its files, which follow each other without a gap."""
+        pool = {inode: name.replace(".y4m", ".index") for name, inode in self._files("/pool").items()
+                if name.endswith(".y4m")}
+        found: list[tuple[int, str, int]] = []  # number, name, number of the first file
+        for name, inode in self._files("/").items():
+            match = re.fullmatch(r"(.*)-(\d+)-\d+T\d+Z\.y4m", name)
+            if match and item in ("", match[1]):
+                number = int(match[2])
+                found.append((number, name, self._session(pool[inode]) if inode in pool else number))
+        found.sort()
+        return [[name for _, name, _ in group] for _, group in itertools.groupby(found, lambda one: one[2])]
+
+    def indexes(self) -> dict[str, record_index.Index]:
+        """Of each finished file of a recording, by its name."""
+        found = {}
+        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+            for name in self._files("/pool"):
+                if name.endswith(".index"):
+                    data = self.take(f"pool/{name}", pathlib.Path(folder) / "index").read_bytes()
+                    if data[8] == record_index.NAMED:
+                        index = record_index.parse(data)
+                        found[index.name] = index
+        return found
+
+    def lost(self) -> list[str]:
+        """Where the recordings say that frames are missing, and who lost them."""
+        return [f"{name}: before frame {position}: {entry.lost_store} lost in the store, {entry.lost_ring} in the ring"
+                for name, index in sorted(self.indexes().items()) for position, entry in enumerate(index.entries)
+                if entry.lost_store or entry.lost_ring]
+
+    def take_only(self, item: str, into: pathlib.Path) -> pathlib.Path:
+        """The only recording of an item ("": of any), in one file."""
+        found = self.recordings(item)
+        if len(found) != 1:
+            raise Failed(f"one recording of {item or 'anything'} was expected, there are {found}")
+        return self.take_all(found[0], into)
+
+    def take_all(self, names: list[str], into: pathlib.Path) -> pathlib.Path:
+        """A recording in one file, with the times that it would have in one."""
+        with tempfile.TemporaryDirectory(prefix="ddx-", dir=into.parent) as folder:
+            y4m.join([self.take(name, pathlib.Path(folder) / name) for name in names], into)
+        return into
+
+    def features(self) -> list[str]:
+        match = re.search(r"^Filesystem features:\s+(.*)$", self._debugfs("show_super_stats -h"), re.M)
+        return match[1].split() if match else []
+
+
+@dataclasses.dataclass
+class Comparison:
+    clip: int = 0  # frames in the clip
+    recorded: int = 0  # frames in the recording
+    missing: list[int] = dataclasses.field(default_factory=list)  # frames of the clip that the recording lacks
+    foreign: list[int] = dataclasses.field(default_factory=list)  # frames of the recording that are not the clip's next
+    numbered: bool = False  # the pictures carry numbers, and these agree as well
+    exact: bool = True  # compared byte by byte (else: counted only)
+    unordered: int = 0  # time stamps that do not rise
+
+
+def compare(clip: pathlib.Path, recording: pathlib.Path) -> Comparison:
+    """Are the recording's frames the clip's, in its order, byte by byte?"""
+    result = Comparison()
+    header, frames = y4m.read(clip)
+    recorded_header, recorded_frames = y4m.read(recording)
+    result.exact = header.chroma in FULL_420
+    if (header.width, header.height) != (recorded_header.width, recorded_header.height):
+        raise Failed(f"recorded {recorded_header.width}x{recorded_header.height}, not {header.width}x{header.height}")
+
+    digests: list[bytes] = []
+    numbers: list[int | None] = []
+    for frame in frames:
+        digests.append(hashlib.blake2b(frame.data).digest())
+        numbers.append(frame_number(frame.data, header.width, header.height))
+    result.clip = len(digests)
+    result.numbered = numbers == list(range(result.clip))
+
+    expected, last = 0, -1
+    for index, frame in enumerate(recorded_frames):
+        result.recorded += 1
+        if frame.time is None or frame.time <= last:
+            result.unordered += 1
+        last = frame.time if frame.time is not None else last
+        if not result.exact:
+            continue
+        try:
+            found = digests.index(hashlib.blake2b(frame.data).digest(), expected)
+        except ValueError:
+            result.foreign.append(index)
+            continue
+        if result.numbered and frame_number(frame.data, header.width, header.height) != found:
+            result.foreign.append(index)
+            continue
+        result.missing += range(expected, found)
+        expected = found + 1
+    if result.exact:
+        result.missing += range(expected, result.clip)
+    return result

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What `make run` found: as JSON, and as one page without other files, to look at in a browser."""
+import dataclasses
+import html
+import json
+import math
+from collections.abc import Sequence
+
+from parts.media.counters import Counters
+
+# The book's buckets, see ddx_stats.h: below 32 µs one each, above 32 for each power of two.
+FINE = 32
+COLOURS = {"stored": "#0b6e4f", "recorded": "#3d6fc8", "sent": "#c8553d", "decoded": "#b08900"}
+WIDTH, HEIGHT, LEFT, BOTTOM = 760, 220, 60, 30
+
+
+@dataclasses.dataclass
+class Stage:
+    """One stage of the way of a frame: what came out of it, what it lost, how long after the capture."""
+    name: str
+    frames: int
+    lost: int
+    counters: Counters
+    histogram: list[int] = dataclasses.field(default_factory=list)
+
+
+@dataclasses.dataclass
+class Report:
+    """Everything about a run; `seconds` are the counters of the stages second by second."""
+    frames_in: int
+    stages: list[Stage]
+    about: dict[str, object]
+    disagreements: list[str]
+    seconds: list[tuple[float, dict[str, int]]]
+
+    def json(self) -> str:
+        return json.dumps({
+            "frames": {"in": self.frames_in, **{one.name: one.frames for one in self.stages}},
+            "lost": {LOST[one.name]: one.lost for one in self.stages},
+            "latency_us": {LOST[one.name]: one.counters.latency for one in self.stages if one.counters.latency},
+            **self.about, "disagreements": self.disagreements}, indent=2) + "\n"
+
+
+# A stage's name says what became of the frames; losses and latencies bear the name of what happens to them.
+SINCE = {"stored": "since the capture", "recorded": "since it is in the store", "sent": "since it is in the store",
+         "decoded": "since the capture"}
+LOST = {"stored": "store", "recorded": "record", "sent": "send", "decoded": "stream"}
+
+
+def bucket_us(index: int) -> float:
+    """The middle of a bucket."""
+    if index < FINE:
+        return float(index)
+    shift = index // FINE - 1
+    return ((FINE + index % FINE) + 0.5) * float(1 << shift)
+
+
+def _points(values: Sequence[tuple[float, float]], most_x: float, most_y: float) -> str:
+    return " ".join(f"{LEFT + x / most_x * (WIDTH - LEFT - 10):.1f},"
+                    f"{HEIGHT - BOTTOM - y / most_y * (HEIGHT - BOTTOM - 15):.1f}" for x, y in values)
+
+
+def _axes(marks: Sequence[tuple[float, str]], most_x: float, most_y: float, across: str, up: str) -> str:
+    text = [f'<path d="M{LEFT} 15V{HEIGHT - BOTTOM}H{WIDTH - 10}" fill="none" stroke="#888"/>',
+            f'<text x="{WIDTH - 10}" y="{HEIGHT - 2}" text-anchor="end">{across}</text>',
+            f'<text x="{LEFT - 5}" y="20" text-anchor="end">{most_y:g}</text>',
+            f'<text x="{LEFT - 5}" y="{HEIGHT - BOTTOM}" text-anchor="end">0</text>',
+            f'<text x="4" y="{HEIGHT // 2}">{up}</text>']
+    for x, name in marks:
+        place = LEFT + x / most_x * (WIDTH - LEFT - 10)
+        text.append(f'<path d="M{place:.1f} 15V{HEIGHT - BOTTOM}" stroke="#eee"/>'
+                    f'<text x="{place:.1f}" y="{HEIGHT - BOTTOM + 13}" text-anchor="middle">{name}</text>')
+    return "".join(text)
+
+
+def _picture(content: str) -> str:
+    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" role="img">{content}</svg>'
+
+
+def over_time(report: Report) -> str:
+    """How many frames a second came out of each stage, by its counters."""
+    pairs = [(before, after) for before, after in zip(report.seconds, report.seconds[1:]) if after[0] > before[0]]
+    rates = {name: [(after[0], (after[1][name] - before[1][name]) / (after[0] - before[0])) for before, after in pairs]
+             for name in COLOURS}
+    if not pairs:
+        return ""
+    most_x = max(1.0, report.seconds[-1][0])
+    most_y = math.ceil(max(1.0, *(rate for points in rates.values() for _, rate in points)))
+    step = max(1, round(most_x / 10))
+    lines = []
+    for name, colour in COLOURS.items():
+        points = rates[name]
+        lines.append(f'<polyline points="{_points(points, most_x, most_y)}" fill="none" stroke="{colour}" '
+                     'stroke-width="2"/>')
+    marks = [(float(second), str(second)) for second in range(0, int(most_x) + 1, step)]
+    return _picture(_axes(marks, most_x, most_y, "seconds", "per s") + "".join(lines))
+
+
+def halves(stage: Stage) -> dict[int, int]:
+    """The histogram in halves of powers of two: frames by 2 log2 of their µs."""
+    counts: dict[int, int] = {}
+    for index, count in enumerate(stage.histogram):
+        if count:
+            half = max(0, int(2 * math.log2(max(bucket_us(index), 1))))
+            counts[half] = counts.get(half, 0) + count
+    return counts
+
+
+def histogram(stage: Stage, last: int) -> str:
+    """How many frames took how long; the scale is logarithmic, and the same for all stages."""
+    counts = halves(stage)
+    most = max(counts.values())
+    width = (WIDTH - LEFT - 10) / last
+    bars = "".join(
+        f'<rect x="{LEFT + half * width + 1:.1f}" width="{max(1.0, width - 2):.1f}" fill="{COLOURS[stage.name]}" '
+        f'y="{HEIGHT - BOTTOM - (height := count / most * (HEIGHT - BOTTOM - 15)):.1f}" height="{height:.1f}">'
+        f"<title>{count}</title></rect>" for half, count in sorted(counts.items()))
+    marks = [(float(half), _time(2 ** (half / 2))) for half in range(0, last + 1, 4)]
+    return _picture(_axes(marks, last, most, SINCE[stage.name], "frames") + bars)
+
+
+def _time(microseconds: float) -> str:
+    if microseconds < 1000:
+        return f"{microseconds:.0f} µs"
+    return f"{microseconds / 1000:.0f} ms" if microseconds < 1e6 else f"{microseconds / 1e6:.0f} s"
+
+
+def page(report: Report) -> str:
+    def row(one: Stage) -> str:
+        latency = "".join(f"<td>{one.counters.latency.get(key, 0)}</td>" for key in ("p50", "p99", "max"))
+        lost = ", ".join(f"{reason} {count}" for reason, count in one.counters.lost.items() if count)
+        return (f'<tr><th style="color:{COLOURS[one.name]}">{one.name}</th><td>{one.frames}</td>'
+                f"<td>{one.lost}</td>{latency}<td class=why>{html.escape(lost)}</td></tr>")
+
+    last = 1 + max((half for one in report.stages for half in halves(one)), default=1)
+    wrong = "".join(f"<p class=wrong>{html.escape(text)}</p>" for text in report.disagreements)
+    about = ", ".join(f"{name} {html.escape(str(value))}" for name, value in report.about.items() if name != "boot")
+    return "\n".join([
+        "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>A run of the appliance</title>",
+        "<style>body{font:14px sans-serif;margin:2em;max-width:60em}text{font:12px sans-serif}td{text-align:right;"
+        "padding:0 1em}.wrong{color:#b00}.why{text-align:left}svg{display:block}</style>",
+        f"<h1>A run of the appliance: {report.frames_in} frames</h1>", f"<p>{about}</p>", wrong,
+        "<table><tr><th><td>frames<td>lost<td>p50 µs<td>p99 µs<td>max µs<td class=why>why</tr>",
+        f"<tr><th>in</th><td>{report.frames_in}</td></tr>", *(row(one) for one in report.stages), "</table>",
+        "<h2>Frames a second</h2>", over_time(report),
+        *(f"<h2>Latency: {one.name}</h2>{histogram(one, last)}" for one in report.stages if any(one.histogram)),
+    ]) + "\n"

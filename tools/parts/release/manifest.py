@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Compare an image with board/common/manifest.txt: an unpacked root, a kernel configuration, a disk."""
+import json
+import pathlib
+import re
+
+from parts.common import TOP, entries, run
+
+MANIFEST = TOP / "board/common/manifest.txt"
+
+
+def wanted(kind: str) -> list[list[str]]:
+    return [line.split()[1:] for line in entries(MANIFEST) if line.split()[0] == kind]
+
+
+def _words(kind: str) -> list[str]:
+    return [word for words in wanted(kind) for word in words]
+
+
+def applets(root: pathlib.Path) -> list[str]:
+    """Applets without a link to BusyBox in the root, and links that are not listed."""
+    present = {path.name for folder in ["bin", "sbin", "usr/bin", "usr/sbin"] for path in (root / folder).glob("*")
+               if path.is_symlink() and path.readlink().name == "busybox"}
+    listed = set(_words("applet"))
+    return [*(f"no {name}" for name in sorted(listed - present)),
+            *(f"unlisted {name}" for name in sorted(present - listed))]
+
+
+def programs(root: pathlib.Path) -> list[str]:
+    names = [words[0] for words in wanted("program")]
+    return [name for name in names if not (root / name.lstrip("/")).is_file() or (root / name.lstrip("/")).is_symlink()]
+
+
+def kernel(config: pathlib.Path) -> list[str]:
+    enabled = set(re.findall(r"^(CONFIG_\w+)=[ym]$", config.read_text(), re.M))
+    return sorted(set(_words("kernel")) - enabled)
+
+
+def modules(root: pathlib.Path) -> list[str]:
+    folder = next((root / "lib/modules").iterdir())
+    text = (folder / "modules.dep").read_text() + (folder / "modules.builtin").read_text()
+    present = {name.replace("-", "_") for name in re.findall(r"([\w-]+)\.ko", text)}
+    return sorted(set(_words("module")) - present)
+
+
+def accounts(root: pathlib.Path) -> list[str]:
+    """Groups and users that are missing or have other numbers; our own ranges hold nothing else."""
+    groups = {line.split(":")[0]: line.split(":")[2] for line in (root / "etc/group").read_text().splitlines()}
+    users = {line.split(":")[0]: line.split(":")[2:4] for line in (root / "etc/passwd").read_text().splitlines()}
+    bad = [f"group {name} {number}" for name, number in wanted("group") if groups.get(name) != number]
+    bad += [f"user {name} {number} {group}" for name, number, group in wanted("user")
+            if users.get(name) != [number, groups.get(group)]]
+    known = {words[0] for words in wanted("user")}
+    bad += [f"unknown user {name}" for name, (number, _) in users.items()
+            if 900 <= int(number) < 1000 and name not in known]
+    return bad
+
+
+def services(root: pathlib.Path) -> tuple[list[str], list[str]]:
+    """What starts, in order: as wanted, and as it is."""
+    return _words("service"), sorted(path.name for path in (root / "etc/init.d").glob("S*"))
+
+
+def disk(image: pathlib.Path) -> list[str]:
+    """Differences of the partition table and the labels."""
+    table = json.loads(run(["sfdisk", "--json", image]))["partitiontable"]
+    bad = [] if table["id"] == f"0x{wanted('disk')[0][1]}" else [f"signature {table['id']}"]
+    found = {int(entry["node"].removeprefix(str(image))): entry for entry in table["partitions"]}
+    for number, kind, start, size, label in wanted("partition"):
+        entry = found.pop(int(number), None)
+        if (entry is None or entry["type"] != kind or entry["start"] != int(start)
+                or int(size) not in (0, entry["size"])):
+            bad.append(f"partition {number}: {entry}")
+        elif label != "-":
+            offset = str(entry["start"] * 512)
+            found_label = run(["blkid", "-p", "-s", "LABEL", "-o", "value", "-O", offset, image]).strip()
+            if found_label != label:
+                bad.append(f"partition {number}: label {found_label}")
+    return bad + [f"unknown partition {number}" for number in found]

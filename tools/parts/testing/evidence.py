@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What a guest leaves to whoever asks why a test failed: its console, all logs of its services and its kernel, QEMU's
+words; and of which commit all that is."""
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import pathlib
+import re
+
+from parts.common import TOP, commit
+from parts.guest.channel import Channel, Timeout
+from parts.guest.qemu import Guest
+
+SECONDS = 20.0  # a guest that does not answer within these gives only its console
+TAIL = 30       # lines of each that are shown
+COMMAND = ("tail -n +1 /run/log/* /run/log/*/current /run/log/lastboot/* 2> /dev/null; "
+           "printf '\\n==> dmesg <==\\n'; dmesg")
+HEADER = re.compile(r"^==> (\S+) <==$", re.MULTILINE)
+
+
+@dataclasses.dataclass
+class Evidence:
+    """Of one guest: texts by name."""
+    guest: str
+    texts: dict[str, str]
+
+
+def _logs(guest: Guest, failed: bool) -> str:
+    """From a shell of our own if something went wrong: the usual one may be busy for ever."""
+    with contextlib.suppress(Timeout, OSError):
+        if not failed:
+            return guest.opened["hvc0"].run(COMMAND, SECONDS)[1] if "hvc0" in guest.opened else ""
+        with contextlib.closing(Channel(guest.folder / "hvc1")) as channel:
+            channel.open_shell(SECONDS)
+            return channel.run(COMMAND, SECONDS)[1]
+    return ""
+
+
+def take(guest: Guest, failed: bool) -> Evidence:
+    """`failed`: waits for an answer even where nobody has a shell yet."""
+    texts = {}
+    if not guest.paused and guest.process.poll() is None:
+        parts = HEADER.split(_logs(guest, failed))
+        texts = {name.removeprefix("/run/log/").removesuffix("/current"): text.strip("\n") + "\n"
+                 for name, text in zip(parts[1::2], parts[2::2]) if text.strip()}
+    texts["console"] = guest.log.read_text(errors="replace") if guest.log.exists() else ""
+    texts["qemu"] = guest.words()
+    return Evidence(guest.log.stem if guest.log.parent != guest.folder else guest.folder.name, texts)
+
+
+def keep(found: list[Evidence], folder: pathlib.Path) -> list[tuple[str, str]]:
+    """Write it all there; the result: a title and the last lines of each, to be shown."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "commit").write_text(commit() + "\n")
+    shown = [(f"commit (all in {folder.relative_to(TOP)})", commit())]
+    for one in found:
+        for name, text in one.texts.items():
+            path = folder / one.guest / name.replace("/", ".")
+            path.parent.mkdir(exist_ok=True)
+            path.write_text(text)
+            if text.strip():
+                shown.append((f"{one.guest}: {name}", "\n".join(text.splitlines()[-TAIL:])))
+    return shown

@@ -1,0 +1,63 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Toggles of one service, and what a power cut at any of their writes leaves of its settings."""
+import pathlib
+import random
+import subprocess
+from collections.abc import Callable
+
+from parts.common import SBIN
+from parts.disk import blocklog
+
+NAME = "ddxvideosave"
+FILE = f"/data/ddx/{NAME}.conf"
+TOGGLES = ("disable", "enable", "disable", "enable")
+WRITTEN = {"enable": b"enabled=yes\n", "disable": b"enabled=no\n"}
+MARK = b"toggle %d is done"
+Found = list[tuple[int, bytes | None]]  # toggles that were done, and the settings
+
+
+def toggle(sh: Callable[[str], object], mark: Callable[[bytes], object], naive: bool) -> None:
+    """All of them; `sh` runs a command there, `mark` writes something to its disk, beside the file system."""
+    mark(MARK % 0)
+    for number, action in enumerate(TOGGLES, 1):
+        if naive:  # the check itself: written in place, as an editor may do
+            sh(f": > {FILE}; sync; echo '{WRITTEN[action].decode().strip()}' > {FILE}")
+        else:
+            sh(f"ddxctl {action} {NAME}")
+        mark(MARK % number)
+
+
+def settings(image: bytes, file: pathlib.Path) -> bytes | None:
+    """What the machine would find at its next boot; None: no such file."""
+    file.write_bytes(image)
+    for how in ("-p", "-fy"):  # as overlay/etc/init.d/S15storage does it, and with the same tools
+        checked = subprocess.run(["e2fsck", how, file], capture_output=True, text=True, check=False, env=SBIN)
+        if checked.returncode < 2:
+            break
+    assert checked.returncode < 2, f"the boot would not mount it: {checked.stdout}"
+    name = FILE.removeprefix("/data")
+    shown = subprocess.run(["debugfs", "-R", f"cat {name}", file], capture_output=True, check=True, env=SBIN)
+    return None if b"File not found" in shown.stderr else shown.stdout
+
+
+def cuts(log: pathlib.Path, disk: blocklog.Disk, scratch: pathlib.Path, dice: int) -> Found:
+    """For each power cut: how many toggles were done by then, and what was found, on the disk that holds all that was
+    written, and on so many that lack some of what no flush had made safe."""
+    chance = random.Random(6)
+    found: Found = []
+    done = -1
+    for entry in blocklog.entries(log):
+        for number in range(len(TOGGLES) + 1):
+            if entry.data.startswith(MARK % number + b"\0"):
+                done = number
+        if not disk.add(entry) or done < 0 or done == len(TOGGLES):
+            continue
+        for left in [disk.all_written(), *(disk.some_written(chance) for _ in range(dice))]:
+            found.append((done, settings(left, scratch)))
+    return found
+
+
+def wrong(found: Found) -> list[str]:
+    """Neither what the last toggle left nor what the one under way writes."""
+    contents = [None, *(WRITTEN[one] for one in TOGGLES)]
+    return [f"after {done} toggles: {text!r}" for done, text in found if text not in contents[done:done + 2]]

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A run of the tests: parts one after the other, a second chance for what fails, a table and a verdict at the end."""
+import contextlib
+import dataclasses
+import json
+import os
+import pathlib
+import re
+import subprocess
+import time
+from collections.abc import Iterator, Sequence
+
+from parts.common import OUTPUT, TOP, say
+from parts.image import native
+
+TEST = OUTPUT / "test"
+FAILED = TEST / "failed"
+RESULTS = TEST / "results"
+LOCK = OUTPUT / "test.lock"  # two runs in one clone would build, and judge, each other's programs
+SLOWEST = 15
+# Nobody is lucky with these: a frame that was torn or lost, memory or threads that a sanitizer saw go wrong. Counters
+# that are printed as they are (lost={...}) say nothing yet.
+NO_CHANCE = re.compile(r"\btorn\b(?!=)|\blost\b(?![=\[])|Sanitizer|runtime error:", re.IGNORECASE)
+
+
+@dataclasses.dataclass
+class Test:
+    name: str
+    outcome: str  # passed, failed, skipped, flaky
+    seconds: float
+    failure: str = ""
+
+
+def plain(name: str) -> str:
+    """A test's name without the group that pytest-xdist writes behind it."""
+    return re.sub(r"@[^]]*$", "", name)
+
+
+def slug(name: str) -> str:
+    return re.sub(r"[^A-Za-z0-9.\[\]-]+", "-", name.replace("tests/", "")).strip("-")
+
+
+def first_words(failure: str) -> str:
+    """What went wrong, in a line: pytest's last `E` line, else the last one that says anything."""
+    lines = [line.strip() for line in failure.splitlines() if line.strip()]
+    marked = [line[1:].strip() for line in lines if line.startswith("E ")]
+    return (marked[:1] or lines[-1:] or ["?"])[0][:200]
+
+
+def told(failure: str) -> str:
+    """What a test says went wrong, without the source it stands in: pytest's `E` lines, or all that a C test wrote."""
+    marked = [line for line in failure.splitlines() if line.startswith("E ")]
+    return "\n".join(marked) or failure
+
+
+class Suite:
+    def __init__(self, long: bool = False, strict: bool = False) -> None:
+        self.long, self.strict = long, strict
+        self.tests: list[Test] = []
+        self.parts: dict[str, float] = {}
+        self.guests = 0
+        self.broken: list[str] = []  # parts that ended without telling of their tests
+        TEST.mkdir(parents=True, exist_ok=True)
+        RESULTS.write_text("")
+
+    @contextlib.contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        begin = time.monotonic()
+        say(f"{name} ...")
+        try:
+            yield
+        finally:
+            self.parts[name] = self.parts.get(name, 0.0) + time.monotonic() - begin
+
+    def _again(self, test: Test) -> bool:
+        """Whether a test that failed may be run once more."""
+        return not self.strict and test.outcome == "failed" and not NO_CHANCE.search(told(test.failure))
+
+    def _take(self, tests: list[Test], again: dict[str, Test]) -> None:
+        for test in tests:
+            if test.outcome == "failed":
+                FAILED.mkdir(parents=True, exist_ok=True)
+                (FAILED / f"{slug(test.name)}.txt").write_text(test.failure)
+            if test.name in again and again[test.name].outcome == "passed":
+                test.outcome = "flaky"
+            self.tests.append(test)
+            with RESULTS.open("a") as file:
+                file.write(json.dumps(dataclasses.asdict(test)) + "\n")
+
+    def meson_named(self, only: str) -> None:
+        """One C test, in the packages of the desk's build that have it."""
+        root = OUTPUT / "desk/root"
+        for package in native.PACKAGES:
+            folder = OUTPUT / "desk" / package
+            listed = subprocess.run(["meson", "test", "--list", "-C", folder], stdin=subprocess.DEVNULL, text=True,
+                                    stdout=subprocess.PIPE, check=False).stdout  # fails where there are no tests
+            if only in listed.splitlines():
+                self.meson("desk", package, native.environment(root), only)
+
+    def meson(self, name: str, package: str, environment: dict[str, str], *chosen: str) -> None:
+        """The C tests of a package in output/<name>, or the chosen ones."""
+        folder = OUTPUT / name / package
+
+        def run(*only: str) -> list[Test]:
+            log = folder / "meson-logs/testlog.json"
+            log.unlink(missing_ok=True)
+            done = subprocess.run(["meson", "test", "--no-rebuild", "--print-errorlogs", "-C", folder, *only],
+                                  env={**os.environ, **environment}, stdin=subprocess.DEVNULL, check=False)
+            lines = log.read_text().splitlines() if log.exists() else []
+            if done.returncode and not lines:
+                self.broken.append(f"C tests: {name}: {package}")
+            return [_of_meson(f"{name}: {package}: ", json.loads(line)) for line in lines]
+
+        tests = run(*chosen)
+        words = [test.name.rsplit(": ", 1)[-1] for test in tests if self._again(test)]
+        self._take(tests, {test.name: test for test in run(*words)} if words else {})
+
+    def pytest(self, words: Sequence[str], folders: Sequence[str], board: str = "") -> None:
+        """Tests in Python; `board`: with the image of that board."""
+        def run(*arguments: str) -> list[Test]:
+            results = TEST / "pytest.jsonl"
+            results.write_text("")
+            tier = f"--tier={'long' if self.long else 'gate'}"
+            command = ["/usr/bin/python3", "-B", "-m", "pytest", tier, *arguments]
+            done = subprocess.run(command, cwd=TOP, env={**os.environ, "BOARD": board, "DDX_RESULTS": str(results)},
+                                  stdin=subprocess.DEVNULL, check=False)
+            lines = [json.loads(line) for line in results.read_text().splitlines()]
+            if done.returncode not in (0, 1, 5):
+                self.broken.append(f"pytest {' '.join(arguments)}: exit status {done.returncode}")
+            for worker in {line["worker"] for line in lines}:
+                self.guests += max(line["guests"] for line in lines if line["worker"] == worker)
+            before = f"{board}: " if board else ""
+            return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"]) for line in lines]
+
+        tests = run(*(["-k", " ".join(words)] if words else []), *folders)
+        names = [test.name.removeprefix(f"{board}: ") for test in tests if self._again(test)]
+        self._take(tests, {test.name: test for test in run(*names)} if names else {})
+
+    def table(self) -> str:
+        """Minutes a part, the slowest tests, the guests."""
+        lines = ["", "minutes"]
+        lines += [f"{seconds / 60:7.1f}  {name}" for name, seconds in self.parts.items()]
+        lines += [f"{sum(self.parts.values()) / 60:7.1f}  together, {self.guests} guests booted", "", "seconds"]
+        slowest = sorted(self.tests, key=lambda test: test.seconds, reverse=True)[:SLOWEST]
+        lines += [f"{test.seconds:7.1f}  {test.name}" for test in slowest]
+        return "\n".join(lines) + "\n"
+
+    def verdict(self, flaky_file: pathlib.Path) -> int:
+        """Says what failed, and the sum; 0 if all is well."""
+        flaky = [test for test in self.tests if test.outcome == "flaky"]
+        failed = [test for test in self.tests if test.outcome == "failed"]
+        skipped = sum(test.outcome == "skipped" for test in self.tests)
+        flaky_file.write_text("".join(f"FLAKY {test.name}\n{test.failure}\n\n" for test in flaky))
+        for test in failed:
+            say(f"FAILED {test.name}: {first_words(test.failure)}")
+        for text in self.broken:
+            say(f"FAILED {text}")
+        for test in flaky:
+            say(f"FLAKY {test.name}: {first_words(test.failure)}")
+        passed = len(self.tests) - len(failed) - skipped
+        say(f"{passed} passed, {len(failed) + len(self.broken)} failed, {skipped} skipped")
+        return 1 if failed or self.broken or not passed else 0
+
+
+def _of_meson(prefix: str, line: dict[str, object]) -> Test:
+    outcomes = {"OK": "passed", "EXPECTEDFAIL": "passed", "SKIP": "skipped"}
+    said = "\n".join(str(line.get(name) or "") for name in ("stdout", "stderr"))
+    seconds = line.get("duration")
+    return Test(prefix + str(line["name"]), outcomes.get(str(line["result"]), "failed"),
+                float(seconds) if isinstance(seconds, (int, float)) else 0.0, f"{line['result']}\n{said}")
