@@ -18,7 +18,7 @@ from .programs import wait_until
 
 ALONE = """
 import pathlib, sys
-from common import alone, say
+from parts.common import alone, say
 with alone("tool", pathlib.Path(sys.argv[1])):
     say("in")
     sys.stdin.read()

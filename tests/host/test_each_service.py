@@ -51,6 +51,12 @@ def restarts(robot: NativeMachine) -> dict[str, int]:
     return {name: int(robot.sh(f"cat /run/service/{name}/restarts")) for name in SERVICES}
 
 
+def logs(robot: NativeMachine, wanted: dict[str, int]) -> str:
+    """Of those that were not started as often as wanted, and of who looks after them."""
+    wrong = [name for name, often in restarts(robot).items() if often != wanted[name]]
+    return "".join(f"--- {name}\n{robot.sh(f'ddxctl logs {name}')}" for name in [*wrong, "ddxhealth"])
+
+
 @pytest.mark.parametrize("names", [OTHERS, ("store",)], ids=["all-but-store", "store"])
 def test_what_dies_again_and_again_is_given_time_and_shown(robot: NativeMachine, names: tuple[str, ...]) -> None:
     robot.sh(crash_loop.at_once(names))
@@ -64,7 +70,8 @@ def test_what_dies_again_and_again_is_given_time_and_shown(robot: NativeMachine,
     for name in (SAVE, "decode"):
         before = frames(robot, name)
         wait_until(lambda: frames(robot, name) > before)
-    assert restarts(robot) == {name: crash_loop.KILLS if name in names else 0 for name in SERVICES}
+    wanted = {name: crash_loop.KILLS if name in names else 0 for name in SERVICES}
+    assert restarts(robot) == wanted, logs(robot, wanted)
 
 
 def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
@@ -83,4 +90,5 @@ def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
         said = robot.sh("ddxctl logs ddxhealth")
         for name, pid in pids.items():
             assert f"{name}: no sign of life from process {pid}, killed" in said
-    assert restarts(robot) == {name: name != "ddxhealth" for name in SERVICES}
+    wanted = {name: int(name != "ddxhealth") for name in SERVICES}
+    assert restarts(robot) == wanted, logs(robot, wanted)

@@ -116,7 +116,8 @@ def test_one_of_the_kept_guests_runs_and_none_when_another_starts(image: pathlib
 
 
 STARTER = """
-import pathlib, qemu, sys, time
+import pathlib, sys, time
+from parts.guest import qemu
 guest = qemu.Guest(pathlib.Path(sys.argv[1]), "tcg", console=False)
 print(guest.process.pid, flush=True)
 time.sleep(1000)

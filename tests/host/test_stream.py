@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import pathlib
+import signal
 
 import pytest
 
 from parts.media import clip as numbered_clip
 
-from .stream import Stream, drawn, finish, printed, stop_recording
+from .programs import lost, send_signal, stop, wait_until
+from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
 FRAMES = 25
 CODECS = ["h264", "mpeg4"]
@@ -33,3 +35,22 @@ def test_every_frame_arrives(stream: Stream, clip: pathlib.Path, codec: str) -> 
     # What the pictures show is what was said of them, and all of it.
     assert printed(lines) == [0, *range(FRAMES)]
     assert drawn(stream.folder / "seen.y4m") == list(range(FRAMES))
+
+
+def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:
+    """It stands still when the first picture comes: decode goes on, counts what nobody could have, and then shows the
+    rest."""
+    decode, sender = stream.decode(), stream.send(*TO_RELAY)
+    loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    wait_until(lambda: stream.desk.out("ddxvideosend") > 2)
+    send_signal(stream.desk.store, signal.SIGSTOP)
+    relay = stream.relay()
+    wait_until(lambda: "seen: the store does not answer; trying again" in stream.desk.errors(decode))
+    send_signal(stream.desk.store, signal.SIGCONT)
+    wait_until(lambda: stream.desk.out("decode") > 10)
+    assert stop(loader)[0] == 0
+    (_, _, sent), (lines, _, shown) = finish(sender, decode)
+    relay.terminate()
+    assert shown["lost"]["store"] > 0 and shown["lost"]["decode"] == shown["lost"]["restart"] == 0
+    assert shown["in"] == shown["out"] + lost(shown) <= sent["out"] and shown["starts"] == 1
+    assert len(lines) == shown["out"] > 10

@@ -20,13 +20,19 @@ struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate
         .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
 }
 
+#define CREATE_AGAIN 500000000 /* ns; a store that hangs keeps whoever asks waiting for seconds */
+
 /* An item for pictures like this one. */
 static int choose_item(struct output_item *output, DDX_STORE_ID *id, const struct ddxvideo_geometry *geometry) {
     if (output->item && ddxvideo_same_layout(&output->geometry, geometry))
         return 0;
+    if (ddx_time_now() < output->create)
+        return -ECONNREFUSED;
     output_close(output);
     output->geometry = *geometry;
-    return ddxvideo_create(id, output->name, geometry, &output->item);
+    int error = ddxvideo_create(id, output->name, geometry, &output->item);
+    output->create = error == -ECONNREFUSED ? ddx_time_now() + CREATE_AGAIN : 0;
+    return error;
 }
 
 static void copy_planes(struct ddxvideo_frame *frame, const AVFrame *picture) {

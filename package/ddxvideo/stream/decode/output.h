@@ -10,12 +10,13 @@ struct output_item {
     const char *name; /* NULL: none */
     DDX_STORE_ITEM *item;
     struct ddxvideo_geometry geometry; /* that the item was made for */
+    int64_t create;                    /* not before this */
 };
 
 /* What the picture is like as a video item. */
 struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate);
 
-/* Write the picture. 0, or -errno. */
+/* Write the picture. 0, or -errno: -ECONNREFUSED if the store does not make the item now; later it may. */
 int output_write(struct output_item *output, DDX_STORE_ID *id, const AVFrame *picture, AVRational rate,
                  const struct ddxvideo_stamp *stamp);
 

@@ -7,8 +7,8 @@
 #include <poll.h>
 #include <string.h>
 
-enum { LOST_NETWORK, LOST_JOIN, LOST_DECODE };
-static const char *const reasons[] = {"network", "join", "decode", NULL};
+enum { LOST_NETWORK, LOST_JOIN, LOST_DECODE, LOST_STORE };
+static const char *const reasons[] = {"network", "join", "decode", "store", NULL};
 static const char *const names[] = {INTAKE_NAMES};
 
 #define MS INT64_C(1000000)
@@ -42,12 +42,19 @@ static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct 
 static void show(struct viewer *viewer, const struct intake_frame *frame, const AVFrame *picture, bool damaged) {
     struct ddxvideo_stamp stamp = stamp_of(viewer, frame);
     int error = output_write(&viewer->output, viewer->id, picture, viewer->decoder.context->framerate, &stamp);
-    if (error)
+    if (error == -ECONNREFUSED && !viewer->said_store) /* it hangs, or is started anew: it will be back */
+        say("%s: the store does not answer; trying again", viewer->output.name);
+    else if (error && error != -ECONNREFUSED)
         fail(viewer, viewer->output.name, ddx_error_text(error));
+    viewer->said_store = error != 0;
     const char *wrong = viewer->display ? display_show(viewer->display, picture) : NULL;
     if (wrong)
         fail(viewer, "window", wrong);
     int64_t latency = ddx_time_now() - stamp.time;
+    if (error && !viewer->display) {
+        ddx_stats_lost(viewer->book, LOST_STORE, 1);
+        return;
+    }
     ddx_stats_out(viewer->book, 1, latency);
     if (viewer->print) {
         printf("frame %d sequence %" PRId64 " latency_us %" PRId64 "%s\n", stamp.frame, stamp.source_sequence,

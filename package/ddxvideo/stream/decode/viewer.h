@@ -29,6 +29,7 @@ struct viewer {
     struct movie movie;
     bool shown;      /* a picture of the present source was */
     int64_t joining; /* when to try to join the group again */
+    bool said_store;
     bool said_join;
     int status;
     bool done;
