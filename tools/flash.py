@@ -126,7 +126,7 @@ def prepare(words: dict[str, str]) -> Job:
     if words["FILE"] == "1":
         _check_file(path, image)
     else:
-        disk = target.Disk(path)
+        disk = target.TargetDisk(path)
         path = disk.path
         say(disk.title())
         for line in disk.contents():

@@ -17,7 +17,7 @@ FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
 STREAM = [f"stream/{name}.c" for name in ("chunk", "h264", "intake", "mpeg4", "reorder", "rtp")]
-Y4M = [f"common/y4m_{name}.c" for name in ("convert", "layout", "parse", "read")] + ["common/item.c"]
+Y4M = [f"common/y4m_{name}.c" for name in ("convert", "layout", "parse", "read")] + ["common/video_item.c"]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
     f"log/{name}.c" for name in ("declaration", "form", "schema")]
 # Sources of each, below a package.

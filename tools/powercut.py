@@ -232,7 +232,7 @@ def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bo
     pictures = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(clip)[1])}
     with image.open("rb") as file:
         file.seek(part.begin)
-        disk = blocklog.Disk(part.begin, file.read(part.end - part.begin))
+        disk = blocklog.LoggedDisk(part.begin, file.read(part.end - part.begin))
     old = {(one.cut, one.model) for one in done}
     with tempfile.NamedTemporaryFile(prefix="ddx-", suffix=".ext4", dir="/dev/shm") as file:
         scratch = pathlib.Path(file.name)

@@ -29,7 +29,8 @@ def test_settings_survive_a_power_cut_at_any_write(boot: Boot, image: pathlib.Pa
     part = mbr.partition(image, 5)
     with image.open("rb") as file:
         file.seek(part.begin)
-        found = cuts(log, blocklog.Disk(part.begin, file.read(part.end - part.begin)), tmp_path / "data.ext4", DICE)
+        logged = blocklog.LoggedDisk(part.begin, file.read(part.end - part.begin))
+        found = cuts(log, logged, tmp_path / "data.ext4", DICE)
     record_property("power_cuts", len(found))
     record_property("wrong", len(wrong(found)))
     assert len(found) > 4 * 3 * (DICE + 1)

@@ -322,7 +322,7 @@ def test_refuses_the_disk_that_this_system_runs_from(tmp_path: pathlib.Path) -> 
     node = tmp_path / disks[0]
     os.mknod(node, 0o600 | 0o060000, os.makedev(major, minor))
     with pytest.raises(Failed, match="is the disk that this system runs from"):
-        target.Disk(node).refuse(0)
+        target.TargetDisk(node).refuse(0)
 
 
 class FakeSystem:
@@ -362,7 +362,7 @@ class FakeSystem:
 
     def refusal(self, name: str) -> str:
         try:
-            target.Disk(self.dev / name).refuse(0)
+            target.TargetDisk(self.dev / name).refuse(0)
         except Failed as error:
             return str(error)
         return ""

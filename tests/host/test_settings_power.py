@@ -74,7 +74,7 @@ def test_settings_survive_a_power_cut_at_any_write(disk: LoggedDisk, tmp_path: p
     finally:
         run(["umount", "-d", keep / "data"])
     disk.end()
-    found = cuts(disk.log, blocklog.Disk(0, disk.before), tmp_path / "cut.ext4", 1)
+    found = cuts(disk.log, blocklog.LoggedDisk(0, disk.before), tmp_path / "cut.ext4", 1)
     assert len(found) > 4 * 3 * 2
     assert {done for done, _ in found} >= set(range(len(TOGGLES)))
     assert bool(wrong(found)) is naive, wrong(found)[:5]

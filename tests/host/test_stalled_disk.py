@@ -11,7 +11,7 @@ from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, 
 from .test_record_orders import order, reached
 
 
-class Disk:
+class StalledDisk:
     """A recorder's disk that stands still between stall() and go_on(): for what becomes of files, or for the first."""
 
     def __init__(self, folder: pathlib.Path) -> None:
@@ -31,12 +31,12 @@ class Disk:
 
 
 @pytest.fixture
-def disk(desk: Desk) -> Disk:
+def disk(desk: Desk) -> StalledDisk:
     (desk.folder / "rec").mkdir()
-    return Disk(desk.folder)
+    return StalledDisk(desk.folder)
 
 
-def start(desk: Desk, disk: Disk, clip: pathlib.Path, *options: object) -> tuple[Process, Process]:
+def start(desk: Desk, disk: StalledDisk, clip: pathlib.Path, *options: object) -> tuple[Process, Process]:
     saver = start_recorder(desk, "-output", "rec", *options, wrapper=disk.wrapper)
     return saver, desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
 
@@ -49,7 +49,7 @@ def count(desk: Desk, what: str) -> int:
     return int(desk.stats("ddxvideosave")[what])
 
 
-def test_files_are_closed_by_who_writes_them(desk: Desk, disk: Disk) -> None:
+def test_files_are_closed_by_who_writes_them(desk: Desk, disk: StalledDisk) -> None:
     """Frames come in, and files are begun, while three are waiting for the disk."""
     clip = make_clip(desk.folder / "clip.y4m", frames=100)
     saver, loader = start(desk, disk, clip)
@@ -68,7 +68,7 @@ def test_files_are_closed_by_who_writes_them(desk: Desk, disk: Disk) -> None:
     assert [picture for file in recorded(desk) for picture in file] == played[:loaded["out"]]
 
 
-def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: Disk) -> None:
+def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: StalledDisk) -> None:
     """Numbers tell the order, also where the second recording was begun before the first one had a file."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", frames=250)
     disk.stall("open")
@@ -89,7 +89,7 @@ def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: Disk) -> None:
     assert [int(file.name.split("-")[1]) for file in sorted((desk.folder / "rec").iterdir())] == [1, 2]
 
 
-def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: Disk) -> None:
+def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: StalledDisk) -> None:
     """Memory has an end. What has no ring is lost there, is counted, and the recorder goes on with the disk."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", frames=1000)
     saver, loader = start(desk, disk, clip, "-ring", "16")

@@ -194,7 +194,7 @@ W1: /* oldest(); here any slot, which is more than the code does */
 #ifndef NO_LOOK_AT_NOTICE
     if /* W3, ddx_ring_choose(): notice->version */
     :: atomic { notice != notice_seen ->
-        /* service.c: on_slot(), on_reader(), on_reader_gone() */
+        /* inbox.c: on_slot(), on_reader(), on_reader_gone() */
         known = attached;
         slot_count = slots;
         notice_seen = notice;
@@ -359,7 +359,7 @@ active [PAGES] proctype reader() {
     :: else
     fi;
 end_not_in:
-    atomic { /* store/reader.c reader_attach(): what is newest, then slots and news for the writer, then the answer */
+    atomic { /* store/readers.c reader_attach(): what is newest, then slots and news for the writer, then the answer */
         kept < READERS && (me < READERS || deaths > 0) ->
         own = current;
 #ifdef PIN_OF_FIRST_EPOCH
@@ -473,7 +473,7 @@ end_asleep:
     }
 
 dead:
-    atomic { /* store/reader.c reader_left() */
+    atomic { /* store/readers.c reader_left() */
         pin_stored[me] == NONE ->
         attached = attached & ~(1 << me);
         kept--;

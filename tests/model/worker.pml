@@ -97,7 +97,7 @@ byte known; /* to the writer: a bit for each page */
 #define DRAIN(c) do :: len(request[c]) -> request[c]?_, _, _, _ :: else -> break od
 
 /* ---- the worker; after its death the same process is the next one ---- */
-/* client.c too_early(), reader.c attach(): it hears only those who come back, before it has heard of the writer. */
+/* client.c too_early(), readers.c attach(): it hears only those who come back, before it has heard of the writer. */
 #define HAS_REQUEST(c) (!hung_up[c] && \
                         ((store.back && len(request[c])) || (!store.back && request[c]?[_, OFFER, _, _])))
 #ifdef FAULT_NOT_GATED
@@ -337,7 +337,7 @@ next_store: /* the sockets are closed: what clients have not read yet stays, wha
 #endif
 #define STOP :: atomic { stops < STOPS -> stops++; stopped[me] = true; goto end_stopped }
 
-inline take_in() { /* service.c ddx_item_service(), handle() */
+inline take_in() { /* inbox.c ddx_item_service(), handle() */
     said[me]?got, what;
     if
     :: IS_OLD -> what = SLOT

@@ -110,7 +110,7 @@ int ddx_term_new(struct ddx_term **term, uint32_t epoch, const struct ddx_layout
 int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd);
 void ddx_term_free(struct ddx_term *term);
 
-/* service.c: take in what the store said. With `lock` held. 0 or -EPIPE when the store is gone. */
+/* inbox.c: take in what the store said. With `lock` held. 0 or -EPIPE when the store is gone. */
 int ddx_item_service(DDX_STORE_ITEM *item);
 /* Send, then wait for `answer`. With `lock` held. 0, the answer's status, -ECONNREFUSED. */
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,

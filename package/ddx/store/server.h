@@ -130,7 +130,7 @@ void store_commit(void);    /* what was done is done */
 /* Now that it is committed, what is to be said: to this client (or NULL) after all others. */
 void store_say(struct client *last);
 
-/* item.c */
+/* items.c */
 struct item *item_find(const char *name);
 struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout); /* NULL: no memory */
 
@@ -195,13 +195,13 @@ bool budget_allows(struct item *item, uint64_t reserved);
 void request_handle(struct client *client, struct ddx_packet *packet);
 void list_continue(struct client *client);
 
-/* writer.c: terms of writing. */
+/* claim.c: terms of writing. */
 void writer_claim(struct client *client, const struct ddx_layout *layout);
 void writer_ready(struct client *client, const struct ddx_message *message);
 void writer_taken(struct client *client, const struct ddx_message *message);
 void writer_left(struct client *client);
 
-/* reader.c */
+/* readers.c */
 void reader_attach(struct client *client, unsigned keep);
 /* Its writer looks at its pins, or (-errno) does not; it is told so if it has asked. */
 void reader_taken(struct client *client, int status);
@@ -223,7 +223,7 @@ void reader_left(struct client *client);
 void readers_count(struct item *item);
 void readers_tell(void); /* to all writers, when everybody has been told of the rest */
 
-/* offer.c */
+/* adopt.c */
 void offer_message(struct client *client, struct ddx_packet *packet);
 void offer_abandon(struct client *client);
 

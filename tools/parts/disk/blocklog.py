@@ -41,7 +41,7 @@ def entries(log: pathlib.Path) -> Iterator[Entry]:
             yield Entry(first * sector, data, flags)
 
 
-class Disk:
+class LoggedDisk:
     """A piece of a disk, as the writes make it; and as a power cut may leave it."""
 
     def __init__(self, begin: int, content: bytes) -> None:

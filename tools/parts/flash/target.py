@@ -99,7 +99,7 @@ def loops_on(path: pathlib.Path) -> list[str]:
     return found
 
 
-class Disk:
+class TargetDisk:
     """A whole disk; anything else is refused."""
 
     def __init__(self, path: pathlib.Path) -> None:

@@ -16,7 +16,7 @@ from parts.media.counters import Counters, adds_up, agree
 from parts.media.recording import Partition
 
 
-class Disk(Partition):
+class RecordedDisk(Partition):
     """A disk that is one file system, without partitions."""
 
     def __init__(self, image: pathlib.Path) -> None:  # pylint: disable=super-init-not-called
@@ -52,7 +52,7 @@ def numbers_lost(found: Found, numbers: Iterable[int | None], clip: int) -> None
     found.longest = max(found.longest, behind)
 
 
-def _numbers(disk: Disk, found: Found, clip: int) -> Iterable[int | None]:
+def _numbers(disk: RecordedDisk, found: Found, clip: int) -> Iterable[int | None]:
     """Of all pictures, file by file; each is compared with its entry in the index on the way."""
     with tempfile.TemporaryDirectory(prefix="ddx-", dir="/dev/shm") as name:
         folder = pathlib.Path(name)
@@ -78,7 +78,7 @@ def _numbers(disk: Disk, found: Found, clip: int) -> Iterable[int | None]:
 def recorder(image: pathlib.Path, load: Counters, save: Counters, clip: int) -> Found:
     """What the recorder has left on the disk, which nobody has mounted any more. The clip has so many frames."""
     found = Found(published=load.out, counted=dict(save.lost))
-    numbers_lost(found, _numbers(Disk(image), found, clip), clip)
+    numbers_lost(found, _numbers(RecordedDisk(image), found, clip), clip)
     for what, ours, theirs in [("published and received", load.out, save.frames_in),
                                ("pictures", found.recorded, save.out),
                                ("missing pictures", found.lost, save.lost_total),
@@ -93,7 +93,7 @@ def naive(image: pathlib.Path, name: str, load: Counters, written: int, missed: 
     found = Found(published=load.out, counted={"store": missed})
     size = WIDTH * HEIGHT * 3 // 2
     with tempfile.TemporaryDirectory(prefix="ddx-", dir="/dev/shm") as folder:
-        data = numpy.memmap(Disk(image).take(name, pathlib.Path(folder) / "file"), numpy.uint8, "r")
+        data = numpy.memmap(RecordedDisk(image).take(name, pathlib.Path(folder) / "file"), numpy.uint8, "r")
         numbers_lost(found, (frame_number(data[at:at + size].tobytes(), WIDTH, HEIGHT)
                              for at in range(0, len(data), size)), clip)
     for what, ours, theirs in [("pictures", found.recorded, written), ("missing pictures", found.lost, missed),

@@ -40,7 +40,7 @@ def settings(image: bytes, file: pathlib.Path) -> bytes | None:
     return None if b"File not found" in shown.stderr else shown.stdout
 
 
-def cuts(log: pathlib.Path, disk: blocklog.Disk, scratch: pathlib.Path, dice: int) -> Found:
+def cuts(log: pathlib.Path, disk: blocklog.LoggedDisk, scratch: pathlib.Path, dice: int) -> Found:
     """For each power cut: how many toggles were done by then, and what was found, on the disk that holds all that was
     written, and on so many that lack some of what no flush had made safe."""
     chance = random.Random(6)
