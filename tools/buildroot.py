@@ -30,6 +30,7 @@ EXTERNAL = TOP / "buildroot-external"
 # What Buildroot would not notice: the target to make when one of the files has changed since the last build.
 RENEW = [("ddx-rebuild", ["package/ddx"]), ("ddxvideo-rebuild", ["package/ddxvideo", "package/ddx"]),
          ("ddxlog-rebuild", ["package/ddxlog", "package/ddx"]), ("ddxgrow-rebuild", ["package/ddxgrow"]),
+         ("ddxservice-rebuild", ["package/ddxservice"]),
          ("ffmpeg-reconfigure", ["buildroot-external/configs/ddxvideo_{board}_defconfig"]),
          ("busybox-reconfigure", ["board/common/busybox.config"]),
          ("linux-reconfigure", ["board/common/kernel", "board/{board}/kernel.fragment"])]

@@ -29,7 +29,7 @@ def install(prefix: str, destination: str) -> None:
     # ddxvideo finds ddx in the desk build's tree: what it takes from there does not depend on the prefix.
     desk = native.build()
     for package in native.PACKAGES:
-        if package == "ddxgrow":  # grows an appliance's disk: nothing for a desk
+        if package in ("ddxgrow", "ddxservice"):  # an appliance's disk and services: nothing for a desk
             continue
         out = OUTPUT / "desktop" / package
         options = [*native.MESON, f"--prefix={prefix}", "-Dtests=false"]  # the last prefix counts

@@ -19,7 +19,7 @@ from .programs import wait_until
 
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
            for name in ("storage", "recordings-disk", "settings-copy", "disk")}
-SCRIPTS |= {f"package/ddx/service/{name}": f"usr/libexec/ddx/{name}" for name in ("service", "finish", "mounted")}
+SCRIPTS |= {f"package/ddxservice/{name}": f"usr/libexec/ddx/{name}" for name in ("service", "finish", "mounted")}
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
 SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # of several groups, so there is a second superblock
 # As in board/common/disk.cfg.

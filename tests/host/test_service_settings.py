@@ -24,7 +24,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
         pytest.skip("a root folder of one's own takes root")
     appliance = Appliance(tmp_path)
     for script in ("service", "finish"):
-        appliance.install(f"package/ddx/service/{script}", f"usr/libexec/ddx/{script}")
+        appliance.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
     for folder in FOLDERS:
         (appliance.root / folder).mkdir(parents=True)
     appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")

@@ -38,7 +38,7 @@ def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
     """tests/guest/naive and neighbour as static programs of the development image's processor."""
     ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
     library = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
-    library += (video / "common").glob("item*.c")
+    library += (video / "common").glob("video_*.c")
     for name in PROGRAMS:
         run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
              f"-I{ddx}/include", f"-I{video}/include", TOP / f"tests/guest/{name}/main.c",

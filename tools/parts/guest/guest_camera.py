@@ -19,7 +19,7 @@ def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
     bits = ["-m32", "-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"] if "i386" in machine.meta(board)["qemu"] else []
     ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
     library = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
-    library += (video / "common").glob("item*.c")
+    library += (video / "common").glob("video_*.c")
     folders = [f"-I{ddx}/include", f"-I{video}/include"]
     more: dict[str, list[str]] = {"v4l": [], "frames": ["-D_GNU_SOURCE", *folders, *map(str, library)]}
     for name in more:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
 
-PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxvideo"]
+PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 

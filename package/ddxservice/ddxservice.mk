@@ -1,0 +1,13 @@
+################################################################################
+#
+# ddxservice
+#
+################################################################################
+
+DDXSERVICE_VERSION = 0.1.0
+DDXSERVICE_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxservice
+DDXSERVICE_SITE_METHOD = local
+DDXSERVICE_LICENSE = GPL-2.0+
+DDXSERVICE_LICENSE_FILES = LICENSE
+
+$(eval $(meson-package))
