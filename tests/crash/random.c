@@ -13,6 +13,7 @@
 #include "tests.h"
 
 #define PERIOD 0.001
+#define TAKEOVERS 4096 /* that are told one by one */
 #define TOGETHER 400000000 /* ns: a takeover so soon after the store's death waits for the store, too */
 
 enum victim {
@@ -25,6 +26,7 @@ static int64_t store_died;
 /* ns: [1]: with the store away */
 static struct takeover worst[2], sum[2];
 static unsigned takeovers[2];
+static int64_t took[TAKEOVERS]; /* ns, with the store there */
 
 static unsigned chance(unsigned below) {
     state = state * 6364136223846793005u + 1442695040888963407u;
@@ -112,6 +114,8 @@ static void book(struct takeover t, bool together) {
         takeover_check(&t, "a killed writer");
     most(&worst[together].whole, t.whole);
     most(&worst[together].published, t.whole - t.seen);
+    if (!together && takeovers[0] < TAKEOVERS)
+        took[takeovers[0]] = t.whole;
     sum[together].whole += t.whole;
     sum[together].noticed += t.noticed;
     sum[together].granted += t.granted;
@@ -211,12 +215,15 @@ int test_random(unsigned kills, unsigned seed) {
            "\"takeovers\":%u,\"takeover_mean_ms\":%.1f,\"takeover_worst_ms\":%.1f,"
            "\"urgent\":%u,\"published_worst_ms\":%.1f,"
            "\"noticed_mean_ms\":%.1f,\"granted_mean_ms\":%.1f,\"published_mean_ms\":%.1f,\"seen_mean_ms\":%.1f,"
-           "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u}\n",
+           "\"takeover_worst_ms_store_away\":%.1f,\"takeovers_store_away\":%u,\"takeover_ms\":[",
            kills, seed, killed[WRITER], killed[STANDBY], killed[READER], killed[STORE], killed[WRITER_AND_STORE],
            killed[WORKER], killed[STOPPED_WORKER] + killed[STOPPED_READER], killed[LIMITED], killed[CROWD],
            (unsigned long long)stage->stream[0].done, stage->stream[0].terms, (unsigned long long)seen,
            (unsigned long long)missed, takeovers[0], mean_ms(sum[0].whole), (double)worst[0].whole / 1e6, urgent,
            (double)worst[0].published / 1e6, mean_ms(sum[0].noticed), mean_ms(sum[0].granted),
            mean_ms(sum[0].published), mean_ms(sum[0].seen), (double)worst[1].whole / 1e6, takeovers[1]);
+    for (unsigned i = 0; i < takeovers[0] && i < TAKEOVERS; i++)
+        printf("%s%.1f", i ? "," : "", (double)took[i] / 1e6);
+    puts("]}");
     return 0;
 }
