@@ -77,8 +77,8 @@ def main() -> int:
     runs: list[Run] = kept["runs"] if kept.get("programs") == key else []
     for seed in range(len(runs) + 1, (kills + RUN - 1) // RUN + 1):
         say(f"crash: {len(runs) * RUN} of {kills} kills ...")
-        done = subprocess.run([program, "random", str(RUN), str(seed)], capture_output=True, text=True, timeout=1800, check=False,
-                              env={**os.environ, "DDX_STORE_PROGRAM": str(store), "DDX_CRASH_URGENT": "1"})
+        done = subprocess.run([program, "random", str(RUN), str(seed)], capture_output=True, text=True, timeout=1800,
+                              check=False, env={**os.environ, "DDX_STORE_PROGRAM": str(store), "DDX_CRASH_URGENT": "1"})
         if done.returncode:
             errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
             say("\n".join([f"crash: seed {seed} failed:", *errors]))
