@@ -116,8 +116,9 @@ int ddx_store_done_item(DDX_STORE_ITEM *item);
 
 /*
  * Copy a value into *data (the caller's struct, in the layout that the caller declared) and its time of writing into
- * *ts (NULL allowed). The copy is never torn. Errors: -ETIMEDOUT, -EMSGSIZE, -EPROTOTYPE, -EBUSY, -ENOSPC; on failure
- * *data and *ts are as before.
+ * *ts (NULL allowed). The copy is never torn. Errors: -ETIMEDOUT, -EMSGSIZE, -EPROTOTYPE, -EINVAL; of the first read,
+ * which asks the store for a place among the readers and waits for its answer, 5 s at most, also -EBUSY, -EMFILE,
+ * -ECONNREFUSED. On failure *data and *ts are as before.
  */
 int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeout, int tail);
 
@@ -148,8 +149,9 @@ enum ddx_tail {
 
 /*
  * Write a value: copies *data (layout as declared by the caller, or as created) into the store and wakes the readers.
- * `ts` is the time of the write, NULL for now. Never waits for a reader. The first call makes the handle the writer.
- * Errors: -EEXIST, -ENOSPC, -EPROTOTYPE.
+ * `ts` is the time of the write, NULL for now. Never waits for a reader. The first call makes the handle the writer,
+ * and waits for the store to answer, 5 s at most. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMFILE, -ENOBUFS,
+ * -ECONNREFUSED, -EINVAL, -ENOENT (see ddx_store_await_item()). What is given up is counted: ddx_store_short().
  */
 int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts);
 
@@ -174,7 +176,7 @@ struct ddx_item_spec {
  * stays readable when the layout stays the same; sequence numbers go on. Fields that have an extent may get another
  * bound or extent than before (a camera that changes its format); all else must agree with what the item was, unless
  * nobody uses the item. On success *item is the caller's. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMSGSIZE, -EINVAL,
- * -ECONNREFUSED.
+ * -EMFILE, -ENOMEM, -ECONNREFUSED.
  */
 int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STORE_ITEM **item);
 
@@ -209,7 +211,7 @@ unsigned ddx_store_kept(const DDX_STORE_ITEM *item);
 
 /*
  * A free frame to write in place, in the item's own layout: *data. Its content is undefined (an older frame). Then
- * either ddx_store_publish() or ddx_store_cancel(). Never waits. Errors: -EEXIST, -ENOSPC, -EBUSY (already loaned).
+ * either ddx_store_publish() or ddx_store_cancel(). Waits and fails as ddx_store_write(); -EBUSY: already loaned.
  */
 int ddx_store_loan(DDX_STORE_ITEM *item, void **data);
 
@@ -230,7 +232,8 @@ uint64_t ddx_store_written(const DDX_STORE_ITEM *item);
 
 /*
  * Writes and loans of this handle that were given up: -ENOBUFS, every frame is held (the store makes room for what each
- * of its readers holds, but after a restart it may not know all of them yet).
+ * of its readers holds, but after a restart it may not know all of them yet); or -EMFILE, a reader has come that the
+ * program has no descriptor for, until the store has refused it.
  */
 uint64_t ddx_store_short(const DDX_STORE_ITEM *item);
 

@@ -16,6 +16,7 @@ const char *ddx_error_text(int error) {
     case ENOSPC: return "the store's memory budget is used up; give it more with: store -m";
     case EBUSY: return "no memory left for one reader more, or a frame is still held";
     case ENOBUFS: return "every frame of the item is held, nothing was written";
+    case EMFILE: return "too few descriptors: one is needed for each frame and each reader of an item; see ulimit -n";
     case ETIMEDOUT: return "nothing was written within the timeout";
     case EINVAL: return "bad argument, or a type that cannot be shared";
     case EOPNOTSUPP: return "only the store of this machine can be opened";
