@@ -81,6 +81,8 @@ static void pass_said(const struct ddx_message *message, const struct item *item
     bool to_reader = message->flags & DDX_FLAG_READER, to_writer = message->flags & DDX_FLAG_WRITER;
 
     (void)item, (void)to_reader, (void)to_writer;
+    if (message->status)
+        return; /* a refusal */
     switch (message->operation) {
     case DDX_CLAIMED: DDX_PASS(STORE_CLAIMED); break;
     case DDX_DONE: DDX_PASS(STORE_GRANTED); break;
