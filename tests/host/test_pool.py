@@ -129,16 +129,21 @@ def test_killed_recorders(desk: Desk, clip: pathlib.Path) -> None:
     assert saved["lost"]["restart"] > 0 and loaded["out"] >= saved["in"]
 
 
-def lose_frames(desk: Desk, clip: pathlib.Path) -> dict[str, int]:
-    """A recording that lacks some, since the recorder stood still longer than the store keeps frames for it; in the
-    middle. Its counters."""
-    saver = start(desk, "-keep", "8")
+def stall(desk: Desk, clip: pathlib.Path, *options: object) -> tuple[Process, Process]:
+    """A recorder that stood still longer than the store keeps frames for it, and the loader, which goes on."""
+    saver = start(desk, "-keep", "8", *options)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "3")
     wait_until(lambda: desk.out("ddxvideosave") > 3)
     saver.send_signal(signal.SIGSTOP)
     begin = desk.out("ddxvideoload")
     wait_until(lambda: desk.out("ddxvideoload") > begin + 60)
     saver.send_signal(signal.SIGCONT)
+    return saver, loader
+
+
+def lose_frames(desk: Desk, clip: pathlib.Path) -> dict[str, int]:
+    """A recording that lacks some in the middle. Its counters."""
+    saver, loader = stall(desk, clip)
     before = desk.out("ddxvideosave")
     wait_until(lambda: desk.out("ddxvideosave") > before + 20)
     stop(loader)

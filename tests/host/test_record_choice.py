@@ -8,7 +8,7 @@ import signal
 import pytest
 
 from .programs import Desk, header_of, lost, make_clip, pictures, start_recorder, stop, wait_until
-from .test_pool import COUNT, index_of, recordings, start
+from .test_pool import COUNT, index_of, recordings, stall, start
 
 
 @pytest.fixture
@@ -40,13 +40,7 @@ def test_some_of_the_frames(desk: Desk, clip: pathlib.Path, option: str, value: 
 def test_what_is_lost_was_wanted(desk: Desk, clip: pathlib.Path) -> None:
     """It stands still for longer than frames are kept for it, and is killed: what the files lack of each third frame
     is what was counted as lost, and everything else was skipped."""
-    saver = start(desk, "-skip", "3", "-keep", "8")
-    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "3")
-    wait_until(lambda: desk.out("ddxvideosave") > 3)
-    saver.send_signal(signal.SIGSTOP)
-    begin = desk.out("ddxvideoload")
-    wait_until(lambda: desk.out("ddxvideoload") > begin + 60)
-    saver.send_signal(signal.SIGCONT)
+    saver, loader = stall(desk, clip, "-skip", "3")
     wait_until(lambda: lost(desk.stats("ddxvideosave")) >= 10)
     taken = int(desk.stats("ddxvideosave")["in"])
     wait_until(lambda: desk.out("ddxvideosave") > taken)  # what tells of it is on the disk

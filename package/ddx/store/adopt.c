@@ -173,9 +173,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     item->adopted = item->away = false;
     reader_add_slots(item, 0, 0); /* for readers who came back before it */
     item_send_new_slots(item, item->epoch, client);
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_of(c, item))
-            item_announce(item, c);
+    readers_announce(item);
     readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
     return 0;
@@ -241,9 +239,8 @@ static void finish(struct client *client, uint32_t flags) {
         reply.status = adopt_writer(item, client, offered && is_current(item, offered));
     if (reply.status && reply.status != -EEXIST)
         refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
-    for (struct client *c = store->clients; c && news; c = c->next)
-        if (reader_hears(c, item))
-            item_send_epoch(item, c);
+    if (news)
+        readers_send_epoch(item);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);
     int result = flags & DDX_FLAG_READER && !client->gone ? adopt_reader(item, client) : 0;

@@ -107,9 +107,7 @@ static void tell_all(struct client *client) {
 
     client_send(client, &message, epoch->layout, fds, 2);
     item_send_new_slots(item, epoch, client);
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_of(c, item))
-            item_announce(item, c);
+    readers_announce(item);
 }
 
 void writer_claim(struct client *client, const struct ddx_layout *layout) {
@@ -143,9 +141,7 @@ static void go_live(struct item *item) {
     kept_free(item->layout);
     item->layout = store_layout(item->epoch->layout);
     DDX_PASS(STORE_LIVE);
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_hears(c, item))
-            item_send_epoch(item, c);
+    readers_send_epoch(item);
     readers_count(item);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);

@@ -80,6 +80,18 @@ bool reader_hears(const struct client *client, const struct item *item) {
     return reader_of(client, item) && client->admitted;
 }
 
+void readers_announce(struct item *item) {
+    for (struct client *c = store->clients; c; c = c->next)
+        if (reader_of(c, item))
+            item_announce(item, c);
+}
+
+void readers_send_epoch(const struct item *item) {
+    for (struct client *c = store->clients; c; c = c->next)
+        if (reader_hears(c, item))
+            item_send_epoch(item, c);
+}
+
 static int attach(struct client *client, unsigned keep) {
     struct item *item = client->item;
 

@@ -219,6 +219,8 @@ bool reader_hears(const struct client *client, const struct item *item);
 int reader_add_slots(struct item *item, unsigned keep, unsigned pages);
 int reader_register(struct client *client, int pin_fd, unsigned keep);
 void reader_left(struct client *client);
+void readers_announce(struct item *item);          /* all of them, to its writer */
+void readers_send_epoch(const struct item *item); /* to all that may hear of it */
 /* Count the readers for whom frames are kept: once the writer has their slots, and they know them. */
 void readers_count(struct item *item);
 void readers_tell(void); /* to all writers, when everybody has been told of the rest */

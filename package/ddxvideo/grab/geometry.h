@@ -6,9 +6,6 @@
 #include <ddxvideo.h>
 #include <stdbool.h>
 
-/* Divide both by what they have in common. */
-void geometry_reduce(int *num, int *den);
-
 /* The picture was `width` by `height` when its pixels had this aspect, and now fills the geometry's size. */
 void geometry_scale_aspect(struct ddxvideo_geometry *geometry, int width, int height);
 

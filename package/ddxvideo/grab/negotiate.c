@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "fraction.h"
 #include "geometry.h"
 #include "input.h"
 
@@ -128,7 +129,8 @@ static void take_rate(struct device *device, const struct device_wish *wish) {
         return;
     device->geometry.rate_num = (int)capture->timeperframe.denominator;
     device->geometry.rate_den = (int)capture->timeperframe.numerator;
-    geometry_reduce(&device->geometry.rate_num, &device->geometry.rate_den);
+    fraction_set(&device->geometry.rate_num, &device->geometry.rate_den, device->geometry.rate_num,
+                 device->geometry.rate_den);
 }
 
 static int range_of(const struct v4l2_pix_format *pix) {

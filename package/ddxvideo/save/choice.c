@@ -4,45 +4,35 @@
 #include <errno.h>
 #include <stdbool.h>
 
-static uint64_t common(uint64_t a, uint64_t b) {
-    while (b) {
-        uint64_t rest = a % b;
-        a = b;
-        b = rest;
-    }
-    return a;
-}
+#include "fraction.h"
 
-/* The fraction in lowest terms, or near it where these are larger than `most`. */
-static void reduce(uint64_t *num, uint64_t *den, uint64_t most) {
-    uint64_t divisor = common(*num, *den);
-    *num /= divisor;
-    *den /= divisor;
-    while (*num > most || *den > most) {
-        *num = (*num + 1) / 2;
-        *den = (*den + 1) / 2;
+/* What to take of pictures at their rate, if that is known, and at what rate these come then. */
+static void choose(struct choice *choice, bool known) {
+    int64_t take = 1, of = choice->skip > 1 ? choice->skip : 1;
+    if (choice->rate_num && known) {
+        int64_t num = choice->rate_num, den = choice->rate_den; /* wanted, over theirs */
+        fraction_reduce(&num, &den);
+        take = num * choice->their_den;
+        of = den * choice->their_num;
+        fraction_reduce(&take, &of);
     }
+    choice->take = take < of ? (uint32_t)take : 0;
+    choice->of = (uint32_t)of;
+    choice->kept_num = choice->their_num;
+    choice->kept_den = choice->their_den;
+    if (known && choice->take)
+        fraction_set(&choice->kept_num, &choice->kept_den, take * choice->their_num, of * choice->their_den);
 }
 
 int choice_look(struct choice *choice, struct ddxvideo_geometry *geometry) {
     bool known = geometry->rate_num > 0 && geometry->rate_den > 0;
-    uint64_t take = 1, of = choice->skip > 1 ? (uint64_t)choice->skip : 1;
-    if (choice->rate_num && known) {
-        uint64_t num = choice->rate_num, den = choice->rate_den; /* wanted, over theirs */
-        uint64_t their_num = (uint64_t)geometry->rate_num, their_den = (uint64_t)geometry->rate_den;
-        reduce(&num, &den, INT32_MAX);
-        take = num * their_den;
-        of = den * their_num;
-        reduce(&take, &of, INT32_MAX);
+    if (!choice->of || geometry->rate_num != choice->their_num || geometry->rate_den != choice->their_den) {
+        choice->their_num = geometry->rate_num;
+        choice->their_den = geometry->rate_den;
+        choose(choice, known);
     }
-    choice->take = take < of ? (uint32_t)take : 0;
-    choice->of = (uint32_t)of;
-    if (known && choice->take) {
-        uint64_t num = take * (uint64_t)geometry->rate_num, den = of * (uint64_t)geometry->rate_den;
-        reduce(&num, &den, INT32_MAX);
-        geometry->rate_num = (int)num;
-        geometry->rate_den = (int)den;
-    }
+    geometry->rate_num = choice->kept_num;
+    geometry->rate_den = choice->kept_den;
     return choice->rate_num && !known ? -ENODATA : 0;
 }
 

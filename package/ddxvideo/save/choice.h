@@ -16,7 +16,8 @@ struct choice {
     long skip;                   /* one of so many frames; 0 or 1: each */
     uint32_t rate_num, rate_den; /* frames a second at most; rate_num 0: as many as there are */
     /* private: */
-    uint32_t take, of; /* so many of so many; take 0: each */
+    uint32_t take, of; /* so many of so many; take 0: each. `of` 0: nobody has looked yet */
+    int their_num, their_den, kept_num, kept_den; /* rate of the pictures that this is for, and of those it leaves */
 };
 
 /*

@@ -226,6 +226,14 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
     recorder->frame = number;
 }
 
+/* Of frames that were lost before one that is not recorded either: the next one's index entry says so. */
+static void tell_index(struct recorder *recorder, uint64_t lost) {
+    if (recorder->recording)
+        recording_missed(recorder->recording, lost);
+    else
+        recorder->lost_store += lost;
+}
+
 /* A frame that cannot be read. */
 static void put_broken(struct recorder *recorder, const struct recording_frame *frame) {
     int number = (int)(recorder->frame + 1 + (int64_t)frame->missed);
@@ -234,10 +242,7 @@ static void put_broken(struct recorder *recorder, const struct recording_frame *
     say("lost frame %d: its numbers do not fit its memory, the program that writes it is broken", number);
     ddx_stats_in(recorder->book, 1, frame->sequence);
     ddx_stats_lost(recorder->book, LOST_STORE, 1);
-    if (recorder->recording)
-        recording_missed(recorder->recording, frame->missed + 1);
-    else
-        recorder->lost_store += frame->missed + 1;
+    tell_index(recorder, frame->missed + 1);
     recorder->frame = number;
 }
 
@@ -256,10 +261,7 @@ static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *
 static void pass_over(struct recorder *recorder, const struct recording_frame *frame, int number) {
     if (frame->missed) {
         count_missed(recorder, frame->missed, number);
-        if (recorder->recording)
-            recording_missed(recorder->recording, frame->missed);
-        else
-            recorder->lost_store += frame->missed;
+        tell_index(recorder, frame->missed);
     }
     ddx_stats_skipped(recorder->book, 1);
     ddx_stats_in(recorder->book, 0, frame->sequence);

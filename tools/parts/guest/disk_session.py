@@ -10,6 +10,7 @@ from parts.guest import session, testdisk, write_trace
 from parts.guest.qemu import Guest
 from parts.guest.session import LOAD, SAVE
 from parts.guest.slow_disk import SlowDisk, Speed
+from parts.image import native
 from parts.media import record_check
 from parts.media.clip import RATE
 from parts.media.counters import Counters
@@ -36,13 +37,10 @@ class Result:
 
 def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
     """tests/guest/naive and neighbour as static programs of the development image's processor."""
-    ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
-    library = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
-    library += (video / "common").glob("video_*.c")
     for name in PROGRAMS:
         run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
-             f"-I{ddx}/include", f"-I{video}/include", TOP / f"tests/guest/{name}/main.c",
-             *(library if name == "naive" else []), "-o", folder / name])
+             TOP / f"tests/guest/{name}/main.c", *(native.static_library() if name == "naive" else []),
+             "-o", folder / name])
     return {name: folder / name for name in PROGRAMS}
 
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from parts.common import TOP, run
 from parts.guest import machine, testdisk
 from parts.guest.qemu import Guest
+from parts.image import native
 
 GRABBER = "ddxvideoV4L"
 FEED = "feed.y4m"   # on the test disk: a clip that nobody replays by himself
@@ -17,11 +18,7 @@ SOURCES = TOP / "tests/guest"
 def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
     """tests/guest as static programs for the board's processor; `frames` has libddx in it."""
     bits = ["-m32", "-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"] if "i386" in machine.meta(board)["qemu"] else []
-    ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
-    library = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
-    library += (video / "common").glob("video_*.c")
-    folders = [f"-I{ddx}/include", f"-I{video}/include"]
-    more: dict[str, list[str]] = {"v4l": [], "frames": ["-D_GNU_SOURCE", *folders, *map(str, library)]}
+    more: dict[str, list[str]] = {"v4l": [], "frames": native.static_library()}
     for name in more:
         run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", *bits,
              *sorted((SOURCES / name).glob("*.c")), *more[name], "-o", work / name])

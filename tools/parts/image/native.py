@@ -10,6 +10,14 @@ LIBRARIES = "usr/lib/x86_64-linux-gnu"
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 
 
+def static_library() -> list[str]:
+    """For gcc: libddx and libddxvideo as sources, in a static program that a guest runs."""
+    ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
+    sources = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
+    sources += (video / "common").glob("video_*.c")
+    return ["-D_GNU_SOURCE", f"-I{ddx}/include", f"-I{video}/include", *map(str, sources)]
+
+
 def environment(root: pathlib.Path) -> dict[str, str]:
     """Lets a package find the ones built before it, in the install tree."""
     libraries = root / LIBRARIES

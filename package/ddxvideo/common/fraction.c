@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "fraction.h"
+
+int64_t fraction_divisor(int64_t a, int64_t b) {
+    while (b) {
+        int64_t rest = a % b;
+        a = b;
+        b = rest;
+    }
+    return a;
+}
+
+void fraction_reduce(int64_t *num, int64_t *den) {
+    int64_t divisor = *num && *den ? fraction_divisor(*num, *den) : 1;
+    *num /= divisor;
+    *den /= divisor;
+    while (*num > INT32_MAX || *den > INT32_MAX) {
+        *num = (*num + 1) / 2;
+        *den = (*den + 1) / 2;
+    }
+}
+
+void fraction_set(int *num, int *den, int64_t n, int64_t d) {
+    fraction_reduce(&n, &d);
+    *num = (int)n;
+    *den = (int)d;
+}
