@@ -97,7 +97,7 @@ byte known; /* to the writer: a bit for each page */
 #define DRAIN(c) do :: len(request[c]) -> request[c]?_, _, _, _ :: else -> break od
 
 /* ---- the worker; after its death the same process is the next one ---- */
-/* client.c too_early(), readers.c attach(): it hears only those who come back, before it has heard of the writer. */
+/* session.c too_early(), readers.c attach(): it hears only those who come back, before it has heard of the writer. */
 #define HAS_REQUEST(c) (!hung_up[c] && \
                         ((store.back && len(request[c])) || (!store.back && request[c]?[_, OFFER, _, _])))
 #ifdef FAULT_NOT_GATED
@@ -122,7 +122,7 @@ inline put(c, what) { /* client_send(), ddx_queue_put() */
     store.number[c]++
 }
 
-inline announce(reader) { /* item_announce() */
+inline announce(reader) { /* news_of_reader() */
     store.announced++;
     assert(store.announced < VERSIONS);
     store.behind[reader] = store.announced;
@@ -198,7 +198,7 @@ end_turn:
     OR_DIE
     fi;
 
-    /* client.c client_receive() */
+    /* session.c client_receive() */
     atomic {
         request[client]?<number, operation, first, second>; /* ddx_peek() */
         if
@@ -265,7 +265,7 @@ said_next: /* clients_go_on(), ddx_queue_go_on(); here in any order, and it may 
     OR_DIE
     fi;
     goto said_next;
-said_all: /* store_commit(), store_say() */
+said_all: /* files_commit(), clients_tell() */
 #ifdef FAULT_SAID_BEFORE_COMMIT
     if
     :: operation -> any = false; goto commit_late

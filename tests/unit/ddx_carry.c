@@ -11,7 +11,8 @@
 #include <sys/mman.h>
 #include <time.h>
 
-#include "../../package/ddx/store/server.h"
+#include "../../package/ddx/store/epoch.h"
+#include "../../package/ddx/store/kept.h"
 #include "check.h"
 
 #define SLOTS 3u
@@ -19,7 +20,6 @@
 #define TURNS 80
 #define STEP 16u /* words between those that change from frame to frame: all cache lines, every other one */
 
-struct store *store;
 static struct epoch *from;
 static atomic_bool over;
 
@@ -65,8 +65,6 @@ int main(void) {
 
     CHECK_EQUAL(kept_begin(), 0);
     CHECK(!kept_restore());
-    store = kept_allocate(sizeof *store);
-    CHECK(store);
     from = new_epoch(1, SLOTS);
     atomic_store(&from->control->slots, SLOTS);
     CHECK_EQUAL(pthread_create(&writer, NULL, write_on, NULL), 0);

@@ -1,14 +1,20 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/*
- * After a restart, items come back from those who hold them: first come, first known; a writer's word counts more than
- * a reader's, and a newer epoch more than an older one. Nothing of an offer is believed before its memory files were
- * looked at.
- */
 #include <errno.h>
 #include <string.h>
 
+#include "../lib/fault.h"
+#include "adopt.h"
+#include "budget.h"
+#include "epoch.h"
 #include "files.h"
-#include "server.h"
+#include "items.h"
+#include "kept.h"
+#include "label.h"
+#include "link.h"
+#include "news.h"
+#include "note.h"
+#include "readers.h"
+#include "retired.h"
 
 #define NOT_OURS "no store has made it, or for something else"
 #define NO_MEMORY "no memory"
@@ -172,8 +178,8 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     item->writer = client;
     item->adopted = item->away = false;
     reader_add_slots(item, 0, 0); /* for readers who came back before it */
-    item_send_new_slots(item, item->epoch, client);
-    readers_announce(item);
+    news_of_slots(item, item->epoch, client);
+    news_of_readers(item);
     readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
     return 0;
@@ -181,8 +187,8 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
 
 /* Whether somebody reads with this page already. */
 static bool reads(const struct item *item, int pin_fd) {
-    for (const struct client *c = store->clients; c; c = c->next)
-        if (reader_of(c, item) && ddx_memory_same(c->pin_fd, pin_fd))
+    for (const struct client *c = NULL; (c = item_next_reader(item, c));)
+        if (ddx_memory_same(c->pin_fd, pin_fd))
             return true;
     return false;
 }
@@ -194,7 +200,6 @@ static int adopt_reader(struct item *item, struct client *client) {
     if (client->id || keep < 1 || keep > DDX_READERS_MAX || !label_is(fd, label_of(item->name, "pin")) ||
         !ddx_memory_sound(fd, ddx_page_round(1), true))
         return -EINVAL;
-    clients_reap(); /* its former connection */
     if (reads(item, fd))
         return -EEXIST;
     /* Its share may have gone to others while it was away: it gets what is left, but room for what it may hold. */
@@ -240,7 +245,7 @@ static void finish(struct client *client, uint32_t flags) {
     if (reply.status && reply.status != -EEXIST)
         refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
     if (news)
-        readers_send_epoch(item);
+        news_of_epoch_to_all(item);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);
     int result = flags & DDX_FLAG_READER && !client->gone ? adopt_reader(item, client) : 0;
@@ -266,14 +271,14 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
         bool awaits = m->flags & DDX_FLAG_AWAIT && !*m->type;
         if (client->item || !(awaits || (layout && *m->type)) || !*m->name)
             return;
-        struct item *item = item_find(m->name);
+        struct item *item = item_find(client->store, m->name);
         if (item && !item_is_awaited(item) && !awaits && strcmp(item->type, m->type) != 0) {
             client->gone = true; /* the name went to something else meanwhile */
             return;
         }
         if (item && item_is_awaited(item) && !awaits && item_define(item, m->type, layout))
             return;
-        client->item = item ? item : item_add(m->name, m->type, awaits ? NULL : layout);
+        client->item = item ? item : item_add(client->store, m->name, m->type, awaits ? NULL : layout);
         if (!client->item)
             return;
         client->item->handles++;

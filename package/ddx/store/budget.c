@@ -1,29 +1,29 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/*
- * The budget is a promise: what is reserved is never more than -m. An item reserves its memory and, since a new writer
- * needs files of its own while readers still look at the old ones, the same again for a change of writer.
- */
 #include <string.h>
 
-#include "server.h"
+#include "budget.h"
+#include "files.h"
+#include "items.h"
+#include "note.h"
+#include "retired.h"
 
 #define BOOK "DDX_STATS" /* see ddx_stats.h */
 
-uint64_t budget_used(void) {
+uint64_t budget_used(struct store *store) {
     uint64_t sum = 0;
 
-    retired_sweep();
+    retired_sweep(store);
     for (const struct item *item = store->items; item; item = item->next)
-        sum += item_bytes(item) + retired_bytes(item);
-    return sum + retired_bytes(NULL);
+        sum += item_bytes(item) + retired_bytes(store, item);
+    return sum + retired_bytes(store, NULL);
 }
 
-uint64_t budget_reserved(void) {
+uint64_t budget_reserved(const struct store *store) {
     uint64_t sum = 0;
 
     for (const struct item *item = store->items; item; item = item->next)
         sum += item_reserved(item);
-    return sum + retired_bytes(NULL);
+    return sum + retired_bytes(store, NULL);
 }
 
 /*
@@ -31,6 +31,7 @@ uint64_t budget_reserved(void) {
  * it goes what a dead program has lost, and nobody could tell any more.
  */
 static struct item *least_wanted(const struct item *except) {
+    const struct store *store = except->store;
     struct item *found = NULL;
     int64_t oldest = INT64_MAX;
     bool found_book = false;
@@ -56,24 +57,22 @@ static struct item *least_wanted(const struct item *except) {
 static uint64_t droppable(const struct item *except) {
     uint64_t sum = 0;
 
-    for (const struct item *item = store->items; item; item = item->next)
+    for (const struct item *item = except->store->items; item; item = item->next)
         if (!item->handles && item != except)
             sum += item_reserved(item);
     return sum;
 }
 
 bool budget_allows(struct item *item, uint64_t reserved) {
-    for (;;) {
-        retired_sweep();
-        uint64_t others = budget_reserved() - item_reserved(item);
+    struct store *store = item->store;
 
-        if (others + reserved <= settings.budget)
+    for (;;) {
+        retired_sweep(store);
+        uint64_t others = budget_reserved(store) - item_reserved(item);
+
+        if (others + reserved <= store->settings->budget)
             return true;
-        clients_reap();
-        retired_sweep();
-        if (budget_reserved() - item_reserved(item) < others)
-            continue;
-        if (others - droppable(item) + reserved > settings.budget)
+        if (others - droppable(item) + reserved > store->settings->budget)
             return false; /* nothing is dropped in vain */
         struct item *victim = least_wanted(item);
         if (!victim)
@@ -82,6 +81,6 @@ bool budget_allows(struct item *item, uint64_t reserved) {
         epoch_retire(victim, victim->epoch);
         victim->epoch = NULL;
         item_drop_if_unused(victim);
-        store_commit(); /* only then are its files closed, and do not count any more */
+        files_commit(); /* only then are its files closed, and do not count any more */
     }
 }

@@ -1,10 +1,21 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A writer's term: claim, get ready, go live, end. */
 #include <errno.h>
 #include <string.h>
 
+#include "../lib/fault.h"
+#include "../lib/futex.h"
+#include "budget.h"
+#include "claim.h"
+#include "epoch.h"
 #include "files.h"
-#include "server.h"
+#include "items.h"
+#include "kept.h"
+#include "label.h"
+#include "link.h"
+#include "news.h"
+#include "note.h"
+#include "readers.h"
+#include "retired.h"
 
 /* May this client write this layout? */
 static int permitted(struct client *client, const struct ddx_layout *layout) {
@@ -14,7 +25,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
         return -ENOENT; /* nobody has said what it is */
     if (item->writer)
         return item->writer == client ? -EINVAL : -EEXIST;
-    if (item->adopted && !store->settled && ddx_memory_held(item->epoch->control_fd))
+    if (item->adopted && !item->store->settled && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST; /* its writer outlived our predecessor and will report; unless it is stopped */
     if (item->away && item->epoch && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST;
@@ -25,8 +36,11 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
 
 static int new_notice(struct item *item) {
     int fd = ddx_memory_create(label_of(item->name, "notice"), ddx_page_round(1));
+    int result = fd < 0 ? fd : item_set_notice(item, fd);
 
-    return fd < 0 ? fd : item_set_notice(item, fd);
+    if (!result)
+        readers_count(item);
+    return result;
 }
 
 /*
@@ -36,7 +50,7 @@ static int new_notice(struct item *item) {
 static bool keep_less(struct item *item) {
     bool less = false;
 
-    for (struct client *c = store->clients; c && !item->epochs; c = c->next) {
+    for (struct client *c = item->store->clients; c && !item->epochs; c = c->next) {
         unsigned keep = c->item == item && c->id && c->keep > 1 ? c->keep / 2 : 0;
 
         if (keep) {
@@ -54,7 +68,7 @@ static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     uint64_t one =
         ddx_page_round(sizeof(struct ddx_control)) + (2 + item->kept) * frame_bytes + ddx_page_round(1);
     uint64_t pins = item->readers * ddx_page_round(1);
-    uint64_t old = (item->epoch ? item_bytes(item) - pins : 0) + retired_bytes(item);
+    uint64_t old = (item->epoch ? item_bytes(item) - pins : 0) + retired_bytes(item->store, item);
 
     return (old > one ? old : one) + one + pins;
 }
@@ -106,18 +120,14 @@ static void tell_all(struct client *client) {
     int fds[2] = {epoch->control_fd, item->notice_fd};
 
     client_send(client, &message, epoch->layout, fds, 2);
-    item_send_new_slots(item, epoch, client);
-    readers_announce(item);
+    news_of_slots(item, epoch, client);
+    news_of_readers(item);
 }
 
 void writer_claim(struct client *client, const struct ddx_layout *layout) {
     struct item *item = client->item;
     int result = layout ? permitted(client, layout) : -EINVAL;
 
-    if (result) {
-        clients_reap();
-        result = layout ? permitted(client, layout) : -EINVAL;
-    }
     if (!result)
         result = prepare(item, layout);
     if (result) {
@@ -141,7 +151,7 @@ static void go_live(struct item *item) {
     kept_free(item->layout);
     item->layout = store_layout(item->epoch->layout);
     DDX_PASS(STORE_LIVE);
-    readers_send_epoch(item);
+    news_of_epoch_to_all(item);
     readers_count(item);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);
@@ -194,10 +204,8 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
     else if (m->index < DDX_SLOTS_MAX && epoch->slot_fd[m->index] >= 0 && !epoch->slot_ready[m->index] &&
              ddx_memory_sound(epoch->slot_fd[m->index], epoch->runs.file_bytes, true)) {
         epoch->slot_ready[m->index] = true;
-        for (struct client *c = store->clients; c && epoch == item->epoch; c = c->next)
-            if (reader_hears(c, item))
-                item_send_slot(item, epoch, m->index, c, DDX_FLAG_READER);
         if (epoch == item->epoch) {
+            news_of_slot_to_all(item, m->index);
             struct ddx_message told = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
 
             told.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
@@ -216,9 +224,9 @@ void writer_taken(struct client *client, const struct ddx_message *m) {
         return;
     item->taken = (uint32_t)m->sequence;
     DDX_PASS(STORE_TAKEN_READER);
-    struct client *reader = store->clients;
-    while (reader && (!reader_of(reader, item) || reader->id != m->index))
-        reader = reader->next;
+    struct client *reader = NULL;
+    while ((reader = item_next_reader(item, reader)) && reader->id != m->index)
+        continue;
     if (m->status && reader && reader->admitted && !reader->asked && item->pending) {
         give_up(client, m->status); /* it would write over what this one holds */
         return;

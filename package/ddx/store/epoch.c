@@ -3,8 +3,10 @@
 #include <string.h>
 #include <sys/mman.h>
 
+#include "epoch.h"
 #include "files.h"
-#include "server.h"
+#include "kept.h"
+#include "label.h"
 
 #define NUMBER_MAX (UINT64_MAX / 4) /* nobody writes as many frames; with higher ones numbers would come to their end */
 #define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */

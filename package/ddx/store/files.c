@@ -8,9 +8,12 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "server.h"
+#include "../lib/fault.h"
+#include "kept.h"
 
 #define OTHERS 64 /* descriptors that were open when the store began, at most */
+
+static struct files *files;
 
 static int others[OTHERS];
 static unsigned other_count;
@@ -19,24 +22,28 @@ static unsigned other_count;
 static int *closing;
 static unsigned closing_count, closing_room;
 
+void files_are(struct files *table) {
+    files = table;
+}
+
 static struct file *file_at(int fd) {
-    return fd >= 0 && (unsigned)fd < store->file_count ? &store->file[fd] : NULL;
+    return files && fd >= 0 && (unsigned)fd < files->count ? &files->file[fd] : NULL;
 }
 
 int file_use(int fd) {
-    if ((unsigned)fd >= store->file_count) {
+    if ((unsigned)fd >= files->count) {
         unsigned count = ((unsigned)fd + 1) * 2;
         struct file *more = kept_allocate(count * sizeof *more);
 
         if (!more)
             return -ENOMEM;
-        if (store->file_count)
-            memcpy(more, store->file, store->file_count * sizeof *more);
-        kept_free(store->file);
-        store->file = more;
-        store->file_count = count;
+        if (files->count)
+            memcpy(more, files->file, files->count * sizeof *more);
+        kept_free(files->file);
+        files->file = more;
+        files->count = count;
     }
-    store->file[fd].users++;
+    files->file[fd].users++;
     return 0;
 }
 
@@ -70,7 +77,9 @@ void file_close(int fd) {
         close_later(fd);
 }
 
-void files_close(void) {
+void files_commit(void) {
+    kept_commit();
+    DDX_PASS(STORE_COMMITTED);
     while (closing_count)
         close(closing[--closing_count]);
 }

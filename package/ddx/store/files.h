@@ -7,6 +7,21 @@
 #define STORE_FILES_H
 
 #include <stdbool.h>
+#include <stdint.h>
+
+struct file {
+    uint16_t users; /* messages */
+    bool closed;    /* but for them */
+};
+
+/* By descriptor: which are in use, by how many messages. Kept memory. */
+struct files {
+    struct file *file;
+    unsigned count;
+};
+
+/* By a worker, first: where that stands. */
+void files_are(struct files *files);
 
 /* A message needs it. 0 or -ENOMEM. */
 int file_use(int fd);
@@ -15,8 +30,8 @@ void file_unuse(int fd);
 /* Nobody else needs it: it is closed when no message does, and after the next commit. */
 void file_close(int fd);
 
-/* After a commit. */
-void files_close(void);
+/* What was done is done: commits what is kept (kept.h), then closes what nobody needs any more. */
+void files_commit(void);
 
 /*
  * By a worker that takes over: `known` tells whether a descriptor is in use by what was committed. A connection that

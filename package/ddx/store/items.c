@@ -3,23 +3,28 @@
 #include <string.h>
 #include <sys/mman.h>
 
+#include "../lib/fault.h"
+#include "epoch.h"
 #include "files.h"
-#include "server.h"
+#include "items.h"
+#include "kept.h"
+#include "retired.h"
 
-struct item *item_find(const char *name) {
+struct item *item_find(const struct store *store, const char *name) {
     for (struct item *item = store->items; item; item = item->next)
         if (!strcmp(item->name, name))
             return item;
     return NULL;
 }
 
-struct item *item_add(const char *name, const char *type, const struct ddx_layout *layout) {
+struct item *item_add(struct store *store, const char *name, const char *type, const struct ddx_layout *layout) {
     struct item *item = kept_allocate(sizeof *item), **link = &store->items;
 
     if (!item || (layout && !(item->layout = store_layout(layout)))) {
         kept_free(item);
         return NULL;
     }
+    item->store = store;
     strcpy(item->name, name);
     strcpy(item->type, type);
     item->notice_fd = -1;
@@ -46,7 +51,7 @@ int item_define(struct item *item, const char *type, const struct ddx_layout *la
 }
 
 void item_drop_if_unused(struct item *item) {
-    struct item **link = &store->items;
+    struct item **link = &item->store->items;
 
     if (item->handles || item->epoch || item->pending)
         return;
@@ -77,7 +82,6 @@ int item_set_notice(struct item *item, int fd) {
     item->notice = notice;
     item->notice_fd = fd;
     item->announced = item->taken = atomic_load(&notice->version);
-    readers_count(item);
     return 0;
 }
 
@@ -98,7 +102,7 @@ uint64_t item_bytes(const struct item *item) {
 uint64_t item_reserved(const struct item *item) {
     const struct epoch *epoch = item->pending ? item->pending : item->epoch;
     uint64_t next = epoch ? control_bytes() + ddx_page_round(1) + (2 + item->kept) * epoch->runs.file_bytes : 0;
-    uint64_t now = item_bytes(item), then = now + next, ended = retired_bytes(item);
+    uint64_t now = item_bytes(item), then = now + next, ended = retired_bytes(item->store, item);
 
     /* While a new writer prepares its epoch, the reservation is in use; the new files may be larger than the old ones,
      * and then there must be room for the next. */
@@ -128,63 +132,26 @@ void item_describe(const struct item *item, struct ddx_message *m) {
         m->sequence = frame.sequence;
         m->time = frame.time;
     }
-    for (const struct client *c = store->clients; c; c = c->next)
-        if (reader_of(c, item)) {
-            uint64_t missed = (uint64_t)atomic_load(&c->pin->missed_high) << 32 | atomic_load(&c->pin->missed_low);
+    for (const struct client *c = NULL; (c = item_next_reader(item, c));) {
+        uint64_t missed = (uint64_t)atomic_load(&c->pin->missed_high) << 32 | atomic_load(&c->pin->missed_low);
 
-            if (missed > m->missed)
-                m->missed = missed;
-        }
-}
-
-void item_send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
-                    uint32_t flags) {
-    struct ddx_message message = {.operation = DDX_SLOT, .epoch = epoch->number, .index = slot, .flags = flags};
-
-    strcpy(message.name, item->name);
-    client_send(to, &message, NULL, &epoch->slot_fd[slot], 1);
-}
-
-void item_send_new_slots(const struct item *item, struct epoch *epoch, struct client *writer) {
-    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
-        if (epoch->slot_fd[i] >= 0 && !epoch->slot_told[i]) {
-            item_send_slot(item, epoch, i, writer, DDX_FLAG_WRITER);
-            epoch->slot_told[i] = true;
-        }
-}
-
-void item_send_epoch(const struct item *item, struct client *reader) {
-    struct epoch *epoch = item->epoch;
-    struct ddx_message message = {.operation = DDX_EPOCH, .epoch = epoch->number};
-    struct ddx_ring_frame frame;
-
-    strcpy(message.name, item->name);
-    strcpy(message.type, item->type); /* news for who awaited the item */
-    message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : 0;
-    if (message.sequence < item->sequence) /* of what was published in the one before, not all may be left */
-        message.sequence = item->sequence;
-    message.missed = item->sequence;
-    message.frames = reader->keep;
-    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
-        message.index += epoch->slot_ready[i];
-    if (epoch->readers_fd < 0 && (epoch->readers_fd = ddx_memory_share(epoch->control_fd)) < 0) {
-        note("%s: %d cannot be told of it: %s; closing its connection", item->name, (int)reader->pid, strerror(errno));
-        reader->gone = true;
-        return;
+        if (missed > m->missed)
+            m->missed = missed;
     }
-    client_send(reader, &message, epoch->layout, &epoch->readers_fd, 1);
-    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
-        if (epoch->slot_ready[i])
-            item_send_slot(item, epoch, i, reader, DDX_FLAG_READER);
 }
 
-void item_announce(struct item *item, struct client *reader) {
-    struct ddx_message message = {.operation = DDX_READER, .index = reader->id, .frames = reader->keep,
-                                  .size = ddx_memory_number(reader->pin_fd)};
+bool reader_of(const struct client *client, const struct item *item) {
+    return client->item == item && client->id && !client->gone;
+}
 
-    if (++item->announced == 0)
-        item->announced = 1; /* 0 in the message means: no change */
-    message.sequence = reader->version = item->announced;
-    client_send(item->writer, &message, NULL, &reader->pin_fd, 1);
-    DDX_PASS(STORE_ANNOUNCED);
+bool reader_hears(const struct client *client, const struct item *item) {
+    return reader_of(client, item) && client->admitted;
+}
+
+struct client *item_next_reader(const struct item *item, const struct client *former) {
+    struct client *client = former ? former->next : item->store->clients;
+
+    while (client && !reader_of(client, item))
+        client = client->next;
+    return client;
 }

@@ -9,7 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "server.h"
+#include "label.h"
 
 uint64_t label_digest(const struct ddx_layout *layout) { /* FNV-1a */
     const unsigned char *byte = (const unsigned char *)layout;

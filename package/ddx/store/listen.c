@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "server.h"
+#include "../lib/wire.h"
 
 #define LOCK_TRIES 100
 #define LOCK_STEP 10000000 /* ns */

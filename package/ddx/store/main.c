@@ -13,10 +13,12 @@
 #include "../program/descriptors.h"
 #include "files.h"
 #include "holder.h"
+#include "kept.h"
 #include "listen.h"
-#include "server.h"
+#include "note.h"
+#include "worker.h"
 
-struct settings settings = {.port = DDX_STORE_PORT, .budget = (uint64_t)8 << 20};
+static struct settings settings = {.port = DDX_STORE_PORT, .budget = (uint64_t)8 << 20};
 
 static const char usage[] = "usage: store [-m SIZE] [-port N]\n"
                             "\n"
@@ -107,6 +109,10 @@ static void allow_descriptors(void) {
     }
 }
 
+static int work(void) {
+    return worker_run(&settings);
+}
+
 int main(int argc, char **argv) {
     descriptors_open();
     char path[sizeof(((struct sockaddr_un *)0)->sun_path)];
@@ -131,5 +137,5 @@ int main(int argc, char **argv) {
     }
     files_begin();
     note("%llu bytes at %s", (unsigned long long)settings.budget, path);
-    return holder_run(worker_run);
+    return holder_run(work);
 }

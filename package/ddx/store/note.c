@@ -4,7 +4,9 @@
 #include <stdio.h>
 #include <unistd.h>
 
-#include "server.h"
+#include <ddx.h>
+
+#include "note.h"
 
 #define NOTES 100 /* lines a second at most */
 

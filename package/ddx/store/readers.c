@@ -3,8 +3,16 @@
 #include <string.h>
 #include <sys/mman.h>
 
+#include "../lib/fault.h"
+#include "budget.h"
+#include "epoch.h"
 #include "files.h"
-#include "server.h"
+#include "items.h"
+#include "label.h"
+#include "link.h"
+#include "news.h"
+#include "note.h"
+#include "readers.h"
 
 /* ns */
 #define STOPPED 100000000   /* after which a writer that says nothing seems to be stopped */
@@ -28,27 +36,8 @@ int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
     if (epoch_add_slots(epoch, item->name, more))
         return -EBUSY;
     DDX_PASS(STORE_ROOM);
-    item_send_new_slots(item, epoch, item->writer);
+    news_of_slots(item, epoch, item->writer);
     return 0;
-}
-
-void readers_count(struct item *item) {
-    const struct epoch *epoch = item->epoch;
-    bool kept = epoch && epoch_ready(epoch) && epoch->slots >= 2 + item->kept;
-    uint32_t count = 0;
-
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_hears(c, item)) {
-            c->counted |= kept;
-            count += c->counted;
-        }
-    item->counted = count;
-}
-
-void readers_tell(void) {
-    for (const struct item *item = store->items; item; item = item->next)
-        if (item->notice && atomic_load_explicit(&item->notice->readers, memory_order_relaxed) != item->counted)
-            atomic_store(&item->notice->readers, item->counted);
 }
 
 int reader_register(struct client *client, int pin_fd, unsigned keep) {
@@ -61,35 +50,15 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     }
     client->pin_fd = pin_fd;
     client->pin = pin;
-    client->id = ++store->next_reader;
+    client->id = ++client->store->next_reader;
     client->keep = keep;
     client->counted = client->admitted = false;
     item->kept += keep;
     item->readers++;
     if (item->writer)
-        item_announce(item, client);
+        news_of_reader(item, client);
     DDX_PASS(STORE_REGISTERED);
     return 0;
-}
-
-bool reader_of(const struct client *client, const struct item *item) {
-    return client->item == item && client->id && !client->gone;
-}
-
-bool reader_hears(const struct client *client, const struct item *item) {
-    return reader_of(client, item) && client->admitted;
-}
-
-void readers_announce(struct item *item) {
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_of(c, item))
-            item_announce(item, c);
-}
-
-void readers_send_epoch(const struct item *item) {
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_hears(c, item))
-            item_send_epoch(item, c);
 }
 
 static int attach(struct client *client, unsigned keep) {
@@ -103,17 +72,13 @@ static int attach(struct client *client, unsigned keep) {
         !DDX_BROKEN("unheard"))
         return -EAGAIN;
     int result = reader_add_slots(item, keep, client->id ? 0 : 1);
-    if (result) {
-        clients_reap();
-        result = reader_add_slots(item, keep, client->id ? 0 : 1);
-    }
     if (result)
         return result;
     if (client->id) {
         client->keep += keep;
         item->kept += keep;
         if (item->writer)
-            item_announce(item, client);
+            news_of_reader(item, client);
         return 0;
     }
     int fd = ddx_memory_create(label_of(item->name, "pin"), ddx_page_round(1));
@@ -133,7 +98,7 @@ static void reply(struct client *client, int status) {
     }
     client->admitted = true;
     if (client->item->epoch)
-        item_send_epoch(client->item, client);
+        news_of_epoch(client->item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
     readers_count(client->item); /* unless it has to wait for the writer: see writer_ready() */
 }
@@ -168,7 +133,7 @@ static void withdraw(struct client *client, int status) {
     client->keep -= asked;
     item->kept -= asked;
     if (item->writer)
-        item_announce(item, client);
+        news_of_reader(item, client);
 }
 
 static void admit(struct client *client) {
@@ -178,7 +143,7 @@ static void admit(struct client *client) {
     }
     client->admitted = true; /* it came back with an offer */
     if (client->item->epoch)
-        item_send_epoch(client->item, client);
+        news_of_epoch(client->item, client);
     readers_count(client->item);
 }
 
@@ -202,7 +167,7 @@ static bool is_noticed(const struct client *client) {
            (int32_t)(atomic_load(&item->notice->version) - client->version) >= 0;
 }
 
-bool readers_wait(void) {
+bool readers_wait(struct store *store) {
     int64_t now = ddx_time_now();
     bool any = false;
 
@@ -211,7 +176,7 @@ bool readers_wait(void) {
             continue;
         if (c->unseen && now - c->told_at > AGAIN && c->item->writer) {
             c->told_at = now;
-            item_announce(c->item, c);
+            news_of_reader(c->item, c);
         } else if (c->asked && now - c->asked_at > PATIENCE)
             withdraw(c, -EBUSY);
         else if (c->asked && now - c->asked_at > STOPPED && is_noticed(c))
@@ -224,13 +189,12 @@ bool readers_wait(void) {
 void readers_without_writer(struct item *item) {
     bool lives = item->epoch && ddx_memory_held(item->epoch->control_fd);
 
-    for (struct client *c = store->clients; c; c = c->next)
-        if (reader_of(c, item) && (c->asked || !c->admitted)) {
-            if (!lives)
-                reader_taken(c, 0);
-            else if (c->asked)
-                withdraw(c, -EAGAIN);
-        }
+    for (struct client *c = NULL; (c = item_next_reader(item, c));) {
+        if (!lives && (c->asked || !c->admitted))
+            reader_taken(c, 0);
+        else if (lives && c->asked)
+            withdraw(c, -EAGAIN);
+    }
 }
 
 void reader_left(struct client *client) {

@@ -4,8 +4,16 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "../lib/fault.h"
+#include "adopt.h"
+#include "budget.h"
+#include "claim.h"
+#include "epoch.h"
 #include "holder.h"
-#include "server.h"
+#include "items.h"
+#include "link.h"
+#include "readers.h"
+#include "request.h"
 
 #define LISTED_AT_ONCE 64
 
@@ -13,7 +21,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
     const struct ddx_layout *layout = ddx_packet_layout(packet);
     struct ddx_message reply = {.operation = DDX_OPENED};
-    struct item *item = item_find(m->name);
+    struct item *item = item_find(client->store, m->name);
     bool creates = m->flags & DDX_FLAG_CREATE, awaits = m->flags & DDX_FLAG_AWAIT;
 
     if (client->item || !*m->name)
@@ -22,7 +30,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
         reply.status = -ENOENT;
     else if ((!item || item_is_awaited(item)) && creates && (!layout || !*m->type))
         reply.status = -EINVAL;
-    else if (!item && !(item = item_add(m->name, creates ? m->type : "", creates ? layout : NULL)))
+    else if (!item && !(item = item_add(client->store, m->name, creates ? m->type : "", creates ? layout : NULL)))
         reply.status = -ENOMEM;
     else if (item_is_awaited(item) && creates)
         reply.status = item_define(item, m->type, layout);
@@ -36,7 +44,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
         epoch_free(item->epoch);
         item->epoch = NULL;
         item_drop_if_unused(item);
-        if (!(item = item_add(m->name, m->type, layout))) {
+        if (!(item = item_add(client->store, m->name, m->type, layout))) {
             client_reply(client, DDX_OPENED, -ENOMEM);
             return;
         }
@@ -49,8 +57,8 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     client_send(client, &reply, item->layout, NULL, 0);
 }
 
-/* Some of it; the rest when it has read that. */
 void list_continue(struct client *client) {
+    struct store *store = client->store;
     struct ddx_message m;
     unsigned listed = 0;
 
@@ -67,15 +75,26 @@ void list_continue(struct client *client) {
     }
     memset(&m, 0, sizeof m);
     m.operation = DDX_LISTED;
-    m.size = settings.budget;
-    m.bytes = budget_used();
-    m.reserved = budget_reserved();
+    m.size = store->settings->budget;
+    m.bytes = budget_used(store);
+    m.reserved = budget_reserved(store);
     m.pid = (int32_t)getppid(); /* the holder: who ends it ends the store */
     m.index = holder_restarts();
     for (const struct client *c = store->clients; c; c = c->next)
         m.readers += c->item != NULL;
     client_send(client, &m, NULL, NULL, 0);
     client->listing = false;
+}
+
+bool request_counts(const struct ddx_packet *packet) {
+    switch (packet->message.operation) {
+    case DDX_CLAIM:
+    case DDX_ATTACH:
+    case DDX_INFO:
+    case DDX_LIST:
+    case DDX_OFFER_END: return true;
+    default: return false;
+    }
 }
 
 void request_handle(struct client *client, struct ddx_packet *packet) {
@@ -98,14 +117,11 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
 
         if (DDX_BROKEN("poison"))
             abort();
-
-        clients_reap(); /* the dead are not counted */
         item_describe(client->item, &reply);
         client_send(client, &reply, NULL, NULL, 0);
         break;
     }
     case DDX_LIST:
-        clients_reap();
         client->listing = true;
         client->listed[0] = 0;
         list_continue(client);

@@ -1,12 +1,15 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "../lib/fault.h"
+#include "epoch.h"
 #include "files.h"
-#include "server.h"
+#include "kept.h"
+#include "retired.h"
 
 static bool in_use(int watch) {
     return ddx_memory_shared(watch) || ddx_memory_held(watch);
 }
 
-static bool known(int watch) {
+static bool known(const struct store *store, int watch) {
     for (const struct retired *retired = store->retired; retired; retired = retired->next)
         if (ddx_memory_same(retired->watch, watch))
             return true;
@@ -14,6 +17,7 @@ static bool known(int watch) {
 }
 
 void epoch_retire(struct item *item, struct epoch *epoch) {
+    struct store *store = item->store;
     struct retired *retired = epoch && epoch->control_fd >= 0 ? kept_allocate(sizeof *retired) : NULL;
     int watch = retired ? ddx_memory_watch(epoch->control_fd) : -1;
 
@@ -23,7 +27,7 @@ void epoch_retire(struct item *item, struct epoch *epoch) {
         *retired = (struct retired){store->retired, item, bytes, watch};
     }
     epoch_free(epoch); /* what we have of it ourselves does not count */
-    if (watch >= 0 && in_use(watch) && !known(watch) && !DDX_BROKEN("uncounted")) {
+    if (watch >= 0 && in_use(watch) && !known(store, watch) && !DDX_BROKEN("uncounted")) {
         store->retired = retired;
         return;
     }
@@ -32,7 +36,7 @@ void epoch_retire(struct item *item, struct epoch *epoch) {
     kept_free(retired);
 }
 
-uint64_t retired_bytes(const struct item *item) {
+uint64_t retired_bytes(const struct store *store, const struct item *item) {
     uint64_t sum = 0;
 
     for (const struct retired *retired = store->retired; retired; retired = retired->next)
@@ -41,7 +45,7 @@ uint64_t retired_bytes(const struct item *item) {
     return sum;
 }
 
-void retired_sweep(void) {
+void retired_sweep(struct store *store) {
     struct retired **link = &store->retired;
 
     while (*link) {
@@ -58,7 +62,7 @@ void retired_sweep(void) {
 }
 
 void retired_forget(const struct item *item) {
-    for (struct retired *retired = store->retired; retired; retired = retired->next)
+    for (struct retired *retired = item->store->retired; retired; retired = retired->next)
         if (retired->item == item)
             retired->item = NULL;
 }

@@ -6,7 +6,10 @@
 
 #include "files.h"
 #include "holder.h"
-#include "server.h"
+#include "kept.h"
+#include "note.h"
+#include "session.h"
+#include "succession.h"
 
 static int use(int fd) {
     int result = file_use(fd);
@@ -20,20 +23,16 @@ void store_memory(void) {
     ddx_queue_memory = &kept;
 }
 
-void store_commit(void) {
-    kept_commit();
-    DDX_PASS(STORE_COMMITTED);
-    files_close();
-}
+struct store *store_begin(const struct settings *settings) {
+    struct store *new = kept_allocate(sizeof *new);
 
-/* Not before it is committed: what was said is true whoever dies. */
-void store_say(struct client *last) {
-    bool said = clients_go_on(last);
-    readers_tell();
-    if (!said)
-        return;
-    DDX_PASS(STORE_SAID);
-    store_commit();
+    if (!new)
+        return NULL;
+    new->settings = settings;
+    new->next_reader = 1;
+    files_are(&new->files);
+    kept_commit();
+    return new;
 }
 
 static bool *known; /* by descriptor */
@@ -59,8 +58,10 @@ static bool is_known(int fd) {
     return (unsigned)fd < known_count && known[fd];
 }
 
+static struct store *store; /* while a worker takes over */
+
 static void found(int socket) {
-    client_add(socket);
+    client_add(store, socket);
 }
 
 static void *map(int fd, size_t bytes, bool writable) {
@@ -106,9 +107,9 @@ static void take_over_client(struct client *client) {
     }
 }
 
-void store_take_over(void) {
+struct store *store_take_over(void) {
     store = kept_root();
-    store->current = NULL;
+    files_are(&store->files);
     for (struct item *item = store->items; item; item = item->next)
         take_over_item(item);
     for (struct client *client = store->clients; client; client = client->next)
@@ -116,7 +117,8 @@ void store_take_over(void) {
     for (const struct retired *retired = store->retired; retired; retired = retired->next)
         know(retired->watch);
     files_sweep(is_known, found);
-    clients_sweep();
-    store_commit();
-    store_say(NULL);
+    clients_sweep(store);
+    files_commit();
+    clients_tell(store, NULL);
+    return store;
 }

@@ -9,9 +9,18 @@
 #include <sys/socket.h>
 #include <time.h>
 
+#include "../lib/fault.h"
+#include "budget.h"
 #include "files.h"
 #include "holder.h"
-#include "server.h"
+#include "kept.h"
+#include "link.h"
+#include "note.h"
+#include "readers.h"
+#include "request.h"
+#include "session.h"
+#include "succession.h"
+#include "worker.h"
 
 /* ns of listening after a restart */
 #define GRACE 250000000   /* in which only living holders are heard */
@@ -19,8 +28,6 @@
 #define SETTLE 2000000000 /* after which those who did not report count as dead */
 #define TICK 20000000     /* between looks at the clock while that goes on */
 #define BEAT 500000000    /* between signs of life, at most */
-
-struct store *store;
 
 static volatile sig_atomic_t stop, report;
 
@@ -31,7 +38,7 @@ static void on_signal(int number) {
         stop = 1;
 }
 
-static void print_json(void) {
+static void print_json(struct store *store) {
     unsigned items = 0, clients = 0;
     char text[256];
 
@@ -42,14 +49,15 @@ static void print_json(void) {
     int length = snprintf(text, sizeof text,
                           "{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
                           "\"budget\":%llu,\"restarts\":%u}\n",
-                          items, clients, (unsigned long long)budget_used(), (unsigned long long)budget_reserved(),
-                          (unsigned long long)settings.budget, holder_restarts());
+                          items, clients, (unsigned long long)budget_used(store),
+                          (unsigned long long)budget_reserved(store), (unsigned long long)store->settings->budget,
+                          holder_restarts());
     say(1, text, (size_t)length);
 }
 
 /* Readers that died while no store ran still stand in the writers' lists. */
-static void settle(void) {
-    if (store->settled || !settings.restarted || store->listened < SETTLE)
+static void settle(struct store *store) {
+    if (store->settled || !store->settings->restarted || store->listened < SETTLE)
         return;
     store->settled = true;
     DDX_PASS(STORE_SETTLED);
@@ -65,7 +73,7 @@ static void settle(void) {
  * The sockets to listen on: first the listener, then the clients in the order of their list. *waits: for some of them
  * something is to be done of which poll() does not tell when.
  */
-static struct pollfd *poll_list(nfds_t *count, bool *waits) {
+static struct pollfd *poll_list(struct store *store, nfds_t *count, bool *waits) {
     static struct pollfd *list;
     static nfds_t room;
     nfds_t needed = 1;
@@ -80,9 +88,9 @@ static struct pollfd *poll_list(nfds_t *count, bool *waits) {
         list = more;
         room = 2 * needed;
     }
-    bool grace = settings.restarted && !store->open;
-    *waits = readers_wait();
-    list[0] = (struct pollfd){.fd = settings.listener, .events = POLLIN};
+    bool grace = store->settings->restarted && !store->open;
+    *waits = readers_wait(store);
+    list[0] = (struct pollfd){.fd = store->settings->listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store->clients; c; c = c->next) {
         short out = c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
@@ -97,7 +105,7 @@ static struct pollfd *poll_list(nfds_t *count, bool *waits) {
  * After a restart: count the time that we listened. A store that was stopped meanwhile, or does not get to run, has not
  * heard those who reported; were it to let newcomers in by the clock, it would give them items that others hold.
  */
-static void count_time(bool calm) {
+static void count_time(struct store *store, bool calm) {
     static int64_t last;
     int64_t now = ddx_time_now(), passed = last ? now - last : 0;
 
@@ -108,7 +116,7 @@ static void count_time(bool calm) {
 }
 
 /* How long nothing may happen: until the next look at the clock, at a crowd, at who waits, or the next beat. */
-static struct timespec patience(bool young, bool waits) {
+static struct timespec patience(const struct store *store, bool young, bool waits) {
     bool grace = young && !store->open;
 
     if (young)
@@ -116,7 +124,7 @@ static struct timespec patience(bool young, bool waits) {
     return (struct timespec){0, waits ? DDX_QUEUE_PAUSE * 1000000 : BEAT};
 }
 
-static void hear(const struct pollfd *list, nfds_t count) {
+static void hear(struct store *store, const struct pollfd *list, nfds_t count) {
     nfds_t i = 1;
 
     for (struct client *c = store->clients; c && i < count; c = c->next, i++) {
@@ -128,45 +136,35 @@ static void hear(const struct pollfd *list, nfds_t count) {
             client_receive(c);
     }
     if (list[0].revents) {
-        int fd = accept4(settings.listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+        int fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
 
         if (fd >= 0)
-            client_add(fd);
+            client_add(store, fd);
     }
 }
 
-static void turn(const sigset_t *waiting) {
-    bool young = settings.restarted && !store->settled;
+static void turn(struct store *store, const sigset_t *waiting) {
+    bool young = store->settings->restarted && !store->settled;
     nfds_t count;
     bool waits = false;
-    struct pollfd *list = poll_list(&count, &waits);
-    struct timespec timeout = patience(young, waits);
+    struct pollfd *list = poll_list(store, &count, &waits);
+    struct timespec timeout = patience(store, young, waits);
     int ready = list ? ppoll(list, count, &timeout, waiting) : -1;
 
     holder_beat();
     if (ready < 0 || (!ready && !young && !waits))
         return;
     if (young)
-        count_time(ready == 0);
+        count_time(store, ready == 0);
     if (ready)
-        hear(list, count);
-    clients_sweep();
-    settle();
-    store_commit();
-    store_say(NULL);
+        hear(store, list, count);
+    clients_sweep(store);
+    settle(store);
+    files_commit();
+    clients_tell(store, NULL);
 }
 
-static void begin(void) {
-    store = kept_allocate(sizeof *store);
-    if (!store) {
-        note("no memory");
-        exit(1);
-    }
-    store->next_reader = 1;
-    kept_commit();
-}
-
-int worker_run(void) {
+int worker_run(const struct settings *settings) {
     struct sigaction action = {.sa_handler = on_signal};
     static const int signals[] = {SIGTERM, SIGINT, SIGUSR1};
     sigset_t blocked, waiting;
@@ -180,18 +178,19 @@ int worker_run(void) {
     sigprocmask(SIG_BLOCK, &blocked, &waiting);
     sigemptyset(&waiting);
     store_memory();
-    if (kept_restore())
-        store_take_over();
-    else
-        begin();
+    struct store *store = kept_restore() ? store_take_over() : store_begin(settings);
+    if (!store) {
+        note("no memory");
+        return 1;
+    }
     DDX_PASS(STORE_LISTENS);
     while (!stop) {
-        turn(&waiting);
+        turn(store, &waiting);
         if (report)
-            print_json();
+            print_json(store);
         report = 0;
     }
     /* The socket's name stays: it tells the next store that there may be living holders of items. */
-    print_json();
+    print_json(store);
     return 0;
 }

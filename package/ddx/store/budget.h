@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The budget is a promise: what is reserved is never more than -m. An item reserves its memory and, since a new writer
+ * needs files of its own while readers still look at the old ones, the same again for a change of writer.
+ */
+#ifndef STORE_BUDGET_H
+#define STORE_BUDGET_H
+
+#include "state.h"
+
+uint64_t budget_used(struct store *store);
+uint64_t budget_reserved(const struct store *store);
+/* May this item's reservation become `reserved`? Makes room by dropping items that nobody holds, oldest first. */
+bool budget_allows(struct item *item, uint64_t reserved);
+
+#endif

@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A writer's term: claim, get ready, go live, end. */
+#ifndef STORE_CLAIM_H
+#define STORE_CLAIM_H
+
+#include "state.h"
+
+void writer_claim(struct client *client, const struct ddx_layout *layout);
+void writer_ready(struct client *client, const struct ddx_message *message);
+void writer_taken(struct client *client, const struct ddx_message *message);
+void writer_left(struct client *client);
+
+#endif

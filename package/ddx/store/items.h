@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Items: their names, types and memory, and who reads them. */
+#ifndef STORE_ITEMS_H
+#define STORE_ITEMS_H
+
+#include "state.h"
+
+struct item *item_find(const struct store *store, const char *name);
+/* NULL: no memory. */
+struct item *item_add(struct store *store, const char *name, const char *type, const struct ddx_layout *layout);
+
+/* Whether readers wait for an item that nobody has created yet: it has no type and no layout. */
+bool item_is_awaited(const struct item *item);
+
+/* Somebody creates it. 0 or -ENOMEM. */
+int item_define(struct item *item, const char *type, const struct ddx_layout *layout);
+void item_drop_if_unused(struct item *item);
+int item_set_notice(struct item *item, int fd); /* takes fd, also on failure */
+uint64_t item_bytes(const struct item *item);   /* of what is to be had of it: no epoch that has ended */
+uint64_t item_reserved(const struct item *item);
+void item_describe(const struct item *item, struct ddx_message *message);
+
+/* Who reads it, one after the other: NULL gives the first one; NULL: there is no other. */
+struct client *item_next_reader(const struct item *item, const struct client *former);
+/* Whether this one does; and may hear of its frames. */
+bool reader_of(const struct client *client, const struct item *item);
+bool reader_hears(const struct client *client, const struct item *item);
+
+#endif

@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include <string.h>
+#include <sys/resource.h>
+
+#include "../lib/fault.h"
+#include "link.h"
+#include "note.h"
+
+#define QUEUED_MAX 1024 /* messages for one client: more than there are frames and readers of an item */
+
+bool client_holds_too_much(const struct client *client) {
+    struct rlimit limit;
+    rlim_t its = 0;
+
+    if (getrlimit(RLIMIT_NOFILE, &limit))
+        return false;
+    for (const struct client *c = client->store->clients; c; c = c->next)
+        if (c->pid == client->pid)
+            its += c->queue.files + (c->offered ? c->offered->slots + 1 : 0) + (c->offered_notice_fd >= 0) +
+                   (c->offered_pin_fd >= 0);
+    return its >= limit.rlim_cur / 4 && its > DDX_SLOTS_MAX + DDX_FDS_MAX + 1;
+}
+
+void client_send(struct client *client, const struct ddx_message *message, const struct ddx_layout *layout,
+                 const int *fds, unsigned count) {
+    if (client->gone)
+        return;
+    if (message->operation == DDX_EPOCH)
+        ddx_queue_drop_epoch(&client->queue);
+    int result = ddx_queue_put(&client->queue, message, layout, fds, count);
+    if (client->queue.count > QUEUED_MAX)
+        note("%d asks and does not listen; closing its connection", (int)client->pid);
+    else if (result)
+        note("what %d is to hear cannot be kept (%s); closing its connection", (int)client->pid, strerror(-result));
+    client->gone |= result || client->queue.count > QUEUED_MAX;
+}
+
+/* For tests: at what point others know. */
+static void pass_said(const struct ddx_message *message, const struct item *item) {
+    bool to_reader = message->flags & DDX_FLAG_READER, to_writer = message->flags & DDX_FLAG_WRITER;
+
+    (void)item, (void)to_reader, (void)to_writer;
+    if (message->status)
+        return; /* a refusal */
+    switch (message->operation) {
+    case DDX_CLAIMED: DDX_PASS(STORE_CLAIMED); break;
+    case DDX_DONE: DDX_PASS(STORE_GRANTED); break;
+    case DDX_EPOCH: DDX_PASS(STORE_EPOCH_BEGUN); break;
+    case DDX_ATTACHED: DDX_PASS(STORE_ATTACHED); break;
+    case DDX_READER_GONE: DDX_PASS(STORE_READER_TOLD); break;
+    case DDX_OFFERED: DDX_PASS(STORE_ACCEPTED); break;
+    case DDX_SLOT:
+        if (to_reader && to_writer)
+            DDX_PASS(STORE_SLOT_TOLD);
+        else if (to_reader)
+            DDX_PASS(STORE_EPOCH);
+        else if (item && item->pending)
+            DDX_PASS(STORE_SLOTS);
+        else
+            DDX_PASS(STORE_ROOM_TOLD);
+        break;
+    default: break;
+    }
+}
+
+static void sent(const struct ddx_message *message, void *context) {
+    struct client *client = context;
+
+    pass_said(message, client->item);
+    if (message->operation != DDX_READER || client->item->writer != client)
+        return; /* or its claim has failed, and the notice is another one's */
+    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. And
+     * never back: what is said a second time, since a worker has died, was followed by more. */
+    ddx_word *version = &client->item->notice->version;
+    if ((int32_t)((uint32_t)message->sequence - atomic_load(version)) > 0)
+        atomic_store(version, (uint32_t)message->sequence);
+    DDX_PASS(STORE_NOTICED);
+}
+
+/* Whether there was anything to be said to it. */
+static bool go_on(struct client *client) {
+    if (!client->queue.count || client->gone)
+        return false;
+    if (ddx_queue_go_on(&client->queue, client->socket, sent, client))
+        client->gone = true;
+    else if (client->queue.files && client_holds_too_much(client)) {
+        note("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
+        client->gone = true;
+    }
+    return true;
+}
+
+bool clients_go_on(struct store *store, struct client *last) {
+    bool any = false;
+
+    /* Writers first: others wait for what they answer. */
+    for (struct client *client = store->clients; client; client = client->next)
+        if (client != last && client->item && client->item->writer == client)
+            any |= go_on(client);
+    for (struct client *client = store->clients; client; client = client->next)
+        if (client != last)
+            any |= go_on(client);
+    return (last && go_on(last)) || any;
+}
+
+void client_reply(struct client *client, uint32_t operation, int status) {
+    struct ddx_message message = {.operation = operation, .status = status};
+
+    client_send(client, &message, NULL, NULL, 0);
+}

@@ -1,0 +1,23 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Terms of reading. */
+#ifndef STORE_READERS_H
+#define STORE_READERS_H
+
+#include "state.h"
+
+void reader_attach(struct client *client, unsigned keep);
+/* Its writer looks at its pins, or (-errno) does not; it is told so if it has asked. */
+void reader_taken(struct client *client, int status);
+/*
+ * Whether any of them waits for that. A writer that is stopped keeps nobody waiting for long: when the news is in its
+ * socket, and the notice says so, it takes it in before it writes.
+ */
+bool readers_wait(struct store *store);
+/* There is no writer any more: who waits for it is let in, unless it lives and may come back. */
+void readers_without_writer(struct item *item);
+/* Give the writer as many slots as there are pins, plus the newest and the one being written. 0 or -EBUSY. */
+int reader_add_slots(struct item *item, unsigned keep, unsigned pages);
+int reader_register(struct client *client, int pin_fd, unsigned keep);
+void reader_left(struct client *client);
+
+#endif

@@ -1,0 +1,14 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* One message of a client. */
+#ifndef STORE_REQUEST_H
+#define STORE_REQUEST_H
+
+#include "state.h"
+
+void request_handle(struct client *client, struct ddx_packet *packet);
+/* Whether its answer depends on what others hold: those who are dead hold nothing any more. */
+bool request_counts(const struct ddx_packet *packet);
+/* Some of the list; the rest when the client has read that. */
+void list_continue(struct client *client);
+
+#endif

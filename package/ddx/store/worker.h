@@ -1,0 +1,10 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef STORE_WORKER_H
+#define STORE_WORKER_H
+
+#include "state.h"
+
+/* Until it is told to end; gives the exit status. */
+int worker_run(const struct settings *settings);
+
+#endif

@@ -1,0 +1,140 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * A store that this test builds for itself, and asks over two socket pairs: what it says to whom, in which order, and
+ * what is left when somebody hangs up.
+ */
+#include <errno.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "../../package/ddx/store/budget.h"
+#include "../../package/ddx/store/holder.h"
+#include "../../package/ddx/store/items.h"
+#include "../../package/ddx/store/kept.h"
+#include "../../package/ddx/store/session.h"
+#include "../../package/ddx/store/succession.h"
+#include "check.h"
+
+#define FRAME 10000u
+#define BUDGET 300000u
+
+static const struct settings settings = {.budget = BUDGET};
+static struct store *store;
+static struct ddx_packet packet;
+
+struct party {
+    int socket;
+    struct client *client;
+};
+
+static struct party begin(void) {
+    int pair[2];
+
+    CHECK_EQUAL(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair), 0);
+    struct party party = {pair[0], client_add(store, pair[1])};
+    CHECK(party.client);
+    return party;
+}
+
+static void ask(struct party *party, struct ddx_message message, uint64_t size) {
+    struct ddx_layout *layout = size ? ddx_layout_opaque(size) : NULL;
+
+    strcpy(message.name, "clip");
+    strcpy(message.type, "BYTES");
+    CHECK_EQUAL(ddx_send(party->socket, &message, layout, NULL, 0), 0);
+    free(layout);
+    client_receive(party->client);
+}
+
+/* The next thing that it hears. */
+static const struct ddx_message *hears(const struct party *party, uint32_t operation) {
+    ddx_packet_close(&packet);
+    CHECK_EQUAL(ddx_receive(party->socket, &packet), 1);
+    CHECK_EQUAL(packet.message.operation, operation);
+    return &packet.message;
+}
+
+static void hears_nothing(const struct party *party) {
+    ddx_packet_close(&packet);
+    CHECK_EQUAL(ddx_receive(party->socket, &packet), 0);
+}
+
+/* As the writer's program does: map, seal, report. */
+static void ready(struct party *writer, uint32_t epoch, unsigned slot, uint64_t bytes) {
+    int fd = ddx_packet_take(&packet, 0);
+    void *map = ddx_memory_map(fd, (size_t)bytes, true);
+
+    CHECK(map);
+    CHECK_EQUAL(ddx_memory_freeze(fd), 0);
+    close(fd);
+    ask(writer, (struct ddx_message){.operation = DDX_READY, .epoch = epoch, .index = slot}, 0);
+}
+
+static void becomes_writer(struct party *writer) {
+    ask(writer, (struct ddx_message){.operation = DDX_OPEN, .flags = DDX_FLAG_CREATE}, FRAME);
+    CHECK_EQUAL(hears(writer, DDX_OPENED)->status, 0);
+    ask(writer, (struct ddx_message){.operation = DDX_CLAIM}, FRAME);
+    uint32_t epoch = hears(writer, DDX_CLAIMED)->epoch;
+    CHECK_EQUAL(epoch, 1);
+    ready(writer, epoch, DDX_NO_SLOT, sizeof(struct ddx_control));
+    for (unsigned slot = 0; slot < 2; slot++) {
+        CHECK_EQUAL(hears(writer, DDX_SLOT)->index, slot);
+        ready(writer, epoch, slot, FRAME);
+    }
+    CHECK_EQUAL(hears(writer, DDX_DONE)->status, 0);
+    hears_nothing(writer);
+}
+
+/* It is told of the epoch, its slots and its pins only when the writer looks at them, and has the slot for it. */
+static void becomes_reader(struct party *reader, struct party *writer) {
+    ask(reader, (struct ddx_message){.operation = DDX_OPEN}, 0);
+    CHECK_EQUAL(hears(reader, DDX_OPENED)->status, 0);
+    ask(reader, (struct ddx_message){.operation = DDX_ATTACH, .frames = 1}, 0);
+    hears_nothing(reader);
+    CHECK_EQUAL(hears(writer, DDX_SLOT)->index, 2);
+    ready(writer, 1, 2, FRAME);
+    struct ddx_message news = *hears(writer, DDX_READER);
+    CHECK_EQUAL(hears(writer, DDX_SLOT)->flags, DDX_FLAG_READER | DDX_FLAG_WRITER);
+    ask(writer, (struct ddx_message){.operation = DDX_TAKEN, .index = news.index, .sequence = news.sequence}, 0);
+    CHECK_EQUAL(hears(reader, DDX_EPOCH)->index, 3);
+    for (unsigned slot = 0; slot < 3; slot++)
+        CHECK_EQUAL(hears(reader, DDX_SLOT)->index, slot);
+    CHECK_EQUAL(hears(reader, DDX_ATTACHED)->status, 0);
+    CHECK_EQUAL(item_find(store, "clip")->notice->readers, 1);
+}
+
+int main(void) {
+    for (unsigned i = 0; i < DDX_FDS_MAX; i++)
+        packet.fd[i] = -1;
+    CHECK_EQUAL(kept_begin(), 0);
+    CHECK(!kept_restore());
+    store_memory();
+    store = store_begin(&settings);
+    CHECK(store);
+
+    struct party writer = begin(), reader = begin(), late = begin();
+    becomes_writer(&writer);
+    becomes_reader(&reader, &writer);
+    CHECK(budget_used(store) > 3 * FRAME && budget_used(store) < budget_reserved(store));
+
+    /* No second writer; no more frames than there is room for. */
+    ask(&late, (struct ddx_message){.operation = DDX_OPEN}, 0);
+    CHECK_EQUAL(hears(&late, DDX_OPENED)->status, 0);
+    ask(&late, (struct ddx_message){.operation = DDX_CLAIM}, FRAME);
+    CHECK_EQUAL(hears(&late, DDX_DONE)->status, -EEXIST);
+    ask(&late, (struct ddx_message){.operation = DDX_ATTACH, .frames = 30}, 0);
+    CHECK_EQUAL(hears(&late, DDX_ATTACHED)->status, -EBUSY);
+
+    /* Who hung up holds nothing any more, before the store has heard so. */
+    close(reader.socket);
+    ask(&late, (struct ddx_message){.operation = DDX_INFO}, 0);
+    CHECK_EQUAL(hears(&late, DDX_ITEM)->readers, 0);
+    CHECK_EQUAL(hears(&writer, DDX_READER_GONE)->status, 0);
+    close(writer.socket);
+    ask(&late, (struct ddx_message){.operation = DDX_CLAIM}, FRAME);
+    CHECK_EQUAL(hears(&late, DDX_CLAIMED)->epoch, 2);
+    clients_sweep(store);
+    CHECK(store->clients == late.client && !late.client->next);
+    return 0;
+}
