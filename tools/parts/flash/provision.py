@@ -2,41 +2,48 @@
 """What a single machine is told: lines of ddx.txt on the boot partition, see board/common/ddx.txt."""
 import base64
 import binascii
+import os
 import pathlib
 import re
+import subprocess
 import tempfile
 
-from parts.common import Failed, run
+from parts.common import TOP, Failed, run
 from parts.disk import mbr
 
 FILE = "::ddx.txt"
 DEAF, HEARD = "::serial-off.txt", "::serial-on.txt"  # board/common/serial-off.txt tells more
-HOST_NAME = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")  # as in overlay/etc/init.d/S14provision
-KEY = re.compile(r"(ssh-ed25519|ssh-rsa|ecdsa-sha2-nistp(256|384|521)|sk-[a-z0-9-]+@openssh\.com) (\S+)( .*)?")
+PARSER = TOP / "overlay/usr/libexec/ddx/provision.awk"  # the machine's own
 ENOUGH = 65536  # the machine reads no more of the file
 
 
+def _check(word: str, value: str, line: str) -> str:
+    """The line, if the machine will take it as it is."""
+    done = subprocess.run(["awk", "-f", PARSER], input=line, capture_output=True, text=True, check=True,
+                          env={**os.environ, "LC_ALL": "C"})
+    if "\n" in line or done.stdout != line + "\n":
+        reason = re.search(r": ([^:]*)$", done.stderr.strip())
+        raise Failed(f"{word}={value}: {reason[1] if reason else 'a single line is needed'}")
+    return line
+
+
 def _key(line: str) -> bool:
-    """An SSH public key as in an authorized_keys file, without options: its body names its type once more."""
-    match = KEY.fullmatch(line)
+    """A public key's body names its type once more: a part of one, or another type's, lets nobody in."""
+    kind, _, rest = line.partition(" ")
     try:
-        body = base64.b64decode(match[3], validate=True) if match else b""
+        body = base64.b64decode(rest.partition(" ")[0], validate=True)
     except binascii.Error:
         return False
-    return match is not None and body[4:].startswith(match[1].encode()) and body[:4] == len(match[1]).to_bytes(4, "big")
+    return body[:4] == len(kind).to_bytes(4, "big") and body[4:].startswith(kind.encode())
 
 
 def lines(ssh_key: str, host_name: str, console: str) -> list[str]:
     """The lines for the file; an empty word is not mentioned."""
     found = []
     if host_name:
-        if not HOST_NAME.fullmatch(host_name):
-            raise Failed(f"HOSTNAME={host_name}: small letters, digits and inner hyphens, 63 at most")
-        found.append(f"hostname={host_name}")
+        found.append(_check("HOSTNAME", host_name, f"hostname={host_name}"))
     if console:
-        if console != "open":
-            raise Failed(f"CONSOLE={console}: the only thing to say is CONSOLE=open")
-        found.append("console=open")
+        found.append(_check("CONSOLE", console, f"console={console}"))
     if ssh_key:
         try:
             text = pathlib.Path(ssh_key).read_text()
@@ -47,7 +54,7 @@ def lines(ssh_key: str, host_name: str, console: str) -> list[str]:
         keys = [line.strip() for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
         if not keys or not all(map(_key, keys)):
             raise Failed(f"SSH_KEY={ssh_key}: not a file of SSH public keys, one a line")
-        found += [f"ssh_key={key}" for key in keys]
+        found += [_check("SSH_KEY", ssh_key, f"ssh_key={key}") for key in keys]
     return found
 
 
