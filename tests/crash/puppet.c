@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../../package/ddx/lib/handle.h"
 #include "../../package/ddx/lib/item.h"
 
 #define PUPPETS 16

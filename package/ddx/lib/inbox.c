@@ -47,21 +47,6 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     DDX_PASS(KEEPER_LOST);
 }
 
-int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
-    if (item->layout && layout->field_count == item->layout->field_count &&
-        !memcmp(layout, item->layout, ddx_layout_bytes(layout->field_count)))
-        return 0;
-    struct ddx_layout *copy = ddx_layout_copy(layout);
-    if (!copy)
-        return -ENOMEM;
-    free(item->layout);
-    free(item->fields);
-    item->layout = copy;
-    item->fields = NULL;
-    item->layouts++;
-    return 0;
-}
-
 static void answer(DDX_STORE_ITEM *item, const struct ddx_message *message) {
     ddx_queue_send(&item->queue, item->socket, message, NULL, NULL, 0);
     if (item->queue.count)
