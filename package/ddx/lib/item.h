@@ -5,12 +5,7 @@
 
 #include "futex.h"
 #include "handle.h"
-
-/* term.c: mapping and unmapping. Both take ownership of control_fd, also on failure. */
-int ddx_term_new(struct ddx_term **term, uint32_t epoch, const struct ddx_layout *layout, const struct ddx_layout *own,
-                 int control_fd, bool writable);
-int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd);
-void ddx_term_free(struct ddx_term *term);
+#include "term.h"
 
 /* inbox.c: take in what the store said. With `lock` held. 0 or -EPIPE when the store is gone. */
 int ddx_item_service(DDX_STORE_ITEM *item);
