@@ -10,14 +10,7 @@
 
 #include "fault.h"
 #include "item.h"
-
-void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item) {
-    memset(message, 0, sizeof *message);
-    message->operation = operation;
-    message->pid = (int32_t)getpid();
-    strcpy(message->name, item->name);
-    strcpy(message->type, item->type);
-}
+#include "link.h"
 
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 
@@ -47,12 +40,6 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     DDX_PASS(KEEPER_LOST);
 }
 
-static void answer(DDX_STORE_ITEM *item, const struct ddx_message *message) {
-    ddx_queue_send(&item->queue, item->socket, message, NULL, NULL, 0);
-    if (item->queue.count)
-        ddx_keeper_wake();
-}
-
 /* `status`: an error if there will never be such a slot. */
 static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int status) {
     struct ddx_message message;
@@ -61,7 +48,7 @@ static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int 
     message.epoch = epoch;
     message.index = slot;
     message.status = status;
-    answer(item, &message);
+    ddx_link_say(item, &message, NULL, NULL, 0);
     DDX_PASS(CLAIM_READY);
 }
 
@@ -72,7 +59,7 @@ static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, i
     message.index = reader->index;
     message.sequence = reader->sequence;
     message.status = status;
-    answer(item, &message);
+    ddx_link_say(item, &message, NULL, NULL, 0);
     DDX_PASS(CLAIM_TAKEN);
 }
 

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "item.h"
+#include "link.h"
 
 static int make_fields(DDX_STORE_ITEM *item) {
     const struct ddx_layout *layout = item->layout;

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "item.h"
+#include "link.h"
 
 #define OPEN_STEP 20000000 /* ns between attempts to reach the store */
 

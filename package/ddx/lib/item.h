@@ -57,10 +57,7 @@ void ddx_writer_end(DDX_STORE_ITEM *item);
 /* keeper.c: the thread that listens to the store for all items of this process. */
 void ddx_keeper_lock(void);
 void ddx_keeper_unlock(void);
-void ddx_keeper_wake(void); /* there is something in an item's queue */
 int ddx_keeper_add(DDX_STORE_ITEM *item);     /* takes its own lock */
 void ddx_keeper_remove(DDX_STORE_ITEM *item); /* afterwards the keeper does not touch it */
-
-void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);
 
 #endif

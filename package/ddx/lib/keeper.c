@@ -14,6 +14,7 @@
 
 #include "fault.h"
 #include "item.h"
+#include "link.h"
 
 #define SOON DDX_QUEUE_PAUSE /* ms until an item is looked at again that its owner is busy with */
 
@@ -21,9 +22,8 @@ static struct {
     pthread_mutex_t lock;
     DDX_STORE_ITEM *items;
     unsigned count;
-    int wake; /* eventfd */
     bool running;
-} keeper = {.lock = PTHREAD_MUTEX_INITIALIZER, .wake = -1};
+} keeper = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
 void ddx_keeper_lock(void) {
     pthread_mutex_lock(&keeper.lock);
@@ -69,7 +69,7 @@ static struct pollfd *listen_list(unsigned *count) {
     *count = 0;
     if (!list)
         return NULL;
-    list[(*count)++] = (struct pollfd){.fd = keeper.wake, .events = POLLIN};
+    list[(*count)++] = (struct pollfd){.fd = ddx_link_waker, .events = POLLIN};
     for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next)
         list[(*count)++] = item->listen;
     return list;
@@ -83,8 +83,8 @@ static void *run(void *unused) {
 
         pthread_mutex_lock(&keeper.lock);
         if (!keeper.items) {
-            close(keeper.wake);
-            keeper.wake = -1;
+            close(ddx_link_waker);
+            ddx_link_waker = -1;
             keeper.running = false;
             pthread_mutex_unlock(&keeper.lock);
             return NULL;
@@ -107,14 +107,6 @@ static void *run(void *unused) {
     }
 }
 
-void ddx_keeper_wake(void) {
-    uint64_t one = 1;
-
-    if (write(keeper.wake, &one, sizeof one) < 0) {
-        /* the counter is full, so it wakes anyway */
-    }
-}
-
 /*
  * A child inherits sockets and locks, which would keep its dead parent alive in the eyes of store and writers: it
  * closes them. The handles are of no use to it anyway.
@@ -129,9 +121,9 @@ static void in_child(void) {
             *fds[i] = -1;
         }
     }
-    if (keeper.wake >= 0)
-        close(keeper.wake);
-    keeper.wake = -1;
+    if (ddx_link_waker >= 0)
+        close(ddx_link_waker);
+    ddx_link_waker = -1;
     keeper.items = NULL;
     keeper.count = 0;
     keeper.running = false;
@@ -151,8 +143,8 @@ static int start(void) {
 
     pthread_once(&once, prepare_fork);
 
-    keeper.wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (keeper.wake < 0)
+    ddx_link_waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (ddx_link_waker < 0)
         return -errno;
     /* Signals are the program's, not ours. */
     sigfillset(&all);
@@ -160,7 +152,7 @@ static int start(void) {
     int result = pthread_create(&thread, NULL, run, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (result) {
-        close(keeper.wake);
+        close(ddx_link_waker);
         return -result;
     }
     pthread_setname_np(thread, "ddx-keeper");
@@ -179,7 +171,7 @@ int ddx_keeper_add(DDX_STORE_ITEM *item) {
     if (!keeper.running)
         result = start();
     else
-        ddx_keeper_wake();
+        ddx_link_wake_keeper();
     if (result) {
         keeper.items = item->next;
         keeper.count--;
@@ -204,6 +196,6 @@ void ddx_keeper_remove(DDX_STORE_ITEM *item) {
     ddx_keeper_lock();
     keeper.count -= unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
     unlink_item(&item->id->items, item, offsetof(DDX_STORE_ITEM, next_of_id));
-    ddx_keeper_wake();
+    ddx_link_wake_keeper();
     ddx_keeper_unlock();
 }

@@ -9,6 +9,7 @@
 
 #include "fault.h"
 #include "item.h"
+#include "link.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
 #define ATTEMPTS 5             /* to pin a value that is overtaken or not mapped yet, timeout or not */

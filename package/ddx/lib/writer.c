@@ -8,6 +8,7 @@
 
 #include "fault.h"
 #include "item.h"
+#include "link.h"
 
 #define REFUSAL 5 /* ms that the store may take to refuse a reader whose pins cannot be seen */
 
