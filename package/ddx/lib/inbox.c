@@ -11,6 +11,7 @@
 #include "fault.h"
 #include "item.h"
 #include "link.h"
+#include "term.h"
 
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 

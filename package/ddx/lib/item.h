@@ -5,7 +5,6 @@
 
 #include "futex.h"
 #include "handle.h"
-#include "term.h"
 
 /* inbox.c: take in what the store said. With `lock` held. 0 or -EPIPE when the store is gone. */
 int ddx_item_service(DDX_STORE_ITEM *item);
@@ -39,16 +38,6 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
 bool ddx_reader_wake(const DDX_STORE_ITEM *item);
 void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
 void ddx_reader_end(DDX_STORE_ITEM *item);
-
-/* direct.c, for a reader that is about to sleep: most of what the next frame needs is done when it comes. */
-void ddx_direct_prepare(struct ddx_reader_role *reader);
-/*
- * No newer frame could be pinned: pin again what the window shows. False if that was written over meanwhile, so that
- * the window needs another one. True also if it shows nothing, or one of an epoch that has ended.
- */
-bool ddx_direct_keep(struct ddx_reader_role *reader);
-/* The window shows nothing that anybody may rely on. */
-void ddx_direct_withdraw(struct ddx_reader_role *reader);
 
 /* writer.c */
 int ddx_writer_claim(DDX_STORE_ITEM *item);

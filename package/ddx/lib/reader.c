@@ -10,6 +10,8 @@
 #include "fault.h"
 #include "item.h"
 #include "link.h"
+#include "term.h"
+#include "window.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
 #define ATTEMPTS 5             /* to pin a value that is overtaken or not mapped yet, timeout or not */
@@ -200,7 +202,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
             DDX_PASS(READER_COUNTED);
             return 0;
         }
-        if (result == -EAGAIN && pin == DDX_PIN_DIRECT && !ddx_direct_keep(reader) && overtaken++ < OVERTAKEN)
+        if (result == -EAGAIN && pin == DDX_PIN_DIRECT && !ddx_window_keep(reader) && overtaken++ < OVERTAKEN)
             continue; /* the window shows what is gone: there has to be another one */
         /* The value is there, its slot was not: that is no timeout. Also for who does not wait. */
         if (result == -EAGAIN && attempts-- > 0)
@@ -220,7 +222,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
         if (result == -EAGAIN)
             continue;
         if (pin == DDX_PIN_DIRECT)
-            ddx_direct_prepare(reader);
+            ddx_window_prepare(reader);
         DDX_PASS(READER_WAITS);
         if (reader->term)
             sleep_on(item, &reader->term->control->latest, latest, changed, deadline);
@@ -320,7 +322,7 @@ uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) {
 void ddx_reader_end(DDX_STORE_ITEM *item) {
     struct ddx_reader_role *reader = &item->reader;
 
-    ddx_direct_withdraw(reader);
+    ddx_window_withdraw(reader);
     if (reader->page) {
         for (unsigned pin = 0; pin < DDX_PINS; pin++)
             ddx_ring_unpin(&reader->page->pin[pin]);

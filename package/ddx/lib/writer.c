@@ -9,6 +9,7 @@
 #include "fault.h"
 #include "item.h"
 #include "link.h"
+#include "term.h"
 
 #define REFUSAL 5 /* ms that the store may take to refuse a reader whose pins cannot be seen */
 
