@@ -11,6 +11,7 @@
 #include "fault.h"
 #include "item.h"
 #include "link.h"
+#include "reader_role.h"
 #include "term.h"
 
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
@@ -105,44 +106,6 @@ static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     send_ready(item, m->epoch, DDX_NO_SLOT, 0);
 }
 
-/* This handle was there before the item. 0, or -ENOMEM. */
-static int learn_type(DDX_STORE_ITEM *item, const char *type) {
-    if (!item->own && ddx_layout_of(type, &item->own) == -ENOMEM)
-        return -ENOMEM;
-    strcpy(item->type, type);
-    return 0;
-}
-
-static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
-    const struct ddx_layout *layout = ddx_packet_layout(packet);
-    struct ddx_reader_role *reader = &item->reader;
-    struct ddx_term *term = reader->coming ? reader->coming : reader->term;
-
-    /* A store that was restarted tells of the epoch that this handle is in; what it says of numbers is older than what
-     * was seen since. Slots that are missing here follow. */
-    if (term && packet->fd[0] >= 0 && ddx_memory_same(term->control_fd, packet->fd[0])) {
-        term->slots_coming = packet->message.index;
-        return;
-    }
-    if (layout && !*item->type && learn_type(item, packet->message.type))
-        return;
-    if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
-        return;
-    /* Numbers begin anew only if store and writer were both lost; then what was seen means nothing. */
-    if (packet->message.sequence < reader->seen)
-        ddx_reader_saw(reader, 0);
-    /* The store had less room for a frame than was asked for when nobody knew its size. */
-    if (packet->message.frames && packet->message.frames < reader->keep)
-        reader->keep = packet->message.frames;
-    term->slots_coming = packet->message.index;
-    term->former_last = packet->message.missed;
-    ddx_term_free(reader->coming);
-    reader->coming = term;
-    DDX_PASS(ATTACH_EPOCH);
-    if (!reader->waiting) /* else the sleeper follows */
-        ddx_reader_follow(item);
-}
-
 static void on_slot_told(struct ddx_ring_writer *ring, unsigned slot) {
     for (unsigned i = ring->told_count; i < ring->slot_count; i++)
         if (ring->slot[i] == slot) {
@@ -182,14 +145,7 @@ static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         send_ready(item, m->epoch, m->index, 0);
         return;
     }
-    struct ddx_term *term = item->reader.coming ? item->reader.coming : item->reader.term;
-    if (!term || term->epoch != m->epoch)
-        return;
-    if (!ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
-        DDX_PASS(ATTACH_SLOT);
-    term->slots_coming -= term->slots_coming > 0;
-    if (term == item->reader.coming && !item->reader.waiting) /* else the sleeper follows */
-        ddx_reader_follow(item);
+    ddx_reader_on_slot(&item->reader, packet);
 }
 
 /* Room in the list for a reader, with its page mapped; or -errno. */
@@ -310,33 +266,6 @@ static void on_reader_gone(DDX_STORE_ITEM *item, const struct ddx_message *m) {
     ddx_writer_forget(writer, false);
 }
 
-static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
-    struct ddx_reader_role *reader = &item->reader;
-
-    if (packet->message.status || reader->page || packet->fd[0] < 0)
-        return;
-    reader->page = ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), true);
-    if (!reader->page)
-        return;
-    reader->pin_fd = ddx_packet_take(packet, 0);
-    /* By this the writer knows that its pins count. */
-    reader->hold_fd = ddx_memory_hold(reader->pin_fd);
-    /* And nobody else can ever write to it: each writer of the item is handed this page. */
-    if (reader->hold_fd < 0 || ddx_memory_freeze(reader->pin_fd)) {
-        if (reader->hold_fd >= 0)
-            close(reader->hold_fd);
-        reader->hold_fd = -1;
-        munmap(reader->page, sizeof(struct ddx_pin_page));
-        close(reader->pin_fd);
-        reader->page = NULL;
-        reader->pin_fd = -1;
-        return;
-    }
-    /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
-    ddx_reader_saw(reader, packet->message.sequence);
-    DDX_PASS(ATTACH_PAGE);
-}
-
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_message *m = &packet->message;
     const struct ddx_layout *layout;
@@ -357,11 +286,11 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
             strcpy(item->type, m->type);
         break;
     case DDX_CLAIMED: on_claimed(item, packet); break;
-    case DDX_EPOCH: on_epoch(item, packet); break;
+    case DDX_EPOCH: ddx_reader_on_epoch(item, packet); break;
     case DDX_SLOT: on_slot(item, packet); break;
     case DDX_READER: on_reader(item, packet); break;
     case DDX_READER_GONE: on_reader_gone(item, m); break;
-    case DDX_ATTACHED: on_attached(item, packet); break;
+    case DDX_ATTACHED: ddx_reader_on_attached(&item->reader, packet); break;
     case DDX_DONE:
         if (!m->status)
             item->writer.ring.told_count = item->writer.ring.slot_count;

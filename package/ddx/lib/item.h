@@ -23,8 +23,6 @@ bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
 int ddx_item_offer(DDX_STORE_ITEM *item);
 
 /* reader.c */
-/* What this reader has seen, from now on; in its pin page, too, if it has one. */
-void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence);
 /*
  * Wait for a frame as `tail` says and pin it with pin number `pin`. With `lock` held (given up while sleeping). On
  * success frame->slot is pinned in item->reader.term. What the pin held before stays held until then.
@@ -36,8 +34,6 @@ int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *f
  * to fall asleep, and it sleeps on one word only, which is the writer's.
  */
 bool ddx_reader_wake(const DDX_STORE_ITEM *item);
-void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
-void ddx_reader_end(DDX_STORE_ITEM *item);
 
 /* writer.c */
 int ddx_writer_claim(DDX_STORE_ITEM *item);

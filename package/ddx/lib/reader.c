@@ -1,16 +1,13 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* Reading: wait for a frame, pin it, copy it or hand it out. */
 #include <errno.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <time.h>
-#include <unistd.h>
 
 #include "fault.h"
 #include "item.h"
 #include "link.h"
-#include "term.h"
+#include "reader_role.h"
 #include "window.h"
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
@@ -44,25 +41,6 @@ DDX_COLD static int attach(DDX_STORE_ITEM *item) {
         return 0;
     ddx_item_disconnect(item); /* the store would count it as a reader */
     return -EMFILE; /* each handle has a descriptor for each frame */
-}
-
-DDX_COLD void ddx_reader_follow(DDX_STORE_ITEM *item) {
-    struct ddx_reader_role *reader = &item->reader;
-
-    /* Should the store die before it has told of all slots, this epoch is worth nothing, and the former one all that
-     * is left of the item: it must not be given up before. */
-    if (!reader->coming || reader->held >= 0 || (reader->coming->slots_coming && !DDX_BROKEN("half")))
-        return;
-    /* Who reads in order has not seen all of it. What its writer has written since it was replaced does not count. */
-    if (reader->in_order && reader->term && !DDX_BROKEN("hasty") &&
-        ddx_ring_left(reader->term->control, reader->term->base, reader->seen, reader->coming->former_last))
-        return;
-    /* A frame in the window stays until the next one is there: nobody writes into an epoch that has ended. */
-    if (reader->term != reader->shown_term)
-        ddx_term_free(reader->term);
-    reader->term = reader->coming;
-    reader->coming = NULL;
-    DDX_PASS(ATTACH_FOLLOWED);
 }
 
 /*
@@ -137,12 +115,6 @@ DDX_HOT static int64_t deadline_of(double timeout) {
     return timeout > 1e9 ? DDX_FOREVER : ddx_time_now() + (int64_t)(timeout * 1e9);
 }
 
-DDX_HOT void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence) {
-    reader->seen = sequence;
-    if (reader->page)
-        atomic_store_explicit(&reader->page->seen, (uint32_t)sequence, memory_order_relaxed);
-}
-
 DDX_HOT static void count_missed(struct ddx_reader_role *reader, uint64_t sequence, uint64_t *missed) {
     *missed = sequence > reader->seen + 1 ? sequence - reader->seen - 1 : 0;
     ddx_reader_saw(reader, sequence);
@@ -186,7 +158,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
         uint32_t changed = atomic_load(&item->changed), latest = 0;
 
         if (reader->coming)
-            ddx_reader_follow(item);
+            ddx_reader_follow(reader);
         result = -ENODATA;
         if (reader->term) {
             ddx_ring_newest(reader->term->control, &latest);
@@ -317,23 +289,4 @@ uint64_t ddx_store_seen(const DDX_STORE_ITEM *item) {
 
 uint64_t ddx_store_missed(const DDX_STORE_ITEM *item) {
     return item ? item->reader.missed : 0;
-}
-
-void ddx_reader_end(DDX_STORE_ITEM *item) {
-    struct ddx_reader_role *reader = &item->reader;
-
-    ddx_window_withdraw(reader);
-    if (reader->page) {
-        for (unsigned pin = 0; pin < DDX_PINS; pin++)
-            ddx_ring_unpin(&reader->page->pin[pin]);
-        munmap(reader->page, sizeof(struct ddx_pin_page));
-        close(reader->pin_fd);
-        if (reader->hold_fd >= 0)
-            close(reader->hold_fd);
-    }
-    ddx_term_free(reader->coming);
-    ddx_term_free(reader->term);
-    ddx_slot_unmap(reader->window, reader->window_bytes);
-    if (reader->page)
-        DDX_PASS(ATTACH_ENDED);
 }
