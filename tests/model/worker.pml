@@ -380,8 +380,9 @@ end:
     :: atomic { len(said[me]) ->
         take_in();
         if
-        :: IS_READER(what) -> notice_seen = VERSION(what); known = known | (1 << PAGE(what)) /* on_reader() */
-        :: what == ANSWER -> on_answer() /* on_attached() */
+        /* ddx_writer_on_reader() */
+        :: IS_READER(what) -> notice_seen = VERSION(what); known = known | (1 << PAGE(what))
+        :: what == ANSWER -> on_answer() /* ddx_reader_on_attached() */
         :: else
         fi;
         what = 0

@@ -10,6 +10,7 @@
 #include "item.h"
 #include "link.h"
 #include "reader_role.h"
+#include "writer_role.h"
 
 #define OPEN_STEP 20000000 /* ns between attempts to reach the store */
 
@@ -43,7 +44,7 @@ DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout) {
 }
 
 static void item_free(DDX_STORE_ITEM *item) {
-    ddx_writer_end(item);
+    ddx_writer_end(&item->writer);
     ddx_reader_end(&item->reader);
     if (item->socket >= 0) {
         /* The keeper may be polling it, which keeps it open; the store must know at once that this handle is gone. */

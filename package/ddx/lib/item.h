@@ -13,12 +13,6 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
                      uint32_t answer);
 void ddx_item_disconnect(DDX_STORE_ITEM *item);
 
-/*
- * Forget readers whose pin page nobody holds any more: those that are leaving, or all of them. The store's word is not
- * enough, it may have hung up on one that was stopped. True if there were any.
- */
-bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
-
 /* offer.c: after the store came back. With `lock` held. */
 int ddx_item_offer(DDX_STORE_ITEM *item);
 
@@ -37,7 +31,6 @@ bool ddx_reader_wake(const DDX_STORE_ITEM *item);
 
 /* writer.c */
 int ddx_writer_claim(DDX_STORE_ITEM *item);
-void ddx_writer_end(DDX_STORE_ITEM *item);
 
 /* keeper.c: the thread that listens to the store for all items of this process. */
 void ddx_keeper_lock(void);
