@@ -361,7 +361,7 @@ inline on_answer() {
     assert(!CONNECTED(me) || kept.share[me] == answered[me]) /* what was asked was done, once, and is committed */
 }
 
-inline connect() { /* ddx_item_disconnect(), ddx_item_offer(): it has read all that the former one said */
+inline connect() { /* ddx_item_disconnect(), ddx_item_reconnect(): it has read all that the former one said */
     own[me] = stores;
     hung_up[me] = false;
     DRAIN(me);

@@ -8,6 +8,7 @@
 
 #include "fault.h"
 #include "item.h"
+#include "offer.h"
 #include "reader_role.h"
 #include "writer_readers.h"
 #include "writer_role.h"
@@ -107,11 +108,19 @@ int ddx_item_service(DDX_STORE_ITEM *item) {
     return -EPIPE;
 }
 
+int ddx_item_reconnect(DDX_STORE_ITEM *item) {
+    int result = ddx_item_offer(item);
+
+    if (result && item->socket >= 0)
+        ddx_item_disconnect(item);
+    return result;
+}
+
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                      uint32_t answer) {
     int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
 
-    if (item->socket < 0 && ddx_item_offer(item))
+    if (item->socket < 0 && ddx_item_reconnect(item))
         return -ECONNREFUSED;
     item->answer = answer;
     item->answered = false;

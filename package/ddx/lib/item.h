@@ -12,9 +12,8 @@ int ddx_item_service(DDX_STORE_ITEM *item);
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                      uint32_t answer);
 void ddx_item_disconnect(DDX_STORE_ITEM *item);
-
-/* offer.c: after the store came back. With `lock` held. */
-int ddx_item_offer(DDX_STORE_ITEM *item);
+/* After the store came back: connect, and offer it what this handle has. With `lock` held. 0, or -errno. */
+int ddx_item_reconnect(DDX_STORE_ITEM *item);
 
 /* reader.c */
 /*

@@ -48,7 +48,7 @@ static int look_after(DDX_STORE_ITEM *item) {
     if (item->socket < 0) {
         int64_t now = ddx_time_now();
 
-        if (now >= item->retry && ddx_item_offer(item))
+        if (now >= item->retry && ddx_item_reconnect(item))
             item->retry = now + DDX_RETRY;
         again = item->socket < 0 ? DDX_RETRY / 1000000 : -1;
     }

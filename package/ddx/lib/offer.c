@@ -1,13 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/*
- * After the store was restarted it knows nothing. Whoever holds an item offers its memory files, so that the new store
- * learns of the item and frames flow on; they never stopped.
- */
-#include <errno.h>
-#include <unistd.h>
+#include "offer.h"
 
 #include "fault.h"
-#include "item.h"
 #include "link.h"
 
 static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_t flags) {
@@ -77,9 +71,5 @@ int ddx_item_offer(DDX_STORE_ITEM *item) {
     item->deaf = false;
     item->heard = 0;
     DDX_PASS(KEEPER_FOUND);
-    if (offer(item)) {
-        ddx_item_disconnect(item);
-        return -EPIPE;
-    }
-    return 0;
+    return offer(item);
 }
