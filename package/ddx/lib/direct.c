@@ -3,7 +3,7 @@
 #include <errno.h>
 
 #include "fault.h"
-#include "item.h"
+#include "reader_take.h"
 #include "window.h"
 
 static int make_window(DDX_STORE_ITEM *item) {

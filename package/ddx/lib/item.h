@@ -15,19 +15,6 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item);
 /* After the store came back: connect, and offer it what this handle has. With `lock` held. 0, or -errno. */
 int ddx_item_reconnect(DDX_STORE_ITEM *item);
 
-/* reader.c */
-/*
- * Wait for a frame as `tail` says and pin it with pin number `pin`. With `lock` held (given up while sleeping). On
- * success frame->slot is pinned in item->reader.term. What the pin held before stays held until then.
- */
-int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
-                    int tail);
-/*
- * With `lock` held: is the reader asleep since before the news? Then wake it, and ask again soon: it may be just about
- * to fall asleep, and it sleeps on one word only, which is the writer's.
- */
-bool ddx_reader_wake(const DDX_STORE_ITEM *item);
-
 /* writer.c */
 int ddx_writer_claim(DDX_STORE_ITEM *item);
 

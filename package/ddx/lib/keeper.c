@@ -15,6 +15,7 @@
 #include "fault.h"
 #include "item.h"
 #include "link.h"
+#include "reader_take.h"
 #include "writer_readers.h"
 
 #define SOON DDX_QUEUE_PAUSE /* ms until an item is looked at again that its owner is busy with */
