@@ -15,7 +15,7 @@
 
 struct ddx_store_id {
     int port;
-    DDX_STORE_ITEM *items; /* under ddx_keeper_lock() */
+    DDX_STORE_ITEM *items; /* under the keeper's lock */
 };
 
 /* One epoch as this handle has it mapped, for one of its roles. */
@@ -84,7 +84,7 @@ struct ddx_store_item {
     struct ddx_reader_role reader;
     struct ddx_writer_role writer;
     DDX_STORE_ID *id;
-    DDX_STORE_ITEM *next, *next_of_id; /* under ddx_keeper_lock() */
+    DDX_STORE_ITEM *next, *next_of_id; /* under the keeper's lock */
     struct pollfd listen;              /* only for the keeper: where news came from when it last looked */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
     struct ddx_layout *layout; /* as the store last told, or as wanted */

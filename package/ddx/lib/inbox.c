@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Taking in what the store says: answers to requests, and news. */
+#include "inbox.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <string.h>
@@ -7,7 +8,7 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "item.h"
+#include "futex.h"
 #include "offer.h"
 #include "reader_role.h"
 #include "writer_readers.h"

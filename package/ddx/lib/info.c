@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "item.h"
+#include "inbox.h"
 #include "link.h"
 
 static int make_fields(DDX_STORE_ITEM *item) {

@@ -7,9 +7,12 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "item.h"
+#include "futex.h"
+#include "inbox.h"
+#include "keeper.h"
 #include "link.h"
 #include "reader_role.h"
+#include "writer.h"
 #include "writer_role.h"
 
 #define OPEN_STEP 20000000 /* ns between attempts to reach the store */

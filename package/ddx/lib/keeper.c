@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/*
- * One thread per process listens to the store on behalf of all items: it takes in new slots, readers and epochs before
- * the frame path needs them, and offers everything anew after the store was restarted, even if the program itself
- * sleeps.
- */
+#include "keeper.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <pthread.h>
@@ -13,7 +10,7 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "item.h"
+#include "inbox.h"
 #include "link.h"
 #include "reader_take.h"
 #include "writer_readers.h"
@@ -27,10 +24,10 @@ static struct {
     bool running;
 } keeper = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
-void ddx_keeper_lock(void) {
+static void lock_keeper(void) {
     pthread_mutex_lock(&keeper.lock);
 }
-void ddx_keeper_unlock(void) {
+static void unlock_keeper(void) {
     pthread_mutex_unlock(&keeper.lock);
 }
 
@@ -133,7 +130,7 @@ static void in_child(void) {
 }
 
 static void prepare_fork(void) {
-    if (pthread_atfork(ddx_keeper_lock, ddx_keeper_unlock, in_child)) {
+    if (pthread_atfork(lock_keeper, unlock_keeper, in_child)) {
         /* no memory: then a child that lives on has to exec, which closes them */
     }
 }
@@ -166,7 +163,7 @@ static int start(void) {
 int ddx_keeper_add(DDX_STORE_ITEM *item) {
     int result = 0;
 
-    ddx_keeper_lock();
+    lock_keeper();
     item->next = keeper.items;
     keeper.items = item;
     keeper.count++;
@@ -181,7 +178,7 @@ int ddx_keeper_add(DDX_STORE_ITEM *item) {
         item->next_of_id = item->id->items;
         item->id->items = item;
     }
-    ddx_keeper_unlock();
+    unlock_keeper();
     return result;
 }
 
@@ -195,9 +192,9 @@ static bool unlink_item(DDX_STORE_ITEM **link, DDX_STORE_ITEM *item, size_t next
 }
 
 void ddx_keeper_remove(DDX_STORE_ITEM *item) {
-    ddx_keeper_lock();
+    lock_keeper();
     keeper.count -= unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
     unlink_item(&item->id->items, item, offsetof(DDX_STORE_ITEM, next_of_id));
     ddx_link_wake_keeper();
-    ddx_keeper_unlock();
+    unlock_keeper();
 }

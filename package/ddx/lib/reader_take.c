@@ -6,7 +6,7 @@
 
 #include "fault.h"
 #include "futex.h"
-#include "item.h"
+#include "inbox.h"
 #include "link.h"
 #include "reader_role.h"
 #include "window.h"

@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* Writing: claim the item once, then loan, fill, publish. */
+#include "writer.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <string.h>
 
 #include "fault.h"
-#include "item.h"
+#include "futex.h"
+#include "inbox.h"
 #include "link.h"
 #include "writer_readers.h"
 #include "writer_role.h"
