@@ -72,22 +72,24 @@ DDX_HOT static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_
     item->reader.waiting = false;
 }
 
+/* GONE: it was overtaken, or its slot is not mapped yet. Not what the store answers with -EAGAIN, above. */
+enum wanted { PINNED, NOT_THERE, GONE };
+
 /* The frame is in a slot that was just added. */
-DDX_COLD static int await_slot(DDX_STORE_ITEM *item, unsigned slot) {
+DDX_COLD static void await_slot(DDX_STORE_ITEM *item, unsigned slot) {
     int64_t until = ddx_time_now() + UNMAPPED_WAIT;
     uint32_t changed = atomic_load(&item->changed);
 
     ddx_item_service(item);
     if (item->reader.term->base[slot])
-        return -EAGAIN;
+        return;
     DDX_PASS(READER_UNMAPPED);
     sleep_on(item, &item->changed, changed, changed, until);
-    return -EAGAIN;
 }
 
-/* Try to pin what `tail` asks for: 0, -ENODATA if it is not there yet, -EAGAIN if it was overtaken or is not mapped. */
-DDX_HOT static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest,
-                              struct ddx_ring_frame *frame) {
+/* Try to pin what `tail` asks for. */
+DDX_HOT static enum wanted pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest,
+                                      struct ddx_ring_frame *frame) {
     struct ddx_reader_role *reader = &item->reader;
     struct ddx_control *control = reader->term->control;
     uint32_t generation;
@@ -100,13 +102,15 @@ DDX_HOT static int pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint
     else
         slot = DDX_NO_SLOT;
     if (slot >= DDX_SLOTS_MAX)
-        return -ENODATA;
+        return NOT_THERE;
     if (tail != DDX_IN_ORDER)
         generation = ddx_ring_published(control, latest);
     DDX_PASS(READER_CHOSEN);
-    if (!reader->term->base[slot])
-        return await_slot(item, slot);
-    return ddx_ring_pin(control, &reader->page->pin[pin], slot, generation, frame);
+    if (!reader->term->base[slot]) {
+        await_slot(item, slot);
+        return GONE;
+    }
+    return ddx_ring_pin(control, &reader->page->pin[pin], slot, generation, frame) ? GONE : PINNED;
 }
 
 DDX_HOT static int64_t deadline_of(double timeout) {
@@ -159,7 +163,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
 
         if (reader->coming)
             ddx_reader_follow(reader);
-        result = -ENODATA;
+        enum wanted wanted = NOT_THERE;
         if (reader->term) {
             ddx_ring_newest(reader->term->control, &latest);
             if (tail == DDX_CURRENT && !asked) {
@@ -167,17 +171,17 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
                 ddx_item_service(item);
                 continue;
             }
-            result = pin_wanted(item, pin, tail, latest, frame);
+            wanted = pin_wanted(item, pin, tail, latest, frame);
         }
-        if (!result) {
+        if (wanted == PINNED) {
             count_missed(reader, frame->sequence, missed);
             DDX_PASS(READER_COUNTED);
             return 0;
         }
-        if (result == -EAGAIN && pin == DDX_PIN_DIRECT && !ddx_window_keep(reader) && overtaken++ < OVERTAKEN)
+        if (wanted == GONE && pin == DDX_PIN_DIRECT && !ddx_window_keep(reader) && overtaken++ < OVERTAKEN)
             continue; /* the window shows what is gone: there has to be another one */
         /* The value is there, its slot was not: that is no timeout. Also for who does not wait. */
-        if (result == -EAGAIN && attempts-- > 0)
+        if (wanted == GONE && attempts-- > 0)
             continue;
         if (!deadline)
             deadline = deadline_of(timeout);
@@ -191,7 +195,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
             ddx_item_service(item);
             continue;
         }
-        if (result == -EAGAIN)
+        if (wanted == GONE)
             continue;
         if (pin == DDX_PIN_DIRECT)
             ddx_window_prepare(reader);
