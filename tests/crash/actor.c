@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "../../package/ddx/lib/item.h"
+#include "../../package/ddx/lib/handle.h"
 #include "stage.h"
 
 struct stage *stage;

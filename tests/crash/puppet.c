@@ -10,7 +10,8 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include "../../package/ddx/lib/item.h"
+#include "../../package/ddx/lib/handle.h"
+#include "../../package/ddx/lib/inbox.h"
 
 #define PUPPETS 16
 #define NAME stream_name[0]

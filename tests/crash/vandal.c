@@ -12,7 +12,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "../../package/ddx/lib/item.h"
+#include "../../package/ddx/lib/handle.h"
 #include "stage.h"
 
 #define HELD 1500 /* more than the store's descriptors */

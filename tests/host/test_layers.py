@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the tools are made of looks downwards only: no circles, and no part knows a command."""
+"""What tools and library are made of looks downwards only: no circles, and no part of the tools knows a command."""
 import ast
+import graphlib
 import pathlib
+import re
 
 import pytest
 
@@ -10,6 +12,25 @@ from parts.common import TOP
 PARTS = TOP / "tools/parts"
 # From below; those of one line do not know each other.
 LAYERS = [{"common"}, {"image", "disk"}, {"media"}, {"guest"}, {"bench", "flash", "release", "testing"}]
+
+# The same for folders in C, but for their public headers; those of one line may know each other, not in a circle.
+C_LAYERS = {
+    "package/ddx/lib": [
+        {"clock", "error", "expression", "fault", "hot"},
+        {"layout", "type", "type_parse"},
+        {"futex", "lock", "memory", "ring", "wire"},
+        {"queue"},
+        {"handle"},
+        {"link", "term", "window"},
+        {"reader_role", "writer_readers", "writer_role"},
+        {"offer"},
+        {"inbox"},
+        {"reader", "reader_take", "writer"},
+        {"direct"},
+        {"info", "item", "keeper"},
+        {"request", "stats", "stats_book", "stats_histogram", "stats_json", "stats_takeover"},
+    ],
+}
 
 
 def topic(path: pathlib.Path) -> str:
@@ -47,3 +68,47 @@ def test_upwards_is_found(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatc
     spoilt.write_text("import build\nfrom parts.common import TOP\nfrom parts.guest.qemu import Guest\n"
                       "from parts import flash\n")
     assert wrong(spoilt) == {"build", "guest", "flash"}
+
+
+def includes(folder: pathlib.Path) -> dict[str, set[str]]:
+    """The modules of a folder, each a .c file, a .h file or both, and what others there each of them includes."""
+    files = sorted(folder.glob("*.[ch]"))
+    found: dict[str, set[str]] = {path.stem: set() for path in files}
+    for path in files:
+        names = set(re.findall(r'^ *# *include "(\w+)\.h"', path.read_text(), re.MULTILINE))
+        found[path.stem] |= names & found.keys() - {path.stem}
+    return found
+
+
+def complaints(folder: pathlib.Path, layers: list[set[str]]) -> list[str]:
+    modules = includes(folder)
+    level = {name: number for number, layer in enumerate(layers) for name in layer}
+    found = [f"{name}: not in one of the layers, or not there" for name in modules.keys() ^ level.keys()]
+    found += [f"{name} includes {other}" for name, others in modules.items() for other in others
+              if level.get(name, 0) < level.get(other, 0)]
+    beside = {name: {other for other in others if level.get(name) == level.get(other)}
+              for name, others in modules.items()}
+    try:
+        graphlib.TopologicalSorter(beside).prepare()
+    except graphlib.CycleError as error:
+        found.append("circle: " + " ".join(sorted(set(error.args[1]))))
+    return sorted(found)
+
+
+@pytest.mark.parametrize("folder", C_LAYERS)
+def test_c_downwards(folder: str) -> None:
+    assert complaints(TOP / folder, C_LAYERS[folder]) == []
+
+
+def test_c_upwards_is_found(tmp_path: pathlib.Path) -> None:
+    layers = [{"low", "below"}, {"middle"}, {"high", "beside"}]
+    for name in ["low.h", "below.h", "middle.h", "high.h", "beside.h"]:
+        (tmp_path / name).write_text("")
+    (tmp_path / "middle.c").write_text('#include "middle.h"\n#include "low.h"\n#include "../far/high.h"\n')
+    (tmp_path / "high.c").write_text('#include "high.h"\n#include "beside.h"\n')
+    assert complaints(tmp_path, layers) == []
+    (tmp_path / "low.c").write_text('#include <stdio.h>\n#include "middle.h"\n')
+    (tmp_path / "beside.c").write_text('#include "high.h"\n')
+    (tmp_path / "stray.h").write_text("")
+    assert complaints(tmp_path, layers) == ["circle: beside high", "low includes middle",
+                                            "stray: not in one of the layers, or not there"]

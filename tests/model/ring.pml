@@ -194,7 +194,7 @@ W1: /* oldest(); here any slot, which is more than the code does */
 #ifndef NO_LOOK_AT_NOTICE
     if /* W3, ddx_ring_choose(): notice->version */
     :: atomic { notice != notice_seen ->
-        /* inbox.c: on_slot(), on_reader(), on_reader_gone() */
+        /* ddx_writer_on_slot(), ddx_writer_on_reader(), ddx_writer_on_reader_gone() */
         known = attached;
         slot_count = slots;
         notice_seen = notice;
@@ -385,7 +385,7 @@ take:
 take:
 end_take:
 #endif
-    /* reader.c ddx_reader_take() */
+    /* ddx_reader_take() */
     if
     :: atomic { own != current -> own = current } /* ddx_reader_follow(), sooner or later */
         goto take
@@ -410,7 +410,7 @@ end_asleep:
         if
         :: !asleep[me]
 #ifndef NO_WORD_OF_NEW_EPOCH
-        :: own != current -> asleep[me] = 0 /* keeper.c: ddx_reader_wake(), again until the reader has taken notice */
+        :: own != current -> asleep[me] = 0 /* ddx_reader_wake(), again until the reader has taken notice */
 #endif
         fi;
         goto take

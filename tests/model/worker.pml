@@ -361,7 +361,7 @@ inline on_answer() {
     assert(!CONNECTED(me) || kept.share[me] == answered[me]) /* what was asked was done, once, and is committed */
 }
 
-inline connect() { /* ddx_item_disconnect(), ddx_item_offer(): it has read all that the former one said */
+inline connect() { /* ddx_item_disconnect(), ddx_item_reconnect(): it has read all that the former one said */
     own[me] = stores;
     hung_up[me] = false;
     DRAIN(me);
@@ -380,8 +380,9 @@ end:
     :: atomic { len(said[me]) ->
         take_in();
         if
-        :: IS_READER(what) -> notice_seen = VERSION(what); known = known | (1 << PAGE(what)) /* on_reader() */
-        :: what == ANSWER -> on_answer() /* on_attached() */
+        /* ddx_writer_on_reader() */
+        :: IS_READER(what) -> notice_seen = VERSION(what); known = known | (1 << PAGE(what))
+        :: what == ANSWER -> on_answer() /* ddx_reader_on_attached() */
         :: else
         fi;
         what = 0

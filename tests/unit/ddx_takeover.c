@@ -4,7 +4,7 @@
 #include <stdbool.h>
 #include <time.h>
 
-#include "../../package/ddx/lib/item.h"
+#include "../../package/ddx/lib/handle.h"
 #include "store_process.h"
 
 #define ROUNDS 50

@@ -2,7 +2,7 @@
 /* A direct read finds each newer frame overtaken: the window still shows the former one, and nobody writes there. */
 #include <errno.h>
 
-#include "../../package/ddx/lib/item.h"
+#include "../../package/ddx/lib/handle.h"
 #include "store_process.h"
 
 #define FRAMES 30 /* enough to go through all slots */

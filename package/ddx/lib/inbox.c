@@ -1,23 +1,18 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Taking in what the store says: answers to requests, and news. */
+#include "inbox.h"
+
 #include <errno.h>
 #include <poll.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include "fault.h"
-#include "item.h"
-
-void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item) {
-    memset(message, 0, sizeof *message);
-    message->operation = operation;
-    message->pid = (int32_t)getpid();
-    strcpy(message->name, item->name);
-    strcpy(message->type, item->type);
-}
+#include "futex.h"
+#include "offer.h"
+#include "reader_role.h"
+#include "writer_readers.h"
+#include "writer_role.h"
 
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 
@@ -47,321 +42,15 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     DDX_PASS(KEEPER_LOST);
 }
 
-int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
-    if (item->layout && layout->field_count == item->layout->field_count &&
-        !memcmp(layout, item->layout, ddx_layout_bytes(layout->field_count)))
-        return 0;
-    struct ddx_layout *copy = ddx_layout_copy(layout);
-    if (!copy)
-        return -ENOMEM;
-    free(item->layout);
-    free(item->fields);
-    item->layout = copy;
-    item->fields = NULL;
-    item->layouts++;
-    return 0;
-}
-
-static void answer(DDX_STORE_ITEM *item, const struct ddx_message *message) {
-    ddx_queue_send(&item->queue, item->socket, message, NULL, NULL, 0);
-    if (item->queue.count)
-        ddx_keeper_wake();
-}
-
-/* `status`: an error if there will never be such a slot. */
-static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int status) {
-    struct ddx_message message;
-
-    ddx_message_init(&message, DDX_READY, item);
-    message.epoch = epoch;
-    message.index = slot;
-    message.status = status;
-    answer(item, &message);
-    DDX_PASS(CLAIM_READY);
-}
-
-static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, int status) {
-    struct ddx_message message;
-
-    ddx_message_init(&message, DDX_TAKEN, item);
-    message.index = reader->index;
-    message.sequence = reader->sequence;
-    message.status = status;
-    answer(item, &message);
-    DDX_PASS(CLAIM_TAKEN);
-}
-
-/* This handle's claim was granted: its term as the writer begins. */
-static void on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
-    struct ddx_writer_role *writer = &item->writer;
-    const struct ddx_message *m = &packet->message;
-    const struct ddx_layout *layout = ddx_packet_layout(packet);
-    struct ddx_term *term;
-
-    if (writer->term || !layout)
-        return;
-    int result = packet->cut ? -EMFILE
-                             : ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true);
-    if (result) {
-        send_ready(item, m->epoch, DDX_NO_SLOT, result);
-        return;
-    }
-    writer->notice = ddx_memory_map(packet->fd[1], sizeof(struct ddx_notice), false);
-    if (!writer->notice || ddx_item_set_layout(item, layout)) {
-        if (writer->notice)
-            munmap(writer->notice, sizeof(struct ddx_notice));
-        writer->notice = NULL;
-        ddx_term_free(term);
-        send_ready(item, m->epoch, DDX_NO_SLOT, -ENOMEM);
-        return;
-    }
-    writer->notice_fd = ddx_packet_take(packet, 1);
-    writer->hold_fd = ddx_memory_hold(term->control_fd);
-    writer->term = term;
-    writer->loaned = -1;
-    writer->superseded = false;
-    writer->lost = 0;
-    memset(&writer->ring, 0, sizeof writer->ring);
-    writer->ring.control = term->control;
-    writer->ring.notice = writer->notice;
-    writer->ring.epoch = m->epoch;
-    writer->ring.sequence = m->sequence;
-    /* Not what the notice says now: news about readers may already stand behind this message. */
-    writer->ring.notice_seen = m->index;
-    DDX_PASS(CLAIM_CONTROL);
-    send_ready(item, m->epoch, DDX_NO_SLOT, 0);
-}
-
-/* This handle was there before the item. 0, or -ENOMEM. */
-static int learn_type(DDX_STORE_ITEM *item, const char *type) {
-    if (!item->own && ddx_layout_of(type, &item->own) == -ENOMEM)
-        return -ENOMEM;
-    strcpy(item->type, type);
-    return 0;
-}
-
-static void on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
-    const struct ddx_layout *layout = ddx_packet_layout(packet);
-    struct ddx_reader_role *reader = &item->reader;
-    struct ddx_term *term = reader->coming ? reader->coming : reader->term;
-
-    /* A store that was restarted tells of the epoch that this handle is in; what it says of numbers is older than what
-     * was seen since. Slots that are missing here follow. */
-    if (term && packet->fd[0] >= 0 && ddx_memory_same(term->control_fd, packet->fd[0])) {
-        term->slots_coming = packet->message.index;
-        return;
-    }
-    if (layout && !*item->type && learn_type(item, packet->message.type))
-        return;
-    if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
-        return;
-    /* Numbers begin anew only if store and writer were both lost; then what was seen means nothing. */
-    if (packet->message.sequence < reader->seen)
-        ddx_reader_saw(reader, 0);
-    /* The store had less room for a frame than was asked for when nobody knew its size. */
-    if (packet->message.frames && packet->message.frames < reader->keep)
-        reader->keep = packet->message.frames;
-    term->slots_coming = packet->message.index;
-    term->former_last = packet->message.missed;
-    ddx_term_free(reader->coming);
-    reader->coming = term;
-    DDX_PASS(ATTACH_EPOCH);
-    if (!reader->waiting) /* else the sleeper follows */
-        ddx_reader_follow(item);
-}
-
-static void on_slot_told(struct ddx_ring_writer *ring, unsigned slot) {
-    for (unsigned i = ring->told_count; i < ring->slot_count; i++)
-        if (ring->slot[i] == slot) {
-            ring->slot[i] = ring->slot[ring->told_count];
-            ring->slot[ring->told_count++] = (uint8_t)slot;
-            return;
-        }
-}
-
 static void on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 
-    if ((m->flags & DDX_FLAG_WRITER) && (m->flags & DDX_FLAG_READER)) {
-        if (item->writer.term && item->writer.term->epoch == m->epoch)
-            on_slot_told(&item->writer.ring, m->index);
-        return;
-    }
-    if (m->flags & DDX_FLAG_WRITER) {
-        struct ddx_ring_writer *ring = &item->writer.ring;
-        struct ddx_term *term = item->writer.term;
-
-        if (!term || term->epoch != m->epoch)
-            return;
-        int result = ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0));
-
-        if (result) {
-            if (!term->base[m->index % DDX_SLOTS_MAX]) {
-                item->writer.refused = true;
-                send_ready(item, m->epoch, m->index, packet->cut ? -EMFILE : result);
-            }
-            return;
-        }
-        ring->slot[ring->slot_count++] = (uint8_t)m->index;
-        if (m->index >= atomic_load_explicit(&ring->control->slots, memory_order_relaxed))
-            atomic_store_explicit(&ring->control->slots, m->index + 1, memory_order_release);
-        DDX_PASS(CLAIM_SLOT);
-        send_ready(item, m->epoch, m->index, 0);
-        return;
-    }
-    struct ddx_term *term = item->reader.coming ? item->reader.coming : item->reader.term;
-    if (!term || term->epoch != m->epoch)
-        return;
-    if (!ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0)))
-        DDX_PASS(ATTACH_SLOT);
-    term->slots_coming -= term->slots_coming > 0;
-    if (term == item->reader.coming && !item->reader.waiting) /* else the sleeper follows */
-        ddx_reader_follow(item);
-}
-
-/* Room in the list for a reader, with its page mapped; or -errno. */
-static int add_reader(struct ddx_writer_role *writer, struct ddx_packet *packet) {
-    struct ddx_ring_writer *ring = &writer->ring;
-    unsigned i = ring->reader_count;
-
-    if (packet->fd[0] < 0)
-        return packet->cut ? -EMFILE : -EPROTO;
-    if (i == DDX_READERS_MAX || !ddx_memory_sound(packet->fd[0], ddx_page_round(1), false))
-        return -EBUSY;
-    const void *page = ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false);
-    if (!page)
-        return -errno;
-    writer->pin_fd[i] = ddx_packet_take(packet, 0);
-    writer->leaving[i] = false;
-    ring->reader[i] = (struct ddx_ring_reader){.page = page};
-    ring->reader_count++;
-    return (int)i;
-}
-
-/*
- * A reader whose pins cannot be looked at may have been let in all the same, since we were stopped for too long: until
- * it is refused, or can be seen, no frame may be written over.
- */
-static void see(struct ddx_writer_role *writer, uint64_t page, bool unseen) {
-    unsigned i = 0;
-
-    while (i < writer->unseen_count && writer->unseen[i] != page)
-        i++;
-    if (!unseen && i < writer->unseen_count)
-        writer->unseen[i] = writer->unseen[--writer->unseen_count];
-    else if (unseen && i == writer->unseen_count && i < DDX_READERS_MAX)
-        writer->unseen[writer->unseen_count++] = page;
-}
-
-/*
- * It is let in when we have said that we look at its pins. A program without a descriptor for its page, or for the
- * frames that were to be added for it, refuses it instead: what is written comes first.
- */
-static void on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
-    struct ddx_writer_role *writer = &item->writer;
-    struct ddx_ring_writer *ring = &writer->ring;
-    const struct ddx_message *m = &packet->message;
-    bool refused = writer->refused;
-    int i = 0;
-
-    if (ring->reader_count == DDX_READERS_MAX)
-        ddx_writer_forget(writer, true);
-    writer->refused = false;
-    ring->notice_seen = m->sequence ? (uint32_t)m->sequence : ring->notice_seen;
-    while ((unsigned)i < ring->reader_count && ddx_memory_number(writer->pin_fd[i]) != m->size)
-        i++;
-    bool known = (unsigned)i < ring->reader_count;
-    if (refused && (!known || m->frames > ring->reader[i].share))
-        i = -EMFILE;
-    else if (!known)
-        i = add_reader(writer, packet);
-    see(writer, m->size, i < 0 && !known);
-    if (i < 0) {
-        send_taken(item, m, i);
-        return;
-    }
-    ring->reader[i].id = m->index;
-    ring->reader[i].share = m->frames;
-    writer->confirmed[i] = true;
-    writer->leaving_count -= writer->leaving[i];
-    writer->leaving[i] = false;
-    DDX_PASS(CLAIM_READER);
-    send_taken(item, m, 0);
-}
-
-static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
-    struct ddx_ring_writer *ring = &writer->ring;
-    unsigned last = --ring->reader_count;
-
-    munmap((void *)(uintptr_t)ring->reader[i].page, sizeof(struct ddx_pin_page));
-    close(writer->pin_fd[i]);
-    writer->leaving_count -= writer->leaving[i];
-    writer->leaving[i] = writer->leaving[last];
-    ring->reader[i] = ring->reader[last];
-    writer->pin_fd[i] = writer->pin_fd[last];
-    writer->confirmed[i] = writer->confirmed[last];
-    DDX_PASS(CLAIM_READER_GONE);
-}
-
-bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
-    bool any = false;
-
-    for (unsigned i = writer->ring.reader_count; i-- > 0;)
-        if ((all || writer->leaving[i]) && !ddx_memory_held(writer->pin_fd[i])) {
-            drop_reader(writer, i);
-            any = true;
-        }
-    return any;
-}
-
-/*
- * A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. A number
- * counts only with the store that gave it: a reader that has not come back yet keeps its former one, which is somebody
- * else's by now.
- */
-static void on_reader_gone(DDX_STORE_ITEM *item, const struct ddx_message *m) {
-    struct ddx_writer_role *writer = &item->writer;
-
-    see(writer, m->size, false);
-    for (unsigned i = writer->ring.reader_count; i-- > 0;)
-        if (m->flags & DDX_FLAG_CREATE
-                ? !writer->confirmed[i]
-                : (writer->confirmed[i] || DDX_BROKEN("numbers")) && writer->ring.reader[i].id == m->index) {
-            if (DDX_BROKEN("numbers")) {
-                drop_reader(writer, i);
-                continue;
-            }
-            writer->leaving_count += !writer->leaving[i];
-            writer->leaving[i] = true;
-        }
-    ddx_writer_forget(writer, false);
-}
-
-static void on_attached(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
-    struct ddx_reader_role *reader = &item->reader;
-
-    if (packet->message.status || reader->page || packet->fd[0] < 0)
-        return;
-    reader->page = ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), true);
-    if (!reader->page)
-        return;
-    reader->pin_fd = ddx_packet_take(packet, 0);
-    /* By this the writer knows that its pins count. */
-    reader->hold_fd = ddx_memory_hold(reader->pin_fd);
-    /* And nobody else can ever write to it: each writer of the item is handed this page. */
-    if (reader->hold_fd < 0 || ddx_memory_freeze(reader->pin_fd)) {
-        if (reader->hold_fd >= 0)
-            close(reader->hold_fd);
-        reader->hold_fd = -1;
-        munmap(reader->page, sizeof(struct ddx_pin_page));
-        close(reader->pin_fd);
-        reader->page = NULL;
-        reader->pin_fd = -1;
-        return;
-    }
-    /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
-    ddx_reader_saw(reader, packet->message.sequence);
-    DDX_PASS(ATTACH_PAGE);
+    if ((m->flags & DDX_FLAG_WRITER) && (m->flags & DDX_FLAG_READER))
+        ddx_writer_on_slot_told(&item->writer, m);
+    else if (m->flags & DDX_FLAG_WRITER)
+        ddx_writer_on_slot(item, packet);
+    else
+        ddx_reader_on_slot(&item->reader, packet);
 }
 
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
@@ -383,28 +72,14 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         if (!m->status)
             strcpy(item->type, m->type);
         break;
-    case DDX_CLAIMED: on_claimed(item, packet); break;
-    case DDX_EPOCH: on_epoch(item, packet); break;
+    case DDX_CLAIMED: ddx_writer_on_claimed(item, packet); break;
+    case DDX_EPOCH: ddx_reader_on_epoch(item, packet); break;
     case DDX_SLOT: on_slot(item, packet); break;
-    case DDX_READER: on_reader(item, packet); break;
-    case DDX_READER_GONE: on_reader_gone(item, m); break;
-    case DDX_ATTACHED: on_attached(item, packet); break;
-    case DDX_DONE:
-        if (!m->status)
-            item->writer.ring.told_count = item->writer.ring.slot_count;
-        break;
-    case DDX_OFFERED:
-        /* Not those that it has added since. */
-        if (!m->status && item->writer.ring.told_count < item->writer.offered)
-            item->writer.ring.told_count = item->writer.offered;
-        if (m->status == -EEXIST) {
-            item->writer.superseded = true;
-            if (m->flags & DDX_FLAG_WRITER && item->writer.ring.sequence > m->sequence)
-                item->writer.lost = item->writer.ring.sequence - m->sequence;
-            DDX_PASS(KEEPER_SUPERSEDED);
-        }
-        DDX_PASS(KEEPER_ACCEPTED);
-        break;
+    case DDX_READER: ddx_writer_on_reader(item, packet); break;
+    case DDX_READER_GONE: ddx_writer_on_reader_gone(&item->writer, m); break;
+    case DDX_ATTACHED: ddx_reader_on_attached(&item->reader, packet); break;
+    case DDX_DONE: ddx_writer_on_done(&item->writer, m); break;
+    case DDX_OFFERED: ddx_writer_on_offered(&item->writer, m); break;
     default: break;
     }
     if (m->operation == item->answer) {
@@ -434,11 +109,19 @@ int ddx_item_service(DDX_STORE_ITEM *item) {
     return -EPIPE;
 }
 
+int ddx_item_reconnect(DDX_STORE_ITEM *item) {
+    int result = ddx_item_offer(item);
+
+    if (result && item->socket >= 0)
+        ddx_item_disconnect(item);
+    return result;
+}
+
 int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                      uint32_t answer) {
     int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
 
-    if (item->socket < 0 && ddx_item_offer(item))
+    if (item->socket < 0 && ddx_item_reconnect(item))
         return -ECONNREFUSED;
     item->answer = answer;
     item->answered = false;

@@ -6,7 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "item.h"
+#include "inbox.h"
+#include "link.h"
 
 static int make_fields(DDX_STORE_ITEM *item) {
     const struct ddx_layout *layout = item->layout;

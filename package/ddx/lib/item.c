@@ -7,7 +7,13 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "item.h"
+#include "futex.h"
+#include "inbox.h"
+#include "keeper.h"
+#include "link.h"
+#include "reader_role.h"
+#include "writer.h"
+#include "writer_role.h"
 
 #define OPEN_STEP 20000000 /* ns between attempts to reach the store */
 
@@ -41,8 +47,8 @@ DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout) {
 }
 
 static void item_free(DDX_STORE_ITEM *item) {
-    ddx_writer_end(item);
-    ddx_reader_end(item);
+    ddx_writer_end(&item->writer);
+    ddx_reader_end(&item->reader);
     if (item->socket >= 0) {
         /* The keeper may be polling it, which keeps it open; the store must know at once that this handle is gone. */
         shutdown(item->socket, SHUT_RDWR);

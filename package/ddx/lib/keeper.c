@@ -1,9 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/*
- * One thread per process listens to the store on behalf of all items: it takes in new slots, readers and epochs before
- * the frame path needs them, and offers everything anew after the store was restarted, even if the program itself
- * sleeps.
- */
+#include "keeper.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <pthread.h>
@@ -13,7 +10,10 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "item.h"
+#include "inbox.h"
+#include "link.h"
+#include "reader_take.h"
+#include "writer_readers.h"
 
 #define SOON DDX_QUEUE_PAUSE /* ms until an item is looked at again that its owner is busy with */
 
@@ -21,14 +21,13 @@ static struct {
     pthread_mutex_t lock;
     DDX_STORE_ITEM *items;
     unsigned count;
-    int wake; /* eventfd */
     bool running;
-} keeper = {.lock = PTHREAD_MUTEX_INITIALIZER, .wake = -1};
+} keeper = {.lock = PTHREAD_MUTEX_INITIALIZER};
 
-void ddx_keeper_lock(void) {
+static void lock_keeper(void) {
     pthread_mutex_lock(&keeper.lock);
 }
-void ddx_keeper_unlock(void) {
+static void unlock_keeper(void) {
     pthread_mutex_unlock(&keeper.lock);
 }
 
@@ -47,7 +46,7 @@ static int look_after(DDX_STORE_ITEM *item) {
     if (item->socket < 0) {
         int64_t now = ddx_time_now();
 
-        if (now >= item->retry && ddx_item_offer(item))
+        if (now >= item->retry && ddx_item_reconnect(item))
             item->retry = now + DDX_RETRY;
         again = item->socket < 0 ? DDX_RETRY / 1000000 : -1;
     }
@@ -69,7 +68,7 @@ static struct pollfd *listen_list(unsigned *count) {
     *count = 0;
     if (!list)
         return NULL;
-    list[(*count)++] = (struct pollfd){.fd = keeper.wake, .events = POLLIN};
+    list[(*count)++] = (struct pollfd){.fd = ddx_link_waker, .events = POLLIN};
     for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next)
         list[(*count)++] = item->listen;
     return list;
@@ -83,8 +82,8 @@ static void *run(void *unused) {
 
         pthread_mutex_lock(&keeper.lock);
         if (!keeper.items) {
-            close(keeper.wake);
-            keeper.wake = -1;
+            close(ddx_link_waker);
+            ddx_link_waker = -1;
             keeper.running = false;
             pthread_mutex_unlock(&keeper.lock);
             return NULL;
@@ -107,14 +106,6 @@ static void *run(void *unused) {
     }
 }
 
-void ddx_keeper_wake(void) {
-    uint64_t one = 1;
-
-    if (write(keeper.wake, &one, sizeof one) < 0) {
-        /* the counter is full, so it wakes anyway */
-    }
-}
-
 /*
  * A child inherits sockets and locks, which would keep its dead parent alive in the eyes of store and writers: it
  * closes them. The handles are of no use to it anyway.
@@ -129,9 +120,9 @@ static void in_child(void) {
             *fds[i] = -1;
         }
     }
-    if (keeper.wake >= 0)
-        close(keeper.wake);
-    keeper.wake = -1;
+    if (ddx_link_waker >= 0)
+        close(ddx_link_waker);
+    ddx_link_waker = -1;
     keeper.items = NULL;
     keeper.count = 0;
     keeper.running = false;
@@ -139,7 +130,7 @@ static void in_child(void) {
 }
 
 static void prepare_fork(void) {
-    if (pthread_atfork(ddx_keeper_lock, ddx_keeper_unlock, in_child)) {
+    if (pthread_atfork(lock_keeper, unlock_keeper, in_child)) {
         /* no memory: then a child that lives on has to exec, which closes them */
     }
 }
@@ -151,8 +142,8 @@ static int start(void) {
 
     pthread_once(&once, prepare_fork);
 
-    keeper.wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (keeper.wake < 0)
+    ddx_link_waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (ddx_link_waker < 0)
         return -errno;
     /* Signals are the program's, not ours. */
     sigfillset(&all);
@@ -160,7 +151,7 @@ static int start(void) {
     int result = pthread_create(&thread, NULL, run, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (result) {
-        close(keeper.wake);
+        close(ddx_link_waker);
         return -result;
     }
     pthread_setname_np(thread, "ddx-keeper");
@@ -172,14 +163,14 @@ static int start(void) {
 int ddx_keeper_add(DDX_STORE_ITEM *item) {
     int result = 0;
 
-    ddx_keeper_lock();
+    lock_keeper();
     item->next = keeper.items;
     keeper.items = item;
     keeper.count++;
     if (!keeper.running)
         result = start();
     else
-        ddx_keeper_wake();
+        ddx_link_wake_keeper();
     if (result) {
         keeper.items = item->next;
         keeper.count--;
@@ -187,7 +178,7 @@ int ddx_keeper_add(DDX_STORE_ITEM *item) {
         item->next_of_id = item->id->items;
         item->id->items = item;
     }
-    ddx_keeper_unlock();
+    unlock_keeper();
     return result;
 }
 
@@ -201,9 +192,9 @@ static bool unlink_item(DDX_STORE_ITEM **link, DDX_STORE_ITEM *item, size_t next
 }
 
 void ddx_keeper_remove(DDX_STORE_ITEM *item) {
-    ddx_keeper_lock();
+    lock_keeper();
     keeper.count -= unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
     unlink_item(&item->id->items, item, offsetof(DDX_STORE_ITEM, next_of_id));
-    ddx_keeper_wake();
-    ddx_keeper_unlock();
+    ddx_link_wake_keeper();
+    unlock_keeper();
 }

@@ -1,19 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/*
- * After the store was restarted it knows nothing. Whoever holds an item offers its memory files, so that the new store
- * learns of the item and frames flow on; they never stopped.
- */
-#include <errno.h>
-#include <unistd.h>
+#include "offer.h"
 
 #include "fault.h"
-#include "item.h"
-
-/* The store may not listen yet, and frames flow on meanwhile: what its socket does not hold is said later. */
-static int say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout, const int *fds,
-               unsigned count) {
-    return ddx_queue_send(&item->queue, item->socket, message, layout, fds, count);
-}
+#include "link.h"
 
 static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_t flags) {
     int fds[2] = {term->control_fd, item->writer.notice_fd};
@@ -25,7 +14,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
     message.epoch = term->epoch;
     message.index = flags & DDX_FLAG_WRITER ? item->writer.ring.notice_seen : 0;
     message.sequence = flags & DDX_FLAG_WRITER ? item->writer.ring.sequence : item->reader.seen;
-    result = say(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
+    result = ddx_link_say(item, &message, term->layout, fds, flags & DDX_FLAG_WRITER ? 2 : 1);
     item->writer.offered = flags & DDX_FLAG_WRITER ? item->writer.ring.slot_count : 0;
     DDX_PASS(KEEPER_OFFERED);
     for (unsigned i = 0; i < DDX_SLOTS_MAX && !result; i++) {
@@ -34,7 +23,7 @@ static int offer_term(DDX_STORE_ITEM *item, const struct ddx_term *term, uint32_
         ddx_message_init(&message, DDX_OFFER_SLOT, item);
         message.epoch = term->epoch;
         message.index = i;
-        result = say(item, &message, NULL, &term->fd[i], 1);
+        result = ddx_link_say(item, &message, NULL, &term->fd[i], 1);
         DDX_PASS(KEEPER_SLOT);
     }
     return result;
@@ -54,20 +43,20 @@ static int offer(DDX_STORE_ITEM *item) {
     if (!flags || !term) {
         ddx_message_init(&message, flags ? DDX_OFFER : DDX_OPEN, item);
         message.flags = flags | (*item->type ? DDX_FLAG_CREATE : DDX_FLAG_AWAIT);
-        result = say(item, &message, *item->type ? item->layout : NULL, NULL, 0);
+        result = ddx_link_say(item, &message, *item->type ? item->layout : NULL, NULL, 0);
     } else
         result = offer_term(item, term, flags);
     if (!result && reader->page) {
         ddx_message_init(&message, DDX_OFFER_PIN, item);
         message.frames = reader->keep + reader->both;
         message.sequence = reader->seen;
-        result = say(item, &message, NULL, &reader->pin_fd, 1);
+        result = ddx_link_say(item, &message, NULL, &reader->pin_fd, 1);
         DDX_PASS(KEEPER_PIN);
     }
     if (!result && flags) {
         ddx_message_init(&message, DDX_OFFER_END, item);
         message.flags = flags;
-        result = say(item, &message, NULL, NULL, 0);
+        result = ddx_link_say(item, &message, NULL, NULL, 0);
         DDX_PASS(KEEPER_END);
     }
     return result;
@@ -82,11 +71,5 @@ int ddx_item_offer(DDX_STORE_ITEM *item) {
     item->deaf = false;
     item->heard = 0;
     DDX_PASS(KEEPER_FOUND);
-    if (offer(item)) {
-        ddx_item_disconnect(item);
-        return -EPIPE;
-    }
-    if (item->queue.count)
-        ddx_keeper_wake();
-    return 0;
+    return offer(item);
 }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "term.h"
+
 #include <errno.h>
 #include <stdlib.h>
 #include <sys/mman.h>
 #include <unistd.h>
-
-#include "item.h"
 
 int ddx_term_new(struct ddx_term **result, uint32_t epoch, const struct ddx_layout *layout,
                  const struct ddx_layout *own, int control_fd, bool writable) {

@@ -1,13 +1,17 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* Writing: claim the item once, then loan, fill, publish. */
+#include "writer.h"
+
 #include <errno.h>
 #include <poll.h>
 #include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "fault.h"
-#include "item.h"
+#include "futex.h"
+#include "inbox.h"
+#include "link.h"
+#include "writer_readers.h"
+#include "writer_role.h"
 
 #define REFUSAL 5 /* ms that the store may take to refuse a reader whose pins cannot be seen */
 
@@ -24,7 +28,7 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
     if (result) {
         /* Some of it may have come before the store died: readers were not told of it, so it is worth nothing. */
-        ddx_writer_end(item);
+        ddx_writer_end(&item->writer);
         return item->deaf ? -EMFILE : result;
     }
     DDX_PASS(CLAIM_GRANTED);
@@ -179,30 +183,4 @@ int ddx_store_outruns(const DDX_STORE_ITEM *item) {
     }
     ddx_lock_give(&handle->lock);
     return result;
-}
-
-void ddx_writer_end(DDX_STORE_ITEM *item) {
-    struct ddx_writer_role *writer = &item->writer;
-
-    if (!writer->term)
-        return;
-    if (writer->loaned >= 0)
-        ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
-    writer->loaned = -1;
-    for (unsigned i = 0; i < writer->ring.reader_count; i++) {
-        munmap((void *)(uintptr_t)writer->ring.reader[i].page, sizeof(struct ddx_pin_page));
-        close(writer->pin_fd[i]);
-    }
-    munmap(writer->notice, sizeof(struct ddx_notice));
-    close(writer->notice_fd);
-    if (writer->hold_fd >= 0)
-        close(writer->hold_fd);
-    ddx_term_free(writer->term);
-    writer->term = NULL;
-    writer->notice = NULL;
-    writer->notice_fd = writer->hold_fd = -1;
-    writer->leaving_count = 0;
-    writer->refused = false;
-    writer->unseen_count = 0;
-    DDX_PASS(CLAIM_ENDED);
 }

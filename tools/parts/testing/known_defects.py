@@ -16,7 +16,7 @@ class Defect:
 
 DEFECTS = [
     # Whether its page is still held was not asked then: either of the two is enough today.
-    Defect("a reader's number counts with a store that did not give it", "package/ddx/lib/inbox.c",
+    Defect("a reader's number counts with a store that did not give it", "package/ddx/lib/writer_readers.c",
            '(writer->confirmed[i] || DDX_BROKEN("numbers")) && writer->ring.reader[i].id == m->index) {\n'
            '            if (DDX_BROKEN("numbers")) {',
            "writer->ring.reader[i].id == m->index) {\n            if (true) {",

@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* What a handle is made of, for the files of this library. */
-#ifndef DDX_ITEM_H
-#define DDX_ITEM_H
+#ifndef DDX_HANDLE_H
+#define DDX_HANDLE_H
 
 #include <poll.h>
 
-#include "futex.h"
 #include "lock.h"
 #include "memory.h"
 #include "queue.h"
@@ -16,7 +15,7 @@
 
 struct ddx_store_id {
     int port;
-    DDX_STORE_ITEM *items; /* under ddx_keeper_lock() */
+    DDX_STORE_ITEM *items; /* under the keeper's lock */
 };
 
 /* One epoch as this handle has it mapped, for one of its roles. */
@@ -85,7 +84,7 @@ struct ddx_store_item {
     struct ddx_reader_role reader;
     struct ddx_writer_role writer;
     DDX_STORE_ID *id;
-    DDX_STORE_ITEM *next, *next_of_id; /* under ddx_keeper_lock() */
+    DDX_STORE_ITEM *next, *next_of_id; /* under the keeper's lock */
     struct pollfd listen;              /* only for the keeper: where news came from when it last looked */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
     struct ddx_layout *layout; /* as the store last told, or as wanted */
@@ -104,68 +103,7 @@ struct ddx_store_item {
 };
 static_assert(offsetof(struct ddx_store_item, reader.missed) <= 64, "one cache line");
 
-/* term.c: mapping and unmapping. Both take ownership of control_fd, also on failure. */
-int ddx_term_new(struct ddx_term **term, uint32_t epoch, const struct ddx_layout *layout, const struct ddx_layout *own,
-                 int control_fd, bool writable);
-int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd);
-void ddx_term_free(struct ddx_term *term);
-
-/* inbox.c: take in what the store said. With `lock` held. 0 or -EPIPE when the store is gone. */
-int ddx_item_service(DDX_STORE_ITEM *item);
-/* Send, then wait for `answer`. With `lock` held. 0, the answer's status, -ECONNREFUSED. */
-int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
-                     uint32_t answer);
-void ddx_item_disconnect(DDX_STORE_ITEM *item);
 /* The layout that ddx_store_field() describes; does nothing if it is that already. 0, -ENOMEM. */
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);
-
-/*
- * Forget readers whose pin page nobody holds any more: those that are leaving, or all of them. The store's word is not
- * enough, it may have hung up on one that was stopped. True if there were any.
- */
-bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
-
-/* offer.c: after the store came back. With `lock` held. */
-int ddx_item_offer(DDX_STORE_ITEM *item);
-
-/* reader.c */
-/* What this reader has seen, from now on; in its pin page, too, if it has one. */
-void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence);
-/*
- * Wait for a frame as `tail` says and pin it with pin number `pin`. With `lock` held (given up while sleeping). On
- * success frame->slot is pinned in item->reader.term. What the pin held before stays held until then.
- */
-int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_frame *frame, uint64_t *missed, double timeout,
-                    int tail);
-/*
- * With `lock` held: is the reader asleep since before the news? Then wake it, and ask again soon: it may be just about
- * to fall asleep, and it sleeps on one word only, which is the writer's.
- */
-bool ddx_reader_wake(const DDX_STORE_ITEM *item);
-void ddx_reader_follow(DDX_STORE_ITEM *item); /* go over to the coming term, if nothing is held */
-void ddx_reader_end(DDX_STORE_ITEM *item);
-
-/* direct.c, for a reader that is about to sleep: most of what the next frame needs is done when it comes. */
-void ddx_direct_prepare(struct ddx_reader_role *reader);
-/*
- * No newer frame could be pinned: pin again what the window shows. False if that was written over meanwhile, so that
- * the window needs another one. True also if it shows nothing, or one of an epoch that has ended.
- */
-bool ddx_direct_keep(struct ddx_reader_role *reader);
-/* The window shows nothing that anybody may rely on. */
-void ddx_direct_withdraw(struct ddx_reader_role *reader);
-
-/* writer.c */
-int ddx_writer_claim(DDX_STORE_ITEM *item);
-void ddx_writer_end(DDX_STORE_ITEM *item);
-
-/* keeper.c: the thread that listens to the store for all items of this process. */
-void ddx_keeper_lock(void);
-void ddx_keeper_unlock(void);
-void ddx_keeper_wake(void); /* there is something in an item's queue */
-int ddx_keeper_add(DDX_STORE_ITEM *item);     /* takes its own lock */
-void ddx_keeper_remove(DDX_STORE_ITEM *item); /* afterwards the keeper does not touch it */
-
-void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);
 
 #endif

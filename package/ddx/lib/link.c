@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "link.h"
+
+#include <string.h>
+#include <unistd.h>
+
+int ddx_link_waker = -1;
+
+void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item) {
+    memset(message, 0, sizeof *message);
+    message->operation = operation;
+    message->pid = (int32_t)getpid();
+    strcpy(message->name, item->name);
+    strcpy(message->type, item->type);
+}
+
+void ddx_link_wake_keeper(void) {
+    uint64_t one = 1;
+
+    if (write(ddx_link_waker, &one, sizeof one) < 0) {
+        /* the counter is full, so it wakes anyway */
+    }
+}
+
+int ddx_link_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                 const int *fds, unsigned fd_count) {
+    int result = ddx_queue_send(&item->queue, item->socket, message, layout, fds, fd_count);
+
+    if (item->queue.count)
+        ddx_link_wake_keeper();
+    return result;
+}

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* What a handle says to the store, which may be slow or stopped while frames flow on: nothing here waits for it. */
+#ifndef DDX_LINK_H
+#define DDX_LINK_H
+
+#include "handle.h"
+
+/* The keeper's eventfd, which it makes and closes; -1 while it does not run. Here nobody has to know the keeper. */
+extern int ddx_link_waker __attribute__((visibility("hidden")));
+
+void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);
+
+/* Send, or leave to the keeper what the socket does not hold. With `lock` held. As ddx_queue_send(). */
+int ddx_link_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                 const int *fds, unsigned fd_count);
+
+/* Have the keeper look at all items. */
+void ddx_link_wake_keeper(void);
+
+#endif

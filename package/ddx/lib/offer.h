@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/*
+ * After the store was restarted it knows nothing. Whoever holds an item offers its memory files, so that the new store
+ * learns of the item and frames flow on; they never stopped.
+ */
+#ifndef DDX_OFFER_H
+#define DDX_OFFER_H
+
+#include "handle.h"
+
+/*
+ * Connect, and say it all. With `lock` held. 0, or -errno: the store does not listen, or, if there is a socket all the
+ * same, hung up meanwhile.
+ */
+int ddx_item_offer(DDX_STORE_ITEM *item);
+
+#endif

@@ -1,0 +1,136 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "writer_readers.h"
+
+#include <errno.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "fault.h"
+#include "link.h"
+
+static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, int status) {
+    struct ddx_message message;
+
+    ddx_message_init(&message, DDX_TAKEN, item);
+    message.index = reader->index;
+    message.sequence = reader->sequence;
+    message.status = status;
+    ddx_link_say(item, &message, NULL, NULL, 0);
+    DDX_PASS(CLAIM_TAKEN);
+}
+
+/* Room in the list for a reader, with its page mapped; or -errno. */
+static int add_reader(struct ddx_writer_role *writer, struct ddx_packet *packet) {
+    struct ddx_ring_writer *ring = &writer->ring;
+    unsigned i = ring->reader_count;
+
+    if (packet->fd[0] < 0)
+        return packet->cut ? -EMFILE : -EPROTO;
+    if (i == DDX_READERS_MAX || !ddx_memory_sound(packet->fd[0], ddx_page_round(1), false))
+        return -EBUSY;
+    const void *page = ddx_memory_map(packet->fd[0], sizeof(struct ddx_pin_page), false);
+    if (!page)
+        return -errno;
+    writer->pin_fd[i] = ddx_packet_take(packet, 0);
+    writer->leaving[i] = false;
+    ring->reader[i] = (struct ddx_ring_reader){.page = page};
+    ring->reader_count++;
+    return (int)i;
+}
+
+/*
+ * A reader whose pins cannot be looked at may have been let in all the same, since we were stopped for too long: until
+ * it is refused, or can be seen, no frame may be written over.
+ */
+static void see(struct ddx_writer_role *writer, uint64_t page, bool unseen) {
+    unsigned i = 0;
+
+    while (i < writer->unseen_count && writer->unseen[i] != page)
+        i++;
+    if (!unseen && i < writer->unseen_count)
+        writer->unseen[i] = writer->unseen[--writer->unseen_count];
+    else if (unseen && i == writer->unseen_count && i < DDX_READERS_MAX)
+        writer->unseen[writer->unseen_count++] = page;
+}
+
+/*
+ * It is let in when we have said that we look at its pins. A program without a descriptor for its page, or for the
+ * frames that were to be added for it, refuses it instead: what is written comes first.
+ */
+void ddx_writer_on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    struct ddx_writer_role *writer = &item->writer;
+    struct ddx_ring_writer *ring = &writer->ring;
+    const struct ddx_message *m = &packet->message;
+    bool refused = writer->refused;
+    int i = 0;
+
+    if (ring->reader_count == DDX_READERS_MAX)
+        ddx_writer_forget(writer, true);
+    writer->refused = false;
+    ring->notice_seen = m->sequence ? (uint32_t)m->sequence : ring->notice_seen;
+    while ((unsigned)i < ring->reader_count && ddx_memory_number(writer->pin_fd[i]) != m->size)
+        i++;
+    bool known = (unsigned)i < ring->reader_count;
+    if (refused && (!known || m->frames > ring->reader[i].share))
+        i = -EMFILE;
+    else if (!known)
+        i = add_reader(writer, packet);
+    see(writer, m->size, i < 0 && !known);
+    if (i < 0) {
+        send_taken(item, m, i);
+        return;
+    }
+    ring->reader[i].id = m->index;
+    ring->reader[i].share = m->frames;
+    writer->confirmed[i] = true;
+    writer->leaving_count -= writer->leaving[i];
+    writer->leaving[i] = false;
+    DDX_PASS(CLAIM_READER);
+    send_taken(item, m, 0);
+}
+
+static void drop_reader(struct ddx_writer_role *writer, unsigned i) {
+    struct ddx_ring_writer *ring = &writer->ring;
+    unsigned last = --ring->reader_count;
+
+    munmap((void *)(uintptr_t)ring->reader[i].page, sizeof(struct ddx_pin_page));
+    close(writer->pin_fd[i]);
+    writer->leaving_count -= writer->leaving[i];
+    writer->leaving[i] = writer->leaving[last];
+    ring->reader[i] = ring->reader[last];
+    writer->pin_fd[i] = writer->pin_fd[last];
+    writer->confirmed[i] = writer->confirmed[last];
+    DDX_PASS(CLAIM_READER_GONE);
+}
+
+bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
+    bool any = false;
+
+    for (unsigned i = writer->ring.reader_count; i-- > 0;)
+        if ((all || writer->leaving[i]) && !ddx_memory_held(writer->pin_fd[i])) {
+            drop_reader(writer, i);
+            any = true;
+        }
+    return any;
+}
+
+/*
+ * A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. A number
+ * counts only with the store that gave it: a reader that has not come back yet keeps its former one, which is somebody
+ * else's by now.
+ */
+void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m) {
+    see(writer, m->size, false);
+    for (unsigned i = writer->ring.reader_count; i-- > 0;)
+        if (m->flags & DDX_FLAG_CREATE
+                ? !writer->confirmed[i]
+                : (writer->confirmed[i] || DDX_BROKEN("numbers")) && writer->ring.reader[i].id == m->index) {
+            if (DDX_BROKEN("numbers")) {
+                drop_reader(writer, i);
+                continue;
+            }
+            writer->leaving_count += !writer->leaving[i];
+            writer->leaving[i] = true;
+        }
+    ddx_writer_forget(writer, false);
+}

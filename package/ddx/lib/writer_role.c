@@ -1,0 +1,141 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+#include "writer_role.h"
+
+#include <errno.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "fault.h"
+#include "link.h"
+#include "term.h"
+
+/* `status`: an error if there will never be such a slot. */
+static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int status) {
+    struct ddx_message message;
+
+    ddx_message_init(&message, DDX_READY, item);
+    message.epoch = epoch;
+    message.index = slot;
+    message.status = status;
+    ddx_link_say(item, &message, NULL, NULL, 0);
+    DDX_PASS(CLAIM_READY);
+}
+
+void ddx_writer_on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    struct ddx_writer_role *writer = &item->writer;
+    const struct ddx_message *m = &packet->message;
+    const struct ddx_layout *layout = ddx_packet_layout(packet);
+    struct ddx_term *term;
+
+    if (writer->term || !layout)
+        return;
+    int result = packet->cut ? -EMFILE
+                             : ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true);
+    if (result) {
+        send_ready(item, m->epoch, DDX_NO_SLOT, result);
+        return;
+    }
+    writer->notice = ddx_memory_map(packet->fd[1], sizeof(struct ddx_notice), false);
+    if (!writer->notice || ddx_item_set_layout(item, layout)) {
+        if (writer->notice)
+            munmap(writer->notice, sizeof(struct ddx_notice));
+        writer->notice = NULL;
+        ddx_term_free(term);
+        send_ready(item, m->epoch, DDX_NO_SLOT, -ENOMEM);
+        return;
+    }
+    writer->notice_fd = ddx_packet_take(packet, 1);
+    writer->hold_fd = ddx_memory_hold(term->control_fd);
+    writer->term = term;
+    writer->loaned = -1;
+    writer->superseded = false;
+    writer->lost = 0;
+    memset(&writer->ring, 0, sizeof writer->ring);
+    writer->ring.control = term->control;
+    writer->ring.notice = writer->notice;
+    writer->ring.epoch = m->epoch;
+    writer->ring.sequence = m->sequence;
+    /* Not what the notice says now: news about readers may already stand behind this message. */
+    writer->ring.notice_seen = m->index;
+    DDX_PASS(CLAIM_CONTROL);
+    send_ready(item, m->epoch, DDX_NO_SLOT, 0);
+}
+
+void ddx_writer_on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
+    const struct ddx_message *m = &packet->message;
+    struct ddx_ring_writer *ring = &item->writer.ring;
+    struct ddx_term *term = item->writer.term;
+
+    if (!term || term->epoch != m->epoch)
+        return;
+    int result = ddx_term_add_slot(term, m->index, ddx_packet_take(packet, 0));
+
+    if (result) {
+        if (!term->base[m->index % DDX_SLOTS_MAX]) {
+            item->writer.refused = true;
+            send_ready(item, m->epoch, m->index, packet->cut ? -EMFILE : result);
+        }
+        return;
+    }
+    ring->slot[ring->slot_count++] = (uint8_t)m->index;
+    if (m->index >= atomic_load_explicit(&ring->control->slots, memory_order_relaxed))
+        atomic_store_explicit(&ring->control->slots, m->index + 1, memory_order_release);
+    DDX_PASS(CLAIM_SLOT);
+    send_ready(item, m->epoch, m->index, 0);
+}
+
+void ddx_writer_on_slot_told(struct ddx_writer_role *writer, const struct ddx_message *m) {
+    struct ddx_ring_writer *ring = &writer->ring;
+
+    if (!writer->term || writer->term->epoch != m->epoch)
+        return;
+    for (unsigned i = ring->told_count; i < ring->slot_count; i++)
+        if (ring->slot[i] == m->index) {
+            ring->slot[i] = ring->slot[ring->told_count];
+            ring->slot[ring->told_count++] = (uint8_t)m->index;
+            return;
+        }
+}
+
+void ddx_writer_on_done(struct ddx_writer_role *writer, const struct ddx_message *m) {
+    if (!m->status)
+        writer->ring.told_count = writer->ring.slot_count;
+}
+
+void ddx_writer_on_offered(struct ddx_writer_role *writer, const struct ddx_message *m) {
+    /* Not those that it has added since. */
+    if (!m->status && writer->ring.told_count < writer->offered)
+        writer->ring.told_count = writer->offered;
+    if (m->status == -EEXIST) {
+        writer->superseded = true;
+        if (m->flags & DDX_FLAG_WRITER && writer->ring.sequence > m->sequence)
+            writer->lost = writer->ring.sequence - m->sequence;
+        DDX_PASS(KEEPER_SUPERSEDED);
+    }
+    DDX_PASS(KEEPER_ACCEPTED);
+}
+
+void ddx_writer_end(struct ddx_writer_role *writer) {
+    if (!writer->term)
+        return;
+    if (writer->loaned >= 0)
+        ddx_ring_cancel(&writer->ring, (unsigned)writer->loaned);
+    writer->loaned = -1;
+    for (unsigned i = 0; i < writer->ring.reader_count; i++) {
+        munmap((void *)(uintptr_t)writer->ring.reader[i].page, sizeof(struct ddx_pin_page));
+        close(writer->pin_fd[i]);
+    }
+    munmap(writer->notice, sizeof(struct ddx_notice));
+    close(writer->notice_fd);
+    if (writer->hold_fd >= 0)
+        close(writer->hold_fd);
+    ddx_term_free(writer->term);
+    writer->term = NULL;
+    writer->notice = NULL;
+    writer->notice_fd = writer->hold_fd = -1;
+    writer->leaving_count = 0;
+    writer->refused = false;
+    writer->unseen_count = 0;
+    DDX_PASS(CLAIM_ENDED);
+}

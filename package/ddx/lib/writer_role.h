@@ -1,0 +1,16 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* What the store's messages do to a handle's writer, and what ends it. With `lock` held. */
+#ifndef DDX_WRITER_ROLE_H
+#define DDX_WRITER_ROLE_H
+
+#include "handle.h"
+
+void ddx_writer_on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet); /* its term begins */
+void ddx_writer_on_slot(DDX_STORE_ITEM *item, struct ddx_packet *packet);
+void ddx_writer_on_slot_told(struct ddx_writer_role *writer, const struct ddx_message *m); /* readers know it */
+void ddx_writer_on_done(struct ddx_writer_role *writer, const struct ddx_message *m);
+void ddx_writer_on_offered(struct ddx_writer_role *writer, const struct ddx_message *m);
+
+void ddx_writer_end(struct ddx_writer_role *writer);
+
+#endif
