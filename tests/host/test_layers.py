@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What tools and library are made of looks downwards only: no circles, and no part of the tools knows a command."""
+"""What tools, library and store are made of looks downwards only: no circles, and no tool's part knows a command."""
 import ast
 import graphlib
 import pathlib
@@ -29,6 +29,17 @@ C_LAYERS = {
         {"direct"},
         {"info", "item", "keeper"},
         {"request", "stats", "stats_book", "stats_histogram", "stats_json", "stats_takeover"},
+    ],
+    "package/ddx/store": [
+        {"holder", "kept", "note"},
+        {"files", "listen"},
+        {"state"},
+        {"epoch", "items", "label", "link", "retired"},
+        {"budget", "news"},
+        {"adopt", "claim", "readers"},
+        {"request", "session"},
+        {"succession", "worker"},
+        {"main"},
     ],
 }
 
