@@ -152,6 +152,7 @@ static int start(void) {
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (result) {
         close(ddx_link_waker);
+        ddx_link_waker = -1; /* or a later wake goes to somebody else's descriptor */
         return -result;
     }
     pthread_setname_np(thread, "ddx-keeper");
