@@ -68,9 +68,9 @@ def look(robot: Machine, programs: tuple[str, ...]) -> Look:
                                    "$(du -skx /run/log | cut -f 1)))"))}
     if isinstance(robot, Guest):  # natively that is the host's
         found["available"] = int(robot.sh("awk '/^MemAvailable/ { print $2 }' /proc/meminfo"))
-    # Of each name the sum; a process may end while it is looked at.
-    text = robot.sh("awk '/^Name/ { name = $2 } /^RssAnon/ { sum[name] += $2 } "
-                    "END { for (name in sum) print name, sum[name] }' /proc/[0-9]*/status 2> /dev/null || true")
+    # Of each name the sum. A process may end while it is looked at: cat goes on then, awk would not.
+    text = robot.sh("cat /proc/[0-9]*/status 2> /dev/null | awk '/^Name/ { name = $2 } /^RssAnon/ { sum[name] += $2 } "
+                    "END { for (name in sum) print name, sum[name] }'")
     memory = dict(line.split() for line in text.splitlines())
     return {**found, **{name: int(memory[name]) for name in programs}}
 
