@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The reading side of ddxvideosave: every frame out of the store, into the ring of the present recording. */
+/* The reading side of ddxvideosave: every frame out of the store, into the queue of the present recording. */
 #include "recorder.h"
 
 #include <errno.h>
@@ -17,7 +17,7 @@ static const char *const reasons[] = {"store", "ring", "write", NULL};
 #define KEEP_BYTES (4u << 20)
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
 #define WAITING_NS INT64_C(1000000000)
-#define BUSY 25          /* %: from there on the disk has enough to do with what is in the ring */
+#define BUSY 25          /* %: from there on the disk has enough to do with what is in the queue */
 #define DRAIN_FRAMES 256 /* bound on what is still taken from the store after TERM */
 
 static void fail(struct recorder *recorder, const char *what, int error) {
@@ -79,7 +79,7 @@ static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry 
 
 /*
  * Begin a file for pictures like this one. Former ones are still being written meanwhile, by their own threads; where
- * the disk has left no room for one more ring, there is no recording then.
+ * the disk has left no room for one more queue, there is no recording then.
  */
 static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     unsigned frames = recorder_ring_frames(recorder);
@@ -92,7 +92,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
     struct recording_plan plan = {.output = &recorder->output,
                                   .pool = recorder->pool,
                                   .geometry = view->geometry,
-                                  .ring_frames = frames,
+                                  .queue_frames = frames,
                                   .turn = &recorder->turn,
                                   .lost_store = recorder->lost_store,
                                   .lost_ring = recorder->lost_ring,
@@ -193,9 +193,9 @@ static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
 
 /* ---- Frame by frame ---- */
 
-/* False if the disk is so far behind that there is no ring for the frame, or no room in it; it is counted then. */
-static bool put_into_ring(struct recorder *recorder, const struct ddxvideo_picture *view,
-                          const struct recording_frame *frame) {
+/* False if the disk is so far behind that there is no queue for the frame, or no room in it; it is counted then. */
+static bool put_into_queue(struct recorder *recorder, const struct ddxvideo_picture *view,
+                           const struct recording_frame *frame) {
     if (recorder->recording) {
         bool has_room = recording_put(recorder->recording, view, frame);
         recorder->level = recording_level(recorder->recording);
@@ -218,10 +218,10 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
     if (!choose_file(recorder, view)) {
         ddx_stats_lost(recorder->book, LOST_WRITE, 1);
     } else {
-        bool full = !put_into_ring(recorder, view, frame);
-        if (full && !recorder->ring_full)
+        bool full = !put_into_queue(recorder, view, frame);
+        if (full && !recorder->queue_full)
             say("losing frames from %d on: the ring is full, the disk is too slow", number);
-        recorder->ring_full = full;
+        recorder->queue_full = full;
     }
     recorder->frame = number;
 }
@@ -327,7 +327,7 @@ void recorder_set_paused(struct recorder *recorder, bool paused) {
 }
 
 unsigned recorder_ring_frames(const struct recorder *recorder) {
-    return recorder->ring_frames ? (unsigned)recorder->ring_frames : recording_ring_frames(&recorder->geometry);
+    return recorder->queue_frames ? (unsigned)recorder->queue_frames : recording_queue_frames(&recorder->geometry);
 }
 
 static void say_kept(const struct recorder *recorder) {

@@ -80,7 +80,7 @@ int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK 
 
 /* ---- Write ---- */
 
-/* Whole blocks, the first and the last of which hold more than these bytes: before, what the ring still has of the
+/* Whole blocks, the first and the last of which hold more than these bytes: before, what the queue still has of the
  * file; behind, anything, even what the reading thread is just putting there: it is written again with its frame. */
 static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes, size_t size) {
     size_t before = (size_t)(segment->written % INDEX_BLOCK);
@@ -133,7 +133,7 @@ ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_
     return done;
 }
 
-void segment_add(struct segment *segment, const struct ring_frame *frame, uint32_t sum) {
+void segment_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum) {
     int64_t latency = ddx_time_now() - frame->facts.published;
     if (segment->pool)
         segment_index_add(segment, frame, sum, latency);
