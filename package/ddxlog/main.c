@@ -88,7 +88,7 @@ static int run_recover(const struct program *program, const char *path) {
 }
 
 static int run_logger(const struct program *program, const struct words *words) {
-    struct logger *logger = calloc(1, sizeof(*logger));
+    struct logger *logger = calloc(1, sizeof *logger);
     char error[CONFIG_ERROR_MAX];
     if (!logger)
         return EXIT_FAILED;

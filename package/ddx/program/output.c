@@ -69,7 +69,7 @@ static long number_of(const char *name, const char *prefix) {
 long output_number(const struct output *output, const char *name) {
     char prefix[80];
     const char *end = strrchr(name, '.');
-    file_prefix(output, prefix, sizeof(prefix));
+    file_prefix(output, prefix, sizeof prefix);
     return end && !strcmp(end + 1, output->extension) ? number_of(name, prefix) : 0;
 }
 
@@ -174,14 +174,14 @@ int output_open(const struct output *output, char *path) {
     if (!output->is_folder)
         return open_named(output, path);
     char prefix[80], stamp[32];
-    file_prefix(output, prefix, sizeof(prefix));
+    file_prefix(output, prefix, sizeof prefix);
     long number = highest_number(output, prefix);
     if (number < 0)
         return (int)number;
     for (int i = 1; i <= TRIES; i++) {
         time_t now = time(NULL);
         struct tm utc;
-        strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+        strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
         if (snprintf(path, PATH_MAX, "%s/%s%06ld-%s.%s", output->place, prefix, number + i, stamp,
                      output->extension) >= PATH_MAX)
             return -ENAMETOOLONG;
@@ -198,7 +198,7 @@ static uint64_t look_at(const struct output *output, DIR *folder, char oldest[NA
     long lowest = LONG_MAX;
     uint64_t bytes = 0;
     struct stat status;
-    file_prefix(output, prefix, sizeof(prefix));
+    file_prefix(output, prefix, sizeof prefix);
     *oldest = 0;
     rewinddir(folder);
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {

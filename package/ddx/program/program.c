@@ -28,7 +28,7 @@ void say(const char *format, ...) {
     char text[512];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof(text), format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     fprintf(stderr, "%s: %s\n", program_name, text); /* one call, one line, also between threads */
 }
@@ -36,7 +36,7 @@ void say(const char *format, ...) {
 uint64_t program_random(void) {
     uint64_t number = 0;
     struct timespec wall;
-    if (getrandom(&number, sizeof(number), GRND_INSECURE) < 0)
+    if (getrandom(&number, sizeof number, GRND_INSECURE) < 0)
         number = 0; /* a kernel before 5.6 */
     clock_gettime(CLOCK_REALTIME, &wall);
     return number ^ (uint64_t)ddx_time_now() << 32 ^ (uint64_t)wall.tv_sec ^ (uint64_t)wall.tv_nsec;
@@ -63,7 +63,7 @@ void program_thread_ordinary(void) {
 
 static void help_option(const struct option_entry *entry) {
     char left[40];
-    snprintf(left, sizeof(left), "-%s%s%s", entry->name, entry->argument ? " " : "",
+    snprintf(left, sizeof left, "-%s%s%s", entry->name, entry->argument ? " " : "",
              entry->argument ? entry->argument : "");
     printf("  %-20s %s\n", left, entry->help);
 }
@@ -86,7 +86,7 @@ __attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char
     char text[256];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof(text), format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     say("%s; see %s -help", text, program_name);
     exit(EXIT_USAGE);
@@ -132,7 +132,7 @@ void program_start(struct program *program, int argc, char **argv) {
     bool wants_help = false, wants_version = false;
     const struct option_entry common[] = {
         {"instance", "NAME", "name of this instance and of its stats item (default: the program's)", OPTION_NAME,
-         &program->instance, 0, DDX_NAME_MAX - (long)sizeof(".counters") + 1},
+         &program->instance, 0, DDX_NAME_MAX - (long)sizeof ".counters" + 1},
         {"store", "PORT", "port of the store", OPTION_NUMBER, &program->port, 0, 65535},
         {"check", NULL, "judge the options, do nothing: exit 0 or 2", OPTION_FLAG, &program->check, 0, 0},
         {"version", NULL, "which version this is", OPTION_FLAG, &wants_version, 0, 0},

@@ -47,7 +47,7 @@ bool schedule_parse_speed(const char *text, struct schedule_speed *speed) {
 }
 
 void schedule_init(struct schedule *schedule, uint32_t rate_num, uint32_t rate_den) {
-    memset(schedule, 0, sizeof(*schedule));
+    memset(schedule, 0, sizeof *schedule);
     schedule->rate_num = rate_num;
     schedule->rate_den = rate_den;
     schedule->period = schedule_offset(1, rate_num, rate_den);

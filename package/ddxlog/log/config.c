@@ -24,7 +24,7 @@ __attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, 
     char text[CONFIG_ERROR_MAX];
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(text, sizeof(text), format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     for (char *c = text; *c; c++) /* what was read may be anything */
         if ((unsigned char)*c < ' ' || *c == 127)
@@ -136,9 +136,9 @@ static int read_line(const struct line *line, char *text, struct config *config)
 
 static int read_lines(FILE *file, struct line *line, struct config *config) {
     char text[LINE_MAX_];
-    while (fgets(text, sizeof(text), file)) {
+    while (fgets(text, sizeof text, file)) {
         line->number++;
-        if (strlen(text) == sizeof(text) - 1 && text[sizeof(text) - 2] != '\n')
+        if (strlen(text) == sizeof text - 1 && text[sizeof text - 2] != '\n')
             return wrong(line, "longer than %d letters", LINE_MAX_ - 2);
         if (read_line(line, text, config))
             return -1;

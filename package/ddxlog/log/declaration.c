@@ -20,7 +20,7 @@ static const struct {
     {"uint32_t", DDX_KIND_UNSIGNED, 4}, {"uint64_t", DDX_KIND_UNSIGNED, 8}, {"float", DDX_KIND_FLOAT, 4},
     {"double", DDX_KIND_FLOAT, 8},     {"char", DDX_KIND_CHAR, 1},
 };
-#define TYPES (sizeof(types) / sizeof(*types))
+#define TYPES (sizeof types / sizeof *types)
 
 static const char *type_name(const struct form_field *field) {
     for (size_t i = 0; i < TYPES; i++)
@@ -187,7 +187,7 @@ static int use(struct form_fields *fields, const char *extents) {
 
 int form_parse(const char *declaration, const char *extents, struct form_fields *fields) {
     fields->count = 0;
-    fields->field = calloc(FIELDS_MAX + 1, sizeof(*fields->field));
+    fields->field = calloc(FIELDS_MAX + 1, sizeof *fields->field);
     if (!fields->field)
         return -ENOMEM;
     struct parser parser = {declaration, fields};

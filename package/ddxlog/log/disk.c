@@ -32,7 +32,7 @@ static void account(struct disk *disk, int error) {
 static bool note(struct disk *disk, struct item *item, int64_t time) {
     if (disk->pending_count == disk->pending_room) {
         size_t room = disk->pending_room ? disk->pending_room * 2 : 1024;
-        struct pending *more = realloc(disk->pending, room * sizeof(*more));
+        struct pending *more = realloc(disk->pending, room * sizeof *more);
         if (!more)
             return false;
         disk->pending = more;
@@ -144,7 +144,7 @@ static void *write_files(void *argument) {
 }
 
 int disk_start(struct logger *logger) {
-    struct disk *disk = calloc(1, sizeof(*disk));
+    struct disk *disk = calloc(1, sizeof *disk);
     const char *folder = logger->config.folder;
     if (!disk)
         return -ENOMEM;

@@ -43,8 +43,8 @@ static void boot_id(char id[40]) {
 
 static void put_times(struct disk *disk) {
     char offset[24], monotonic[24], boot[40];
-    snprintf(offset, sizeof(offset), "%" PRId64, disk->wall_offset);
-    snprintf(monotonic, sizeof(monotonic), "%" PRId64, disk->begin);
+    snprintf(offset, sizeof offset, "%" PRId64, disk->wall_offset);
+    snprintf(monotonic, sizeof monotonic, "%" PRId64, disk->begin);
     boot_id(boot);
     const struct mcap_pair pairs[] = {{"instance", disk->logger->program.instance},
                                       {"wall_offset_ns", offset},
@@ -190,7 +190,7 @@ void file_put_losses(struct disk *disk, bool all) {
         item->told = sum;
         char text[400], name[DDX_NAME_MAX + 1];
         printable(item->name, name);
-        int size = snprintf(text, sizeof(text),
+        int size = snprintf(text, sizeof text,
                             "{\"item\":\"%s\",\"in\":%" PRIu64 ",\"out\":%" PRIu64 ",\"skipped\":%" PRIu64
                             ",\"lost\":{\"store\":%" PRIu64 ",\"queue\":%" PRIu64 ",\"write\":%" PRIu64 "}}",
                             name, in, out, skipped, lost[LOST_STORE], lost[LOST_QUEUE], lost[LOST_WRITE]);

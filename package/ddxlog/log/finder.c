@@ -74,7 +74,7 @@ static void add_item(struct finder *finder, const struct ddx_item_info *info) {
     unsigned count = atomic_load(&logger->item_count);
     if (!rule)
         return;
-    struct item *item = count < ITEMS_MAX ? calloc(1, sizeof(*item)) : NULL;
+    struct item *item = count < ITEMS_MAX ? calloc(1, sizeof *item) : NULL;
     if (!item) {
         if (!finder->full)
             say("more than %d items: %s and what follows is not logged", ITEMS_MAX, info->name);

@@ -18,7 +18,7 @@ static int add_leaf(struct walk *walk, const struct form_field *field, const cha
         return -E2BIG;
     if (!(form->leaf_count & (form->leaf_count - 1))) {
         size_t room = form->leaf_count ? form->leaf_count * 2 : 1;
-        struct form_leaf *more = realloc(form->leaves, room * sizeof(*more));
+        struct form_leaf *more = realloc(form->leaves, room * sizeof *more);
         if (!more)
             return -ENOMEM;
         form->leaves = more;
@@ -60,7 +60,7 @@ static int walk_fields(struct walk *walk, unsigned first, unsigned end, const ch
 
 /* Neighbours become one copy, and so do those with the same padding between them here and there. */
 static int make_spans(struct form *form) {
-    form->spans = calloc(form->leaf_count, sizeof(*form->spans));
+    form->spans = calloc(form->leaf_count, sizeof *form->spans);
     if (!form->spans)
         return -ENOMEM;
     for (unsigned i = 0; i < form->leaf_count; i++) {
@@ -77,11 +77,11 @@ static int make_spans(struct form *form) {
 }
 
 static int make_form(const struct form_fields *fields, const char *type, struct form **result) {
-    struct form *form = calloc(1, sizeof(*form));
+    struct form *form = calloc(1, sizeof *form);
     if (!form)
         return -ENOMEM;
     struct walk walk = {fields, form, 0};
-    snprintf(form->type, sizeof(form->type), "%s", type);
+    snprintf(form->type, sizeof form->type, "%s", type);
     form->declaration = form_declaration(fields);
     form->extents = form_extents(fields);
     form->schema = form_schema(fields, type);
@@ -119,7 +119,7 @@ static void copy_field(struct form_field *to, const struct ddx_field *from) {
                               .children = from->children,
                               .offset = from->offset,
                               .extent = from->extent != 0};
-    snprintf(to->name, sizeof(to->name), "%s", dot ? dot + 1 : from->name);
+    snprintf(to->name, sizeof to->name, "%s", dot ? dot + 1 : from->name);
 }
 
 int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
@@ -137,7 +137,7 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
             (*form)->item_size = info.size;
         return error;
     }
-    fields.field = calloc(fields.count, sizeof(*fields.field));
+    fields.field = calloc(fields.count, sizeof *fields.field);
     if (!fields.field)
         return -ENOMEM;
     uint64_t end = 0;
@@ -183,7 +183,7 @@ void form_free(struct form *form) {
 void form_pack(const struct form *form, const void *value, unsigned char *message) {
     static const unsigned char header[FORM_HEADER] = {0, 1, 0, 0}; /* CDR, little endian */
     size_t at = FORM_HEADER;
-    memcpy(message, header, sizeof(header));
+    memcpy(message, header, sizeof header);
     for (unsigned i = 0; i < form->span_count; i++) {
         const struct form_span *span = &form->spans[i];
         memset(message + at, 0, span->message - at);

@@ -33,7 +33,7 @@ void *mender_run(void *argument) {
         char path[PATH_MAX], error[MCAP_ERROR_MAX];
         struct recovery recovery;
         if (!is_ours(logger, entry->d_name) ||
-            snprintf(path, sizeof(path), "%s/%s", logger->config.folder, entry->d_name) >= (int)sizeof(path))
+            snprintf(path, sizeof path, "%s/%s", logger->config.folder, entry->d_name) >= (int)sizeof path)
             continue;
         int result = recover(path, &logger->stopping, &recovery, error);
         if (!result)

@@ -29,7 +29,7 @@ static int choose_channel(struct item *item) {
     if (channel) {
         form_free(form);
     } else {
-        channel = calloc(1, sizeof(*channel));
+        channel = calloc(1, sizeof *channel);
         if (!channel) {
             form_free(form);
             return -ENOMEM;

@@ -25,8 +25,8 @@ static void copy_metadata(struct copy *copy, const struct recovery *recovery) {
     char left_over[24], damaged[24];
     for (unsigned i = 0; (name = mcap_metadata_at(copy->reader, i, &pairs)); i++)
         mcap_put_metadata(copy->writer, name, pairs);
-    snprintf(left_over, sizeof(left_over), "%llu", (unsigned long long)recovery->state.left_over);
-    snprintf(damaged, sizeof(damaged), "%u", recovery->state.damaged);
+    snprintf(left_over, sizeof left_over, "%llu", (unsigned long long)recovery->state.left_over);
+    snprintf(damaged, sizeof damaged, "%u", recovery->state.damaged);
     const struct mcap_pair own[] = {{"left_over_bytes", left_over}, {"damaged_chunks", damaged}, {NULL, NULL}};
     mcap_put_metadata(copy->writer, "ddxlog.recovered", own);
 }
@@ -81,7 +81,7 @@ static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recove
 }
 
 static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery *recovery) {
-    copy->channel = calloc(2 * 65536, sizeof(*copy->channel));
+    copy->channel = calloc(2 * 65536, sizeof *copy->channel);
     if (!copy->channel || !copy->writer)
         return -ENOMEM;
     copy->schema = copy->channel + 65536;
@@ -94,7 +94,7 @@ static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery 
 static void sync_folder_of(const char *path) {
     char folder[PATH_MAX];
     const char *slash = strrchr(path, '/');
-    snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : ".");
+    snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : ".");
     int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd >= 0) {
         fsync(fd);
@@ -106,7 +106,7 @@ static void sync_folder_of(const char *path) {
 static int replace(const char *path, const char *copy, bool keep, struct recovery *recovery) {
     char damaged[PATH_MAX];
     if (keep) {
-        if (snprintf(damaged, sizeof(damaged), "%s.damaged", path) >= (int)sizeof(damaged))
+        if (snprintf(damaged, sizeof damaged, "%s.damaged", path) >= (int)sizeof damaged)
             return -ENAMETOOLONG;
         if (link(path, damaged) && errno != EEXIST)
             return -errno;
@@ -122,7 +122,7 @@ static int write_copy(const char *path, int old, struct mcap_reader *reader, con
                       struct recovery *recovery) {
     char name[PATH_MAX];
     struct stat status;
-    if (snprintf(name, sizeof(name), "%s.recovering", path) >= (int)sizeof(name))
+    if (snprintf(name, sizeof name, "%s.recovering", path) >= (int)sizeof name)
         return -ENAMETOOLONG;
     int fd = open(name, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0664);
     if (fd < 0)

@@ -57,7 +57,7 @@ static void free_metadata(struct own_metadata *metadata) {
 /* The same once more (in the summary, in a later chunk) is nothing new; the first one counts. */
 static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
     uint16_t id = (uint16_t)cursor_number(&cursor, 2);
-    struct mcap_schema *schema = calloc(1, sizeof(*schema));
+    struct mcap_schema *schema = calloc(1, sizeof *schema);
     if (!schema)
         return -ENOMEM;
     schema->id = id;
@@ -82,7 +82,7 @@ static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
 }
 
 static int define_channel(struct mcap_reader *reader, struct cursor cursor) {
-    struct own_channel *own = calloc(1, sizeof(*own));
+    struct own_channel *own = calloc(1, sizeof *own);
     if (!own)
         return -ENOMEM;
     own->channel.id = (uint16_t)cursor_number(&cursor, 2);
@@ -101,12 +101,12 @@ static int define_channel(struct mcap_reader *reader, struct cursor cursor) {
 }
 
 static int define_metadata(struct mcap_reader *reader, struct cursor cursor) {
-    struct own_metadata *more = realloc(reader->metadata, (reader->metadata_count + 1) * sizeof(*more));
+    struct own_metadata *more = realloc(reader->metadata, (reader->metadata_count + 1) * sizeof *more);
     if (!more)
         return -ENOMEM;
     reader->metadata = more;
     more += reader->metadata_count;
-    memset(more, 0, sizeof(*more));
+    memset(more, 0, sizeof *more);
     more->name = cursor_text(&cursor);
     take_pairs(&cursor, more->pairs);
     if (cursor.failed) {

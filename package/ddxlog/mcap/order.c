@@ -26,15 +26,15 @@ static int by_time(const void *a, const void *b) {
 }
 
 static int make_order(struct mcap_reader *reader) {
-    struct begin *begins = calloc(reader->place_count + 1, sizeof(*begins));
-    reader->order = calloc(reader->place_count + 1, sizeof(*reader->order));
+    struct begin *begins = calloc(reader->place_count + 1, sizeof *begins);
+    reader->order = calloc(reader->place_count + 1, sizeof *reader->order);
     if (!begins || !reader->order) {
         free(begins);
         return -ENOMEM;
     }
     for (unsigned i = 0; i < reader->place_count; i++)
         begins[i] = (struct begin){reader->places[i].first, i};
-    qsort(begins, reader->place_count, sizeof(*begins), by_begin);
+    qsort(begins, reader->place_count, sizeof *begins, by_begin);
     for (unsigned i = 0; i < reader->place_count; i++)
         reader->order[i] = begins[i].number;
     free(begins);
@@ -63,8 +63,8 @@ static int activate(struct mcap_reader *reader) {
         reader_unload(&loaded);
         return 0;
     }
-    qsort(loaded.messages, loaded.count, sizeof(*loaded.messages), by_time);
-    more = realloc(reader->active, (reader->active_count + 1) * sizeof(*more));
+    qsort(loaded.messages, loaded.count, sizeof *loaded.messages, by_time);
+    more = realloc(reader->active, (reader->active_count + 1) * sizeof *more);
     if (!more) {
         reader_unload(&loaded);
         return -ENOMEM;

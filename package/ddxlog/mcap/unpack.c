@@ -57,7 +57,7 @@ static int add_message(struct loaded *loaded, const unsigned char *content, size
     struct cursor cursor = {content, content + size, false};
     if (!(loaded->count & (loaded->count - 1))) {
         size_t room = loaded->count ? loaded->count * 2 : 1;
-        struct mcap_message *more = realloc(loaded->messages, room * sizeof(*more));
+        struct mcap_message *more = realloc(loaded->messages, room * sizeof *more);
         if (!more)
             return -ENOMEM;
         loaded->messages = more;
@@ -95,7 +95,7 @@ static int take_apart(struct mcap_reader *reader, struct loaded *loaded, size_t 
 }
 
 int reader_load(struct mcap_reader *reader, const struct place *place, struct loaded *loaded) {
-    memset(loaded, 0, sizeof(*loaded));
+    memset(loaded, 0, sizeof *loaded);
     loaded->number = place->number;
     if (place->length > MCAP_CHUNK_MAX)
         return -EBADMSG;

@@ -55,7 +55,7 @@ static void put_pairs(struct bytes *bytes, const struct mcap_pair *pairs) {
 }
 
 struct mcap_writer *mcap_writer_new(int fd) {
-    struct mcap_writer *writer = calloc(1, sizeof(*writer));
+    struct mcap_writer *writer = calloc(1, sizeof *writer);
     if (!writer)
         return NULL;
     writer->fd = fd;
@@ -72,7 +72,7 @@ void mcap_writer_free(struct mcap_writer *writer) {
         return;
     struct bytes *all[] = {&writer->fresh,    &writer->chunk,         &writer->packed,          &writer->schemas,
                            &writer->channels, &writer->chunk_indexes, &writer->metadata_indexes};
-    for (size_t i = 0; i < sizeof(all) / sizeof(*all); i++)
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         bytes_free(all[i]);
     for (uint32_t id = 1; id <= writer->channel_count; id++)
         bytes_free(&writer->index[id].entries);
@@ -116,7 +116,7 @@ void mcap_put_schema(struct mcap_writer *writer, const struct mcap_schema *schem
 }
 
 void mcap_put_channel(struct mcap_writer *writer, const struct mcap_channel *channel) {
-    struct index *index = realloc(writer->index, (writer->channel_count + 2) * sizeof(*index));
+    struct index *index = realloc(writer->index, (writer->channel_count + 2) * sizeof *index);
     if (!index) {
         writer->error = -ENOMEM;
         return;
@@ -305,7 +305,7 @@ int mcap_finish(struct mcap_writer *writer) {
     size_t summary = to->size;
     const struct bytes *groups[] = {&writer->schemas, &writer->channels, &statistics, &writer->metadata_indexes,
                                     &writer->chunk_indexes};
-    for (size_t i = 0; i < sizeof(groups) / sizeof(*groups); i++) {
+    for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
         if (!groups[i]->size)
             continue;
         record = begin_record(&offsets, MCAP_SUMMARY_OFFSET);

@@ -30,11 +30,11 @@ static void write_number(FILE *file, const struct form_leaf *leaf, const unsigne
     if (leaf->kind == DDX_KIND_FLOAT && leaf->bytes == 4) {
         uint32_t bits = (uint32_t)number;
         float value;
-        memcpy(&value, &bits, sizeof(value));
+        memcpy(&value, &bits, sizeof value);
         fprintf(file, "%.9g", (double)value); /* so many digits that the very same number is read again */
     } else if (leaf->kind == DDX_KIND_FLOAT) {
         double value;
-        memcpy(&value, &number, sizeof(value));
+        memcpy(&value, &number, sizeof value);
         fprintf(file, "%.17g", value);
     } else if (leaf->kind == DDX_KIND_UNSIGNED) {
         fprintf(file, "%" PRIu64, number);

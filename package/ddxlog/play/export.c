@@ -33,7 +33,7 @@ static FILE *create(const struct exporter *exporter, const char *topic, char pat
     for (int number = 1; number < 1000; number++) {
         char suffix[16] = "";
         if (number > 1)
-            snprintf(suffix, sizeof(suffix), ".%d", number);
+            snprintf(suffix, sizeof suffix, ".%d", number);
         int length = snprintf(path, PATH_MAX, "%s/", exporter->folder);
         if (length + (int)strlen(topic) + 24 >= PATH_MAX) {
             errno = ENAMETOOLONG;
@@ -128,7 +128,7 @@ static int close_tables(struct exporter *exporter) {
 
 int export_run(const char *path, const char *folder) {
     char error[MCAP_ERROR_MAX];
-    struct exporter *exporter = calloc(1, sizeof(*exporter));
+    struct exporter *exporter = calloc(1, sizeof *exporter);
     if (!exporter)
         return EXIT_FAILED;
     exporter->folder = folder;

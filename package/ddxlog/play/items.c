@@ -74,11 +74,11 @@ static struct replay_item *find(struct replay *replay, const struct mcap_channel
     for (; *link; link = &(*link)->next)
         if (!strcmp((*link)->topic, channel->topic))
             return *link;
-    struct replay_item *item = calloc(1, sizeof(*item));
+    struct replay_item *item = calloc(1, sizeof *item);
     if (!item)
         return NULL;
     item->topic = channel->topic;
-    if (snprintf(item->name, sizeof(item->name), "%s%s", replay->prefix, item->topic) >= (int)sizeof(item->name)) {
+    if (snprintf(item->name, sizeof item->name, "%s%s", replay->prefix, item->topic) >= (int)sizeof item->name) {
         item->name[DDX_NAME_MAX] = 0;
         refuse(item, -EINVAL);
     }
@@ -89,7 +89,7 @@ static bool is_excepted(const struct replay *replay, const char *topic) {
     char pattern[DDX_NAME_MAX + 1];
     for (const char *at = replay->except; at && *at;) {
         size_t length = strcspn(at, ",");
-        snprintf(pattern, sizeof(pattern), "%.*s", (int)(length > DDX_NAME_MAX ? DDX_NAME_MAX : length), at);
+        snprintf(pattern, sizeof pattern, "%.*s", (int)(length > DDX_NAME_MAX ? DDX_NAME_MAX : length), at);
         if (!fnmatch(pattern, topic, 0))
             return true;
         at += length + (at[length] == ',');

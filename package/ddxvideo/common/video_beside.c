@@ -11,8 +11,8 @@ _Static_assert(sizeof(DDX_VIDEO_PARAMETERS) == 4 + 56 * DDX_VIDEO_PARAMETERS_MAX
 static int create_beside(DDX_STORE_ID *id, const char *video_name, const char *suffix, struct ddx_item_spec *spec,
                          DDX_STORE_ITEM **item) {
     char name[DDX_NAME_MAX + 1];
-    int length = snprintf(name, sizeof(name), "%s.%s", video_name, suffix);
-    if (length < 0 || (size_t)length >= sizeof(name))
+    int length = snprintf(name, sizeof name, "%s.%s", video_name, suffix);
+    if (length < 0 || (size_t)length >= sizeof name)
         return -EINVAL;
     spec->name = name;
     return ddx_store_create(id, spec, item);
@@ -36,7 +36,7 @@ int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *
     if (parameters->count < 0 || parameters->count > DDX_VIDEO_PARAMETERS_MAX)
         return -EINVAL;
     for (int i = 0; i < parameters->count; i++)
-        if (!memchr(parameters->parameter[i].name, 0, sizeof(parameters->parameter[i].name)))
+        if (!memchr(parameters->parameter[i].name, 0, sizeof parameters->parameter[i].name))
             return -EINVAL;
     return ddx_store_write(item, parameters, NULL);
 }

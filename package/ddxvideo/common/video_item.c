@@ -57,9 +57,9 @@ int ddxvideo_same_layout(const struct ddxvideo_geometry *a, const struct ddxvide
 static void declare(char *text, size_t size, unsigned bound) {
     size_t length = 0;
     for (const char *from = declaration_pattern; *from && length + 16 < size;) {
-        if (!strncmp(from, BOUND_WORD, sizeof(BOUND_WORD) - 1)) {
+        if (!strncmp(from, BOUND_WORD, sizeof BOUND_WORD - 1)) {
             length += (size_t)snprintf(text + length, size - length, "%u", bound);
-            from += sizeof(BOUND_WORD) - 1;
+            from += sizeof BOUND_WORD - 1;
         } else {
             text[length++] = *from++;
         }
@@ -73,8 +73,8 @@ int ddxvideo_create(DDX_STORE_ID *id, const char *name, const struct ddxvideo_ge
         return -EINVAL;
     unsigned luma = (unsigned)geometry->width * (unsigned)geometry->height;
     unsigned bound = luma <= DDX_VIDEO_MAX ? DDX_VIDEO_MAX : (luma + 63) / 64 * 64;
-    char declaration[sizeof(declaration_pattern) + 64];
-    declare(declaration, sizeof(declaration), bound);
+    char declaration[sizeof declaration_pattern + 64];
+    declare(declaration, sizeof declaration, bound);
     const struct ddx_extent extents[] = {{"y", luma}, {"u", luma / 4}, {"v", luma / 4}};
     const struct ddx_item_spec spec = {.name = name,
                                        .type = "DDX_VIDEO",
@@ -163,7 +163,7 @@ int ddxvideo_loan(DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry
     uint64_t offset[3];
     if (ddxvideo_geometry_error(geometry))
         return -EINVAL;
-    memset(frame, 0, sizeof(*frame));
+    memset(frame, 0, sizeof *frame);
     frame->geometry = *geometry;
     int error = ddx_store_loan(item, &frame->data);
     if (error)
@@ -189,7 +189,7 @@ int ddxvideo_publish(DDX_STORE_ITEM *item, const struct ddxvideo_frame *frame) {
 
 int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view) {
     uint64_t offset[3];
-    memset(view, 0, sizeof(*view));
+    memset(view, 0, sizeof *view);
     if (!get_numbers(item, data, geometry_numbers, &view->geometry) ||
         !get_numbers(item, data, stamp_numbers, &view->stamp))
         return -EPROTOTYPE;

@@ -25,9 +25,9 @@ static enum AVPixelFormat pixel_format(const struct y4m_layout *layout) {
     if (!subsampling)
         return AV_PIX_FMT_NONE;
     if (layout->bits == 8)
-        snprintf(name, sizeof(name), "yuv%sp", subsampling);
+        snprintf(name, sizeof name, "yuv%sp", subsampling);
     else
-        snprintf(name, sizeof(name), "yuv%sp%dle", subsampling, layout->bits);
+        snprintf(name, sizeof name, "yuv%sp%dle", subsampling, layout->bits);
     return av_get_pix_fmt(name);
 }
 
@@ -58,7 +58,7 @@ static bool set_up_scaler(struct y4m_converter *converter) {
         {"dst_h_chr_pos", header->geometry.format == DDX_VIDEO_420_JPEG ? 128 : 0},
         {"sws_flags", SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP | SWS_BITEXACT},
     };
-    for (size_t i = 0; i < sizeof(settings) / sizeof(*settings); i++)
+    for (size_t i = 0; i < sizeof settings / sizeof *settings; i++)
         if (av_opt_set_int(scaler, settings[i].name, settings[i].value, 0) < 0)
             return false;
     return sws_init_context(scaler, NULL, NULL) >= 0;
@@ -76,7 +76,7 @@ static bool set_up_target(struct y4m_converter *converter) {
 }
 
 struct y4m_converter *y4m_converter_new(const struct y4m_header *header) {
-    struct y4m_converter *converter = calloc(1, sizeof(*converter));
+    struct y4m_converter *converter = calloc(1, sizeof *converter);
     if (!converter)
         return NULL;
     converter->header = *header;

@@ -43,14 +43,14 @@ static const struct y4m_layout layouts[] = {
 };
 
 const struct y4m_layout *y4m_layout_named(const char *tag) {
-    for (size_t i = 0; i < sizeof(layouts) / sizeof(*layouts); i++)
+    for (size_t i = 0; i < sizeof layouts / sizeof *layouts; i++)
         if (!strcmp(layouts[i].tag, tag))
             return &layouts[i];
     return NULL;
 }
 
 const char *y4m_layout_tag(int format) {
-    for (size_t i = 0; i < sizeof(layouts) / sizeof(*layouts); i++)
+    for (size_t i = 0; i < sizeof layouts / sizeof *layouts; i++)
         if (layouts[i].format == format && y4m_is_plain(&layouts[i]))
             return layouts[i].tag;
     return "420";

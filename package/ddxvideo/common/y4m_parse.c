@@ -125,17 +125,17 @@ static bool parameter(const char *word, struct y4m_header *header, char *error) 
 
 bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) {
     char copy[Y4M_HEADER_MAX + 1];
-    if (strncmp(line, MAGIC, sizeof(MAGIC) - 1) || (line[sizeof(MAGIC) - 1] && line[sizeof(MAGIC) - 1] != ' '))
+    if (strncmp(line, MAGIC, sizeof MAGIC - 1) || (line[sizeof MAGIC - 1] && line[sizeof MAGIC - 1] != ' '))
         return fail(error, "no Y4M file: it does not begin with " MAGIC "; make one: ffmpeg -i FILE -pix_fmt yuv420p "
                            "OUT.y4m");
-    if (strlen(line) >= sizeof(copy))
+    if (strlen(line) >= sizeof copy)
         return fail(error, "bad header: longer than %d bytes; the file is damaged, or no Y4M", Y4M_HEADER_MAX);
     strcpy(copy, line);
-    memset(header, 0, sizeof(*header));
+    memset(header, 0, sizeof *header);
     header->geometry.fields = 1;
     header->layout = y4m_layout_named("420jpeg"); /* what Y4M means when there is no C */
 
-    char *rest = copy + sizeof(MAGIC) - 1;
+    char *rest = copy + sizeof MAGIC - 1;
     for (char *word = next_word(&rest); word; word = next_word(&rest))
         if (!parameter(word, header, error))
             return false;
@@ -157,7 +157,7 @@ int64_t y4m_parse_start(const char *line) {
     int64_t start;
     size_t length = strcspn(text, " ");
     char copy[24];
-    if (!length || length >= sizeof(copy))
+    if (!length || length >= sizeof copy)
         return -1;
     memcpy(copy, text, length);
     copy[length] = 0;
@@ -167,7 +167,7 @@ int64_t y4m_parse_start(const char *line) {
 bool y4m_parse_frame(const char *line, int64_t *time, char *error) {
     char copy[Y4M_FRAME_LINE_MAX + 1];
     *time = -1;
-    if (strncmp(line, "FRAME", 5) || (line[5] && line[5] != ' ') || strlen(line) >= sizeof(copy))
+    if (strncmp(line, "FRAME", 5) || (line[5] && line[5] != ' ') || strlen(line) >= sizeof copy)
         return fail(error, "no FRAME line where one should be; the file is damaged from there on");
     strcpy(copy, line);
     char *rest = copy + 5;
@@ -185,8 +185,8 @@ size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geo
     const char *ranges[] = {"", " XCOLORRANGE=LIMITED", " XCOLORRANGE=FULL"};
     char main_part[Y4M_HEADER_WRITTEN], fields[24] = "";
     if (g->fields != 1)
-        snprintf(fields, sizeof(fields), " XDDX_FIELDS=%d", g->fields);
-    int length = snprintf(main_part, sizeof(main_part), MAGIC " W%d H%d F%d:%d I%c A%d:%d C%s%s", g->width, g->height,
+        snprintf(fields, sizeof fields, " XDDX_FIELDS=%d", g->fields);
+    int length = snprintf(main_part, sizeof main_part, MAGIC " W%d H%d F%d:%d I%c A%d:%d C%s%s", g->width, g->height,
                           known ? g->rate_num : 25, known ? g->rate_den : 1, g->interlacing ? g->interlacing : '?',
                           g->aspect_num, g->aspect_den, y4m_layout_tag(g->format), fields);
     /* The range is left out before a player is lost. */
@@ -198,8 +198,8 @@ size_t y4m_write_frame(char line[Y4M_FRAME_LINE_WRITTEN], int64_t time, int64_t 
     char first[64] = "";
     int length = 0;
     if (start > 0)
-        length = snprintf(first, sizeof(first), " XDDX_START=%" PRId64, start);
+        length = snprintf(first, sizeof first, " XDDX_START=%" PRId64, start);
     if (wall > 0)
-        snprintf(first + length, sizeof(first) - (size_t)length, " XDDX_WALL=%" PRId64, wall);
+        snprintf(first + length, sizeof first - (size_t)length, " XDDX_WALL=%" PRId64, wall);
     return (size_t)snprintf(line, Y4M_FRAME_LINE_WRITTEN, "FRAME XTIME=%" PRId64 "%s\n", time, first);
 }

@@ -46,7 +46,7 @@ __attribute__((format(printf, 3, 4))) static enum y4m_result fail(struct y4m_rea
                                                                   const char *format, ...) {
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(reader->error, sizeof(reader->error), format, arguments);
+    vsnprintf(reader->error, sizeof reader->error, format, arguments);
     va_end(arguments);
     return result;
 }
@@ -126,7 +126,7 @@ static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts
 
 static enum y4m_result read_header(struct y4m_reader *reader) {
     char line[Y4M_HEADER_MAX];
-    enum y4m_result result = read_line(reader, line, sizeof(line), "header");
+    enum y4m_result result = read_line(reader, line, sizeof line, "header");
     if (result == Y4M_END)
         return fail(reader, Y4M_BAD, "is empty; record or copy it again");
     bool foreign = result == Y4M_BAD && *line && strncmp(line, Y4M_MAGIC, strlen(Y4M_MAGIC));
@@ -136,7 +136,7 @@ static enum y4m_result read_header(struct y4m_reader *reader) {
 }
 
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path) {
-    memset(reader, 0, sizeof(*reader));
+    memset(reader, 0, sizeof *reader);
     struct stat status;
     /* Not waiting for a pipe's other end. */
     reader->fd = strcmp(path, "-") ? open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK) : fcntl(0, F_DUPFD_CLOEXEC, 3);
@@ -161,7 +161,7 @@ void y4m_close(struct y4m_reader *reader) {
         close(reader->fd);
     y4m_converter_free(reader->converter);
     free(reader->scratch);
-    memset(reader, 0, sizeof(*reader));
+    memset(reader, 0, sizeof *reader);
     reader->fd = -1;
 }
 
@@ -170,7 +170,7 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
     char error[Y4M_ERROR_MAX];
     struct iovec parts[4];
     int count = 0;
-    enum y4m_result result = read_line(reader, line, sizeof(line), "FRAME line");
+    enum y4m_result result = read_line(reader, line, sizeof line, "FRAME line");
     if (result != Y4M_OK)
         return result;
     if (!y4m_parse_frame(line, time, error))

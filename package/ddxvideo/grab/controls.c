@@ -75,7 +75,7 @@ static void add(struct controls *controls, int fd, const struct v4l2_queryctrl *
     controls_name(wanted, (const char *)query->name);
     strcpy(name, wanted);
     for (unsigned twin = 2; find_name(controls, name) >= 0; twin++)
-        snprintf(name, sizeof(name), "%.27s_%u", wanted, twin % 100);
+        snprintf(name, sizeof name, "%.27s_%u", wanted, twin % 100);
     strcpy(controls->list.parameter[i].name, name);
     controls->list.count++;
     describe(controls, i, fd, query);
@@ -88,7 +88,7 @@ void controls_begin(struct controls *controls, int fd) {
         struct v4l2_control again = {.id = controls->asked[i].id, .value = controls->asked[i].value};
         device_ioctl(fd, VIDIOC_S_CTRL, &again); /* another camera may not have it */
     }
-    memset(&controls->list, 0, sizeof(controls->list));
+    memset(&controls->list, 0, sizeof controls->list);
     for (; !device_ioctl(fd, VIDIOC_QUERYCTRL, &query); query.id |= V4L2_CTRL_FLAG_NEXT_CTRL)
         add(controls, fd, &query);
 }
@@ -113,7 +113,7 @@ static void tell_range(const struct controls *controls, int i, int64_t value, ch
     int minimum = controls->list.parameter[i].minimum, maximum = controls->list.parameter[i].maximum;
     char steps[32] = "";
     if (controls->list.parameter[i].step > 1)
-        snprintf(steps, sizeof(steps), " in steps of %d", controls->list.parameter[i].step);
+        snprintf(steps, sizeof steps, " in steps of %d", controls->list.parameter[i].step);
     if (controls->type[i] == V4L2_CTRL_TYPE_BITMASK)
         snprintf(text, DDX_ANSWER_TEXT, "%s: takes the bits of %#x, not %" PRId64, name, (unsigned)maximum, value);
     else

@@ -48,7 +48,7 @@ int converter_open(struct converter *converter, const struct pixels *from, int w
 void converter_close(struct converter *converter) {
     jpeg_close(converter->jpeg);
     sws_freeContext(converter->sws);
-    memset(converter, 0, sizeof(*converter));
+    memset(converter, 0, sizeof *converter);
 }
 
 /* Field `part` (0: the top one) of a picture that has them row by row, or one after the other, from plane to plane. */

@@ -42,7 +42,7 @@ static int check_abilities(struct device *device, char *why, size_t size) {
         snprintf(why, size, "%s", strerror(-error));
         return error;
     }
-    snprintf(device->card, sizeof(device->card), "%.32s", (const char *)able.card);
+    snprintf(device->card, sizeof device->card, "%.32s", (const char *)able.card);
     if (!(able.device_caps & V4L2_CAP_VIDEO_CAPTURE) || !(able.device_caps & V4L2_CAP_STREAMING)) {
         snprintf(why, size, "%s gives no pictures here; another device of it may", device->card);
         return -EINVAL;
@@ -89,7 +89,7 @@ static int start(struct device *device, char *why, size_t size) {
 }
 
 int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size) {
-    memset(device, 0, sizeof(*device));
+    memset(device, 0, sizeof *device);
     device->fd = open(wish->path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
     if (device->fd < 0) {
         int error = -errno;
@@ -122,7 +122,7 @@ void device_close(struct device *device) {
         if (device->buffer[i].data)
             munmap(device->buffer[i].data, device->buffer[i].size);
     close(device->fd);
-    memset(device, 0, sizeof(*device));
+    memset(device, 0, sizeof *device);
     device->fd = -1;
 }
 

@@ -32,14 +32,14 @@ static bool quit(const struct grabber *grabber) {
 static void set_state(struct grabber *grabber, const char *state) {
     if (strcmp(grabber->state, state) != 0)
         say("%s: %s", grabber->wish.path, state);
-    snprintf(grabber->state, sizeof(grabber->state), "%s", state);
+    snprintf(grabber->state, sizeof grabber->state, "%s", state);
 }
 
 /* What keeps the camera from being opened is told when it lasts: a device that appears is not ours at first. */
 static void set_reason(struct grabber *grabber, int error, const char *why) {
     int64_t now = ddx_time_now();
     if (strcmp(grabber->reason, why) != 0) {
-        snprintf(grabber->reason, sizeof(grabber->reason), "%s", why);
+        snprintf(grabber->reason, sizeof grabber->reason, "%s", why);
         grabber->since = now;
     }
     bool missing = error == -ENOENT || error == -ENODEV || error == -ENXIO;
@@ -81,7 +81,7 @@ static void try_open(struct grabber *grabber) {
     if (now < grabber->retry)
         return;
     grabber->retry = now + RETRY_NS;
-    int error = device_open(&grabber->device, &grabber->wish, why, sizeof(why));
+    int error = device_open(&grabber->device, &grabber->wish, why, sizeof why);
     if (error) {
         set_reason(grabber, error, why);
         return;

@@ -16,7 +16,7 @@ static const struct {
 } standards[] = {{"PAL", V4L2_STD_PAL}, {"NTSC", V4L2_STD_NTSC}, {"SECAM", V4L2_STD_SECAM}};
 
 bool input_parse_standard(const char *text, v4l2_std_id *standard) {
-    for (unsigned i = 0; i < sizeof(standards) / sizeof(*standards); i++) {
+    for (unsigned i = 0; i < sizeof standards / sizeof *standards; i++) {
         if (!strcasecmp(text, standards[i].name)) {
             *standard = standards[i].standard;
             return true;
@@ -45,7 +45,7 @@ static int select_input(int fd, const char *text, char *why, size_t size) {
     }
     char names[128] = "";
     for (input.index = 0; !device_ioctl(fd, VIDIOC_ENUMINPUT, &input); input.index++)
-        snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s", input.index ? ", " : "", input.name);
+        snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s", input.index ? ", " : "", input.name);
     snprintf(why, size, "no input %s; there are: %s", text, *names ? names : "none");
     return -EINVAL;
 }

@@ -94,7 +94,7 @@ static bool take_order(struct device *device, uint32_t field, bool bottom_first)
         {V4L2_FIELD_INTERLACED_BT, PIXELS_INTERLEAVED, 'b'}, {V4L2_FIELD_SEQ_TB, PIXELS_TOP_BOTTOM, 't'},
         {V4L2_FIELD_SEQ_BT, PIXELS_BOTTOM_TOP, 'b'},
     };
-    for (unsigned i = 0; i < sizeof(table) / sizeof(*table); i++) {
+    for (unsigned i = 0; i < sizeof table / sizeof *table; i++) {
         if (table[i].field == field) {
             device->pixels.order = table[i].order;
             device->geometry.interlacing = field == V4L2_FIELD_INTERLACED && bottom_first ? 'b' : table[i].letter;

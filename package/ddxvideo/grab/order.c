@@ -22,7 +22,7 @@ bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now)
     /* What does not rise, for a driver that does not count or begins anew, comes first and goes at once. */
     while (at && (int32_t)(number - order->last) < (int32_t)(order->waiting[at - 1].number - order->last))
         at--;
-    memmove(&order->waiting[at + 1], &order->waiting[at], (order->count - at) * sizeof(order->waiting[0]));
+    memmove(&order->waiting[at + 1], &order->waiting[at], (order->count - at) * sizeof order->waiting[0]);
     order->waiting[at].number = number;
     order->waiting[at].slot = slot;
     order->waiting[at].since = now;
@@ -56,7 +56,7 @@ bool order_next(struct order *order, int64_t now, int64_t wait, unsigned *slot) 
         return false;
     *slot = order->waiting[0].slot;
     note(order, order->waiting[0].number);
-    memmove(&order->waiting[0], &order->waiting[1], --order->count * sizeof(order->waiting[0]));
+    memmove(&order->waiting[0], &order->waiting[1], --order->count * sizeof order->waiting[0]);
     return true;
 }
 

@@ -19,7 +19,7 @@ static void serve(struct grabber *grabber) {
         return;
     if (grabber->device.fd < 0) {
         status = -ENODEV;
-        snprintf(text, sizeof(text), "the camera is not there now: %.128s", grabber->state);
+        snprintf(text, sizeof text, "the camera is not there now: %.128s", grabber->state);
     } else {
         status = controls_change(&grabber->controls, grabber->device.fd, &request, text);
         grabber->changed = true;

@@ -21,7 +21,7 @@ static int side(const char **text, char end) {
 }
 
 bool size_parse(const char *text, int *width, int *height) {
-    for (unsigned i = 0; i < sizeof(names) / sizeof(*names); i++) {
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
         if (!strcasecmp(text, names[i].name)) {
             *width = names[i].width;
             *height = names[i].height;

@@ -27,7 +27,7 @@ static bool path_of(char *path, size_t size, const char *folder, const char *nam
 static int32_t read_pid(const char *folder, const char *name) {
     char path[256];
     int pid = 0;
-    FILE *file = path_of(path, sizeof(path), folder, name, "supervise/pid") ? fopen(path, "re") : NULL;
+    FILE *file = path_of(path, sizeof path, folder, name, "supervise/pid") ? fopen(path, "re") : NULL;
     if (!file)
         return 0;
     if (fscanf(file, "%d", &pid) != 1)
@@ -47,7 +47,7 @@ static void look_at(struct watch *watch, const char *folder, const char *name) {
         strcpy(service->name, name);
     }
     service->seen = true;
-    service->down = path_of(path, sizeof(path), folder, name, "down") && !access(path, F_OK);
+    service->down = path_of(path, sizeof path, folder, name, "down") && !access(path, F_OK);
     int32_t pid = read_pid(folder, name);
     if (pid != service->pid) {
         service->pid = pid;
@@ -121,7 +121,7 @@ bool watch_is_silent(const struct watch *watch, const struct watched *service, i
 
 int watch_kill(struct watched *service, const char *folder) {
     char path[256];
-    if (!path_of(path, sizeof(path), folder, service->name, "supervise/control"))
+    if (!path_of(path, sizeof path, folder, service->name, "supervise/control"))
         return -ENAMETOOLONG;
     int file = open(path, O_WRONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0)

@@ -125,11 +125,11 @@ static void tell(const struct copy *copy, const char *to, int error) {
 
 /* 0; 1: copied, but it is not what was recorded; -errno after a line. */
 static int copy_file(const struct folder *folder, const struct found *found, const char *path, int to) {
-    char unfinished[NAME_MAX + sizeof(UNFINISHED)];
+    char unfinished[NAME_MAX + sizeof UNFINISHED];
     struct copy copy = {.found = found, .fd = -1, .percent = -1};
     int error = verify_open(&copy.from, folder, found);
     bool opened = !error;
-    snprintf(unfinished, sizeof(unfinished), "%s%s", found->name, UNFINISHED);
+    snprintf(unfinished, sizeof unfinished, "%s%s", found->name, UNFINISHED);
     if (opened) {
         error = write_file(&copy, to, unfinished);
         if (!error)

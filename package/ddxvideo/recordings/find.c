@@ -28,7 +28,7 @@ struct pooled_list {
 };
 
 static bool add_pooled(struct pooled_list *list, const struct pooled *file) {
-    struct pooled *more = realloc(list->file, (list->count + 1) * sizeof(*more));
+    struct pooled *more = realloc(list->file, (list->count + 1) * sizeof *more);
     if (!more)
         return false;
     list->file = more;
@@ -85,7 +85,7 @@ static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
 /* ---- What people see ---- */
 
 static int add(struct folder *folder, const struct found *found) {
-    struct found *more = realloc(folder->file, (folder->count + 1) * sizeof(*more));
+    struct found *more = realloc(folder->file, (folder->count + 1) * sizeof *more);
     if (!more)
         return -ENOMEM;
     folder->file = more;
@@ -110,7 +110,7 @@ static int add_named(struct folder *folder, const char *name, const struct poole
         found = pooled->found;
         pooled->found.id = 0; /* taken */
     }
-    snprintf(found.name, sizeof(found.name), "%s", name);
+    snprintf(found.name, sizeof found.name, "%s", name);
     if (found.id)
         found.bytes = (uint64_t)status.st_size;
     else if (!find_plain(folder->fd, &found))
@@ -155,7 +155,7 @@ int folder_open(struct folder *folder, const char *path) {
         error = look_at_names(folder, &list);
     free(list.file);
     if (folder->count)
-        qsort(folder->file, folder->count, sizeof(*folder->file), in_order);
+        qsort(folder->file, folder->count, sizeof *folder->file, in_order);
     return error;
 }
 

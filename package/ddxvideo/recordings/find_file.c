@@ -33,7 +33,7 @@ static bool is_locked(int fd) {
             fclose(locks);
         return false;
     }
-    while (!found && fgets(line, sizeof(line), locks)) {
+    while (!found && fgets(line, sizeof line, locks)) {
         uintmax_t inode = 0;
         found = sscanf(line, "%*s FLOCK %*s WRITE %*s %*[^:]:%*[^:]:%ju", &inode) == 1 &&
                 inode == (uintmax_t)status.st_ino;
@@ -44,7 +44,7 @@ static bool is_locked(int fd) {
 
 /* The header says nothing of its frames yet. */
 static void count_so_far(int fd, struct found *found) {
-    struct index_file *index = malloc(sizeof(*index));
+    struct index_file *index = malloc(sizeof *index);
     if (!index || index_read(fd, index)) {
         free(index);
         return;
@@ -61,8 +61,8 @@ static void count_so_far(int fd, struct found *found) {
 
 static void read_length(int fd, const struct index_header *header, struct found *found) {
     struct index_entry last;
-    off_t at = (off_t)(INDEX_BLOCK + (header->frames - 1) * sizeof(last));
-    if (header->frames && pread(fd, &last, sizeof(last), at) == (ssize_t)sizeof(last) &&
+    off_t at = (off_t)(INDEX_BLOCK + (header->frames - 1) * sizeof last);
+    if (header->frames && pread(fd, &last, sizeof last, at) == (ssize_t)sizeof last &&
         index_good_entry(&last, header->recording, header->frames - 1))
         found->duration = lasts(header->start, last.time, header->frames);
 }
@@ -101,9 +101,9 @@ bool find_indexed(int pool, bool named, struct found *found) {
 
 /* <item>-<number>-<UTC>.y4m; another name is an item without a number. */
 static void read_name(struct found *found) {
-    char item[sizeof(found->name)];
+    char item[sizeof found->name];
     struct tm utc = {.tm_year = 0};
-    snprintf(item, sizeof(item), "%.*s", (int)(strlen(found->name) - strlen(".y4m")), found->name);
+    snprintf(item, sizeof item, "%.*s", (int)(strlen(found->name) - strlen(".y4m")), found->name);
     char *stamp = strrchr(item, '-'), *end = NULL;
     if (stamp)
         *stamp = 0;
@@ -119,7 +119,7 @@ static void read_name(struct found *found) {
         if (stamp)
             *stamp = '-';
     }
-    snprintf(found->item, sizeof(found->item), "%.127s", item);
+    snprintf(found->item, sizeof found->item, "%.127s", item);
     found->session = found->number;
 }
 

@@ -98,7 +98,7 @@ static int run(const struct folder *folder, const char *path, const char *comman
         to = words[last];
         words[last] = NULL;
     }
-    bool *chosen = calloc(folder->count + 1, sizeof(*chosen));
+    bool *chosen = calloc(folder->count + 1, sizeof *chosen);
     if (!chosen) {
         say("%s", strerror(ENOMEM));
         return EXIT_FAILED;

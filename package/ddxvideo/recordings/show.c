@@ -90,7 +90,7 @@ static void show_json(const struct found *file, unsigned count, const struct fou
 static void show_line(unsigned count, const struct found *sum, const char *name, const char *begin) {
     char lost[64] = "?";
     if (sum->id)
-        snprintf(lost, sizeof(lost), "%" PRIu64, sum->lost_store + sum->lost_ring);
+        snprintf(lost, sizeof lost, "%" PRIu64, sum->lost_store + sum->lost_ring);
     printf("%-20s %-20s %5u %8" PRIu64 " %9" PRId64 ".%d %8" PRIu64 " %6s  %s\n", name, begin, count, sum->frames,
            sum->duration / NS, (int)(sum->duration % NS / (NS / 10)), (sum->bytes + (1 << 20) - 1) >> 20, lost,
            found_state_name(sum->state));

@@ -12,7 +12,7 @@
 #include "program.h"
 
 static int read_index(struct verify *verify, const struct found *found) {
-    verify->index = malloc(sizeof(*verify->index));
+    verify->index = malloc(sizeof *verify->index);
     if (!verify->index)
         return -ENOMEM;
     int error = index_read(verify->index_fd, verify->index);

@@ -20,6 +20,6 @@ struct recording *backlog_take(struct backlog *backlog, bool wait) {
         return NULL;
     struct recording *oldest = backlog->recording[0];
     backlog->count--;
-    memmove(backlog->recording, backlog->recording + 1, backlog->count * sizeof(backlog->recording[0]));
+    memmove(backlog->recording, backlog->recording + 1, backlog->count * sizeof backlog->recording[0]);
     return oldest;
 }

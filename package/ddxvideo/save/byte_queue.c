@@ -25,12 +25,12 @@ static void *populate(void *argument) {
 }
 
 int byte_queue_init(struct byte_queue *queue, unsigned frames, size_t frame_bytes) {
-    memset(queue, 0, sizeof(*queue));
+    memset(queue, 0, sizeof *queue);
     if (!frames || frame_bytes > (SIZE_MAX - 2 * ALIGNMENT) / frames)
         return -ENOMEM;
     queue->size = (frames * frame_bytes + ALIGNMENT) / ALIGNMENT * ALIGNMENT; /* room for a header as well */
     queue->frame_limit = frames;
-    queue->frames = calloc(frames, sizeof(*queue->frames));
+    queue->frames = calloc(frames, sizeof *queue->frames);
     queue->memory = mmap(NULL, queue->size, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (!queue->frames || queue->memory == MAP_FAILED) {
         free(queue->frames);

@@ -68,7 +68,7 @@ void disk_watch_start(struct disk_watch *watch, DDX_STORE_ID *id, const char *in
     const struct ddx_item_spec spec = {.name = name, .type = "DDX_DISK", .size = sizeof(DDX_DISK)};
     pthread_mutex_init(&watch->lock, NULL);
     program_condition(&watch->changed);
-    int error = snprintf(name, sizeof(name), "%s.disk", instance) <= DDX_NAME_MAX ? 0 : -ENAMETOOLONG;
+    int error = snprintf(name, sizeof name, "%s.disk", instance) <= DDX_NAME_MAX ? 0 : -ENAMETOOLONG;
     if (!error)
         error = ddx_store_create(id, &spec, &watch->item);
     if (!error)

@@ -19,13 +19,13 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     int64_t frames = 0;
     *whole = 0;
-    if (!fgets(line, sizeof(line), file) || !strchr(line, '\n'))
+    if (!fgets(line, sizeof line, file) || !strchr(line, '\n'))
         return 0;
     *strchr(line, '\n') = 0;
     if (!y4m_parse_header(line, &header, error) || !y4m_is_plain(header.layout))
         return -1;
     const int64_t bytes = (int64_t)header.geometry.width * header.geometry.height / 2 * 3;
-    while (fgets(line, sizeof(line), file) && strchr(line, '\n')) {
+    while (fgets(line, sizeof line, file) && strchr(line, '\n')) {
         if (strncmp(line, "FRAME", 5))
             return -1;
         int64_t end = ftello(file) + bytes;

@@ -37,7 +37,7 @@ static const struct order orders[] = {
 };
 
 static const struct order *find(const char *name) {
-    for (size_t i = 0; i < sizeof(orders) / sizeof(orders[0]); i++)
+    for (size_t i = 0; i < sizeof orders / sizeof orders[0]; i++)
         if (!strcmp(orders[i].name, name))
             return &orders[i];
     return NULL;

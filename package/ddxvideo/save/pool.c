@@ -36,7 +36,7 @@ static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
 }
 
 int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **result) {
-    struct pool *pool = calloc(1, sizeof(*pool));
+    struct pool *pool = calloc(1, sizeof *pool);
     if (!pool)
         return -ENOMEM;
     *pool = (struct pool){.outside = -1, .folder = -1, .recycle = recycle};

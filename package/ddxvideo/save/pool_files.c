@@ -101,9 +101,9 @@ void pool_release(struct pool_file *file) {
 
 bool pool_read_header(int fd, struct index_header *header) {
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK];
-    if (pread(fd, block, sizeof(block), 0) != (ssize_t)sizeof(block))
+    if (pread(fd, block, sizeof block, 0) != (ssize_t)sizeof block)
         return false;
-    memcpy(header, block, sizeof(*header));
+    memcpy(header, block, sizeof *header);
     return index_good_header(header);
 }
 
@@ -166,19 +166,19 @@ int pool_create(struct pool *pool, struct pool_file *file) {
 int pool_write_header(const struct pool_file *file, struct index_header *header) {
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK] = {0};
     index_seal_header(header);
-    memcpy(block, header, sizeof(*header));
-    return pwrite(file->index_fd, block, sizeof(block), 0) == (ssize_t)sizeof(block) ? 0 : -EIO;
+    memcpy(block, header, sizeof *header);
+    return pwrite(file->index_fd, block, sizeof block, 0) == (ssize_t)sizeof block ? 0 : -EIO;
 }
 
 int pool_write_index(const struct pool_file *file, uint32_t state) {
     struct index_file *index;
-    if (posix_memalign((void **)&index, INDEX_BLOCK, sizeof(*index)))
+    if (posix_memalign((void **)&index, INDEX_BLOCK, sizeof *index))
         return -ENOMEM;
-    memset(index, 0, sizeof(*index));
+    memset(index, 0, sizeof *index);
     index->header.state = state;
     index_seal_header(&index->header);
-    ssize_t done = pwrite(file->index_fd, index, sizeof(*index), 0);
-    int error = done < 0 ? -errno : done == (ssize_t)sizeof(*index) ? 0 : -ENOSPC;
+    ssize_t done = pwrite(file->index_fd, index, sizeof *index, 0);
+    int error = done < 0 ? -errno : done == (ssize_t)sizeof *index ? 0 : -ENOSPC;
     free(index);
     return error;
 }

@@ -65,10 +65,10 @@ void pool_name(struct index_header *header, const char *item, uint32_t number) {
     char stamp[32];
     time_t now = time(NULL);
     struct tm utc;
-    snprintf(header->item, sizeof(header->item), "%s", item);
-    strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+    snprintf(header->item, sizeof header->item, "%s", item);
+    strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
     header->number = number;
-    snprintf(header->name, sizeof(header->name), "%s-%06u-%s.y4m", header->item, (unsigned)number, stamp);
+    snprintf(header->name, sizeof header->name, "%s-%06u-%s.y4m", header->item, (unsigned)number, stamp);
     for (char *c = header->name; *c; c++)
         if (*c == '/')
             *c = '_'; /* an item's name may hold one */

@@ -72,7 +72,7 @@ static bool recover(struct pool *pool, long id, void *argument) {
     if (!error)
         frames = whole_frames(&file, recovering->index);
     if (frames) {
-        char name[sizeof(header.name)];
+        char name[sizeof header.name];
         strcpy(name, header.name);
         error = finish(pool, &file, recovering->index, frames);
         if (!error)
@@ -88,7 +88,7 @@ static bool recover(struct pool *pool, long id, void *argument) {
 
 int pool_recover(struct pool *pool) {
     struct recovering recovering = {.error = 0};
-    if (posix_memalign((void **)&recovering.index, INDEX_BLOCK, sizeof(*recovering.index)))
+    if (posix_memalign((void **)&recovering.index, INDEX_BLOCK, sizeof *recovering.index))
         return -ENOMEM;
     pool_lock(pool);
     int error = pool_each(pool, recover, &recovering);
@@ -116,7 +116,7 @@ static bool count(struct pool *pool, long id, void *argument) {
     if (fd < 0)
         return true;
     bool ours = pool_read_header(fd, &header) && header.flags & INDEX_RECOVERED &&
-                !strncmp(header.item, counting->item, sizeof(header.item));
+                !strncmp(header.item, counting->item, sizeof header.item);
     if (ours && !counting->index && header.number > counting->newest)
         counting->newest = header.number;
     if (ours && counting->index && header.number + 1 >= counting->newest && !index_read(fd, counting->index))
@@ -131,7 +131,7 @@ uint64_t pool_recovered_frames(struct pool *pool, const char *item, uint64_t abo
     pool_wait_for_recovery(pool);
     pool_lock(pool);
     pool_each(pool, count, &counting);
-    if (!posix_memalign((void **)&counting.index, INDEX_BLOCK, sizeof(*counting.index)))
+    if (!posix_memalign((void **)&counting.index, INDEX_BLOCK, sizeof *counting.index))
         pool_each(pool, count, &counting);
     pool_unlock(pool);
     free(counting.index);

@@ -48,8 +48,8 @@ uint64_t preroll_clear(struct preroll *preroll) {
 /* Room for pictures like this one. */
 static bool set_up(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view) {
     preroll->limit = limit_of(queue_frames);
-    preroll->picture = calloc(preroll->limit, sizeof(*preroll->picture));
-    preroll->frame = calloc(preroll->limit, sizeof(*preroll->frame));
+    preroll->picture = calloc(preroll->limit, sizeof *preroll->picture);
+    preroll->frame = calloc(preroll->limit, sizeof *preroll->frame);
     preroll->bytes = picture_bytes(view);
     preroll->memory = malloc(preroll->limit * preroll->bytes); /* what is not used costs nothing */
     preroll->geometry = view->geometry;

@@ -44,7 +44,7 @@ unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry) {
 /* ---- Begin and end ---- */
 
 int recording_begin(const struct recording_plan *plan, struct recording **result) {
-    struct recording *recording = calloc(1, sizeof(*recording));
+    struct recording *recording = calloc(1, sizeof *recording);
     if (!recording)
         return -ENOMEM;
     recording->plan = *plan;
@@ -135,7 +135,7 @@ static bool refuse(struct recording *recording) {
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame) {
     char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
-    size_t bytes = picture_bytes(&recording->plan.geometry) + sizeof(line);
+    size_t bytes = picture_bytes(&recording->plan.geometry) + sizeof line;
     recording->lost_store += frame->missed;
     if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&
         !end_file(recording) && is_full(recording, bytes))

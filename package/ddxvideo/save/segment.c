@@ -37,10 +37,10 @@ static void count_found(struct pool *pool, const char *item, DDX_STATS_BOOK *boo
 }
 
 static int open_pooled(const struct output *output, struct pool *pool, uint32_t session, struct segment *segment) {
-    segment->latency = calloc(INDEX_ENTRIES, sizeof(*segment->latency));
-    if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof(*segment->index)))
+    segment->latency = calloc(INDEX_ENTRIES, sizeof *segment->latency);
+    if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof *segment->index))
         return -ENOMEM;
-    memset(segment->index, 0, sizeof(*segment->index));
+    memset(segment->index, 0, sizeof *segment->index);
     struct index_header *header = &segment->index->header;
     count_found(pool, output->name, segment->book);
     uint32_t number = pool_next_number(pool);
@@ -51,7 +51,7 @@ static int open_pooled(const struct output *output, struct pool *pool, uint32_t 
     header->state = INDEX_RECORDING;
     pool_name(header, output->name, number);
     header->session = session ? session : number;
-    snprintf(segment->path, sizeof(segment->path), "%s/%s", output->place, header->name);
+    snprintf(segment->path, sizeof segment->path, "%s/%s", output->place, header->name);
     segment->pool = pool;
     segment->fd = segment->file.fd;
     segment->regular = true;
@@ -66,7 +66,7 @@ static void release(struct segment *segment) {
 
 int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, uint32_t session,
                  struct segment **result) {
-    struct segment *segment = calloc(1, sizeof(*segment));
+    struct segment *segment = calloc(1, sizeof *segment);
     if (!segment)
         return -ENOMEM;
     segment->book = book;

@@ -42,10 +42,10 @@ static int write_entries(const struct segment *segment, uint32_t first, uint32_t
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK];
     for (uint32_t at = first / PER_BLOCK * PER_BLOCK; at < end; at += PER_BLOCK) {
         uint32_t count = end - at < PER_BLOCK ? end - at : PER_BLOCK;
-        memset(block, 0, sizeof(block));
+        memset(block, 0, sizeof block);
         memcpy(block, &segment->index->entry[at], count * sizeof(struct index_entry));
         off_t offset = (off_t)(INDEX_BLOCK + at * sizeof(struct index_entry));
-        if (pwrite(segment->file.index_fd, block, sizeof(block), offset) != (ssize_t)sizeof(block))
+        if (pwrite(segment->file.index_fd, block, sizeof block, offset) != (ssize_t)sizeof block)
             return errno ? -errno : -EIO;
     }
     return 0;

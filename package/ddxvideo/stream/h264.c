@@ -112,7 +112,7 @@ size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, size_t room, bool
 
 static bool append(struct chunk *frame, const uint8_t *nal, size_t size) {
     size_t before = frame->size;
-    if (chunk_add(frame, start_code, sizeof(start_code)) && chunk_add(frame, nal, size))
+    if (chunk_add(frame, start_code, sizeof start_code) && chunk_add(frame, nal, size))
         return true;
     frame->size = before;
     return false;

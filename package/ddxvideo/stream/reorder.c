@@ -16,18 +16,18 @@
 #endif
 
 void slot_fill(struct reorder_slot *slot, const uint8_t *data, size_t size, int64_t now) {
-    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof(slot->data));
+    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof slot->data);
     slot->used = true;
     slot->arrival = now;
     slot->size = size;
     if (data != slot->data)
         memcpy(slot->data, data, size);
-    ASAN_POISON_MEMORY_REGION(slot->data + size, sizeof(slot->data) - size);
+    ASAN_POISON_MEMORY_REGION(slot->data + size, sizeof slot->data - size);
 }
 
 void slot_clear(struct reorder_slot *slots, unsigned count) {
     for (unsigned i = 0; i < count; i++)
-        ASAN_UNPOISON_MEMORY_REGION(slots[i].data, sizeof(slots[i].data));
+        ASAN_UNPOISON_MEMORY_REGION(slots[i].data, sizeof slots[i].data);
 }
 
 static struct reorder_slot *slot_of(struct reorder *reorder, uint16_t sequence) {
@@ -66,7 +66,7 @@ static bool is_confirmed(struct reorder *reorder, uint16_t sequence) {
 
 /* The count went back: begin anew. Nothing is known to be lost. */
 static void begin_at(struct reorder *reorder, uint16_t sequence) {
-    memset(reorder->seen, 0, sizeof(reorder->seen));
+    memset(reorder->seen, 0, sizeof reorder->seen);
     reorder->next = sequence;
     reorder->begun = true;
 }

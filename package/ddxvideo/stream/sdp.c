@@ -77,7 +77,7 @@ static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
 size_t sdp_write(const struct sdp *sdp, char *data) {
     struct text text = {data, 0};
     char host[INET_ADDRSTRLEN];
-    inet_ntop(AF_INET, &sdp->address.sin_addr, host, sizeof(host));
+    inet_ntop(AF_INET, &sdp->address.sin_addr, host, sizeof host);
     add(&text, "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=%.100s\r\n", sdp->name);
     if (network_is_group(&sdp->address))
         add(&text, "c=IN IP4 %s/%d\r\n", host, sdp->ttl);
@@ -97,7 +97,7 @@ int sdp_save(const struct sdp *sdp, const char *path) {
     size_t length = sdp_write(sdp, text);
     if (!length)
         return -EBADMSG;
-    if (snprintf(fresh, sizeof(fresh), "%s.new", path) >= (int)sizeof(fresh))
+    if (snprintf(fresh, sizeof fresh, "%s.new", path) >= (int)sizeof fresh)
         return -ENAMETOOLONG;
     FILE *file = fopen(fresh, "we");
     if (!file)

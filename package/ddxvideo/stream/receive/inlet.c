@@ -24,10 +24,10 @@ int inlet_open(struct inlet *inlet) {
     inlet->fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (inlet->fd < 0)
         return -errno;
-    setsockopt(inlet->fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes)); /* several may look at one stream */
-    setsockopt(inlet->fd, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof(buffer));
-    setsockopt(inlet->fd, IPPROTO_IP, IP_MULTICAST_ALL, &no, sizeof(no)); /* not what others on this machine joined */
-    return bind(inlet->fd, (const struct sockaddr *)&any, sizeof(any)) ? -errno : 0;
+    setsockopt(inlet->fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes); /* several may look at one stream */
+    setsockopt(inlet->fd, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer);
+    setsockopt(inlet->fd, IPPROTO_IP, IP_MULTICAST_ALL, &no, sizeof no); /* not what others on this machine joined */
+    return bind(inlet->fd, (const struct sockaddr *)&any, sizeof any) ? -errno : 0;
 }
 
 int inlet_join(struct inlet *inlet) {
@@ -38,7 +38,7 @@ int inlet_join(struct inlet *inlet) {
         request.imr_ifindex = network_interface(inlet->interface);
     if (inlet->interface && !request.imr_ifindex)
         return -ENODEV;
-    if (setsockopt(inlet->fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &request, sizeof(request)))
+    if (setsockopt(inlet->fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &request, sizeof request))
         return -errno;
     inlet->joined = true;
     return 0;

@@ -30,7 +30,7 @@ static bool find_parameters(struct chunk *found, const struct intake_frame *fram
     for (const uint8_t *at = frame->data; h264_next_nal(&at, frame->data + frame->size, &nal);) {
         int type = nal.data[0] & 31;
         if ((type == H264_SPS || type == H264_PPS) &&
-            (!chunk_add(found, start_code, sizeof(start_code)) || !chunk_add(found, nal.data, nal.size)))
+            (!chunk_add(found, start_code, sizeof start_code) || !chunk_add(found, nal.data, nal.size)))
             return false;
     }
     return true;

@@ -110,7 +110,7 @@ static void take_frames(struct viewer *viewer) {
 static void read_packets(struct viewer *viewer) {
     uint8_t data[RTP_DATAGRAM_MAX];
     ssize_t size;
-    while (!program_stopping() && (size = inlet_read(&viewer->inlet, data, sizeof(data))) >= 0) {
+    while (!program_stopping() && (size = inlet_read(&viewer->inlet, data, sizeof data)) >= 0) {
         intake_put(&viewer->intake, data, (size_t)size, ddx_time_now());
         take_frames(viewer);
     }

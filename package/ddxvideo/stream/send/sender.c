@@ -64,7 +64,7 @@ static void show_counts(struct sender *sender) {
     const struct outlet *outlet = &sender->outlet;
     const uint64_t now[] = {outlet->packets, outlet->bytes, outlet->lost[OUTLET_BUSY], outlet->lost[OUTLET_ROUTE],
                             outlet->lost[OUTLET_OTHER]};
-    memcpy(sender->counts, now, sizeof(now));
+    memcpy(sender->counts, now, sizeof now);
 }
 
 static void tell_network(struct sender *sender, bool good) {
@@ -186,7 +186,7 @@ int sender_run(struct sender *sender) {
     sender->counters = (struct counters){.instance = sender->program.instance,
                                          .names = names,
                                          .values = sender->counts,
-                                         .count = sizeof(names) / sizeof(*names)};
+                                         .count = sizeof names / sizeof *names};
     DDX_STORE_ID *id = wrong ? NULL : program_connect(&sender->program);
     sender->ssrc = (uint32_t)program_random();
     sender->sequence = (uint16_t)program_random();

@@ -22,7 +22,7 @@ enum image_format image_format_of(const char *path) {
         enum image_format format;
     } known[] = {{".ppm", IMAGE_PPM}, {".png", IMAGE_PNG}, {".jpg", IMAGE_JPEG}, {".jpeg", IMAGE_JPEG}};
     const char *dot = strrchr(path, '.');
-    for (size_t i = 0; dot && i < sizeof(known) / sizeof(*known); i++)
+    for (size_t i = 0; dot && i < sizeof known / sizeof *known; i++)
         if (!strcasecmp(dot, known[i].name))
             return known[i].format;
     return IMAGE_UNKNOWN;
@@ -132,7 +132,7 @@ static int write_image(const AVFrame *image, enum image_format format, FILE *fil
 
 int image_save(const AVFrame *image, enum image_format format, const char *path) {
     char fresh[PATH_MAX];
-    if (snprintf(fresh, sizeof(fresh), "%s.new", path) >= (int)sizeof(fresh))
+    if (snprintf(fresh, sizeof fresh, "%s.new", path) >= (int)sizeof fresh)
         return -ENAMETOOLONG;
     FILE *file = fopen(fresh, "we");
     if (!file)
