@@ -34,6 +34,7 @@ static int fail(const char *disk, const char *what, int error) {
 /* The partition with that index (from 0), which the caller frees; NULL if there is none. */
 static struct fdisk_partition *look_up(struct fdisk_context *table, size_t index) {
     struct fdisk_partition *found = NULL;
+
     if (!fdisk_is_partition_used(table, index) || fdisk_get_partition(table, index, &found) != 0)
         return NULL;
     return found;
@@ -41,6 +42,7 @@ static struct fdisk_partition *look_up(struct fdisk_context *table, size_t index
 
 static int set_end(struct fdisk_context *table, size_t index, uint64_t begin, uint64_t end) {
     struct fdisk_partition *wanted = fdisk_new_partition();
+
     if (!wanted)
         return -ENOMEM;
     fdisk_partition_set_start(wanted, begin);
@@ -54,6 +56,7 @@ static int set_end(struct fdisk_context *table, size_t index, uint64_t begin, ui
 static int tell_kernel(int fd, int number, uint64_t begin, uint64_t bytes) {
     struct blkpg_partition partition = {.start = (int64_t)begin, .length = (int64_t)bytes, .pno = number};
     struct blkpg_ioctl_arg argument = {.op = BLKPG_RESIZE_PARTITION, .datalen = sizeof partition, .data = &partition};
+
     return ioctl(fd, BLKPG, &argument) ? -errno : 0;
 }
 
@@ -61,6 +64,7 @@ static int write_table(struct fdisk_context *table, const char *disk, int number
     const uint64_t sector = fdisk_get_sector_size(table);
     const int fd = fdisk_get_devfd(table);
     int error = fdisk_write_disklabel(table);
+
     if (!error && fsync(fd))
         error = -errno;
     if (error)

@@ -78,6 +78,7 @@ void queue_close(struct queue *queue) {
 struct queue_entry *queue_next(struct queue *queue, int64_t deadline, bool *end) {
     struct timespec until = {.tv_sec = (time_t)(deadline / NS), .tv_nsec = (long)(deadline % NS)};
     int error = 0;
+
     pthread_mutex_lock(&queue->lock);
     while (queue->put == queue->taken && !queue->closed && error != ETIMEDOUT)
         error = pthread_cond_timedwait(&queue->changed, &queue->lock, &until);
@@ -98,6 +99,7 @@ struct queue_entry *queue_next(struct queue *queue, int64_t deadline, bool *end)
 
 void queue_take(struct queue *queue) {
     size_t room = entry_at(queue, queue->taken)->room;
+
     pthread_mutex_lock(&queue->lock);
     queue->taken += room;
     pthread_mutex_unlock(&queue->lock);

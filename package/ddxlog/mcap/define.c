@@ -18,8 +18,10 @@ static void take_pairs(struct cursor *cursor, struct mcap_pair pairs[MCAP_PAIRS_
     size_t size = (size_t)cursor_number(cursor, 4), count = 0;
     const unsigned char *at = cursor_bytes(cursor, size);
     struct cursor map = {at, at ? at + size : at, !at};
+
     while (!map.failed && cursor_left(&map)) {
         struct mcap_pair pair = {cursor_text(&map), NULL};
+
         pair.value = cursor_text(&map);
         if (pair.key && pair.value && count < MCAP_PAIRS_MAX) {
             pairs[count++] = pair;
@@ -58,6 +60,7 @@ static void free_metadata(struct own_metadata *metadata) {
 static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
     uint16_t id = (uint16_t)cursor_number(&cursor, 2);
     struct mcap_schema *schema = calloc(1, sizeof *schema);
+
     if (!schema)
         return -ENOMEM;
     schema->id = id;
@@ -83,6 +86,7 @@ static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
 
 static int define_channel(struct mcap_reader *reader, struct cursor cursor) {
     struct own_channel *own = calloc(1, sizeof *own);
+
     if (!own)
         return -ENOMEM;
     own->channel.id = (uint16_t)cursor_number(&cursor, 2);
@@ -102,6 +106,7 @@ static int define_channel(struct mcap_reader *reader, struct cursor cursor) {
 
 static int define_metadata(struct mcap_reader *reader, struct cursor cursor) {
     struct own_metadata *more = realloc(reader->metadata, (reader->metadata_count + 1) * sizeof *more);
+
     if (!more)
         return -ENOMEM;
     reader->metadata = more;
@@ -119,6 +124,7 @@ static int define_metadata(struct mcap_reader *reader, struct cursor cursor) {
 
 int reader_define(struct mcap_reader *reader, enum mcap_opcode opcode, const unsigned char *content, size_t size) {
     struct cursor cursor = {content, content + size, false};
+
     switch (opcode) {
     case MCAP_SCHEMA: return define_schema(reader, cursor);
     case MCAP_CHANNEL: return define_channel(reader, cursor);

@@ -13,6 +13,7 @@
 
 __attribute__((format(printf, 2, 3))) static void *fail(char *error, const char *format, ...) {
     va_list arguments;
+
     va_start(arguments, format);
     vsnprintf(error, MCAP_ERROR_MAX, format, arguments);
     va_end(arguments);
@@ -21,8 +22,10 @@ __attribute__((format(printf, 2, 3))) static void *fail(char *error, const char 
 
 int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size) {
     unsigned char *to = data;
+
     while (size) {
         ssize_t done = pread(reader->fd, to, size, (off_t)offset);
+
         if (done < 0 && errno != EINTR)
             return -errno;
         if (!done)
@@ -51,6 +54,7 @@ static int add_place(struct mcap_reader *reader, struct place place) {
 
 static int take_chunk(struct mcap_reader *reader, uint64_t at, uint64_t length) {
     unsigned char head[16];
+
     if (length < MCAP_CHUNK_HEAD)
         return -EBADMSG;
     int error = reader_read(reader, at, head, sizeof head);
@@ -78,6 +82,7 @@ static int take_definition(struct mcap_reader *reader, enum mcap_opcode opcode, 
 /* One record at `at`; *next is where the one behind it begins. -EBADMSG: this is no whole record. */
 static int take_record(struct mcap_reader *reader, uint64_t at, uint64_t *next, enum mcap_opcode *opcode) {
     unsigned char head[MCAP_RECORD_HEAD];
+
     if (reader->size - at < sizeof head)
         return -EBADMSG;
     int error = reader_read(reader, at, head, sizeof head);
@@ -103,8 +108,10 @@ static int look_through(struct mcap_reader *reader) {
     uint64_t at = MCAP_MAGIC_SIZE, next = at;
     enum mcap_opcode opcode = MCAP_HEADER;
     bool data_end = false;
+
     while (at < reader->size) {
         int error = take_record(reader, at, &next, &opcode);
+
         if (error == -EBADMSG)
             break;
         if (error)
@@ -127,6 +134,7 @@ struct mcap_reader *mcap_open(const char *path, char *error) {
     struct mcap_reader *reader = calloc(1, sizeof *reader);
     struct stat status;
     unsigned char magic[MCAP_MAGIC_SIZE];
+
     if (!reader)
         return fail(error, "no memory");
     reader->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -168,6 +176,7 @@ void mcap_times(const struct mcap_reader *reader, uint64_t *first, uint64_t *las
     *first = *last = 0;
     for (unsigned i = 0; i < reader->place_count; i++) {
         const struct place *place = &reader->places[i];
+
         if (!i || place->first < *first)
             *first = place->first;
         if (!i || place->last > *last)

@@ -12,6 +12,7 @@ static int create_beside(DDX_STORE_ID *id, const char *video_name, const char *s
                          DDX_STORE_ITEM **item) {
     char name[DDX_NAME_MAX + 1];
     int length = snprintf(name, sizeof name, "%s.%s", video_name, suffix);
+
     if (length < 0 || (size_t)length >= sizeof name)
         return -EINVAL;
     spec->name = name;
@@ -20,6 +21,7 @@ static int create_beside(DDX_STORE_ID *id, const char *video_name, const char *s
 
 int ddxvideo_counter_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item) {
     struct ddx_item_spec spec = {.type = "int", .declaration = "int", .size = sizeof(int)};
+
     return create_beside(id, video_name, "frame", &spec, item);
 }
 
@@ -29,6 +31,7 @@ int ddxvideo_counter_write(DDX_STORE_ITEM *item, int frame) {
 
 int ddxvideo_parameters_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item) {
     struct ddx_item_spec spec = {.type = "DDX_VIDEO_PARAMETERS", .size = sizeof(DDX_VIDEO_PARAMETERS)};
+
     return create_beside(id, video_name, "parameters", &spec, item);
 }
 

@@ -64,6 +64,7 @@ size_t y4m_plane_bytes(const struct y4m_header *header, int plane) {
     const struct y4m_layout *layout = header->layout;
     size_t width = (size_t)header->geometry.width, height = (size_t)header->geometry.height;
     size_t sample = layout->bits > 8 ? 2 : 1;
+
     if (plane == 1 || plane == 2) {
         if (layout->chroma_x < 0)
             return 0;

@@ -28,6 +28,7 @@ bool input_parse_standard(const char *text, v4l2_std_id *standard) {
 bool input_is_meant(const struct v4l2_input *input, const char *text) {
     char *end;
     unsigned long number = strtoul(text, &end, 10);
+
     if (isdigit((unsigned char)*text) && !*end)
         return number == input->index;
     return !strncasecmp((const char *)input->name, text, strlen(text));
@@ -35,6 +36,7 @@ bool input_is_meant(const struct v4l2_input *input, const char *text) {
 
 static int select_input(int fd, const char *text, char *why, size_t size) {
     struct v4l2_input input = {.index = 0};
+
     for (; !device_ioctl(fd, VIDIOC_ENUMINPUT, &input); input.index++) {
         if (!input_is_meant(&input, text))
             continue;
@@ -52,6 +54,7 @@ static int select_input(int fd, const char *text, char *why, size_t size) {
 
 static int select_standard(int fd, v4l2_std_id standard, char *why, size_t size) {
     int error = device_ioctl(fd, VIDIOC_S_STD, &standard);
+
     if (error == -ENOTTY || error == -ENODATA) {
         snprintf(why, size, "this input has no television standard");
         return -EINVAL;

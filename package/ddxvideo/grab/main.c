@@ -21,6 +21,7 @@ static bool understand(struct grabber *grabber, const struct words *words) {
     v4l2_std_id standard;
     bool number = words->camera[strspn(words->camera, "0123456789")] == 0;
     int length = snprintf(wish->path, sizeof wish->path, "%s%s", number ? "/dev/video" : "", words->camera);
+
     if ((!number && *words->camera != '/') || (size_t)length >= sizeof wish->path) {
         say("-camera %s: a number or a path such as /dev/video0 is needed", words->camera);
         return false;
@@ -68,6 +69,7 @@ int main(int argc, char **argv) {
          &grabber.wish.rate, 1, 1000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     grabber.program = (struct program){
         .name = "ddxvideoV4L",
         .purpose = "Grabs from a Video4Linux camera into the store, as a video item; the frame numbers go into item\n"

@@ -15,6 +15,7 @@ static void serve(struct grabber *grabber) {
     DDX_REQUEST request;
     char text[DDX_ANSWER_TEXT] = "";
     int status;
+
     if (ddx_requests_take(grabber->requests, &request))
         return;
     if (grabber->device.fd < 0) {
@@ -32,6 +33,7 @@ static void serve(struct grabber *grabber) {
 
 void settings_tick(struct grabber *grabber) {
     int64_t now = ddx_time_now();
+
     if (grabber->requests)
         serve(grabber);
     if (!grabber->changed || now < grabber->settings)

@@ -15,6 +15,7 @@ static const struct {
 /* Digits up to `end`; 0 if there is anything else, or too much. */
 static int side(const char **text, char end) {
     int value = 0;
+
     while (**text >= '0' && **text <= '9' && value <= DDX_VIDEO_SIDE)
         value = value * 10 + *(*text)++ - '0';
     return **text == end && value <= DDX_VIDEO_SIDE && value % 2 == 0 ? value : 0;

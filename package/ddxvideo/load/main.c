@@ -19,6 +19,7 @@ int main(int argc, char **argv) {
          OPTION_TEXT, &player.clock, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     player.program = (struct program){
         .name = "ddxvideoload",
         .positional = "FILE",

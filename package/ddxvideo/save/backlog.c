@@ -6,6 +6,7 @@
 bool backlog_has_room(const struct backlog *backlog, const struct recording *present, uint64_t queue_bytes) {
     unsigned count = backlog->count + (present != NULL);
     uint64_t bytes = queue_bytes + (present ? recording_queue_bytes(present) : 0);
+
     for (unsigned i = 0; i < backlog->count; i++)
         bytes += recording_queue_bytes(backlog->recording[i]);
     return count <= 1 || (count < BACKLOG_MAX && bytes <= 2 * recording_queue_bytes_max());

@@ -16,6 +16,7 @@
  */
 static void *populate(void *argument) {
     struct byte_queue *queue = argument;
+
     program_thread_signals();
     program_thread_ordinary(); /* with priority it would take the processor from who takes frames */
     for (size_t at = 0; at < queue->size && !queue->enough; at += ALIGNMENT)
@@ -70,6 +71,7 @@ unsigned byte_queue_level(struct byte_queue *queue) {
 static void copy_in(struct byte_queue *queue, uint64_t at, const unsigned char *bytes, size_t size) {
     size_t begin = (size_t)(at % queue->size);
     size_t first = size < queue->size - begin ? size : queue->size - begin;
+
     memcpy(queue->memory + begin, bytes, first);
     memcpy(queue->memory, bytes + first, size - first);
 }
@@ -77,6 +79,7 @@ static void copy_in(struct byte_queue *queue, uint64_t at, const unsigned char *
 bool byte_queue_put(struct byte_queue *queue, const struct iovec *pieces, int count,
                     const struct byte_queue_facts *facts) {
     size_t bytes = 0;
+
     for (int i = 0; i < count; i++)
         bytes += pieces[i].iov_len;
 

@@ -35,8 +35,10 @@ bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint3
 uint32_t index_count(const struct index_file *index, uint64_t limit) {
     uint64_t end = 0;
     uint32_t count = 0;
+
     for (; count < INDEX_ENTRIES; count++) {
         const struct index_entry *entry = &index->entry[count];
+
         if (!index_good_entry(entry, index->header.recording, count) || (count && entry->offset != end) ||
             entry->offset > limit || entry->bytes > limit - entry->offset)
             break;
@@ -48,6 +50,7 @@ uint32_t index_count(const struct index_file *index, uint64_t limit) {
 void index_end(struct index_file *index, uint32_t frames) {
     struct index_header *header = &index->header;
     const struct index_entry *last = &index->entry[frames - 1];
+
     header->state = INDEX_FINISHED;
     header->frames = frames;
     header->bytes = last->offset + last->bytes;
@@ -61,6 +64,7 @@ void index_end(struct index_file *index, uint32_t frames) {
 int index_read(int fd, struct index_file *index) {
     for (size_t at = 0; at < sizeof *index;) {
         ssize_t got = pread(fd, (unsigned char *)index + at, sizeof *index - at, (off_t)at);
+
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0)

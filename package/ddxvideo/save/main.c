@@ -32,6 +32,7 @@ int main(int argc, char **argv) {
          OPTION_NUMBER, &pre_roll, 0, PRE_ROLL_MAX},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     recorder.program = (struct program){
         .name = "ddxvideosave",
         .purpose = "Records a video item of the store as Y4M, each frame with its time; ddxvideoload plays it back.\n"

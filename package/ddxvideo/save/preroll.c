@@ -15,6 +15,7 @@ static unsigned limit_of(unsigned queue_frames) {
 
 int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames) {
     int64_t frames = limit_of(queue_frames);
+
     return geometry->rate_num > 0 && geometry->rate_den > 0 ? frames * geometry->rate_den / geometry->rate_num
                                                              : frames / USUAL_RATE;
 }
@@ -29,6 +30,7 @@ static size_t picture_bytes(const struct ddxvideo_picture *view) {
 
 static uint64_t drop_oldest(struct preroll *preroll) {
     uint64_t frames = 1 + preroll->frame[preroll->oldest].missed;
+
     preroll->oldest = (preroll->oldest + 1) % preroll->limit;
     preroll->count--;
     return frames;
@@ -36,6 +38,7 @@ static uint64_t drop_oldest(struct preroll *preroll) {
 
 uint64_t preroll_clear(struct preroll *preroll) {
     uint64_t frames = 0;
+
     while (preroll->count)
         frames += drop_oldest(preroll);
     free(preroll->picture);
@@ -66,6 +69,7 @@ static bool set_up(struct preroll *preroll, unsigned queue_frames, const struct 
 
 static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_picture *view) {
     unsigned char *to = preroll->memory + at * preroll->bytes;
+
     preroll->picture[at] = *view;
     for (int plane = 0; plane < 3; plane++) {
         memcpy(to, view->plane[plane], plane_bytes(view, plane));
@@ -77,6 +81,7 @@ static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_pic
 uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame) {
     uint64_t gone = 0;
+
     if (preroll->memory && (!preroll->seconds || preroll->bytes != picture_bytes(view) ||
                             !ddxvideo_same_layout(&preroll->geometry, &view->geometry)))
         gone = preroll_clear(preroll);

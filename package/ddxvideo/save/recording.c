@@ -20,14 +20,17 @@ static size_t picture_bytes(const struct ddxvideo_geometry *geometry) {
 
 uint64_t recording_queue_bytes_max(void) {
     uint64_t memory = (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
+
     return memory < QUEUE_BYTES_MAX ? memory : QUEUE_BYTES_MAX;
 }
 
 unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry) {
     uint64_t frames = QUEUE_FRAMES;
+
     if (geometry->rate_num && geometry->rate_den) {
         uint64_t wanted = (UINT64_C(5) * (uint64_t)geometry->rate_num / 2 + (uint64_t)geometry->rate_den - 1) /
                           (uint64_t)geometry->rate_den;
+
         if (wanted > frames)
             frames = wanted;
     }
@@ -45,6 +48,7 @@ unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry) {
 
 int recording_begin(const struct recording_plan *plan, struct recording **result) {
     struct recording *recording = calloc(1, sizeof *recording);
+
     if (!recording)
         return -ENOMEM;
     recording->plan = *plan;
@@ -136,6 +140,7 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
                    const struct recording_frame *frame) {
     char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
     size_t bytes = picture_bytes(&recording->plan.geometry) + sizeof line;
+
     recording->lost_store += frame->missed;
     if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&
         !end_file(recording) && is_full(recording, bytes))

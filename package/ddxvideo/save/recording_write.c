@@ -10,6 +10,7 @@
 
 static void fail(struct recording *recording, int error) {
     int none = 0;
+
     atomic_compare_exchange_strong(&recording->error, &none, error);
 }
 
@@ -28,10 +29,12 @@ static void frame_is_out(struct recording *recording, const struct byte_queue_fr
 /* These bytes are written, or given up: which frames do they belong to? */
 static void account(struct recording *recording, const unsigned char *bytes, size_t size) {
     struct byte_queue_frame frame;
+
     while (size && byte_queue_oldest(&recording->queue, &frame)) {
         bool inside = recording->position >= frame.begin;
         uint64_t left = (inside ? frame.end : frame.begin) - recording->position;
         size_t part = left < size ? (size_t)left : size;
+
         if (inside && recording->plan.pool)
             recording->sum = crc32c(recording->sum, bytes, part);
         bytes += part;
@@ -47,6 +50,7 @@ static void begin_file(struct recording *recording) {
     const struct ddxvideo_geometry *geometry = &recording->plan.geometry;
     int error = segment_open(recording->plan.output, recording->plan.pool, recording->plan.book, recording->session,
                              &segment);
+
     if (error) {
         fail(recording, error);
         return;
@@ -67,6 +71,7 @@ static void begin_file(struct recording *recording) {
 static void change_file(struct recording *recording) {
     struct segment *before = recording->segment;
     uint32_t bit = 1u << recording->queue.cuts_taken % BYTE_QUEUE_CUTS;
+
     if (recording->begins & bit) {
         recording->begins &= ~bit;
         recording->session = 0; /* of the next file's own */
@@ -82,6 +87,7 @@ static void change_file(struct recording *recording) {
 /* The former recording may still have to open its first file, on a disk that stands still. */
 static void wait_for_turn(struct recording *recording) {
     struct recording_turn *turn = recording->plan.turn;
+
     pthread_mutex_lock(&turn->lock);
     while (turn->written < recording->turn)
         pthread_cond_wait(&turn->changed, &turn->lock);
@@ -90,6 +96,7 @@ static void wait_for_turn(struct recording *recording) {
 
 static void end_turn(struct recording *recording) {
     struct recording_turn *turn = recording->plan.turn;
+
     pthread_mutex_lock(&turn->lock);
     turn->written++;
     pthread_cond_broadcast(&turn->changed);
@@ -101,6 +108,7 @@ void *recording_write(void *argument) {
     const unsigned char *bytes;
     size_t size, limit = CHUNK;
     enum byte_queue_next next;
+
     program_thread_signals();
     wait_for_turn(recording);
     while ((next = byte_queue_peek(&recording->queue, &bytes, &size, limit)) != BYTE_QUEUE_END) {

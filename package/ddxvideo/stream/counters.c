@@ -10,6 +10,7 @@
 int counters_open(struct counters *counters, DDX_STORE_ID *id) {
     char name[DDX_NAME_MAX + 1], text[1024];
     struct ddx_item_spec spec = {.name = name, .type = "DDX_PACKETS", .declaration = text};
+
     if (!id)
         return 0;
     if (snprintf(name, sizeof name, "%s" SUFFIX, counters->instance) >= (int)sizeof name)
@@ -26,6 +27,7 @@ int counters_open(struct counters *counters, DDX_STORE_ID *id) {
 
 void counters_write(struct counters *counters) {
     void *data;
+
     if (!counters->item || ddx_store_loan(counters->item, &data))
         return;
     memcpy(data, counters->values, counters->count * sizeof *counters->values);

@@ -39,6 +39,7 @@ static bool load(struct display *display) {
 
 struct display *display_open(const char *title, const char **error) {
     struct display *display = calloc(1, sizeof *display);
+
     *error = "out of memory";
     if (!display)
         return NULL;
@@ -90,6 +91,7 @@ const char *display_show(struct display *display, const AVFrame *picture) {
 bool display_tick(struct display *display) {
     SDL_Event event;
     bool open = true;
+
     while (display->PollEvent(&event)) {
         if (event.type == SDL_QUIT)
             open = false;

@@ -21,6 +21,7 @@ const char *inlet_parse(struct inlet *inlet, char *text) {
 int inlet_open(struct inlet *inlet) {
     const struct sockaddr_in any = {.sin_family = AF_INET, .sin_port = htons((uint16_t)inlet->port)};
     const int yes = 1, no = 0, buffer = BUFFER;
+
     inlet->fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (inlet->fd < 0)
         return -errno;

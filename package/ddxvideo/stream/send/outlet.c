@@ -23,6 +23,7 @@ const char *outlet_parse(struct outlet *outlet, char *text) {
         return fail(text, "-group", outlet->group, "a multicast address such as " NETWORK_GROUP " is needed, or none");
     for (const char *at = outlet->to; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
         char one[40];
+
         snprintf(one, sizeof one, "%.*s", (int)strcspn(at, ","), at);
         if (!add(outlet, one))
             return fail(text, "-to", at,
@@ -44,6 +45,7 @@ const char *outlet_open(struct outlet *outlet, char *text) {
     setsockopt(outlet->fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
     if (outlet->interface) {
         struct ip_mreqn from = {.imr_ifindex = network_interface(outlet->interface)};
+
         if (!from.imr_ifindex || setsockopt(outlet->fd, IPPROTO_IP, IP_MULTICAST_IF, &from, sizeof from))
             return fail(text, "-interface", outlet->interface, "there is none of this name");
     }
@@ -74,9 +76,11 @@ static enum outlet_loss reason(int error) {
 
 unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size) {
     unsigned missed = 0;
+
     for (unsigned i = 0; i < outlet->receivers; i++) {
         ssize_t sent = sendto(outlet->fd, packet, size, MSG_NOSIGNAL, (struct sockaddr *)&outlet->receiver[i],
                               sizeof outlet->receiver[i]);
+
         if (sent == (ssize_t)size) {
             outlet->packets++;
             outlet->bytes += size;
