@@ -3,6 +3,11 @@
 
 DDXVIDEO_TOP = $(BR2_EXTERNAL_DDXVIDEO_PATH)/..
 
+# The users of a package's programs, out of its programs.txt, in the form of Buildroot's users tables.
+ddx-users = $(subst |,$(sep),$(shell awk '/^[a-z.]/ && $$4 ~ /^[0-9]+$$/ { \
+	printf "%s %s ddx 900 * - /bin/false -", $$3, $$4; for (i = 5; i <= NF; i++) printf " %s", $$i; printf "|" }' \
+	$(DDXVIDEO_TOP)/package/$(1)/programs.txt))
+
 include $(sort $(wildcard $(DDXVIDEO_TOP)/package/*/*.mk))
 
 # Kconfig drops without a word what depends on something that is off; a camera's driver must not vanish so.

@@ -8,7 +8,7 @@ import pathlib
 import sys
 
 from parts.common import OUTPUT, TOP, Failed, alone, fingerprint, run, say, step
-from parts.image import busybox, ffmpeg, kernel, native, rootfs
+from parts.image import busybox, ffmpeg, kernel, native, rootfs, tables
 
 DEV = OUTPUT / "dev"
 IMAGE = DEV / "disk.img"
@@ -37,9 +37,9 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
         run([TOP / "board/common/post-image.sh"], env={"BINARIES_DIR": str(DEV)})
 
     parts = tools / "parts/image"
-    key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "kernel.py", TOP / "overlay", TOP / "board/dev",
-                       TOP / "board/common/users.txt", TOP / "board/common/post-build.sh", DEV / "kernel.stamp",
-                       *packages], busybox_folder.name, codecs.name)
+    key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "tables.py", parts / "kernel.py",
+                       TOP / "overlay", TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.TABLES,
+                       DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name)
     with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it
         step("root file system", DEV / "root.stamp", key, make_root)
         step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)

@@ -10,5 +10,6 @@ DDX_SITE_METHOD = local
 DDX_LICENSE = LGPL-2.1+ (libddx), GPL-2.0+ (programs, scripts)
 DDX_LICENSE_FILES = LICENSE LICENSE.LGPL LICENSE.GPL
 DDX_INSTALL_STAGING = YES
+DDX_USERS = $(call ddx-users,ddx)
 
 $(eval $(meson-package))

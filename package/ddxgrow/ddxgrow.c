@@ -1,8 +1,10 @@
-// SPDX-License-Identifier: GPL-2.0-or-later
-// Grows the last partition of a disk up to the disk's end, in the partition table and in the running kernel.
-//
-// The partition may be mounted; where it begins, and every other partition, stays as it is. The table is written sector
-// by sector, the extended partition first: whenever power is cut, what is on the disk is a whole table.
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Grows the last partition of a disk up to the disk's end, in the partition table and in the running kernel.
+ *
+ * The partition may be mounted; where it begins, and every other partition, stays as it is. The table is written sector
+ * by sector, the extended partition first: whenever power is cut, what is on the disk is a whole table.
+ */
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -17,9 +19,9 @@
 
 enum {
     MEGABYTE = 1 << 20,
-    WORTH_IT = 16 * MEGABYTE, // what less than that would bring is not worth touching the table
+    WORTH_IT = 16 * MEGABYTE, /* what less than that would bring is not worth touching the table */
 };
-static const uint64_t most_sectors = UINT32_MAX; // an MBR has 32 bits for where a partition begins and for its size
+static const uint64_t most_sectors = UINT32_MAX; /* an MBR has 32 bits for where a partition begins and for its size */
 
 static int fail(const char *disk, const char *what, int error) {
     if (error)
@@ -29,9 +31,10 @@ static int fail(const char *disk, const char *what, int error) {
     return 1;
 }
 
-// The partition with that index (from 0), which the caller frees; NULL if there is none.
+/* The partition with that index (from 0), which the caller frees; NULL if there is none. */
 static struct fdisk_partition *look_up(struct fdisk_context *table, size_t index) {
     struct fdisk_partition *found = NULL;
+
     if (!fdisk_is_partition_used(table, index) || fdisk_get_partition(table, index, &found) != 0)
         return NULL;
     return found;
@@ -39,6 +42,7 @@ static struct fdisk_partition *look_up(struct fdisk_context *table, size_t index
 
 static int set_end(struct fdisk_context *table, size_t index, uint64_t begin, uint64_t end) {
     struct fdisk_partition *wanted = fdisk_new_partition();
+
     if (!wanted)
         return -ENOMEM;
     fdisk_partition_set_start(wanted, begin);
@@ -48,10 +52,11 @@ static int set_end(struct fdisk_context *table, size_t index, uint64_t begin, ui
     return error;
 }
 
-// Tell the kernel; rereading the table is refused while another partition of the disk, such as the root, is in use.
+/* Tell the kernel; rereading the table is refused while another partition of the disk, such as the root, is in use. */
 static int tell_kernel(int fd, int number, uint64_t begin, uint64_t bytes) {
     struct blkpg_partition partition = {.start = (int64_t)begin, .length = (int64_t)bytes, .pno = number};
     struct blkpg_ioctl_arg argument = {.op = BLKPG_RESIZE_PARTITION, .datalen = sizeof partition, .data = &partition};
+
     return ioctl(fd, BLKPG, &argument) ? -errno : 0;
 }
 
@@ -59,6 +64,7 @@ static int write_table(struct fdisk_context *table, const char *disk, int number
     const uint64_t sector = fdisk_get_sector_size(table);
     const int fd = fdisk_get_devfd(table);
     int error = fdisk_write_disklabel(table);
+
     if (!error && fsync(fd))
         error = -errno;
     if (error)

@@ -10,5 +10,6 @@ DDXLOG_SITE_METHOD = local
 DDXLOG_LICENSE = GPL-2.0+
 DDXLOG_LICENSE_FILES = LICENSE
 DDXLOG_DEPENDENCIES = ddx lz4
+DDXLOG_USERS = $(call ddx-users,ddxlog)
 
 $(eval $(meson-package))

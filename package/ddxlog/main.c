@@ -32,6 +32,7 @@ static const char notes[] =
 static bool parse_seconds(const char *text, int64_t *ns) {
     char *end;
     double seconds = strtod(text, &end);
+
     if (end == text || *end || !isfinite(seconds) || fabs(seconds) > 1e9)
         return false;
     *ns = (int64_t)(seconds * NS);
@@ -54,6 +55,7 @@ static int run_replay(const struct program *program, const struct words *words) 
                             .step = words->step || words->tick,
                             .readers = words->readers,
                             .to = INT64_MAX};
+
     if (!strcmp(program->instance, program->name))
         replay.program.instance = "ddxlog.replay"; /* beside the logger */
     if (!schedule_parse_speed(words->rate, &replay.speed))
@@ -71,6 +73,7 @@ static int run_recover(const struct program *program, const char *path) {
     static const atomic_bool never = false;
     struct recovery recovery;
     char error[MCAP_ERROR_MAX];
+
     if (program->check)
         return EXIT_OK;
     int result = recover(path, &never, &recovery, error);
@@ -88,8 +91,9 @@ static int run_recover(const struct program *program, const char *path) {
 }
 
 static int run_logger(const struct program *program, const struct words *words) {
-    struct logger *logger = calloc(1, sizeof(*logger));
+    struct logger *logger = calloc(1, sizeof *logger);
     char error[CONFIG_ERROR_MAX];
+
     if (!logger)
         return EXIT_FAILED;
     logger->program = *program;
@@ -125,6 +129,7 @@ int main(int argc, char **argv) {
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     struct program program = {.name = "ddxlog", .purpose = purpose, .notes = notes, .options = options};
+
     for (int i = 1; i < argc; i++) /* only -export has an argument besides */
         if (!strncmp(argv[i], "-export", 7) || !strncmp(argv[i], "--export", 8))
             program.positional = "FILE";

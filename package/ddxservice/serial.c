@@ -15,6 +15,7 @@
 static int open_line(void) {
     struct termios mode;
     int line = open(LINE, O_WRONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
+
     if (line < 0 || tcgetattr(line, &mode))
         return -1; /* the machine has none */
     cfmakeraw(&mode);
@@ -28,8 +29,10 @@ static int open_line(void) {
 static void copy(int to, const char *text, ssize_t left) {
     while (left > 0) {
         ssize_t done = write(to, text, (size_t)left);
+
         if (done <= 0) {
             struct pollfd room = {.fd = to, .events = POLLOUT};
+
             if (poll(&room, 1, PATIENCE) <= 0 || !(room.revents & POLLOUT))
                 return;
             continue;

@@ -11,5 +11,6 @@ DDXVIDEO_LICENSE = GPL-2.0+ (programs), LGPL-2.1+ (libddxvideo)
 DDXVIDEO_LICENSE_FILES = LICENSE LICENSE.GPL LICENSE.LGPL
 DDXVIDEO_INSTALL_STAGING = YES
 DDXVIDEO_DEPENDENCIES = ddx ffmpeg
+DDXVIDEO_USERS = $(call ddx-users,ddxvideo)
 
 $(eval $(meson-package))

@@ -5,9 +5,10 @@ import pathlib
 
 import pytest
 
-from parts.common import PATIENCE, TOP, entries
+from parts.common import PATIENCE
 from parts.guest import session
 from parts.guest.qemu import Boot, Guest
+from parts.image import tables
 
 from .test_slots import fill_slot_b
 
@@ -29,12 +30,9 @@ def runs(guest: Guest, name: str) -> None:
     guest.wait_until(f"ddxctl status {name} | grep -q state=running")
 
 
-def test_services_are_those_of_the_manifest(guest: Guest) -> None:
-    lines = entries(TOP / "board/common/manifest.txt")
-    scripts = [line.split()[1][3:] for line in lines if line.startswith("service ")]
+def test_services_are_those_of_the_tables(guest: Guest) -> None:
     found = services(guest)
-    assert list(found) == [name for name in scripts if name in found]
-    assert {"store", SAVE, SEND, "decode", "ddxvideoV4L", "ddxvideoload"} <= set(found)
+    assert list(found) == tables.services()
     assert found["store"]["enabled"] is True and found["store"]["state"] == "running"
     assert found[SEND]["enabled"] is False and found[SEND]["pid"] is None
     table = guest.sh("ddxctl services").splitlines()

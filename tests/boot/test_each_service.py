@@ -9,6 +9,7 @@ import pytest
 from parts.guest import stream, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
+from parts.image import tables
 from parts.testing import crash_loop
 
 from . import camera
@@ -18,20 +19,19 @@ from .test_health import HEALTH, hang, state, uptime
 
 pytestmark = pytest.mark.long
 
-SERVICES = ("store", camera.GRABBER, LOAD, SAVE, stream.SEND, stream.DECODE, "ddxlog", HEALTH)
-LOOKED_AFTER = SERVICES[:-1]  # who looks after the last one: the watchdog, see test_health.py
+SERVICES = tables.services()
+LOOKED_AFTER = [name for name in SERVICES if name != HEALTH]  # who looks after that: the watchdog, see test_health.py
 LONG_RUN = 11  # s; one that ran for so long is started again at once
 DISK = 8 << 30  # bytes; all that is recorded meanwhile fits
-ON = "enabled=yes\ninterface=lo\n"
+SETTINGS = {LOAD: "loop=\nrate=0.4\n", SAVE: "segment=16\n", stream.SEND: "interface=lo\ncodec=mpeg4\n",
+            stream.DECODE: "interface=lo\n"}
 
 
 @pytest.fixture(scope="module")
 def guest(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[Guest]:
     """All of them run: a clip goes round and round, and is recorded and streamed."""
-    disk = testdisk.make(work / "each.img", clip, {
-        f"{LOAD}.conf": "loop=\nrate=0.4\n", f"{SAVE}.conf": "segment=16\n",
-        f"{stream.SEND}.conf": ON + "codec=mpeg4\n",
-        f"{stream.DECODE}.conf": ON, "ddxlog.conf": "enabled=yes\n"})
+    disk = testdisk.make(work / "each.img", clip,
+                         {f"{name}.conf": "enabled=yes\n" + SETTINGS.get(name, "") for name in SERVICES})
     with boot("each-service", test_disk=disk, size=DISK) as running:
         running.shell()
         for name in SERVICES:

@@ -13,17 +13,16 @@ import pytest
 
 import build
 from parts.guest.native_machine import NativeMachine
-from parts.image import native
+from parts.image import native, tables
 from parts.media import clip, counters
 from parts.testing import crash_loop
 
 from .programs import wait_until
 
 SAVE, SEND = "ddxvideosave", "ddxvideosend"
-SERVICES = ("store", "ddxlog", "ddxvideoV4L", "ddxvideoload", SAVE, "decode", SEND, "ddxhealth")
-OTHERS = SERVICES[1:]
-SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "enabled=yes\ninterface=lo\n",
-            "decode": "enabled=yes\ninterface=lo\n", "ddxlog": "enabled=yes\n"}
+SERVICES = tuple(tables.services())
+OTHERS = tuple(name for name in SERVICES if name != "store")
+SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo\n", "decode": "interface=lo\n"}
 
 
 @pytest.fixture
@@ -33,8 +32,8 @@ def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
         pytest.skip("a machine in namespaces of its own takes root")
     (tmp_path / "test").mkdir()
     clip.write(tmp_path / "test/clip.y4m", 1)
-    for name, text in SETTINGS.items():
-        (tmp_path / f"test/{name}.conf").write_text(text)
+    for name in SERVICES:
+        (tmp_path / f"test/{name}.conf").write_text("enabled=yes\n" + SETTINGS.get(name, ""))
     with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:
         for name in SERVICES:
             machine.wait_until(f"ddxctl status {name} | grep -q state=running")

@@ -7,6 +7,8 @@ import json
 import os
 import pathlib
 import random
+import re
+import shutil
 import socket
 import struct
 import subprocess
@@ -85,6 +87,49 @@ def test_ddxctl_complains_in_one_line(desk: Desk, arguments: list[str], status: 
     done = desk.run("ddxctl", *arguments)
     assert done.returncode == status
     assert done.stderr.startswith(text) and done.stderr.count("\n") == 1
+
+
+HELLO = """#!/bin/sh
+[ "$1" != -help ] || exec echo "  ${0##*/ctl-} [NAME]  greets"
+echo "hello $*"
+exit 3
+"""
+
+
+def test_words_of_other_packages(tmp_path: pathlib.Path) -> None:
+    """Without any store: what is installed beside ddxctl is a word of its, as long as it has none of this name."""
+    program, folder = tmp_path / "bin/ddxctl", tmp_path / "libexec/ddx"
+    program.parent.mkdir()
+    folder.mkdir(parents=True)
+    shutil.copy(ROOT / "bin/ddxctl", program)
+    for name in ("ctl-hello", "ctl-list", "ctl-two words", "other"):
+        (folder / name).write_text(HELLO)
+        (folder / name).chmod(0o755)
+
+    def run(*words: str) -> tuple[int, str, str]:
+        done = subprocess.run([program, *words], capture_output=True, text=True, timeout=60, check=False,
+                              env={**os.environ, "DDX_DIR": "/nonexistent", "LD_LIBRARY_PATH": str(library_folder())})
+        return done.returncode, done.stdout, done.stderr
+
+    assert run("hello", "you", "-json", "a  b") == (3, "hello you -json a  b\n", "")
+    status, text, said = run("list")
+    assert (status, text) == (1, "") and said.startswith("ddxctl: no store runs here")
+    for word in ("../ddx/ctl-hello", "hello/", "two words", "other", "../other", ""):
+        assert run(word) == (2, "", f"ddxctl: {word}: unknown command; see ddxctl -help\n")
+    status, text, _ = run("-help")
+    assert status == 0 and "\nInstalled beside it:\n  hello [NAME]  greets\n" in text
+    assert "two words" not in text and "other [NAME]" not in text
+    (folder / "ctl-hello").chmod(0o644)
+    assert run("hello")[::2] == (1, f"ddxctl: hello: {folder}/ctl-hello: Permission denied\n")
+
+
+def test_help_has_all_words() -> None:
+    done = subprocess.run([ROOT / "bin/ddxctl", "-help"], capture_output=True, text=True, timeout=60, check=True)
+    words = [path.name.removeprefix("ctl-") for path in (ROOT / "libexec/ddx").glob("ctl-*")]
+    assert {"services", "enable", "health", "recordings"} <= set(words)
+    lines = done.stdout.splitlines()
+    assert [word for word in words if not any(re.match(f"  {word} ", line) for line in lines)] == []
+    assert all(len(line) <= 110 for line in lines) and not done.stderr
 
 
 @pytest.mark.parametrize("arguments, status, text", [

@@ -17,12 +17,13 @@ struct request {
     double every;   /* repeat, seconds between; 0: once */
 };
 
-/* What is about services, not about the store. */
-bool is_control(const char *word);
-/* argv, of which the first word will be replaced; returns only if that fails: the exit status. */
-int run_control(char **words);
-/* The same for `ddxctl recordings`. */
-int run_recordings(char **words);
+/*
+ * Another package's program for the first of these words, of which the array ends with NULL; returns only if that
+ * fails: the exit status, or -1: there is none.
+ */
+int run_word(char **words);
+/* The lines of help of all that are installed, onto standard output. */
+void print_words(void);
 
 /* One file each; they return the exit status. */
 int command_list(DDX_STORE_ID *id, const struct request *request);

@@ -8,12 +8,13 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "../program/descriptors.h"
 
 #define STORE_WAIT 1.0 /* s */
 
-static const char usage[] =
+static const char usage_commands[] =
     "usage: ddxctl COMMAND [options]\n"
     "\n"
     "  list          all items: type, memory, readers, writer, age\n"
@@ -28,26 +29,9 @@ static const char usage[] =
     "  record start|stop|split|pre-roll SECONDS [INSTANCE]\n"
     "                tell the recorder (default: ddxvideosave) to leave out what comes, to go on in a new\n"
     "                file, to begin a new one with the next frame, or to keep the last seconds in\n"
-    "                memory while it is stopped\n"
-    "  recordings [list [--json]]\n"
-    "                what was recorded: when, how long, how large, complete or not\n"
-    "  recordings verify [NAME...]\n"
-    "                is each frame on the disk what was recorded? (exit 1: it is not)\n"
-    "  recordings export NAME...|all|newest usb|DEVICE|FOLDER\n"
-    "                onto a USB stick, read back and compared\n"
-    "\n"
-    "In the appliance, for services and their instances (NAME.INSTANCE):\n"
-    "  services      all of them: switched on or off, running or not\n"
-    "  health        one screen: is this machine all right? What is not has a ! before it (exit 1)\n"
-    "  enable NAME   switch it on, now and after each boot; disable NAME: off\n"
-    "  start NAME    for this time only; stop NAME, restart NAME\n"
-    "  status NAME   a line for each instance; exit status 0 runs, 1 died, 3 stopped\n"
-    "  logs NAME     its last 200 messages\n"
-    "  add NAME.INSTANCE KEY=VALUE ...\n"
-    "                one more instance with these settings: add ddxvideosend.rear name=rear port=8004\n"
-    "  remove NAME.INSTANCE\n"
-    "  reset settings|everything [recordings]\n"
-    "                back to what the image came with; recordings are kept, unless named; it asks\n"
+    "                memory while it is stopped\n";
+
+static const char usage_options[] =
     "\n"
     "  -json         for programs: one JSON object a line\n"
     "  -every S      list, show, stats: again every S seconds\n"
@@ -56,6 +40,13 @@ static const char usage[] =
     "  -help         this text; -version\n"
     "\n"
     "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
+
+/* Between the two: what other packages bring. */
+static void print_usage(void) {
+    fputs(usage_commands, stdout);
+    print_words();
+    fputs(usage_options, stdout);
+}
 
 static const struct {
     const char *name;
@@ -66,6 +57,16 @@ static const struct {
     {"watch", true, false, command_watch}, {"stats", false, false, command_stats},
     {"record", true, true, command_record},
 };
+#define COMMANDS (sizeof commands / sizeof commands[0])
+
+/* Its place among them, or COMMANDS. */
+static size_t find_command(const char *word) {
+    size_t command = 0;
+
+    while (command < COMMANDS && strcmp(word, commands[command].name) != 0)
+        command++;
+    return command;
+}
 
 int complain(const char *item, int error) {
     if (item)
@@ -140,10 +141,11 @@ int main(int argc, char **argv) {
     unsigned value;
     int option;
 
-    if (argc > 1 && is_control(argv[1]))
-        return run_control(argv);
-    if (argc > 1 && !strcmp(argv[1], "recordings"))
-        return run_recordings(argv);
+    if (argc > 1 && find_command(argv[1]) == COMMANDS) {
+        int status = run_word(argv + 1);
+        if (status >= 0)
+            return status;
+    }
     opterr = 0;
     while ((option = getopt_long_only(argc, argv, ":", options, NULL)) != -1) {
         switch (option) {
@@ -161,20 +163,19 @@ int main(int argc, char **argv) {
                 return bad_usage(optarg, "-port takes a whole number from 1 to 65535");
             request.port = (int)value;
             break;
-        case 'h': fputs(usage, stdout); return finish(0);
+        case 'h': print_usage(); return finish(0);
         case 'v': puts("ddxctl " DDX_VERSION); return finish(0);
         case ':': return bad_usage(argv[optind - 1], "needs a value");
         default: return bad_usage(argv[optind - 1], "unknown option");
         }
     }
     if (optind >= argc) {
-        fputs(usage, stderr);
+        dup2(STDERR_FILENO, STDOUT_FILENO);
+        print_usage();
         return 2;
     }
-    size_t command = 0, count = sizeof commands / sizeof commands[0];
-    while (command < count && strcmp(argv[optind], commands[command].name) != 0)
-        command++;
-    if (command == count)
+    size_t command = find_command(argv[optind]);
+    if (command == COMMANDS)
         return bad_usage(argv[optind], "unknown command");
     int words = argc - optind - 1;
     if (words < commands[command].needs_item)

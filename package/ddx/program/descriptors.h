@@ -12,6 +12,7 @@
  */
 static inline void descriptors_open(void) {
     int fd;
+
     do
         fd = open("/dev/null", O_RDWR);
     while (fd >= 0 && fd <= STDERR_FILENO);

@@ -20,6 +20,7 @@
 static void parent(const char *path, char *folder) {
     const char *slash = strrchr(path, '/');
     size_t length = slash ? (size_t)(slash - path) : 0;
+
     if (!slash)
         strcpy(folder, ".");
     else if (!length)
@@ -31,6 +32,7 @@ static void parent(const char *path, char *folder) {
 int output_check(struct output *output, const char *place, const char *name, const char *extension) {
     struct stat status;
     char folder[PATH_MAX];
+
     *output = (struct output){.place = place, .name = name, .extension = extension};
     if (strlen(place) >= PATH_MAX)
         return -ENAMETOOLONG;
@@ -60,6 +62,7 @@ static void file_prefix(const struct output *output, char *prefix, size_t size) 
 static long number_of(const char *name, const char *prefix) {
     char *end;
     size_t length = strlen(prefix);
+
     if (strncmp(name, prefix, length) || name[length] < '0' || name[length] > '9')
         return 0;
     long number = strtol(name + length, &end, 10);
@@ -69,7 +72,8 @@ static long number_of(const char *name, const char *prefix) {
 long output_number(const struct output *output, const char *name) {
     char prefix[80];
     const char *end = strrchr(name, '.');
-    file_prefix(output, prefix, sizeof(prefix));
+
+    file_prefix(output, prefix, sizeof prefix);
     return end && !strcmp(end + 1, output->extension) ? number_of(name, prefix) : 0;
 }
 
@@ -83,11 +87,13 @@ void output_folder(const struct output *output, char *folder) {
 /* The highest number in use in the folder, or -errno. */
 static long highest_number(const struct output *output, const char *prefix) {
     DIR *folder = opendir(output->place);
+
     if (!folder)
         return -errno;
     long highest = 0;
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
         long number = number_of(entry->d_name, prefix);
+
         if (number > highest)
             highest = number;
     }
@@ -98,8 +104,10 @@ static long highest_number(const struct output *output, const char *prefix) {
 /* A pipe has another end, which somebody may open later. */
 static int open_pipe(const char *path) {
     const struct timespec step = {0, 20000000};
+
     for (;;) {
         int fd = open(path, O_WRONLY | O_CLOEXEC | O_NONBLOCK);
+
         if (fd >= 0 || (errno != ENXIO && errno != EINTR))
             return fd < 0 ? -errno : fd;
         if (program_has_no_patience())
@@ -113,6 +121,7 @@ static int open_standard(char *path) {
     struct stat status;
     bool regular = !fstat(STDOUT_FILENO, &status) && S_ISREG(status.st_mode);
     int fd = regular ? -1 : open("/proc/self/fd/1", O_WRONLY | O_CLOEXEC | O_NONBLOCK);
+
     if (fd < 0)
         fd = fcntl(STDOUT_FILENO, F_DUPFD_CLOEXEC, STDERR_FILENO + 1);
     strcpy(path, "standard output");
@@ -132,6 +141,7 @@ static int open_free(const struct output *output, char *path) {
     const char *slash = strrchr(output->place, '/'), *dot = strrchr(slash ? slash : output->place, '.');
     size_t stem = dot ? (size_t)(dot - output->place) : strlen(output->place);
     struct stat status;
+
     for (int number = 1; number < 10000; number++) {
         if (number == 1)
             snprintf(path, PATH_MAX, "%s", output->place);
@@ -151,6 +161,7 @@ static int open_free(const struct output *output, char *path) {
 
 static int open_named(const struct output *output, char *path) {
     struct stat status;
+
     if (!strcmp(output->place, "-"))
         return open_standard(path);
     snprintf(path, PATH_MAX, "%s", output->place);
@@ -164,6 +175,7 @@ static int open_named(const struct output *output, char *path) {
     fd = lock(fd); /* before anything in it is gone */
     if (fd >= 0 && ftruncate(fd, 0)) {
         int error = errno;
+
         close(fd);
         return -error;
     }
@@ -174,14 +186,15 @@ int output_open(const struct output *output, char *path) {
     if (!output->is_folder)
         return open_named(output, path);
     char prefix[80], stamp[32];
-    file_prefix(output, prefix, sizeof(prefix));
+    file_prefix(output, prefix, sizeof prefix);
     long number = highest_number(output, prefix);
     if (number < 0)
         return (int)number;
     for (int i = 1; i <= TRIES; i++) {
         time_t now = time(NULL);
         struct tm utc;
-        strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+
+        strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
         if (snprintf(path, PATH_MAX, "%s/%s%06ld-%s.%s", output->place, prefix, number + i, stamp,
                      output->extension) >= PATH_MAX)
             return -ENAMETOOLONG;
@@ -198,12 +211,14 @@ static uint64_t look_at(const struct output *output, DIR *folder, char oldest[NA
     long lowest = LONG_MAX;
     uint64_t bytes = 0;
     struct stat status;
-    file_prefix(output, prefix, sizeof(prefix));
+
+    file_prefix(output, prefix, sizeof prefix);
     *oldest = 0;
     rewinddir(folder);
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
         const char *end = strrchr(entry->d_name, '.');
         long number = number_of(entry->d_name, prefix);
+
         if (!number || !end || strcmp(end + 1, output->extension) ||
             fstatat(dirfd(folder), entry->d_name, &status, AT_SYMLINK_NOFOLLOW) || !S_ISREG(status.st_mode))
             continue;
@@ -220,6 +235,7 @@ int output_keep(const struct output *output, uint64_t most) {
     char name[NAME_MAX + 1];
     DIR *folder = opendir(output->place);
     int error = folder ? 0 : -errno;
+
     while (!error && look_at(output, folder, name) > most && *name) {
         if (unlinkat(dirfd(folder), name, 0))
             error = -errno;

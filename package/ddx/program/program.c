@@ -27,8 +27,9 @@ void say_as(const char *name) {
 void say(const char *format, ...) {
     char text[512];
     va_list arguments;
+
     va_start(arguments, format);
-    vsnprintf(text, sizeof(text), format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     fprintf(stderr, "%s: %s\n", program_name, text); /* one call, one line, also between threads */
 }
@@ -36,7 +37,8 @@ void say(const char *format, ...) {
 uint64_t program_random(void) {
     uint64_t number = 0;
     struct timespec wall;
-    if (getrandom(&number, sizeof(number), GRND_INSECURE) < 0)
+
+    if (getrandom(&number, sizeof number, GRND_INSECURE) < 0)
         number = 0; /* a kernel before 5.6 */
     clock_gettime(CLOCK_REALTIME, &wall);
     return number ^ (uint64_t)ddx_time_now() << 32 ^ (uint64_t)wall.tv_sec ^ (uint64_t)wall.tv_nsec;
@@ -44,6 +46,7 @@ uint64_t program_random(void) {
 
 void program_condition(pthread_cond_t *condition) {
     pthread_condattr_t clock;
+
     pthread_condattr_init(&clock);
     pthread_condattr_setclock(&clock, CLOCK_MONOTONIC);
     pthread_cond_init(condition, &clock);
@@ -52,18 +55,21 @@ void program_condition(pthread_cond_t *condition) {
 
 void program_thread_signals(void) {
     sigset_t all;
+
     sigfillset(&all);
     pthread_sigmask(SIG_BLOCK, &all, NULL);
 }
 
 void program_thread_ordinary(void) {
     const struct sched_param none = {.sched_priority = 0};
+
     pthread_setschedparam(pthread_self(), SCHED_OTHER, &none);
 }
 
 static void help_option(const struct option_entry *entry) {
     char left[40];
-    snprintf(left, sizeof(left), "-%s%s%s", entry->name, entry->argument ? " " : "",
+
+    snprintf(left, sizeof left, "-%s%s%s", entry->name, entry->argument ? " " : "",
              entry->argument ? entry->argument : "");
     printf("  %-20s %s\n", left, entry->help);
 }
@@ -85,8 +91,9 @@ static void help(const struct program *program, const struct option_entry *commo
 __attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char *format, ...) {
     char text[256];
     va_list arguments;
+
     va_start(arguments, format);
-    vsnprintf(text, sizeof(text), format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     say("%s; see %s -help", text, program_name);
     exit(EXIT_USAGE);
@@ -95,6 +102,7 @@ __attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char
 /* Told before anything is made: what the store would say of it comes too late, and in other words. */
 static void check_name(const struct option_entry *entry, const char *text) {
     long most = entry->maximum ? entry->maximum : DDX_NAME_MAX;
+
     if ((long)strlen(text) > most)
         bad_usage("-%s %s: a name of at most %ld bytes is needed", entry->name, text, most);
     for (const char *c = text; *c; c++)
@@ -132,7 +140,7 @@ void program_start(struct program *program, int argc, char **argv) {
     bool wants_help = false, wants_version = false;
     const struct option_entry common[] = {
         {"instance", "NAME", "name of this instance and of its stats item (default: the program's)", OPTION_NAME,
-         &program->instance, 0, DDX_NAME_MAX - (long)sizeof(".counters") + 1},
+         &program->instance, 0, DDX_NAME_MAX - (long)sizeof ".counters" + 1},
         {"store", "PORT", "port of the store", OPTION_NUMBER, &program->port, 0, 65535},
         {"check", NULL, "judge the options, do nothing: exit 0 or 2", OPTION_FLAG, &program->check, 0, 0},
         {"version", NULL, "which version this is", OPTION_FLAG, &wants_version, 0, 0},
@@ -142,6 +150,7 @@ void program_start(struct program *program, int argc, char **argv) {
     const struct option_entry *entries[OPTIONS_MAX];
     struct option options[OPTIONS_MAX + 1] = {{NULL, 0, NULL, 0}};
     int count = 0;
+
     for (const struct option_entry *entry = program->options; entry->name && count < OPTIONS_MAX; entry++)
         entries[count++] = entry;
     for (const struct option_entry *entry = common; entry->name && count < OPTIONS_MAX; entry++)
@@ -158,6 +167,7 @@ void program_start(struct program *program, int argc, char **argv) {
     for (;;) {
         int index = -1, at = optind;
         int found = getopt_long_only(argc, argv, ":", options, &index);
+
         if (found == -1)
             break;
         if (found == ':')
@@ -185,6 +195,7 @@ void program_start(struct program *program, int argc, char **argv) {
 
 void program_tick(DDX_STATS_BOOK *book) {
     static int64_t written;
+
     if (program_report_wanted())
         program_report(book);
     int64_t now = ddx_time_now();
@@ -211,6 +222,7 @@ bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book) {
 
 bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_BOOK *book) {
     int64_t begin = ddx_time_now();
+
     while (*patient && ddx_store_outruns(item) == 1) {
         if (ddx_time_now() - begin > PATIENCE) {
             say("%s: a reader is stopped, or reads now and then only: nobody waits for it", ddx_store_item_name(item));
@@ -228,8 +240,10 @@ bool program_try_again(int error, DDX_STATS_BOOK *book) {
 
 DDX_STORE_ID *program_connect(const struct program *program) {
     bool said = false;
+
     while (!program_stopping()) {
         DDX_STORE_ID *id = ddx_store_open(NULL, (int)program->port, 0.5);
+
         if (id)
             return id;
         if (!said)
@@ -242,6 +256,7 @@ DDX_STORE_ID *program_connect(const struct program *program) {
 DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book) {
     for (;;) {
         DDX_STORE_ITEM *item = ddx_store_await_item(id, name);
+
         if (item)
             return item;
         int error = errno;
@@ -257,8 +272,10 @@ DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK
 DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book) {
     bool said = false;
     int64_t begin = ddx_time_now();
+
     for (;;) {
         DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+
         if (item)
             return item;
         int error = errno;
@@ -276,6 +293,7 @@ DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK 
 
 bool program_attach(const struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
     int error = ddx_stats_attach(book, id, source);
+
     if (error == -EEXIST)
         say("an instance %s runs already; give this one another name with -instance", program->instance);
     else if (error)

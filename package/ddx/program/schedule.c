@@ -8,6 +8,7 @@
 
 int64_t schedule_scale(int64_t a, uint32_t b, uint32_t c) {
     int64_t whole = a / c;
+
     if (b && whole > (INT64_MAX - UINT32_MAX) / b)
         return INT64_MAX;
     uint64_t rest = (uint64_t)(a % c) * b / c; /* below 2^64, as both factors are below 2^32; quotient below 2^32 */
@@ -27,6 +28,7 @@ bool schedule_parse_speed(const char *text, struct schedule_speed *speed) {
     uint64_t value = 0;
     uint32_t den = 1;
     bool digits = false, decimals = false;
+
     for (; *text; text++) {
         if (*text == '.' && !decimals) {
             decimals = true;
@@ -47,7 +49,7 @@ bool schedule_parse_speed(const char *text, struct schedule_speed *speed) {
 }
 
 void schedule_init(struct schedule *schedule, uint32_t rate_num, uint32_t rate_den) {
-    memset(schedule, 0, sizeof(*schedule));
+    memset(schedule, 0, sizeof *schedule);
     schedule->rate_num = rate_num;
     schedule->rate_den = rate_den;
     schedule->period = schedule_offset(1, rate_num, rate_den);
@@ -55,6 +57,7 @@ void schedule_init(struct schedule *schedule, uint32_t rate_num, uint32_t rate_d
 
 int64_t schedule_next(struct schedule *schedule, int64_t recorded) {
     int64_t offset;
+
     if (recorded >= 0) {
         if (!schedule->recorded)
             schedule->base = recorded;

@@ -17,6 +17,7 @@ static FILE *report;
 
 static void on_signal(int number) {
     static const struct itimerspec period = {{0, TICK_NS}, {0, TICK_NS}};
+
     if (number == SIGUSR1) {
         report_wanted = 1;
     } else {
@@ -32,6 +33,7 @@ static void on_signal(int number) {
  */
 static void on_tick(int number) {
     struct sigaction action = {.sa_handler = on_tick};
+
     (void)number;
     ticks++;
     if (ticks == PATIENCE_TICKS)
@@ -44,6 +46,7 @@ void signals_catch(void) {
     struct sigaction action = {.sa_handler = on_tick, .sa_flags = SA_RESTART};
     struct sigevent tick = {.sigev_notify = SIGEV_SIGNAL, .sigev_signo = SIGALRM};
     sigset_t alarm;
+
     sigemptyset(&action.sa_mask);
     sigaction(SIGALRM, &action, NULL);
     sigemptyset(&alarm);

@@ -23,8 +23,9 @@ struct line {
 __attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, const char *format, ...) {
     char text[CONFIG_ERROR_MAX];
     va_list arguments;
+
     va_start(arguments, format);
-    vsnprintf(text, sizeof(text), format, arguments);
+    vsnprintf(text, sizeof text, format, arguments);
     va_end(arguments);
     for (char *c = text; *c; c++) /* what was read may be anything */
         if ((unsigned char)*c < ' ' || *c == 127)
@@ -36,6 +37,7 @@ __attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, 
 /* "256M"; false if it is no size within the bounds. */
 static bool parse_size(const char *text, uint64_t least, uint64_t most, uint64_t *size) {
     char *end;
+
     if (*text < '0' || *text > '9')
         return false;
     errno = 0;
@@ -50,6 +52,7 @@ static bool parse_size(const char *text, uint64_t least, uint64_t most, uint64_t
 /* The value of "key=value" if the word begins so, else NULL. */
 static const char *value_of(const char *word, const char *key) {
     size_t length = strlen(key);
+
     return !strncmp(word, key, length) && word[length] == '=' ? word + length + 1 : NULL;
 }
 
@@ -64,10 +67,12 @@ static int read_output(const struct line *line, char **words, struct config *con
         const char *segment = value_of(*words, "segment"), *minutes = value_of(*words, "minutes");
         const char *keep = value_of(*words, "keep");
         char *end;
+
         if (segment && !parse_size(segment, MIB, 4096 * MIB, &config->segment))
             return wrong(line, "%s: a size from 1M to 4096M is allowed, with K, M or G", *words);
         if (minutes) {
             long number = strtol(minutes, &end, 10);
+
             if (*minutes < '0' || *minutes > '9' || *end || number < 1 || number > 1440)
                 return wrong(line, "%s: a whole number from 1 to 1440 is allowed", *words);
             config->age = number * 60 * NS;
@@ -90,6 +95,7 @@ static int read_queue(const struct line *line, char **words, struct config *conf
 
 static int read_rule(const struct line *line, char **words, struct config *config) {
     struct config_rule rule = {.except = !strcmp(words[0], "except")};
+
     if (!words[1])
         return wrong(line, "%s needs the name of an item, or a pattern: %s gps*", words[0], words[0]);
     if (strlen(words[1]) > DDX_NAME_MAX)
@@ -97,6 +103,7 @@ static int read_rule(const struct line *line, char **words, struct config *confi
     for (char **word = words + 2; *word; word++) {
         const char *rate = rule.except ? NULL : value_of(*word, "rate");
         struct schedule_speed speed;
+
         if (!rate)
             return wrong(line, "%s: after %s PATTERN, %s is allowed", *word, words[0],
                          rule.except ? "nothing more" : "rate=VALUES_A_SECOND");
@@ -118,6 +125,7 @@ static int read_line(const struct line *line, char *text, struct config *config)
     char *words[LINE_MAX_ / 2 + 1], *rest = text;
     unsigned count = 0;
     char *comment = strchr(text, '#');
+
     if (comment)
         *comment = 0;
     for (char *word; (word = strtok_r(rest, " \t\r\n", &rest));)
@@ -136,9 +144,10 @@ static int read_line(const struct line *line, char *text, struct config *config)
 
 static int read_lines(FILE *file, struct line *line, struct config *config) {
     char text[LINE_MAX_];
-    while (fgets(text, sizeof(text), file)) {
+
+    while (fgets(text, sizeof text, file)) {
         line->number++;
-        if (strlen(text) == sizeof(text) - 1 && text[sizeof(text) - 2] != '\n')
+        if (strlen(text) == sizeof text - 1 && text[sizeof text - 2] != '\n')
             return wrong(line, "longer than %d letters", LINE_MAX_ - 2);
         if (read_line(line, text, config))
             return -1;
@@ -154,6 +163,7 @@ static int read_lines(FILE *file, struct line *line, struct config *config) {
 
 int config_read(const char *path, struct config *config, char *error) {
     struct line line = {.path = path, .error = error};
+
     *config = (struct config){.segment = 256 * MIB, .age = 60 * 60 * NS, .queue = 4 * MIB};
     FILE *file = fopen(path, "re");
     if (!file) {
@@ -179,6 +189,7 @@ void config_free(struct config *config) {
 const struct config_rule *config_rule_for(const struct config *config, const char *item, const char *type) {
     for (unsigned i = 0; i < config->rule_count; i++) {
         const struct config_rule *rule = &config->rules[i];
+
         if (fnmatch(rule->pattern, item, 0))
             continue;
         if (!rule->except && !rule->plain && !strcmp(type, "DDX_VIDEO"))

@@ -20,7 +20,7 @@ static const struct {
     {"uint32_t", DDX_KIND_UNSIGNED, 4}, {"uint64_t", DDX_KIND_UNSIGNED, 8}, {"float", DDX_KIND_FLOAT, 4},
     {"double", DDX_KIND_FLOAT, 8},     {"char", DDX_KIND_CHAR, 1},
 };
-#define TYPES (sizeof(types) / sizeof(*types))
+#define TYPES (sizeof types / sizeof *types)
 
 static const char *type_name(const struct form_field *field) {
     for (size_t i = 0; i < TYPES; i++)
@@ -32,6 +32,7 @@ static const char *type_name(const struct form_field *field) {
 static void write_fields(FILE *to, const struct form_fields *fields, unsigned first, unsigned end) {
     for (unsigned i = first; i < end; i += 1 + fields->field[i].children) {
         const struct form_field *field = &fields->field[i];
+
         if (field->kind == DDX_KIND_STRUCT) {
             fputs("struct { ", to);
             write_fields(to, fields, i + 1, i + 1 + field->children);
@@ -49,6 +50,7 @@ char *form_declaration(const struct form_fields *fields) {
     char *text = NULL;
     size_t size;
     FILE *to = open_memstream(&text, &size);
+
     if (!to)
         return NULL;
     if (fields->count == 1 && !*fields->field->name) {
@@ -72,6 +74,7 @@ char *form_extents(const struct form_fields *fields) {
     char *text = NULL;
     size_t size;
     FILE *to = open_memstream(&text, &size);
+
     if (!to)
         return NULL;
     const char *space = "";
@@ -97,6 +100,7 @@ struct parser {
 /* The next word: a name, a number, or one other character. Empty at the end. */
 static void next_word(struct parser *parser, char word[DDX_NAME_MAX + 1]) {
     static const char letters[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_0123456789";
+
     parser->at += strspn(parser->at, " ");
     size_t length = strspn(parser->at, letters);
     if (!length && *parser->at)
@@ -119,12 +123,14 @@ static int parse_members(struct parser *parser, unsigned depth);
 static int parse_member(struct parser *parser, unsigned depth) {
     char word[DDX_NAME_MAX + 1];
     unsigned index = parser->fields->count++;
+
     if (index >= FIELDS_MAX)
         return -EINVAL;
     struct form_field *field = &parser->fields->field[index];
     next_word(parser, word);
     if (!strcmp(word, "struct")) {
         int error = accept(parser, '{') ? parse_members(parser, depth + 1) : -EINVAL;
+
         if (error)
             return error;
         field->kind = DDX_KIND_STRUCT;
@@ -158,6 +164,7 @@ static int parse_members(struct parser *parser, unsigned depth) {
     bool any = false;
     for (; !accept(parser, '}'); any = true) {
         int error = parse_member(parser, depth);
+
         if (error)
             return error;
     }
@@ -170,6 +177,7 @@ static int use(struct form_fields *fields, const char *extents) {
         size_t length = strcspn(extents, "=");
         char *end;
         struct form_field *found = NULL;
+
         for (unsigned i = 0; i < fields->count && !found; i += 1 + fields->field[i].children)
             if (strlen(fields->field[i].name) == length && !strncmp(fields->field[i].name, extents, length))
                 found = &fields->field[i];
@@ -187,7 +195,7 @@ static int use(struct form_fields *fields, const char *extents) {
 
 int form_parse(const char *declaration, const char *extents, struct form_fields *fields) {
     fields->count = 0;
-    fields->field = calloc(FIELDS_MAX + 1, sizeof(*fields->field));
+    fields->field = calloc(FIELDS_MAX + 1, sizeof *fields->field);
     if (!fields->field)
         return -ENOMEM;
     struct parser parser = {declaration, fields};

@@ -16,8 +16,10 @@
 /* Values of the present chunk: what becomes of them is known when it is on the disk. */
 static void account(struct disk *disk, int error) {
     int64_t now = ddx_time_now();
+
     for (size_t i = 0; i < disk->pending_count; i++) {
         struct item *item = disk->pending[i].item;
+
         if (error) {
             atomic_fetch_add(&item->lost[LOST_WRITE], 1);
             ddx_stats_lost(disk->logger->book, LOST_WRITE, 1);
@@ -32,7 +34,8 @@ static void account(struct disk *disk, int error) {
 static bool note(struct disk *disk, struct item *item, int64_t time) {
     if (disk->pending_count == disk->pending_room) {
         size_t room = disk->pending_room ? disk->pending_room * 2 : 1024;
-        struct pending *more = realloc(disk->pending, room * sizeof(*more));
+        struct pending *more = realloc(disk->pending, room * sizeof *more);
+
         if (!more)
             return false;
         disk->pending = more;
@@ -53,6 +56,7 @@ static void fail(struct disk *disk, int error) {
 /* The chunk on its way. */
 static void flush(struct disk *disk) {
     int error = disk->writer ? mcap_flush(disk->writer) : 0;
+
     if (error)
         fail(disk, error);
     else
@@ -76,6 +80,7 @@ static void remember(struct item *item, const struct queue_entry *entry) {
     }
     if (entry->size > item->last.room) {
         unsigned char *more = realloc(item->last.data, entry->size);
+
         if (!more)
             return;
         item->last.data = more;
@@ -91,6 +96,7 @@ static void remember(struct item *item, const struct queue_entry *entry) {
 static void take(struct disk *disk, const struct queue_entry *entry) {
     bool noted = note(disk, entry->item, entry->logged);
     int error = atomic_load(&disk->error);
+
     if (!error && !disk->writer && (error = file_begin(disk, entry->logged)))
         fail(disk, error); /* counts what is pending, this value, too */
     else if (error)
@@ -123,10 +129,12 @@ static void *write_files(void *argument) {
     struct disk *disk = argument;
     bool end = false;
     int64_t next = ddx_time_now() + FLUSH_NS;
+
     program_thread_signals();
     program_thread_ordinary();
     while (!end) {
         struct queue_entry *entry = queue_next(&disk->logger->queue, next, &end);
+
         if (entry) {
             take(disk, entry);
             queue_take(&disk->logger->queue);
@@ -144,8 +152,9 @@ static void *write_files(void *argument) {
 }
 
 int disk_start(struct logger *logger) {
-    struct disk *disk = calloc(1, sizeof(*disk));
+    struct disk *disk = calloc(1, sizeof *disk);
     const char *folder = logger->config.folder;
+
     if (!disk)
         return -ENOMEM;
     disk->logger = logger;

@@ -22,6 +22,7 @@ static const char losses_schema[] =
 
 static int64_t wall_now(void) {
     struct timespec wall;
+
     clock_gettime(CLOCK_REALTIME, &wall);
     return wall.tv_sec * NS + wall.tv_nsec;
 }
@@ -34,6 +35,7 @@ static uint64_t file_time(const struct disk *disk, int64_t time) {
 /* Which start of the machine CLOCK_MONOTONIC counts from: a recording of the same one has the same times. */
 static void boot_id(char id[40]) {
     FILE *file = fopen("/proc/sys/kernel/random/boot_id", "re");
+
     if (!file || !fgets(id, 40, file))
         strcpy(id, "");
     id[strcspn(id, "\n")] = 0;
@@ -43,8 +45,9 @@ static void boot_id(char id[40]) {
 
 static void put_times(struct disk *disk) {
     char offset[24], monotonic[24], boot[40];
-    snprintf(offset, sizeof(offset), "%" PRId64, disk->wall_offset);
-    snprintf(monotonic, sizeof(monotonic), "%" PRId64, disk->begin);
+
+    snprintf(offset, sizeof offset, "%" PRId64, disk->wall_offset);
+    snprintf(monotonic, sizeof monotonic, "%" PRId64, disk->begin);
     boot_id(boot);
     const struct mcap_pair pairs[] = {{"instance", disk->logger->program.instance},
                                       {"wall_offset_ns", offset},
@@ -62,6 +65,7 @@ static void put_losses_channel(struct disk *disk) {
                                        .size = strlen(losses_schema)};
     const struct mcap_channel channel = {
         .id = disk->losses = ++disk->channels, .schema = schema.id, .topic = LOSSES_TOPIC, .encoding = "json"};
+
     disk->forms[schema.id] = NULL;
     mcap_put_schema(disk->writer, &schema);
     mcap_put_channel(disk->writer, &channel);
@@ -70,8 +74,10 @@ static void put_losses_channel(struct disk *disk) {
 /* What is there at the beginning: items that are rarely written would else be unknown to who has this file only. */
 static void put_last_values(struct disk *disk) {
     unsigned count = atomic_load(&disk->logger->item_count);
+
     for (unsigned i = 0; i < count; i++) {
         const struct item *item = disk->logger->items[i];
+
         if (item->last.size)
             file_put(disk, item->last.channel, item->last.sequence, item->last.time, disk->begin, item->last.data,
                      item->last.size);
@@ -80,6 +86,7 @@ static void put_last_values(struct disk *disk) {
 
 static void sync_folder(const char *folder) {
     int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+
     if (fd >= 0) {
         fsync(fd);
         close(fd);
@@ -90,6 +97,7 @@ static void sync_folder(const char *folder) {
 static void make_room(const struct disk *disk) {
     const struct config *config = &disk->logger->config;
     int error = config->keep ? output_keep(&disk->output, config->keep - config->segment) : 0;
+
     if (error)
         say("%s: an older log cannot be deleted: %s", disk->output.place, strerror(-error));
 }
@@ -119,6 +127,7 @@ int file_begin(struct disk *disk, int64_t begin) {
 
 static void put_schema(struct disk *disk, struct channel *channel) {
     const struct form *form = channel->form;
+
     for (uint16_t id = 1; id <= disk->schemas && id < DISK_SCHEMAS_MAX; id++)
         if (disk->forms[id] && !strcmp(disk->forms[id]->schema_name, form->schema_name) &&
             !strcmp(disk->forms[id]->schema, form->schema)) {
@@ -137,6 +146,7 @@ static void put_schema(struct disk *disk, struct channel *channel) {
 
 static void put_channel(struct disk *disk, struct channel *channel, const char *topic) {
     const struct form *form = channel->form;
+
     put_schema(disk, channel);
     const struct mcap_pair pairs[] = {{"ddx.type", form->type},
                                       {"ddx.declaration", form->declaration},
@@ -172,6 +182,7 @@ bool file_put(struct disk *disk, struct channel *channel, uint64_t sequence, int
 /* An item may have any name; in JSON it gets no quotes and the like. */
 static void printable(const char *name, char out[DDX_NAME_MAX + 1]) {
     size_t i = 0;
+
     for (; name[i]; i++)
         out[i] = (unsigned char)name[i] < ' ' || name[i] == '"' || name[i] == '\\' ? '?' : name[i];
     out[i] = 0;
@@ -179,10 +190,12 @@ static void printable(const char *name, char out[DDX_NAME_MAX + 1]) {
 
 void file_put_losses(struct disk *disk, bool all) {
     unsigned count = atomic_load(&disk->logger->item_count);
+
     for (unsigned i = 0; i < count; i++) {
         struct item *item = disk->logger->items[i];
         uint64_t in = atomic_load(&item->in), out = atomic_load(&item->out), skipped = atomic_load(&item->skipped);
         uint64_t lost[3], sum = 0;
+
         for (int k = 0; k < 3; k++)
             sum += lost[k] = atomic_load(&item->lost[k]);
         if (!all && sum == item->told)
@@ -190,7 +203,7 @@ void file_put_losses(struct disk *disk, bool all) {
         item->told = sum;
         char text[400], name[DDX_NAME_MAX + 1];
         printable(item->name, name);
-        int size = snprintf(text, sizeof(text),
+        int size = snprintf(text, sizeof text,
                             "{\"item\":\"%s\",\"in\":%" PRIu64 ",\"out\":%" PRIu64 ",\"skipped\":%" PRIu64
                             ",\"lost\":{\"store\":%" PRIu64 ",\"queue\":%" PRIu64 ",\"write\":%" PRIu64 "}}",
                             name, in, out, skipped, lost[LOST_STORE], lost[LOST_QUEUE], lost[LOST_WRITE]);

@@ -23,6 +23,7 @@ struct finder {
 
 static struct item *find(struct logger *logger, const char *name) {
     unsigned count = atomic_load(&logger->item_count);
+
     for (unsigned i = 0; i < count; i++)
         if (!strcmp(logger->items[i]->name, name))
             return logger->items[i];
@@ -35,6 +36,7 @@ static struct item *find(struct logger *logger, const char *name) {
  */
 static int hold_first(struct item *item) {
     int error = -ETIMEDOUT;
+
     item->first.sequence = 0;
     if (item->awaited || item->known)
         error = ddx_store_acquire(item->handle, &item->first, 0, DDX_IN_ORDER);
@@ -44,6 +46,7 @@ static int hold_first(struct item *item) {
 /* Open it, and hold a value. False if that did not work; it is tried again at the next look. */
 static bool open_item(struct finder *finder, struct item *item) {
     unsigned keep = item->rule->period ? 1 : KEEP;
+
     item->handle = ddx_store_lookup_item(finder->logger->id, item->name, NULL, 0);
     if (!item->handle)
         return false;
@@ -72,9 +75,10 @@ static void add_item(struct finder *finder, const struct ddx_item_info *info) {
     struct logger *logger = finder->logger;
     const struct config_rule *rule = config_rule_for(&logger->config, info->name, info->type);
     unsigned count = atomic_load(&logger->item_count);
+
     if (!rule)
         return;
-    struct item *item = count < ITEMS_MAX ? calloc(1, sizeof(*item)) : NULL;
+    struct item *item = count < ITEMS_MAX ? calloc(1, sizeof *item) : NULL;
     if (!item) {
         if (!finder->full)
             say("more than %d items: %s and what follows is not logged", ITEMS_MAX, info->name);
@@ -115,6 +119,7 @@ static void choose_keep(struct item *item, const struct ddx_item_info *info, int
 static void look_at(struct finder *finder, struct item *item, const struct ddx_item_info *info, int64_t now) {
     bool alone = !info || !info->writer_pid;
     enum item_state state = atomic_load(&item->state);
+
     if (!alone)
         item->alone = 0;
     else if (!item->alone)
@@ -136,11 +141,13 @@ static void look(struct finder *finder) {
     struct logger *logger = finder->logger;
     struct ddx_item_info *infos;
     unsigned count, known = atomic_load(&logger->item_count);
+
     if (ddx_store_list(logger->id, NULL, &infos, &count)) /* the store is away; its items stay as they are */
         return;
     int64_t now = ddx_time_now();
     for (unsigned i = 0; i < known; i++) {
         const struct ddx_item_info *info = NULL;
+
         for (unsigned k = 0; k < count && !info; k++)
             if (!strcmp(infos[k].name, logger->items[i]->name))
                 info = &infos[k];
@@ -157,6 +164,7 @@ static void look(struct finder *finder) {
 void *finder_run(void *argument) {
     struct finder finder = {.logger = argument};
     const struct timespec pause = {.tv_nsec = LOOK_NS};
+
     program_thread_signals();
     program_thread_ordinary();
     while (!finder.logger->stopping) {

@@ -14,11 +14,13 @@ struct walk {
 
 static int add_leaf(struct walk *walk, const struct form_field *field, const char *prefix, uint64_t shift) {
     struct form *form = walk->form;
+
     if (form->leaf_count == FORM_LEAVES_MAX)
         return -E2BIG;
     if (!(form->leaf_count & (form->leaf_count - 1))) {
         size_t room = form->leaf_count ? form->leaf_count * 2 : 1;
-        struct form_leaf *more = realloc(form->leaves, room * sizeof(*more));
+        struct form_leaf *more = realloc(form->leaves, room * sizeof *more);
+
         if (!more)
             return -ENOMEM;
         form->leaves = more;
@@ -42,10 +44,12 @@ static int walk_fields(struct walk *walk, unsigned first, unsigned end, const ch
     for (unsigned i = first; i < end; i += 1 + walk->fields->field[i].children) {
         const struct form_field *field = &walk->fields->field[i];
         int error = 0;
+
         if (field->kind != DDX_KIND_STRUCT)
             error = add_leaf(walk, field, prefix, shift);
         for (uint32_t k = 0; field->kind == DDX_KIND_STRUCT && k < field->count && !error; k++) {
             char *inner;
+
             if ((field->bound > 1 ? asprintf(&inner, "%s%s[%u].", prefix, field->name, (unsigned)k)
                                   : asprintf(&inner, "%s%s.", prefix, field->name)) < 0)
                 return -ENOMEM;
@@ -60,7 +64,7 @@ static int walk_fields(struct walk *walk, unsigned first, unsigned end, const ch
 
 /* Neighbours become one copy, and so do those with the same padding between them here and there. */
 static int make_spans(struct form *form) {
-    form->spans = calloc(form->leaf_count, sizeof(*form->spans));
+    form->spans = calloc(form->leaf_count, sizeof *form->spans);
     if (!form->spans)
         return -ENOMEM;
     for (unsigned i = 0; i < form->leaf_count; i++) {
@@ -68,6 +72,7 @@ static int make_spans(struct form *form) {
         struct form_span *last = form->span_count ? &form->spans[form->span_count - 1] : NULL;
         size_t bytes = (size_t)leaf->bytes * leaf->count;
         size_t gap = last ? leaf->message - last->message - last->bytes : 0;
+
         if (last && leaf->item == last->item + last->bytes + gap)
             last->bytes += gap + bytes;
         else
@@ -77,11 +82,12 @@ static int make_spans(struct form *form) {
 }
 
 static int make_form(const struct form_fields *fields, const char *type, struct form **result) {
-    struct form *form = calloc(1, sizeof(*form));
+    struct form *form = calloc(1, sizeof *form);
+
     if (!form)
         return -ENOMEM;
     struct walk walk = {fields, form, 0};
-    snprintf(form->type, sizeof(form->type), "%s", type);
+    snprintf(form->type, sizeof form->type, "%s", type);
     form->declaration = form_declaration(fields);
     form->extents = form_extents(fields);
     form->schema = form_schema(fields, type);
@@ -102,6 +108,7 @@ static int make_form(const struct form_fields *fields, const char *type, struct 
 /* A type of which only the size is known is a row of bytes. */
 static int make_opaque(uint64_t size, const char *type, struct form **form) {
     struct form_field field = {.name = "data", .kind = DDX_KIND_UNSIGNED, .bytes = 1, .count = (uint32_t)size};
+
     field.bound = field.count;
     struct form_fields fields = {&field, 1};
     int error = size && size <= UINT32_MAX ? make_form(&fields, type, form) : -EINVAL;
@@ -112,6 +119,7 @@ static int make_opaque(uint64_t size, const char *type, struct form **form) {
 
 static void copy_field(struct form_field *to, const struct ddx_field *from) {
     const char *dot = strrchr(from->name, '.');
+
     *to = (struct form_field){.kind = from->kind,
                               .bytes = from->bytes,
                               .count = (uint32_t)(from->used / from->bytes),
@@ -119,7 +127,7 @@ static void copy_field(struct form_field *to, const struct ddx_field *from) {
                               .children = from->children,
                               .offset = from->offset,
                               .extent = from->extent != 0};
-    snprintf(to->name, sizeof(to->name), "%s", dot ? dot + 1 : from->name);
+    snprintf(to->name, sizeof to->name, "%s", dot ? dot + 1 : from->name);
 }
 
 int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
@@ -127,6 +135,7 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
     struct ddx_item_info info;
     const struct ddx_field *from;
     int error = 0;
+
     while (ddx_store_field(item, fields.count))
         fields.count++;
     if (!fields.count) {
@@ -137,7 +146,7 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
             (*form)->item_size = info.size;
         return error;
     }
-    fields.field = calloc(fields.count, sizeof(*fields.field));
+    fields.field = calloc(fields.count, sizeof *fields.field);
     if (!fields.field)
         return -ENOMEM;
     uint64_t end = 0;
@@ -160,6 +169,7 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form) {
 int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form) {
     struct form_fields fields = {NULL, 0};
     int error = form_parse(declaration, extents, &fields);
+
     if (!error)
         error = make_form(&fields, type, form);
     free(fields.field);
@@ -183,9 +193,11 @@ void form_free(struct form *form) {
 void form_pack(const struct form *form, const void *value, unsigned char *message) {
     static const unsigned char header[FORM_HEADER] = {0, 1, 0, 0}; /* CDR, little endian */
     size_t at = FORM_HEADER;
-    memcpy(message, header, sizeof(header));
+
+    memcpy(message, header, sizeof header);
     for (unsigned i = 0; i < form->span_count; i++) {
         const struct form_span *span = &form->spans[i];
+
         memset(message + at, 0, span->message - at);
         memcpy(message + span->message, (const unsigned char *)value + span->item, span->bytes);
         at = span->message + span->bytes;
@@ -195,6 +207,7 @@ void form_pack(const struct form *form, const void *value, unsigned char *messag
 void form_unpack(const struct form *form, const unsigned char *message, void *value) {
     for (unsigned i = 0; i < form->span_count; i++) {
         const struct form_span *span = &form->spans[i];
+
         memcpy((unsigned char *)value + span->item, message + span->message, span->bytes);
     }
 }

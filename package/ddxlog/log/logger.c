@@ -14,9 +14,11 @@ static const char *const reasons[] = {"store", "queue", "write", NULL};
 /* One look at each item. */
 static void turn(struct logger *logger) {
     unsigned count = atomic_load(&logger->item_count);
+
     for (unsigned i = 0; i < count; i++) {
         struct item *item = logger->items[i];
         enum item_state state = atomic_load(&item->state);
+
         if (state == ITEM_FOUND) {
             item_begin(logger, item);
             state = ITEM_READ; /* what came behind its first value is taken now: this turn may be the last one */
@@ -29,6 +31,7 @@ static void turn(struct logger *logger) {
 
 static void log_items(struct logger *logger) {
     int64_t next = ddx_time_now();
+
     while (!program_stopping() && !disk_error(logger->disk)) {
         turn(logger);
         program_tick(logger->book);
@@ -42,6 +45,7 @@ static void log_items(struct logger *logger) {
 static void free_items(struct logger *logger) {
     for (unsigned i = 0; i < logger->item_count; i++) {
         struct item *item = logger->items[i];
+
         ddx_store_done_item(item->handle);
         for (struct channel *channel = item->channels, *next; channel; channel = next) {
             next = channel->next;
@@ -57,6 +61,7 @@ static void free_items(struct logger *logger) {
 static int log_until_stopped(struct logger *logger) {
     pthread_t finder, mender;
     int error = disk_start(logger);
+
     if (error)
         return EXIT_FAILED;
     bool mends = !pthread_create(&mender, NULL, mender_run, logger);

@@ -16,12 +16,14 @@
 
 static bool is_ours(const struct logger *logger, const char *name) {
     size_t length = strlen(logger->program.instance), all = strlen(name);
+
     return !strncmp(name, logger->program.instance, length) && name[length] == '-' && all > 5 &&
            !strcmp(name + all - 5, ".mcap");
 }
 
 void *mender_run(void *argument) {
     struct logger *logger = argument;
+
     program_thread_signals();
     program_thread_ordinary();
     /* Both are of this thread only. */
@@ -32,8 +34,9 @@ void *mender_run(void *argument) {
     while (folder && !logger->stopping && (entry = readdir(folder))) {
         char path[PATH_MAX], error[MCAP_ERROR_MAX];
         struct recovery recovery;
+
         if (!is_ours(logger, entry->d_name) ||
-            snprintf(path, sizeof(path), "%s/%s", logger->config.folder, entry->d_name) >= (int)sizeof(path))
+            snprintf(path, sizeof path, "%s/%s", logger->config.folder, entry->d_name) >= (int)sizeof path)
             continue;
         int result = recover(path, &logger->stopping, &recovery, error);
         if (!result)

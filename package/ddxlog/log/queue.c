@@ -20,7 +20,7 @@ static struct queue_entry *entry_at(const struct queue *queue, uint64_t at) {
 }
 
 int queue_init(struct queue *queue, size_t size) {
-    memset(queue, 0, sizeof(*queue));
+    memset(queue, 0, sizeof *queue);
     queue->size = (size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
     queue->memory = malloc(queue->size);
     if (!queue->memory)
@@ -78,6 +78,7 @@ void queue_close(struct queue *queue) {
 struct queue_entry *queue_next(struct queue *queue, int64_t deadline, bool *end) {
     struct timespec until = {.tv_sec = (time_t)(deadline / NS), .tv_nsec = (long)(deadline % NS)};
     int error = 0;
+
     pthread_mutex_lock(&queue->lock);
     while (queue->put == queue->taken && !queue->closed && error != ETIMEDOUT)
         error = pthread_cond_timedwait(&queue->changed, &queue->lock, &until);
@@ -88,7 +89,7 @@ struct queue_entry *queue_next(struct queue *queue, int64_t deadline, bool *end)
         return NULL;
     size_t tail = queue->size - (size_t)(queue->taken % queue->size);
     struct queue_entry *entry = entry_at(queue, queue->taken);
-    if (tail >= sizeof(*entry) && entry->item)
+    if (tail >= sizeof *entry && entry->item)
         return entry;
     pthread_mutex_lock(&queue->lock);
     queue->taken += tail;
@@ -98,6 +99,7 @@ struct queue_entry *queue_next(struct queue *queue, int64_t deadline, bool *end)
 
 void queue_take(struct queue *queue) {
     size_t room = entry_at(queue, queue->taken)->room;
+
     pthread_mutex_lock(&queue->lock);
     queue->taken += room;
     pthread_mutex_unlock(&queue->lock);

@@ -17,6 +17,7 @@ static bool same_form(const struct form *a, const struct form *b) {
 /* The channel for values as they are laid out now. 0 or -errno. */
 static int choose_channel(struct item *item) {
     uint32_t layout = ddx_store_layout(item->handle);
+
     if (item->channel && layout == item->layout)
         return 0;
     struct form *form;
@@ -29,7 +30,7 @@ static int choose_channel(struct item *item) {
     if (channel) {
         form_free(form);
     } else {
-        channel = calloc(1, sizeof(*channel));
+        channel = calloc(1, sizeof *channel);
         if (!channel) {
             form_free(form);
             return -ENOMEM;
@@ -100,8 +101,10 @@ static void take_value(struct logger *logger, struct item *item, const struct dd
 
 void item_begin(struct logger *logger, struct item *item) {
     struct ddx_frame *first = &item->first;
+
     if (first->sequence) {
         bool again = item->known && first->sequence == item->sequence;
+
         if (item->known && first->sequence > item->sequence)
             count_missed(logger, item, first->sequence - item->sequence - 1);
         else if (!again && (item->known || item->awaited)) /* its numbers began anew, or we saw it come */
@@ -125,6 +128,7 @@ void item_leave(struct item *item) {
 /* Whether the rate allows a value now. */
 static bool is_due(struct item *item) {
     int64_t now = ddx_time_now();
+
     if (now < item->due)
         return false;
     item->due += item->rule->period; /* so that looking late does not make it slower */
@@ -135,6 +139,7 @@ static bool is_due(struct item *item) {
 
 bool item_take(struct logger *logger, struct item *item) {
     unsigned keep = atomic_load(&item->keep);
+
     if (keep > item->kept) {
         ddx_store_keep(item->handle, keep); /* where there is no room, it stays as it is */
         item->kept = keep;
@@ -145,6 +150,7 @@ bool item_take(struct logger *logger, struct item *item) {
     int tail = item->rule->period ? DDX_NEXT : DDX_IN_ORDER, error = 0;
     for (int i = 0; i < (item->rule->period ? 1 : BATCH); i++) {
         struct ddx_frame frame;
+
         error = ddx_store_acquire(item->handle, &frame, 0, tail);
         if (error)
             break;

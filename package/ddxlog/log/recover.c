@@ -23,16 +23,18 @@ static void copy_metadata(struct copy *copy, const struct recovery *recovery) {
     const struct mcap_pair *pairs;
     const char *name;
     char left_over[24], damaged[24];
+
     for (unsigned i = 0; (name = mcap_metadata_at(copy->reader, i, &pairs)); i++)
         mcap_put_metadata(copy->writer, name, pairs);
-    snprintf(left_over, sizeof(left_over), "%llu", (unsigned long long)recovery->state.left_over);
-    snprintf(damaged, sizeof(damaged), "%u", recovery->state.damaged);
+    snprintf(left_over, sizeof left_over, "%llu", (unsigned long long)recovery->state.left_over);
+    snprintf(damaged, sizeof damaged, "%u", recovery->state.damaged);
     const struct mcap_pair own[] = {{"left_over_bytes", left_over}, {"damaged_chunks", damaged}, {NULL, NULL}};
     mcap_put_metadata(copy->writer, "ddxlog.recovered", own);
 }
 
 static uint16_t new_schema(struct copy *copy, uint16_t id) {
     const struct mcap_schema *old = mcap_schema(copy->reader, id);
+
     if (!old || copy->schema[id])
         return copy->schema[id];
     struct mcap_schema schema = *old;
@@ -44,6 +46,7 @@ static uint16_t new_schema(struct copy *copy, uint16_t id) {
 /* 0: nobody said what the channel is. */
 static uint16_t new_channel(struct copy *copy, uint16_t id) {
     const struct mcap_channel *old = mcap_channel(copy->reader, id);
+
     if (!old || copy->channel[id])
         return copy->channel[id];
     struct mcap_channel channel = *old;
@@ -55,9 +58,11 @@ static uint16_t new_channel(struct copy *copy, uint16_t id) {
 
 static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recovery *recovery) {
     bool damaged = false;
+
     for (unsigned i = 0; i < recovery->state.chunks; i++) {
         const struct mcap_message *messages;
         long count = mcap_chunk(copy->reader, i, &messages);
+
         if (count < 0 && count != -EBADMSG)
             return (int)count;
         /* A last chunk with zeros in it is what a power cut leaves; one with good ones behind it is another matter. */
@@ -67,6 +72,7 @@ static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recove
             return -ECANCELED;
         for (long k = 0; k < count; k++) {
             struct mcap_message message = messages[k];
+
             message.channel = new_channel(copy, message.channel);
             if (!message.channel)
                 continue;
@@ -81,7 +87,7 @@ static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recove
 }
 
 static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery *recovery) {
-    copy->channel = calloc(2 * 65536, sizeof(*copy->channel));
+    copy->channel = calloc(2 * 65536, sizeof *copy->channel);
     if (!copy->channel || !copy->writer)
         return -ENOMEM;
     copy->schema = copy->channel + 65536;
@@ -94,7 +100,8 @@ static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery 
 static void sync_folder_of(const char *path) {
     char folder[PATH_MAX];
     const char *slash = strrchr(path, '/');
-    snprintf(folder, sizeof(folder), "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : ".");
+
+    snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : ".");
     int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (fd >= 0) {
         fsync(fd);
@@ -105,8 +112,9 @@ static void sync_folder_of(const char *path) {
 /* The copy is complete: it takes the old file's place. */
 static int replace(const char *path, const char *copy, bool keep, struct recovery *recovery) {
     char damaged[PATH_MAX];
+
     if (keep) {
-        if (snprintf(damaged, sizeof(damaged), "%s.damaged", path) >= (int)sizeof(damaged))
+        if (snprintf(damaged, sizeof damaged, "%s.damaged", path) >= (int)sizeof damaged)
             return -ENAMETOOLONG;
         if (link(path, damaged) && errno != EEXIST)
             return -errno;
@@ -122,7 +130,8 @@ static int write_copy(const char *path, int old, struct mcap_reader *reader, con
                       struct recovery *recovery) {
     char name[PATH_MAX];
     struct stat status;
-    if (snprintf(name, sizeof(name), "%s.recovering", path) >= (int)sizeof(name))
+
+    if (snprintf(name, sizeof name, "%s.recovering", path) >= (int)sizeof name)
         return -ENAMETOOLONG;
     int fd = open(name, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0664);
     if (fd < 0)
@@ -149,6 +158,7 @@ int recover(const char *path, const atomic_bool *stop, struct recovery *recovery
     int old = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (old < 0) {
         int result = -errno;
+
         snprintf(error, MCAP_ERROR_MAX, "cannot be opened: %s", strerror(-result));
         return result;
     }

@@ -13,6 +13,7 @@
 /* Lower case, digits and single underscores: "gearsLeft_" becomes "gears_left". */
 static void field_name(const char *name, char out[NAME_ROOM]) {
     size_t length = 0;
+
     if (!isalpha((unsigned char)*name)) {
         strcpy(out, "f");
         length = 1;
@@ -20,6 +21,7 @@ static void field_name(const char *name, char out[NAME_ROOM]) {
     for (const char *c = name; *c && length < NAME_ROOM - 16; c++) {
         bool hump = isupper((unsigned char)*c) && c > name && isalnum((unsigned char)c[-1]) &&
                     !isupper((unsigned char)c[-1]);
+
         if ((hump || *c == '_') && length && out[length - 1] != '_')
             out[length++] = '_';
         if (isalnum((unsigned char)*c))
@@ -34,6 +36,7 @@ static void field_name(const char *name, char out[NAME_ROOM]) {
 static void unique_name(const struct form_fields *fields, unsigned first, unsigned index, char out[NAME_ROOM]) {
     char other[NAME_ROOM];
     unsigned same = 1;
+
     field_name(*fields->field[index].name ? fields->field[index].name : "value", out);
     for (unsigned i = first; i < index; i += 1 + fields->field[i].children) {
         field_name(fields->field[i].name, other);
@@ -47,6 +50,7 @@ static void unique_name(const struct form_fields *fields, unsigned first, unsign
 static void add_type_name(char name[NAME_ROOM], const char *part) {
     size_t length = strlen(name);
     bool capital = true;
+
     if (!length && !isalpha((unsigned char)*part))
         name[length++] = 'T';
     for (; *part && length < NAME_ROOM - 1; part++) {
@@ -59,6 +63,7 @@ static void add_type_name(char name[NAME_ROOM], const char *part) {
 
 static void write_type(FILE *to, const struct form_field *field) {
     int bits = (int)field->bytes * 8;
+
     switch (field->kind) {
     case DDX_KIND_INT: fprintf(to, "int%d", bits); break;
     case DDX_KIND_FLOAT: fprintf(to, "float%d", bits); break;
@@ -68,8 +73,10 @@ static void write_type(FILE *to, const struct form_field *field) {
 
 static void write_message(FILE *to, const struct form_fields *fields, unsigned first, unsigned end, const char *type) {
     char name[NAME_ROOM], inner[NAME_ROOM];
+
     for (unsigned i = first; i < end; i += 1 + fields->field[i].children) {
         const struct form_field *field = &fields->field[i];
+
         unique_name(fields, first, i, name);
         if (field->kind == DDX_KIND_STRUCT) {
             strcpy(inner, type);
@@ -98,6 +105,7 @@ char *form_schema(const struct form_fields *fields, const char *type) {
     char *text = NULL, name[NAME_ROOM] = "";
     size_t size;
     FILE *to = open_memstream(&text, &size);
+
     if (!to)
         return NULL;
     add_type_name(name, type);
@@ -112,6 +120,7 @@ char *form_schema(const struct form_fields *fields, const char *type) {
 
 char *form_schema_name(const char *type) {
     char *text, name[NAME_ROOM] = "";
+
     add_type_name(name, type);
     return asprintf(&text, PACKAGE "/msg/%s", name) < 0 ? NULL : text;
 }

@@ -8,6 +8,7 @@
 void *bytes_extend(struct bytes *bytes, size_t size) {
     if (size > bytes->room - bytes->size) {
         size_t room = bytes->room ? bytes->room : 256;
+
         while (room - bytes->size < size && room <= SIZE_MAX / 2)
             room *= 2;
         unsigned char *data = room - bytes->size < size ? NULL : realloc(bytes->data, room);
@@ -24,6 +25,7 @@ void *bytes_extend(struct bytes *bytes, size_t size) {
 
 void bytes_put(struct bytes *bytes, const void *data, size_t size) {
     void *at = size ? bytes_extend(bytes, size) : NULL;
+
     if (at)
         memcpy(at, data, size);
 }
@@ -40,6 +42,7 @@ void bytes_number_at(struct bytes *bytes, size_t at, uint64_t number, unsigned w
 
 void bytes_text(struct bytes *bytes, const char *text) {
     size_t length = strlen(text);
+
     bytes_number(bytes, length, 4);
     bytes_put(bytes, text, length);
 }
@@ -60,6 +63,7 @@ static uint32_t table[4][256];
 static void fill_table(void) {
     for (uint32_t i = 0; i < 256; i++) {
         uint32_t crc = i;
+
         for (int bit = 0; bit < 8; bit++)
             crc = crc >> 1 ^ (crc & 1 ? UINT32_C(0xedb88320) : 0);
         table[0][i] = crc;
@@ -71,6 +75,7 @@ static void fill_table(void) {
 
 uint32_t crc32_of(uint32_t crc, const void *data, size_t size) {
     static pthread_once_t once = PTHREAD_ONCE_INIT;
+
     pthread_once(&once, fill_table);
     const unsigned char *at = data;
     crc = ~crc;
@@ -95,6 +100,7 @@ const unsigned char *cursor_bytes(struct cursor *cursor, uint64_t size) {
 uint64_t cursor_number(struct cursor *cursor, unsigned width) {
     const unsigned char *at = cursor_bytes(cursor, width);
     uint64_t number = 0;
+
     for (unsigned i = 0; at && i < width; i++)
         number |= (uint64_t)at[i] << 8 * i;
     return number;
@@ -103,6 +109,7 @@ uint64_t cursor_number(struct cursor *cursor, unsigned width) {
 char *cursor_text(struct cursor *cursor) {
     size_t length = (size_t)cursor_number(cursor, 4);
     const unsigned char *at = cursor_bytes(cursor, length);
+
     if (!at || memchr(at, 0, length)) {
         cursor->failed = true;
         return NULL;

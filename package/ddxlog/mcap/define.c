@@ -18,8 +18,10 @@ static void take_pairs(struct cursor *cursor, struct mcap_pair pairs[MCAP_PAIRS_
     size_t size = (size_t)cursor_number(cursor, 4), count = 0;
     const unsigned char *at = cursor_bytes(cursor, size);
     struct cursor map = {at, at ? at + size : at, !at};
+
     while (!map.failed && cursor_left(&map)) {
         struct mcap_pair pair = {cursor_text(&map), NULL};
+
         pair.value = cursor_text(&map);
         if (pair.key && pair.value && count < MCAP_PAIRS_MAX) {
             pairs[count++] = pair;
@@ -57,7 +59,8 @@ static void free_metadata(struct own_metadata *metadata) {
 /* The same once more (in the summary, in a later chunk) is nothing new; the first one counts. */
 static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
     uint16_t id = (uint16_t)cursor_number(&cursor, 2);
-    struct mcap_schema *schema = calloc(1, sizeof(*schema));
+    struct mcap_schema *schema = calloc(1, sizeof *schema);
+
     if (!schema)
         return -ENOMEM;
     schema->id = id;
@@ -82,7 +85,8 @@ static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
 }
 
 static int define_channel(struct mcap_reader *reader, struct cursor cursor) {
-    struct own_channel *own = calloc(1, sizeof(*own));
+    struct own_channel *own = calloc(1, sizeof *own);
+
     if (!own)
         return -ENOMEM;
     own->channel.id = (uint16_t)cursor_number(&cursor, 2);
@@ -101,12 +105,13 @@ static int define_channel(struct mcap_reader *reader, struct cursor cursor) {
 }
 
 static int define_metadata(struct mcap_reader *reader, struct cursor cursor) {
-    struct own_metadata *more = realloc(reader->metadata, (reader->metadata_count + 1) * sizeof(*more));
+    struct own_metadata *more = realloc(reader->metadata, (reader->metadata_count + 1) * sizeof *more);
+
     if (!more)
         return -ENOMEM;
     reader->metadata = more;
     more += reader->metadata_count;
-    memset(more, 0, sizeof(*more));
+    memset(more, 0, sizeof *more);
     more->name = cursor_text(&cursor);
     take_pairs(&cursor, more->pairs);
     if (cursor.failed) {
@@ -119,6 +124,7 @@ static int define_metadata(struct mcap_reader *reader, struct cursor cursor) {
 
 int reader_define(struct mcap_reader *reader, enum mcap_opcode opcode, const unsigned char *content, size_t size) {
     struct cursor cursor = {content, content + size, false};
+
     switch (opcode) {
     case MCAP_SCHEMA: return define_schema(reader, cursor);
     case MCAP_CHANNEL: return define_channel(reader, cursor);

@@ -13,6 +13,7 @@ struct begin {
 
 static int by_begin(const void *a, const void *b) {
     const struct begin *x = a, *y = b;
+
     if (x->first != y->first)
         return x->first < y->first ? -1 : 1;
     return x->number < y->number ? -1 : 1;
@@ -20,21 +21,23 @@ static int by_begin(const void *a, const void *b) {
 
 static int by_time(const void *a, const void *b) {
     const struct mcap_message *x = a, *y = b;
+
     if (x->log_time != y->log_time)
         return x->log_time < y->log_time ? -1 : 1;
     return x->data < y->data ? -1 : x->data > y->data; /* the order of the file */
 }
 
 static int make_order(struct mcap_reader *reader) {
-    struct begin *begins = calloc(reader->place_count + 1, sizeof(*begins));
-    reader->order = calloc(reader->place_count + 1, sizeof(*reader->order));
+    struct begin *begins = calloc(reader->place_count + 1, sizeof *begins);
+
+    reader->order = calloc(reader->place_count + 1, sizeof *reader->order);
     if (!begins || !reader->order) {
         free(begins);
         return -ENOMEM;
     }
     for (unsigned i = 0; i < reader->place_count; i++)
         begins[i] = (struct begin){reader->places[i].first, i};
-    qsort(begins, reader->place_count, sizeof(*begins), by_begin);
+    qsort(begins, reader->place_count, sizeof *begins, by_begin);
     for (unsigned i = 0; i < reader->place_count; i++)
         reader->order[i] = begins[i].number;
     free(begins);
@@ -44,6 +47,7 @@ static int make_order(struct mcap_reader *reader) {
 /* The place's messages; a damaged one has none, and is counted once. */
 static int load(struct mcap_reader *reader, struct place *place, struct loaded *loaded) {
     int error = place->damaged ? -EBADMSG : reader_load(reader, place, loaded);
+
     if (error == -EBADMSG && !place->damaged) {
         place->damaged = true;
         reader->state.damaged++;
@@ -54,6 +58,7 @@ static int load(struct mcap_reader *reader, struct place *place, struct loaded *
 static int activate(struct mcap_reader *reader) {
     struct loaded loaded, *more;
     int error = load(reader, &reader->places[reader->order[reader->next]], &loaded);
+
     if (error && error != -EBADMSG)
         return error;
     reader->next++;
@@ -63,8 +68,8 @@ static int activate(struct mcap_reader *reader) {
         reader_unload(&loaded);
         return 0;
     }
-    qsort(loaded.messages, loaded.count, sizeof(*loaded.messages), by_time);
-    more = realloc(reader->active, (reader->active_count + 1) * sizeof(*more));
+    qsort(loaded.messages, loaded.count, sizeof *loaded.messages, by_time);
+    more = realloc(reader->active, (reader->active_count + 1) * sizeof *more);
     if (!more) {
         reader_unload(&loaded);
         return -ENOMEM;
@@ -77,10 +82,12 @@ static int activate(struct mcap_reader *reader) {
 /* The chunk with the earliest message, or NULL. */
 static struct loaded *earliest(struct mcap_reader *reader) {
     struct loaded *found = NULL;
+
     for (unsigned i = 0; i < reader->active_count; i++) {
         struct loaded *one = &reader->active[i];
         uint64_t time = one->messages[one->next].log_time;
         uint64_t best = found ? found->messages[found->next].log_time : 0;
+
         if (!found || time < best || (time == best && one->number < found->number))
             found = one;
     }
@@ -101,6 +108,7 @@ static void drop_finished(struct mcap_reader *reader) {
 
 int mcap_next(struct mcap_reader *reader, struct mcap_message *message) {
     int error = reader->order ? 0 : make_order(reader);
+
     drop_finished(reader);
     struct loaded *found = earliest(reader);
     while (!error && reader->next < reader->place_count &&

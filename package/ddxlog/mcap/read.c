@@ -13,6 +13,7 @@
 
 __attribute__((format(printf, 2, 3))) static void *fail(char *error, const char *format, ...) {
     va_list arguments;
+
     va_start(arguments, format);
     vsnprintf(error, MCAP_ERROR_MAX, format, arguments);
     va_end(arguments);
@@ -21,8 +22,10 @@ __attribute__((format(printf, 2, 3))) static void *fail(char *error, const char 
 
 int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size) {
     unsigned char *to = data;
+
     while (size) {
         ssize_t done = pread(reader->fd, to, size, (off_t)offset);
+
         if (done < 0 && errno != EINTR)
             return -errno;
         if (!done)
@@ -39,7 +42,7 @@ int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, s
 static int add_place(struct mcap_reader *reader, struct place place) {
     if (!(reader->place_count & (reader->place_count - 1))) { /* a power of two: full */
         size_t room = reader->place_count ? reader->place_count * 2 : 1;
-        struct place *more = realloc(reader->places, room * sizeof(*more));
+        struct place *more = realloc(reader->places, room * sizeof *more);
         if (!more)
             return -ENOMEM;
         reader->places = more;
@@ -51,12 +54,13 @@ static int add_place(struct mcap_reader *reader, struct place place) {
 
 static int take_chunk(struct mcap_reader *reader, uint64_t at, uint64_t length) {
     unsigned char head[16];
+
     if (length < MCAP_CHUNK_HEAD)
         return -EBADMSG;
-    int error = reader_read(reader, at, head, sizeof(head));
+    int error = reader_read(reader, at, head, sizeof head);
     if (error)
         return error;
-    struct cursor cursor = {head, head + sizeof(head), false};
+    struct cursor cursor = {head, head + sizeof head, false};
     struct place place = {.offset = at, .length = length, .first = cursor_number(&cursor, 8)};
     place.last = cursor_number(&cursor, 8);
     return add_place(reader, place);
@@ -78,15 +82,16 @@ static int take_definition(struct mcap_reader *reader, enum mcap_opcode opcode, 
 /* One record at `at`; *next is where the one behind it begins. -EBADMSG: this is no whole record. */
 static int take_record(struct mcap_reader *reader, uint64_t at, uint64_t *next, enum mcap_opcode *opcode) {
     unsigned char head[MCAP_RECORD_HEAD];
-    if (reader->size - at < sizeof(head))
+
+    if (reader->size - at < sizeof head)
         return -EBADMSG;
-    int error = reader_read(reader, at, head, sizeof(head));
+    int error = reader_read(reader, at, head, sizeof head);
     if (error)
         return error;
-    struct cursor cursor = {head, head + sizeof(head), false};
+    struct cursor cursor = {head, head + sizeof head, false};
     *opcode = (enum mcap_opcode)cursor_number(&cursor, 1);
     uint64_t length = cursor_number(&cursor, 8);
-    at += sizeof(head);
+    at += sizeof head;
     if (!*opcode || (*opcode >= MCAP_OPCODE_END && *opcode < 0x80) || length > reader->size - at)
         return -EBADMSG;
     *next = at + length;
@@ -103,8 +108,10 @@ static int look_through(struct mcap_reader *reader) {
     uint64_t at = MCAP_MAGIC_SIZE, next = at;
     enum mcap_opcode opcode = MCAP_HEADER;
     bool data_end = false;
+
     while (at < reader->size) {
         int error = take_record(reader, at, &next, &opcode);
+
         if (error == -EBADMSG)
             break;
         if (error)
@@ -115,18 +122,19 @@ static int look_through(struct mcap_reader *reader) {
             break;
     }
     unsigned char magic[MCAP_MAGIC_SIZE];
-    reader->state.complete = data_end && opcode == MCAP_FOOTER && reader->size - at == sizeof(magic) &&
-                             !reader_read(reader, at, magic, sizeof(magic)) &&
-                             !memcmp(magic, MCAP_MAGIC, sizeof(magic));
+    reader->state.complete = data_end && opcode == MCAP_FOOTER && reader->size - at == sizeof magic &&
+                             !reader_read(reader, at, magic, sizeof magic) &&
+                             !memcmp(magic, MCAP_MAGIC, sizeof magic);
     reader->state.left_over = reader->state.complete ? 0 : reader->size - at;
     reader->state.chunks = reader->place_count;
     return 0;
 }
 
 struct mcap_reader *mcap_open(const char *path, char *error) {
-    struct mcap_reader *reader = calloc(1, sizeof(*reader));
+    struct mcap_reader *reader = calloc(1, sizeof *reader);
     struct stat status;
     unsigned char magic[MCAP_MAGIC_SIZE];
+
     if (!reader)
         return fail(error, "no memory");
     reader->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
@@ -135,8 +143,8 @@ struct mcap_reader *mcap_open(const char *path, char *error) {
         fail(error, "cannot be opened: %s", strerror(errno));
     else if (!S_ISREG(status.st_mode))
         fail(error, "is no file");
-    else if (reader->size = (uint64_t)status.st_size, reader_read(reader, 0, magic, sizeof(magic)) ||
-                                                          memcmp(magic, MCAP_MAGIC, sizeof(magic)))
+    else if (reader->size = (uint64_t)status.st_size, reader_read(reader, 0, magic, sizeof magic) ||
+                                                          memcmp(magic, MCAP_MAGIC, sizeof magic))
         fail(error, "%s", reader->size ? "is no MCAP file" : "is empty");
     else if ((result = look_through(reader)))
         fail(error, "cannot be read: %s", strerror(-result));
@@ -168,6 +176,7 @@ void mcap_times(const struct mcap_reader *reader, uint64_t *first, uint64_t *las
     *first = *last = 0;
     for (unsigned i = 0; i < reader->place_count; i++) {
         const struct place *place = &reader->places[i];
+
         if (!i || place->first < *first)
             *first = place->first;
         if (!i || place->last > *last)

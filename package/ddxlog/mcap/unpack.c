@@ -14,6 +14,7 @@ static int unpack_lz4(const unsigned char *packed, size_t packed_size, unsigned 
     size_t from = 0, to = 0, more = 1;
     while (more && from < packed_size) {
         size_t taken = packed_size - from, given = size - to;
+
         more = LZ4F_decompress(context, data + to, &given, packed + from, &taken, NULL);
         if (LZ4F_isError(more) || (!taken && !given))
             break;
@@ -34,6 +35,7 @@ static int unpack(const unsigned char *content, size_t length, unsigned char **d
     uint64_t packed_size = cursor_number(&cursor, 8);
     const unsigned char *packed = cursor_bytes(&cursor, packed_size);
     bool lz4 = name && name_size == 3 && !memcmp(name, "lz4", 3);
+
     /* LZ4 makes nothing smaller than a 255th: more is no chunk, and no reason to ask for so much memory. */
     if (!packed || (name_size && !lz4) || unpacked > MCAP_CHUNK_MAX || unpacked > packed_size * 256 + 1024)
         return -EBADMSG;
@@ -55,9 +57,11 @@ static int unpack(const unsigned char *content, size_t length, unsigned char **d
 
 static int add_message(struct loaded *loaded, const unsigned char *content, size_t size) {
     struct cursor cursor = {content, content + size, false};
+
     if (!(loaded->count & (loaded->count - 1))) {
         size_t room = loaded->count ? loaded->count * 2 : 1;
-        struct mcap_message *more = realloc(loaded->messages, room * sizeof(*more));
+        struct mcap_message *more = realloc(loaded->messages, room * sizeof *more);
+
         if (!more)
             return -ENOMEM;
         loaded->messages = more;
@@ -77,11 +81,13 @@ static int add_message(struct loaded *loaded, const unsigned char *content, size
 
 static int take_apart(struct mcap_reader *reader, struct loaded *loaded, size_t size) {
     struct cursor cursor = {loaded->data, loaded->data + size, false};
+
     while (cursor_left(&cursor)) {
         enum mcap_opcode opcode = (enum mcap_opcode)cursor_number(&cursor, 1);
         uint64_t length = cursor_number(&cursor, 8);
         const unsigned char *content = cursor_bytes(&cursor, length);
         int error = 0;
+
         if (!content)
             return -EBADMSG;
         if (opcode == MCAP_MESSAGE)
@@ -95,7 +101,7 @@ static int take_apart(struct mcap_reader *reader, struct loaded *loaded, size_t 
 }
 
 int reader_load(struct mcap_reader *reader, const struct place *place, struct loaded *loaded) {
-    memset(loaded, 0, sizeof(*loaded));
+    memset(loaded, 0, sizeof *loaded);
     loaded->number = place->number;
     if (place->length > MCAP_CHUNK_MAX)
         return -EBADMSG;

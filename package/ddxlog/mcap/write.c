@@ -45,6 +45,7 @@ static void end_record(struct bytes *bytes, size_t begin) {
 
 static void put_pairs(struct bytes *bytes, const struct mcap_pair *pairs) {
     size_t at = bytes->size;
+
     bytes_number(bytes, 0, 4);
     for (; pairs && pairs->key; pairs++) {
         bytes_text(bytes, pairs->key);
@@ -55,7 +56,8 @@ static void put_pairs(struct bytes *bytes, const struct mcap_pair *pairs) {
 }
 
 struct mcap_writer *mcap_writer_new(int fd) {
-    struct mcap_writer *writer = calloc(1, sizeof(*writer));
+    struct mcap_writer *writer = calloc(1, sizeof *writer);
+
     if (!writer)
         return NULL;
     writer->fd = fd;
@@ -72,7 +74,7 @@ void mcap_writer_free(struct mcap_writer *writer) {
         return;
     struct bytes *all[] = {&writer->fresh,    &writer->chunk,         &writer->packed,          &writer->schemas,
                            &writer->channels, &writer->chunk_indexes, &writer->metadata_indexes};
-    for (size_t i = 0; i < sizeof(all) / sizeof(*all); i++)
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         bytes_free(all[i]);
     for (uint32_t id = 1; id <= writer->channel_count; id++)
         bytes_free(&writer->index[id].entries);
@@ -83,6 +85,7 @@ void mcap_writer_free(struct mcap_writer *writer) {
 void mcap_put_metadata(struct mcap_writer *writer, const char *name, const struct mcap_pair *pairs) {
     size_t begin = writer->fresh.size;
     size_t record = begin_record(&writer->fresh, MCAP_METADATA);
+
     bytes_text(&writer->fresh, name);
     put_pairs(&writer->fresh, pairs);
     end_record(&writer->fresh, record);
@@ -105,6 +108,7 @@ static void put_twice(struct mcap_writer *writer, struct bytes *summary, size_t 
 void mcap_put_schema(struct mcap_writer *writer, const struct mcap_schema *schema) {
     struct bytes *to = &writer->fresh;
     size_t begin = to->size, record = begin_record(to, MCAP_SCHEMA);
+
     bytes_number(to, schema->id, 2);
     bytes_text(to, schema->name);
     bytes_text(to, schema->encoding);
@@ -116,7 +120,8 @@ void mcap_put_schema(struct mcap_writer *writer, const struct mcap_schema *schem
 }
 
 void mcap_put_channel(struct mcap_writer *writer, const struct mcap_channel *channel) {
-    struct index *index = realloc(writer->index, (writer->channel_count + 2) * sizeof(*index));
+    struct index *index = realloc(writer->index, (writer->channel_count + 2) * sizeof *index);
+
     if (!index) {
         writer->error = -ENOMEM;
         return;
@@ -164,6 +169,7 @@ unsigned char *mcap_put_message_space(struct mcap_writer *writer, const struct m
 
 void mcap_put_message(struct mcap_writer *writer, const struct mcap_message *message) {
     unsigned char *data = mcap_put_message_space(writer, message);
+
     if (!data)
         writer->error = writer->error ? writer->error : -ENOMEM;
     else if (message->size)
@@ -181,6 +187,7 @@ uint64_t mcap_written(const struct mcap_writer *writer) {
 static int write_all(int fd, const unsigned char *data, size_t size) {
     while (size) {
         ssize_t done = write(fd, data, size);
+
         if (done < 0 && errno != EINTR)
             return -errno;
         if (done > 0) {
@@ -196,6 +203,7 @@ static void pack(struct mcap_writer *writer) {
     struct bytes *to = &writer->fresh, *summary = &writer->chunk_indexes;
     LZ4F_preferences_t preferences = {.frameInfo = {.contentSize = writer->chunk.size}};
     size_t bound = LZ4F_compressFrameBound(writer->chunk.size, &preferences);
+
     bytes_clear(&writer->packed);
     void *room = bytes_extend(&writer->packed, bound);
     if (!room) {
@@ -228,6 +236,7 @@ static void pack(struct mcap_writer *writer) {
     bytes_number(summary, 0, 4);
     for (uint32_t id = 1; id <= writer->channel_count; id++) {
         struct index *index = &writer->index[id];
+
         if (!index->entries.size)
             continue;
         bytes_number(summary, id, 2);
@@ -276,6 +285,7 @@ int mcap_flush(struct mcap_writer *writer) {
 
 static void put_statistics(const struct mcap_writer *writer, struct bytes *to) {
     size_t record = begin_record(to, MCAP_STATISTICS);
+
     bytes_number(to, writer->messages, 8);
     bytes_number(to, writer->schema_count, 2);
     bytes_number(to, writer->channel_count, 4);
@@ -294,6 +304,7 @@ static void put_statistics(const struct mcap_writer *writer, struct bytes *to) {
 
 int mcap_finish(struct mcap_writer *writer) {
     int error = mcap_flush(writer);
+
     if (error)
         return error;
     struct bytes *to = &writer->fresh, statistics = {.data = NULL}, offsets = {.data = NULL};
@@ -305,7 +316,7 @@ int mcap_finish(struct mcap_writer *writer) {
     size_t summary = to->size;
     const struct bytes *groups[] = {&writer->schemas, &writer->channels, &statistics, &writer->metadata_indexes,
                                     &writer->chunk_indexes};
-    for (size_t i = 0; i < sizeof(groups) / sizeof(*groups); i++) {
+    for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
         if (!groups[i]->size)
             continue;
         record = begin_record(&offsets, MCAP_SUMMARY_OFFSET);

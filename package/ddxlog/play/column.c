@@ -27,14 +27,17 @@ static void write_number(FILE *file, const struct form_leaf *leaf, const unsigne
     struct cursor cursor = {at, at + leaf->bytes, false};
     uint64_t number = cursor_number(&cursor, leaf->bytes);
     unsigned unused = 64 - 8 * leaf->bytes;
+
     if (leaf->kind == DDX_KIND_FLOAT && leaf->bytes == 4) {
         uint32_t bits = (uint32_t)number;
         float value;
-        memcpy(&value, &bits, sizeof(value));
+
+        memcpy(&value, &bits, sizeof value);
         fprintf(file, "%.9g", (double)value); /* so many digits that the very same number is read again */
     } else if (leaf->kind == DDX_KIND_FLOAT) {
         double value;
-        memcpy(&value, &number, sizeof(value));
+
+        memcpy(&value, &number, sizeof value);
         fprintf(file, "%.17g", value);
     } else if (leaf->kind == DDX_KIND_UNSIGNED) {
         fprintf(file, "%" PRIu64, number);
@@ -46,6 +49,7 @@ static void write_number(FILE *file, const struct form_leaf *leaf, const unsigne
 /* Up to its zero byte, in quotes; what is no text is its size and CRC32. */
 static void write_text(FILE *file, const unsigned char *at, size_t size) {
     size_t length = strnlen((const char *)at, size);
+
     for (size_t i = 0; i < length; i++)
         if (at[i] < ' ' || at[i] == 127) {
             fprintf(file, "%zu bytes crc32=%08" PRIx32, size, crc32_of(0, at, size));
@@ -60,6 +64,7 @@ static void write_text(FILE *file, const unsigned char *at, size_t size) {
 void column_values(FILE *file, const struct form_leaf *leaf, const unsigned char *message) {
     const unsigned char *at = message + leaf->message;
     size_t size = (size_t)leaf->bytes * leaf->count;
+
     if (is_text(leaf) && size <= 4096) {
         fputc(',', file);
         write_text(file, at, size);

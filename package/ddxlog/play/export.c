@@ -32,8 +32,9 @@ struct exporter {
 static FILE *create(const struct exporter *exporter, const char *topic, char path[PATH_MAX]) {
     for (int number = 1; number < 1000; number++) {
         char suffix[16] = "";
+
         if (number > 1)
-            snprintf(suffix, sizeof(suffix), ".%d", number);
+            snprintf(suffix, sizeof suffix, ".%d", number);
         int length = snprintf(path, PATH_MAX, "%s/", exporter->folder);
         if (length + (int)strlen(topic) + 24 >= PATH_MAX) {
             errno = ENAMETOOLONG;
@@ -64,6 +65,7 @@ static int open_table(struct exporter *exporter, struct table *table, const stru
     const char *declaration = channel ? mcap_value(channel, "ddx.declaration") : NULL;
     const char *extents = channel ? mcap_value(channel, "ddx.extents") : NULL;
     char path[PATH_MAX] = "";
+
     table->foreign = !type || !declaration || form_of_text(type, declaration, extents ? extents : "", &table->form);
     if (table->foreign)
         return EXIT_OK;
@@ -81,6 +83,7 @@ static int open_table(struct exporter *exporter, struct table *table, const stru
 
 static void write_row(struct exporter *exporter, const struct table *table, const struct mcap_message *message) {
     int64_t monotonic = (int64_t)(message->publish_time - (uint64_t)exporter->wall_offset);
+
     fprintf(table->file, "%" PRIu64 ",%" PRId64 ",%" PRIu32, message->publish_time, monotonic, message->sequence);
     for (unsigned i = 0; i < table->form->leaf_count; i++)
         column_values(table->file, &table->form->leaves[i], message->data);
@@ -91,10 +94,13 @@ static void write_row(struct exporter *exporter, const struct table *table, cons
 static int write_tables(struct exporter *exporter, const char *path) {
     struct mcap_message message;
     int result;
+
     while ((result = mcap_next(exporter->reader, &message)) > 0) {
         struct table *table = &exporter->tables[message.channel];
+
         if (!table->file && !table->foreign) {
             int status = open_table(exporter, table, mcap_channel(exporter->reader, message.channel));
+
             if (status)
                 return status;
         }
@@ -114,9 +120,11 @@ static int write_tables(struct exporter *exporter, const char *path) {
 
 static int close_tables(struct exporter *exporter) {
     int status = EXIT_OK;
+
     for (unsigned id = 0; id < 65536; id++) {
         struct table *table = &exporter->tables[id];
         bool bad = table->file && (ferror(table->file) | fclose(table->file));
+
         if (bad && !status) {
             say("%s: cannot be written: %s", exporter->folder, strerror(errno));
             status = EXIT_FAILED;
@@ -128,7 +136,8 @@ static int close_tables(struct exporter *exporter) {
 
 int export_run(const char *path, const char *folder) {
     char error[MCAP_ERROR_MAX];
-    struct exporter *exporter = calloc(1, sizeof(*exporter));
+    struct exporter *exporter = calloc(1, sizeof *exporter);
+
     if (!exporter)
         return EXIT_FAILED;
     exporter->folder = folder;
@@ -142,6 +151,7 @@ int export_run(const char *path, const char *folder) {
         status = EXIT_FAILED;
     } else {
         const char *offset = mcap_metadata(exporter->reader, "ddxlog", "wall_offset_ns");
+
         exporter->wall_offset = offset ? strtoll(offset, NULL, 10) : 0;
         status = write_tables(exporter, path);
         int closed = close_tables(exporter);

@@ -20,8 +20,10 @@ static void refuse(struct replay_item *item, int error) {
 /* "y=101376 u=25344" as the store wants it, in place. */
 static unsigned parse_extents(char *text, struct ddx_extent extents[EXTENTS_MAX]) {
     unsigned count = 0;
+
     for (char *word, *rest = text; count < EXTENTS_MAX && (word = strtok_r(rest, " ", &rest));) {
         char *equals = strchr(word, '=');
+
         if (!equals)
             continue;
         *equals = 0;
@@ -33,6 +35,7 @@ static unsigned parse_extents(char *text, struct ddx_extent extents[EXTENTS_MAX]
 /* A type of which only the size is known. */
 static int create_opaque(struct replay *replay, struct replay_item *item, const char *type, size_t size) {
     void *data;
+
     item->handle = ddx_store_lookup_item(replay->id, item->name, type, (int)size);
     if (!item->handle)
         return -errno;
@@ -45,6 +48,7 @@ static int create(struct replay *replay, struct replay_item *item, const struct 
     const char *words = mcap_value(channel, "ddx.extents");
     struct ddx_extent extents[EXTENTS_MAX];
     char *text = strdup(words ? words : "");
+
     if (!text)
         return -ENOMEM;
     ddx_store_done_item(item->handle);
@@ -56,6 +60,7 @@ static int create(struct replay *replay, struct replay_item *item, const struct 
     if (*declaration) {
         struct ddx_item_spec spec = {
             .name = item->name, .type = type, .declaration = declaration, .extents = extents};
+
         spec.extent_count = parse_extents(text, extents);
         error = ddx_store_create(replay->id, &spec, &item->handle);
     } else {
@@ -71,14 +76,15 @@ static int create(struct replay *replay, struct replay_item *item, const struct 
 
 static struct replay_item *find(struct replay *replay, const struct mcap_channel *channel) {
     struct replay_item **link = &replay->items;
+
     for (; *link; link = &(*link)->next)
         if (!strcmp((*link)->topic, channel->topic))
             return *link;
-    struct replay_item *item = calloc(1, sizeof(*item));
+    struct replay_item *item = calloc(1, sizeof *item);
     if (!item)
         return NULL;
     item->topic = channel->topic;
-    if (snprintf(item->name, sizeof(item->name), "%s%s", replay->prefix, item->topic) >= (int)sizeof(item->name)) {
+    if (snprintf(item->name, sizeof item->name, "%s%s", replay->prefix, item->topic) >= (int)sizeof item->name) {
         item->name[DDX_NAME_MAX] = 0;
         refuse(item, -EINVAL);
     }
@@ -87,9 +93,11 @@ static struct replay_item *find(struct replay *replay, const struct mcap_channel
 
 static bool is_excepted(const struct replay *replay, const char *topic) {
     char pattern[DDX_NAME_MAX + 1];
+
     for (const char *at = replay->except; at && *at;) {
         size_t length = strcspn(at, ",");
-        snprintf(pattern, sizeof(pattern), "%.*s", (int)(length > DDX_NAME_MAX ? DDX_NAME_MAX : length), at);
+
+        snprintf(pattern, sizeof pattern, "%.*s", (int)(length > DDX_NAME_MAX ? DDX_NAME_MAX : length), at);
         if (!fnmatch(pattern, topic, 0))
             return true;
         at += length + (at[length] == ',');
@@ -104,9 +112,11 @@ static bool is_ours(const struct replay *replay, const struct mcap_channel *chan
 
 unsigned items_create(struct replay *replay) {
     unsigned count = 0;
+
     for (unsigned id = 1; id < 65536; id++) {
         const struct mcap_channel *channel = mcap_channel(replay->reader, (uint16_t)id);
         struct replay_item *item = is_ours(replay, channel) ? find(replay, channel) : NULL;
+
         if (!item || item->channel || item->refused)
             continue;
         count++;
@@ -128,6 +138,7 @@ void items_free(struct replay *replay) {
 
 static int write_value(const struct replay_item *item, const struct mcap_message *message, int64_t time) {
     void *data;
+
     if (message->size != item->form->message_size)
         return -EMSGSIZE;
     int error = ddx_store_loan(item->handle, &data);
@@ -142,6 +153,7 @@ static int write_value(const struct replay_item *item, const struct mcap_message
 struct replay_item *items_write(struct replay *replay, const struct mcap_message *message, int64_t time, int *error) {
     const struct mcap_channel *channel = mcap_channel(replay->reader, message->channel);
     struct replay_item *item = is_ours(replay, channel) ? find(replay, channel) : NULL;
+
     *error = 0;
     if (!item)
         return NULL;
@@ -166,8 +178,10 @@ struct replay_item *items_write(struct replay *replay, const struct mcap_message
 
 int items_readers(const struct replay *replay) {
     int least = INT32_MAX;
+
     for (const struct replay_item *item = replay->items; item; item = item->next) {
         int readers = item->handle && !item->refused ? ddx_store_readers(item->handle) : INT32_MAX;
+
         if (readers < least)
             least = readers;
     }

@@ -9,6 +9,7 @@ bool replay_wait_line(struct replay *replay) {
     for (;;) {
         struct pollfd input = {.fd = STDIN_FILENO, .events = POLLIN};
         char c;
+
         program_tick(replay->book);
         if (program_stopping())
             return false;

@@ -21,6 +21,7 @@ enum { LOST_STORE };
 static int64_t due_time(const struct replay *replay, uint64_t time) {
     uint64_t offset = time > replay->origin ? time - replay->origin : 0;
     int64_t scaled = offset > INT64_MAX ? INT64_MAX : (int64_t)offset;
+
     if (replay->speed.num) /* -rate 0 keeps the recorded steps */
         scaled = schedule_scale(scaled, replay->speed.den, replay->speed.num);
     return scaled > INT64_MAX - replay->begin ? INT64_MAX : replay->begin + scaled;
@@ -29,6 +30,7 @@ static int64_t due_time(const struct replay *replay, uint64_t time) {
 static bool wait_for_readers(struct replay *replay) {
     bool said = false;
     int64_t begin = ddx_time_now();
+
     while (items_readers(replay) < replay->readers) {
         if (!said && ddx_time_now() - begin > NS) {
             say("waiting for %ld readers of each item", replay->readers);
@@ -55,6 +57,7 @@ static int write_clock(struct replay *replay) {
 static bool play(struct replay *replay, const struct mcap_message *message, bool *stepped) {
     int64_t due = due_time(replay, message->log_time);
     int error;
+
     if (replay->step) {
         if (!*stepped && !replay_wait_line(replay))
             return false;
@@ -88,6 +91,7 @@ static bool play_pass(struct replay *replay, uint64_t first, uint64_t *last) {
     bool stepped = false;
     int result;
     uint64_t end = (uint64_t)replay->to > UINT64_MAX - first ? UINT64_MAX : first + (uint64_t)replay->to;
+
     *last = replay->origin;
     while ((result = mcap_next(replay->reader, &message)) > 0) {
         if (program_stopping())
@@ -109,6 +113,7 @@ static bool play_pass(struct replay *replay, uint64_t first, uint64_t *last) {
 
 static void play_all(struct replay *replay) {
     uint64_t first, end, last;
+
     mcap_times(replay->reader, &first, &end);
     replay->origin = replay->from >= 0 || (uint64_t)-replay->from < first ? first + (uint64_t)replay->from : 0;
     if (!wait_for_readers(replay))
@@ -117,6 +122,7 @@ static void play_all(struct replay *replay) {
     replay->begin = ddx_time_now() + (replay->clock ? AHEAD_NS : 0);
     do {
         int error = write_clock(replay);
+
         if (error) {
             say("%s: %s", replay->clock, ddx_error_text(error));
             replay->status = EXIT_FAILED;
@@ -152,6 +158,7 @@ static int open_items(struct replay *replay) {
 
 static void say_state(const struct replay *replay) {
     struct mcap_state state = mcap_state(replay->reader);
+
     if (!state.complete)
         say("%s: was cut off, or is still being written: %u whole chunks, %" PRIu64 " bytes behind them", replay->path,
             state.chunks, state.left_over);
@@ -159,6 +166,7 @@ static void say_state(const struct replay *replay) {
 
 int replay_run(struct replay *replay) {
     char error[MCAP_ERROR_MAX];
+
     replay->reader = mcap_open(replay->path, error);
     if (!replay->reader) {
         say("%s: %s", replay->path, error);

@@ -4,6 +4,7 @@
 int64_t fraction_divisor(int64_t a, int64_t b) {
     while (b) {
         int64_t rest = a % b;
+
         a = b;
         b = rest;
     }
@@ -12,6 +13,7 @@ int64_t fraction_divisor(int64_t a, int64_t b) {
 
 void fraction_reduce(int64_t *num, int64_t *den) {
     int64_t divisor = *num && *den ? fraction_divisor(*num, *den) : 1;
+
     *num /= divisor;
     *den /= divisor;
     while (*num > INT32_MAX || *den > INT32_MAX) {

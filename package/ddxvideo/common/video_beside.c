@@ -11,8 +11,9 @@ _Static_assert(sizeof(DDX_VIDEO_PARAMETERS) == 4 + 56 * DDX_VIDEO_PARAMETERS_MAX
 static int create_beside(DDX_STORE_ID *id, const char *video_name, const char *suffix, struct ddx_item_spec *spec,
                          DDX_STORE_ITEM **item) {
     char name[DDX_NAME_MAX + 1];
-    int length = snprintf(name, sizeof(name), "%s.%s", video_name, suffix);
-    if (length < 0 || (size_t)length >= sizeof(name))
+    int length = snprintf(name, sizeof name, "%s.%s", video_name, suffix);
+
+    if (length < 0 || (size_t)length >= sizeof name)
         return -EINVAL;
     spec->name = name;
     return ddx_store_create(id, spec, item);
@@ -20,6 +21,7 @@ static int create_beside(DDX_STORE_ID *id, const char *video_name, const char *s
 
 int ddxvideo_counter_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item) {
     struct ddx_item_spec spec = {.type = "int", .declaration = "int", .size = sizeof(int)};
+
     return create_beside(id, video_name, "frame", &spec, item);
 }
 
@@ -29,6 +31,7 @@ int ddxvideo_counter_write(DDX_STORE_ITEM *item, int frame) {
 
 int ddxvideo_parameters_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item) {
     struct ddx_item_spec spec = {.type = "DDX_VIDEO_PARAMETERS", .size = sizeof(DDX_VIDEO_PARAMETERS)};
+
     return create_beside(id, video_name, "parameters", &spec, item);
 }
 
@@ -36,7 +39,7 @@ int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *
     if (parameters->count < 0 || parameters->count > DDX_VIDEO_PARAMETERS_MAX)
         return -EINVAL;
     for (int i = 0; i < parameters->count; i++)
-        if (!memchr(parameters->parameter[i].name, 0, sizeof(parameters->parameter[i].name)))
+        if (!memchr(parameters->parameter[i].name, 0, sizeof parameters->parameter[i].name))
             return -EINVAL;
     return ddx_store_write(item, parameters, NULL);
 }

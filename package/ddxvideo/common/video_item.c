@@ -56,10 +56,11 @@ int ddxvideo_same_layout(const struct ddxvideo_geometry *a, const struct ddxvide
 /* The declaration with its word BOUND replaced by a number. */
 static void declare(char *text, size_t size, unsigned bound) {
     size_t length = 0;
+
     for (const char *from = declaration_pattern; *from && length + 16 < size;) {
-        if (!strncmp(from, BOUND_WORD, sizeof(BOUND_WORD) - 1)) {
+        if (!strncmp(from, BOUND_WORD, sizeof BOUND_WORD - 1)) {
             length += (size_t)snprintf(text + length, size - length, "%u", bound);
-            from += sizeof(BOUND_WORD) - 1;
+            from += sizeof BOUND_WORD - 1;
         } else {
             text[length++] = *from++;
         }
@@ -73,8 +74,8 @@ int ddxvideo_create(DDX_STORE_ID *id, const char *name, const struct ddxvideo_ge
         return -EINVAL;
     unsigned luma = (unsigned)geometry->width * (unsigned)geometry->height;
     unsigned bound = luma <= DDX_VIDEO_MAX ? DDX_VIDEO_MAX : (luma + 63) / 64 * 64;
-    char declaration[sizeof(declaration_pattern) + 64];
-    declare(declaration, sizeof(declaration), bound);
+    char declaration[sizeof declaration_pattern + 64];
+    declare(declaration, sizeof declaration, bound);
     const struct ddx_extent extents[] = {{"y", luma}, {"u", luma / 4}, {"v", luma / 4}};
     const struct ddx_item_spec spec = {.name = name,
                                        .type = "DDX_VIDEO",
@@ -120,12 +121,14 @@ static const struct number stamp_numbers[] = {
 /* The field of a number, or NULL if the item has none that looks like it. */
 static const struct ddx_field *find(const DDX_STORE_ITEM *item, const struct number *number) {
     const struct ddx_field *field = ddx_store_field_named(item, number->name);
+
     return field && field->kind == DDX_KIND_INT && field->bytes == number->bytes && field->count == 1 ? field : NULL;
 }
 
 static bool get_numbers(const DDX_STORE_ITEM *item, const void *data, const struct number *numbers, void *to) {
     for (const struct number *number = numbers; number->name; number++) {
         const struct ddx_field *field = find(item, number);
+
         if (field)
             memcpy((char *)to + number->offset, (const char *)data + field->offset, number->bytes);
         else if (number->paper)
@@ -137,6 +140,7 @@ static bool get_numbers(const DDX_STORE_ITEM *item, const void *data, const stru
 static void set_numbers(const DDX_STORE_ITEM *item, void *data, const struct number *numbers, const void *from) {
     for (const struct number *number = numbers; number->name; number++) {
         const struct ddx_field *field = find(item, number);
+
         if (field)
             memcpy((char *)data + field->offset, (const char *)from + number->offset, number->bytes);
     }
@@ -146,8 +150,10 @@ static void set_numbers(const DDX_STORE_ITEM *item, void *data, const struct num
 static int find_planes(const DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry, uint64_t offset[3],
                        int stride[3], int rows[3]) {
     static const char *const names[3] = {"y", "u", "v"};
+
     for (int i = 0; i < 3; i++) {
         const struct ddx_field *field = ddx_store_field_named(item, names[i]);
+
         if (!field || field->bytes != 1)
             return -EPROTOTYPE;
         stride[i] = i ? geometry->width / 2 : geometry->width;
@@ -161,9 +167,10 @@ static int find_planes(const DDX_STORE_ITEM *item, const struct ddxvideo_geometr
 
 int ddxvideo_loan(DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry, struct ddxvideo_frame *frame) {
     uint64_t offset[3];
+
     if (ddxvideo_geometry_error(geometry))
         return -EINVAL;
-    memset(frame, 0, sizeof(*frame));
+    memset(frame, 0, sizeof *frame);
     frame->geometry = *geometry;
     int error = ddx_store_loan(item, &frame->data);
     if (error)
@@ -189,7 +196,8 @@ int ddxvideo_publish(DDX_STORE_ITEM *item, const struct ddxvideo_frame *frame) {
 
 int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view) {
     uint64_t offset[3];
-    memset(view, 0, sizeof(*view));
+
+    memset(view, 0, sizeof *view);
     if (!get_numbers(item, data, geometry_numbers, &view->geometry) ||
         !get_numbers(item, data, stamp_numbers, &view->stamp))
         return -EPROTOTYPE;
@@ -205,6 +213,7 @@ int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_
 
 int64_t ddxvideo_wall_offset(void) {
     int64_t offset = 0, tightest = INT64_MAX;
+
     for (int look = 0; look < LOOKS && tightest > TIGHT_NS; look++) { /* who is interrupted between them, looks again */
         struct timespec wall;
         int64_t before = ddx_time_now();

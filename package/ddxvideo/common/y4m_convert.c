@@ -22,12 +22,13 @@ static enum AVPixelFormat pixel_format(const struct y4m_layout *layout) {
     static const char *const chroma[3][3] = {{"444", NULL, NULL}, {"422", "420", NULL}, {"411", NULL, "410"}};
     char name[32];
     const char *subsampling = chroma[layout->chroma_x][layout->chroma_y];
+
     if (!subsampling)
         return AV_PIX_FMT_NONE;
     if (layout->bits == 8)
-        snprintf(name, sizeof(name), "yuv%sp", subsampling);
+        snprintf(name, sizeof name, "yuv%sp", subsampling);
     else
-        snprintf(name, sizeof(name), "yuv%sp%dle", subsampling, layout->bits);
+        snprintf(name, sizeof name, "yuv%sp%dle", subsampling, layout->bits);
     return av_get_pix_fmt(name);
 }
 
@@ -40,6 +41,7 @@ static bool set_up_scaler(struct y4m_converter *converter) {
     const struct y4m_header *header = &converter->header;
     struct SwsContext *scaler = converter->scaler = sws_alloc_context();
     enum AVPixelFormat from = pixel_format(header->layout);
+
     if (!scaler || from == AV_PIX_FMT_NONE)
         return false;
     const struct {
@@ -58,7 +60,7 @@ static bool set_up_scaler(struct y4m_converter *converter) {
         {"dst_h_chr_pos", header->geometry.format == DDX_VIDEO_420_JPEG ? 128 : 0},
         {"sws_flags", SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP | SWS_BITEXACT},
     };
-    for (size_t i = 0; i < sizeof(settings) / sizeof(*settings); i++)
+    for (size_t i = 0; i < sizeof settings / sizeof *settings; i++)
         if (av_opt_set_int(scaler, settings[i].name, settings[i].value, 0) < 0)
             return false;
     return sws_init_context(scaler, NULL, NULL) >= 0;
@@ -68,6 +70,7 @@ static bool set_up_target(struct y4m_converter *converter) {
     for (int i = 0; i < 3; i++) {
         int width = converter->header.geometry.width >> (i > 0), rows = converter->header.geometry.height >> (i > 0);
         int stride = converter->target_stride[i] = (width + 2 * VECTOR - 1) / VECTOR * VECTOR;
+
         converter->target[i] = aligned_alloc(VECTOR, (size_t)stride * (size_t)rows);
         if (!converter->target[i])
             return false;
@@ -76,7 +79,8 @@ static bool set_up_target(struct y4m_converter *converter) {
 }
 
 struct y4m_converter *y4m_converter_new(const struct y4m_header *header) {
-    struct y4m_converter *converter = calloc(1, sizeof(*converter));
+    struct y4m_converter *converter = calloc(1, sizeof *converter);
+
     if (!converter)
         return NULL;
     converter->header = *header;
@@ -103,11 +107,13 @@ void y4m_converter_free(struct y4m_converter *converter) {
 static void convert_mono(const struct y4m_header *header, const unsigned char *source, unsigned char *const plane[3]) {
     size_t samples = (size_t)header->geometry.width * (size_t)header->geometry.height;
     int bits = header->layout->bits, shift = bits - 8;
+
     if (bits == 8) {
         memcpy(plane[0], source, samples);
     } else {
         for (size_t i = 0; i < samples; i++) {
             unsigned value = source[2 * i] | (unsigned)source[2 * i + 1] << 8;
+
             value = (value + (1u << (shift - 1))) >> shift;
             plane[0][i] = (unsigned char)(value > 255 ? 255 : value);
         }
@@ -118,6 +124,7 @@ static void convert_mono(const struct y4m_header *header, const unsigned char *s
 
 bool y4m_convert(struct y4m_converter *converter, const unsigned char *source, unsigned char *const plane[3]) {
     const struct y4m_header *header = &converter->header;
+
     if (!converter->scaler) {
         convert_mono(header, source, plane);
         return true;
@@ -134,6 +141,7 @@ bool y4m_convert(struct y4m_converter *converter, const unsigned char *source, u
         const uint8_t *from[4] = {0};
         uint8_t *to[4] = {0};
         int from_stride[4] = {0}, to_stride[4] = {0};
+
         for (int i = 0; i < 3; i++) {
             from[i] = planes[i] + field * source_stride[i];
             to[i] = converter->target[i] + field * converter->target_stride[i];
@@ -145,6 +153,7 @@ bool y4m_convert(struct y4m_converter *converter, const unsigned char *source, u
     }
     for (int i = 0; i < 3; i++) {
         size_t bytes = (size_t)(width >> (i > 0));
+
         for (int row = 0; row < header->geometry.height >> (i > 0); row++)
             memcpy(plane[i] + (size_t)row * bytes,
                    converter->target[i] + (size_t)row * (size_t)converter->target_stride[i], bytes);

@@ -43,14 +43,14 @@ static const struct y4m_layout layouts[] = {
 };
 
 const struct y4m_layout *y4m_layout_named(const char *tag) {
-    for (size_t i = 0; i < sizeof(layouts) / sizeof(*layouts); i++)
+    for (size_t i = 0; i < sizeof layouts / sizeof *layouts; i++)
         if (!strcmp(layouts[i].tag, tag))
             return &layouts[i];
     return NULL;
 }
 
 const char *y4m_layout_tag(int format) {
-    for (size_t i = 0; i < sizeof(layouts) / sizeof(*layouts); i++)
+    for (size_t i = 0; i < sizeof layouts / sizeof *layouts; i++)
         if (layouts[i].format == format && y4m_is_plain(&layouts[i]))
             return layouts[i].tag;
     return "420";
@@ -64,6 +64,7 @@ size_t y4m_plane_bytes(const struct y4m_header *header, int plane) {
     const struct y4m_layout *layout = header->layout;
     size_t width = (size_t)header->geometry.width, height = (size_t)header->geometry.height;
     size_t sample = layout->bits > 8 ? 2 : 1;
+
     if (plane == 1 || plane == 2) {
         if (layout->chroma_x < 0)
             return 0;

@@ -10,6 +10,7 @@
 
 __attribute__((format(printf, 2, 3))) static bool fail(char *error, const char *format, ...) {
     va_list arguments;
+
     va_start(arguments, format);
     vsnprintf(error, Y4M_ERROR_MAX, format, arguments);
     va_end(arguments);
@@ -23,6 +24,7 @@ __attribute__((format(printf, 2, 3))) static bool fail(char *error, const char *
 static bool number(const char **text, char end, int64_t maximum, int64_t *value) {
     int64_t result = 0;
     const char *c = *text;
+
     for (; *c >= '0' && *c <= '9'; c++) {
         if (result > (maximum - (*c - '0')) / 10)
             return false;
@@ -42,6 +44,7 @@ static bool single(const char *text, int64_t maximum, int64_t *value) {
 /* "num:den", both zero ("unknown") or neither. */
 static bool ratio(const char *text, int *num, int *den) {
     int64_t a, b;
+
     if (!number(&text, ':', INT32_MAX, &a) || !number(&text, 0, INT32_MAX, &b) || !a != !b)
         return false;
     *num = (int)a;
@@ -52,12 +55,14 @@ static bool ratio(const char *text, int *num, int *den) {
 /* The value of "NAME=value" if it has this name. */
 static const char *named(const char *word, const char *name) {
     size_t length = strlen(name);
+
     return strncmp(word, name, length) || word[length] != '=' ? NULL : word + length + 1;
 }
 
 /* The next word of a line, cut out; NULL at the end. Words are separated by one or more spaces. */
 static char *next_word(char **rest) {
     char *word = *rest + strspn(*rest, " ");
+
     if (!*word)
         return NULL;
     char *end = word + strcspn(word, " ");
@@ -68,6 +73,7 @@ static char *next_word(char **rest) {
 
 static bool side(const char *text, const char *what, int *value, char *error) {
     int64_t result;
+
     if (!single(text, INT32_MAX, &result))
         return fail(error, "bad header: %s '%.20s' is no size; the file is damaged, or no Y4M", what, text);
     if (result > DDX_VIDEO_SIDE)
@@ -81,6 +87,7 @@ static bool our_parameter(const char *word, struct y4m_header *header, char *err
     struct ddxvideo_geometry *geometry = &header->geometry;
     const char *value;
     int64_t result;
+
     if ((value = named(word, "XDDX_FIELDS"))) {
         if (!single(value, DDX_VIDEO_FIELDS, &result) || !result)
             return fail(error, "bad header: %.40s; from 1 to %d fields can be stacked", word, DDX_VIDEO_FIELDS);
@@ -96,6 +103,7 @@ static bool our_parameter(const char *word, struct y4m_header *header, char *err
 
 static bool parameter(const char *word, struct y4m_header *header, char *error) {
     struct ddxvideo_geometry *geometry = &header->geometry;
+
     switch (*word) {
     case 'W': return side(word + 1, "width", &geometry->width, error);
     case 'H': return side(word + 1, "height", &geometry->height, error);
@@ -125,17 +133,18 @@ static bool parameter(const char *word, struct y4m_header *header, char *error) 
 
 bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) {
     char copy[Y4M_HEADER_MAX + 1];
-    if (strncmp(line, MAGIC, sizeof(MAGIC) - 1) || (line[sizeof(MAGIC) - 1] && line[sizeof(MAGIC) - 1] != ' '))
+
+    if (strncmp(line, MAGIC, sizeof MAGIC - 1) || (line[sizeof MAGIC - 1] && line[sizeof MAGIC - 1] != ' '))
         return fail(error, "no Y4M file: it does not begin with " MAGIC "; make one: ffmpeg -i FILE -pix_fmt yuv420p "
                            "OUT.y4m");
-    if (strlen(line) >= sizeof(copy))
+    if (strlen(line) >= sizeof copy)
         return fail(error, "bad header: longer than %d bytes; the file is damaged, or no Y4M", Y4M_HEADER_MAX);
     strcpy(copy, line);
-    memset(header, 0, sizeof(*header));
+    memset(header, 0, sizeof *header);
     header->geometry.fields = 1;
     header->layout = y4m_layout_named("420jpeg"); /* what Y4M means when there is no C */
 
-    char *rest = copy + sizeof(MAGIC) - 1;
+    char *rest = copy + sizeof MAGIC - 1;
     for (char *word = next_word(&rest); word; word = next_word(&rest))
         if (!parameter(word, header, error))
             return false;
@@ -157,7 +166,8 @@ int64_t y4m_parse_start(const char *line) {
     int64_t start;
     size_t length = strcspn(text, " ");
     char copy[24];
-    if (!length || length >= sizeof(copy))
+
+    if (!length || length >= sizeof copy)
         return -1;
     memcpy(copy, text, length);
     copy[length] = 0;
@@ -166,13 +176,15 @@ int64_t y4m_parse_start(const char *line) {
 
 bool y4m_parse_frame(const char *line, int64_t *time, char *error) {
     char copy[Y4M_FRAME_LINE_MAX + 1];
+
     *time = -1;
-    if (strncmp(line, "FRAME", 5) || (line[5] && line[5] != ' ') || strlen(line) >= sizeof(copy))
+    if (strncmp(line, "FRAME", 5) || (line[5] && line[5] != ' ') || strlen(line) >= sizeof copy)
         return fail(error, "no FRAME line where one should be; the file is damaged from there on");
     strcpy(copy, line);
     char *rest = copy + 5;
     for (char *word = next_word(&rest); word; word = next_word(&rest)) {
         const char *value = named(word, "XTIME");
+
         if (value && !single(value, Y4M_TIME_MAX, time))
             return fail(error, "%.40s is no time; the file is damaged", word);
     }
@@ -185,8 +197,8 @@ size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geo
     const char *ranges[] = {"", " XCOLORRANGE=LIMITED", " XCOLORRANGE=FULL"};
     char main_part[Y4M_HEADER_WRITTEN], fields[24] = "";
     if (g->fields != 1)
-        snprintf(fields, sizeof(fields), " XDDX_FIELDS=%d", g->fields);
-    int length = snprintf(main_part, sizeof(main_part), MAGIC " W%d H%d F%d:%d I%c A%d:%d C%s%s", g->width, g->height,
+        snprintf(fields, sizeof fields, " XDDX_FIELDS=%d", g->fields);
+    int length = snprintf(main_part, sizeof main_part, MAGIC " W%d H%d F%d:%d I%c A%d:%d C%s%s", g->width, g->height,
                           known ? g->rate_num : 25, known ? g->rate_den : 1, g->interlacing ? g->interlacing : '?',
                           g->aspect_num, g->aspect_den, y4m_layout_tag(g->format), fields);
     /* The range is left out before a player is lost. */
@@ -197,9 +209,10 @@ size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geo
 size_t y4m_write_frame(char line[Y4M_FRAME_LINE_WRITTEN], int64_t time, int64_t start, int64_t wall) {
     char first[64] = "";
     int length = 0;
+
     if (start > 0)
-        length = snprintf(first, sizeof(first), " XDDX_START=%" PRId64, start);
+        length = snprintf(first, sizeof first, " XDDX_START=%" PRId64, start);
     if (wall > 0)
-        snprintf(first + length, sizeof(first) - (size_t)length, " XDDX_WALL=%" PRId64, wall);
+        snprintf(first + length, sizeof first - (size_t)length, " XDDX_WALL=%" PRId64, wall);
     return (size_t)snprintf(line, Y4M_FRAME_LINE_WRITTEN, "FRAME XTIME=%" PRId64 "%s\n", time, first);
 }

@@ -32,6 +32,7 @@ static ssize_t read_now(struct y4m_reader *reader, const struct iovec *parts, in
     for (;;) {
         struct pollfd wait = {.fd = reader->fd, .events = POLLIN};
         int ready = reader->waits ? poll(&wait, 1, LOOK_MS) : 1;
+
         if (ready <= 0 && is_stopping && is_stopping())
             return 0;
         if (ready <= 0)
@@ -45,8 +46,9 @@ static ssize_t read_now(struct y4m_reader *reader, const struct iovec *parts, in
 __attribute__((format(printf, 3, 4))) static enum y4m_result fail(struct y4m_reader *reader, enum y4m_result result,
                                                                   const char *format, ...) {
     va_list arguments;
+
     va_start(arguments, format);
-    vsnprintf(reader->error, sizeof(reader->error), format, arguments);
+    vsnprintf(reader->error, sizeof reader->error, format, arguments);
     va_end(arguments);
     return result;
 }
@@ -58,10 +60,12 @@ static enum y4m_result fail_errno(struct y4m_reader *reader) {
 /* A line into line[size], without its line feed. Y4M_END: the file ends before its first byte. */
 static enum y4m_result read_line(struct y4m_reader *reader, char *line, size_t size, const char *what) {
     size_t length = 0;
+
     *line = 0;
     for (;;) {
         while (reader->ahead_begin < reader->ahead_end) {
             char c = reader->ahead[reader->ahead_begin++];
+
             line[length] = 0;
             if (c == '\n')
                 return Y4M_OK;
@@ -89,9 +93,11 @@ static enum y4m_result read_line(struct y4m_reader *reader, char *line, size_t s
 static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts, int count) {
     struct iovec all[5];
     int used = 0;
+
     for (int i = 0; i < count; i++) {
         size_t ready = reader->ahead_end - reader->ahead_begin;
         size_t take = ready < parts[i].iov_len ? ready : parts[i].iov_len;
+
         memcpy(parts[i].iov_base, reader->ahead + reader->ahead_begin, take);
         reader->ahead_begin += take;
         if (take < parts[i].iov_len)
@@ -104,6 +110,7 @@ static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts
 
     for (int next = 0; next < used;) {
         ssize_t got = read_now(reader, all + next, used - next + 1);
+
         if (got < 0)
             return fail_errno(reader);
         if (!got) {
@@ -126,7 +133,8 @@ static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts
 
 static enum y4m_result read_header(struct y4m_reader *reader) {
     char line[Y4M_HEADER_MAX];
-    enum y4m_result result = read_line(reader, line, sizeof(line), "header");
+    enum y4m_result result = read_line(reader, line, sizeof line, "header");
+
     if (result == Y4M_END)
         return fail(reader, Y4M_BAD, "is empty; record or copy it again");
     bool foreign = result == Y4M_BAD && *line && strncmp(line, Y4M_MAGIC, strlen(Y4M_MAGIC));
@@ -136,7 +144,7 @@ static enum y4m_result read_header(struct y4m_reader *reader) {
 }
 
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path) {
-    memset(reader, 0, sizeof(*reader));
+    memset(reader, 0, sizeof *reader);
     struct stat status;
     /* Not waiting for a pipe's other end. */
     reader->fd = strcmp(path, "-") ? open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK) : fcntl(0, F_DUPFD_CLOEXEC, 3);
@@ -161,7 +169,7 @@ void y4m_close(struct y4m_reader *reader) {
         close(reader->fd);
     y4m_converter_free(reader->converter);
     free(reader->scratch);
-    memset(reader, 0, sizeof(*reader));
+    memset(reader, 0, sizeof *reader);
     reader->fd = -1;
 }
 
@@ -170,7 +178,8 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
     char error[Y4M_ERROR_MAX];
     struct iovec parts[4];
     int count = 0;
-    enum y4m_result result = read_line(reader, line, sizeof(line), "FRAME line");
+    enum y4m_result result = read_line(reader, line, sizeof line, "FRAME line");
+
     if (result != Y4M_OK)
         return result;
     if (!y4m_parse_frame(line, time, error))
@@ -181,6 +190,7 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
     unsigned char *to = reader->scratch;
     for (int i = 0; i < 4; i++) {
         size_t bytes = y4m_plane_bytes(&reader->header, i);
+
         if (!bytes)
             continue;
         parts[count++] = (struct iovec){to ? to : plane[i], bytes};

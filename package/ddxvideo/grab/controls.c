@@ -11,6 +11,7 @@
 
 void controls_name(char to[32], const char *from) {
     unsigned length = 0;
+
     for (; *from && length < 31; from++) {
         if (isalnum((unsigned char)*from))
             to[length++] = (char)tolower((unsigned char)*from);
@@ -53,6 +54,7 @@ static bool is_number(const struct v4l2_queryctrl *query) {
 static void describe(struct controls *controls, int i, int fd, const struct v4l2_queryctrl *query) {
     bool button = query->type == V4L2_CTRL_TYPE_BUTTON;
     struct v4l2_control now = {.id = query->id};
+
     controls->id[i] = query->id;
     controls->type[i] = query->type;
     controls->list.parameter[i].minimum = button ? 0 : query->minimum;
@@ -70,12 +72,13 @@ static void add(struct controls *controls, int fd, const struct v4l2_queryctrl *
     struct v4l2_event_subscription follow = {.type = V4L2_EVENT_CTRL, .id = query->id};
     char name[32], wanted[32];
     int i = controls->list.count;
+
     if (i == DDX_VIDEO_PARAMETERS_MAX || !is_number(query))
         return;
     controls_name(wanted, (const char *)query->name);
     strcpy(name, wanted);
     for (unsigned twin = 2; find_name(controls, name) >= 0; twin++)
-        snprintf(name, sizeof(name), "%.27s_%u", wanted, twin % 100);
+        snprintf(name, sizeof name, "%.27s_%u", wanted, twin % 100);
     strcpy(controls->list.parameter[i].name, name);
     controls->list.count++;
     describe(controls, i, fd, query);
@@ -84,11 +87,13 @@ static void add(struct controls *controls, int fd, const struct v4l2_queryctrl *
 
 void controls_begin(struct controls *controls, int fd) {
     struct v4l2_queryctrl query = {.id = V4L2_CTRL_FLAG_NEXT_CTRL};
+
     for (unsigned i = 0; i < controls->asked_count; i++) {
         struct v4l2_control again = {.id = controls->asked[i].id, .value = controls->asked[i].value};
+
         device_ioctl(fd, VIDIOC_S_CTRL, &again); /* another camera may not have it */
     }
-    memset(&controls->list, 0, sizeof(controls->list));
+    memset(&controls->list, 0, sizeof controls->list);
     for (; !device_ioctl(fd, VIDIOC_QUERYCTRL, &query); query.id |= V4L2_CTRL_FLAG_NEXT_CTRL)
         add(controls, fd, &query);
 }
@@ -96,6 +101,7 @@ void controls_begin(struct controls *controls, int fd) {
 void controls_follow(struct controls *controls, int fd, uint32_t id) {
     struct v4l2_queryctrl query = {.id = id};
     int i = find_id(controls, id);
+
     if (i >= 0 && !device_ioctl(fd, VIDIOC_QUERYCTRL, &query))
         describe(controls, i, fd, &query);
 }
@@ -103,6 +109,7 @@ void controls_follow(struct controls *controls, int fd, uint32_t id) {
 /* Of a bit mask any bits of its maximum may be set; of others the driver would take the nearest step. */
 static bool fits(const struct controls *controls, int i, int64_t value) {
     int64_t minimum = controls->list.parameter[i].minimum, maximum = controls->list.parameter[i].maximum;
+
     if (controls->type[i] == V4L2_CTRL_TYPE_BITMASK)
         return !(value & ~(int64_t)(uint32_t)maximum);
     return value >= minimum && value <= maximum && (value - minimum) % controls->list.parameter[i].step == 0;
@@ -112,8 +119,9 @@ static void tell_range(const struct controls *controls, int i, int64_t value, ch
     const char *name = controls->list.parameter[i].name;
     int minimum = controls->list.parameter[i].minimum, maximum = controls->list.parameter[i].maximum;
     char steps[32] = "";
+
     if (controls->list.parameter[i].step > 1)
-        snprintf(steps, sizeof(steps), " in steps of %d", controls->list.parameter[i].step);
+        snprintf(steps, sizeof steps, " in steps of %d", controls->list.parameter[i].step);
     if (controls->type[i] == V4L2_CTRL_TYPE_BITMASK)
         snprintf(text, DDX_ANSWER_TEXT, "%s: takes the bits of %#x, not %" PRId64, name, (unsigned)maximum, value);
     else
@@ -125,6 +133,7 @@ int controls_check(const struct controls *controls, const DDX_REQUEST *request, 
     for (unsigned k = 0; k < request->count; k++) {
         const char *name = request->change[k].name;
         int i = find_name(controls, name);
+
         if (i < 0) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: no such parameter", name);
             return -EINVAL;
@@ -143,6 +152,7 @@ int controls_check(const struct controls *controls, const DDX_REQUEST *request, 
 
 static void remember(struct controls *controls, uint32_t id, int value) {
     unsigned i = 0;
+
     while (i < controls->asked_count && controls->asked[i].id != id)
         i++;
     if (i == DDX_VIDEO_PARAMETERS_MAX)
@@ -158,6 +168,7 @@ static void undo(const struct controls *controls, int fd, const DDX_REQUEST *req
     while (made-- > 0) {
         int i = find_name(controls, request->change[made].name);
         struct v4l2_control former = {.id = controls->id[i], .value = controls->list.parameter[i].value};
+
         if (controls->type[i] != V4L2_CTRL_TYPE_BUTTON)
             device_ioctl(fd, VIDIOC_S_CTRL, &former);
     }
@@ -165,9 +176,11 @@ static void undo(const struct controls *controls, int fd, const DDX_REQUEST *req
 
 int controls_change(struct controls *controls, int fd, const DDX_REQUEST *request, char text[DDX_ANSWER_TEXT]) {
     int error = controls_check(controls, request, text);
+
     for (unsigned k = 0; !error && k < request->count; k++) {
         int i = find_name(controls, request->change[k].name);
         struct v4l2_control control = {.id = controls->id[i], .value = (int)request->change[k].value};
+
         error = device_ioctl(fd, VIDIOC_S_CTRL, &control);
         if (error) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: the camera refuses: %s", request->change[k].name, strerror(-error));
@@ -178,6 +191,7 @@ int controls_change(struct controls *controls, int fd, const DDX_REQUEST *reques
         return error;
     for (unsigned k = 0; k < request->count; k++) {
         int i = find_name(controls, request->change[k].name);
+
         if (controls->type[i] != V4L2_CTRL_TYPE_BUTTON)
             remember(controls, controls->id[i], (int)request->change[k].value);
     }

@@ -18,6 +18,7 @@ struct planes {
 static int prepare(struct converter *converter, enum AVPixelFormat format) {
     const struct pixels *from = &converter->from;
     bool grey = format == AV_PIX_FMT_GRAY8;
+
     if (grey && from->width == converter->width && from->height == converter->height)
         return 0;
     int parts = (int)converter->parts;
@@ -48,7 +49,7 @@ int converter_open(struct converter *converter, const struct pixels *from, int w
 void converter_close(struct converter *converter) {
     jpeg_close(converter->jpeg);
     sws_freeContext(converter->sws);
-    memset(converter, 0, sizeof(*converter));
+    memset(converter, 0, sizeof *converter);
 }
 
 /* Field `part` (0: the top one) of a picture that has them row by row, or one after the other, from plane to plane. */
@@ -69,6 +70,7 @@ static void copy_rows(const struct planes *from, const struct planes *to, int wi
 
 static void convert_part(struct converter *converter, const struct planes *from, const struct planes *to) {
     int rows = (int)converter->parts;
+
     if (converter->sws)
         sws_scale(converter->sws, (const uint8_t *const *)from->data, from->stride, 0, converter->from.height / rows,
                   to->data, to->stride);
@@ -82,6 +84,7 @@ static int unpack(struct converter *converter, const void *data, size_t used, st
     const struct pixels *pixels = &converter->from;
     const AVFrame *frame;
     size_t offset[3];
+
     if (!converter->jpeg) {
         *format = converter->format->libav;
         *chroma_rows = pixels->height / converter->format->chroma_row_step;
@@ -111,14 +114,17 @@ int converter_run(struct converter *converter, const void *data, size_t used, un
     enum AVPixelFormat format;
     int chroma;
     int error = unpack(converter, data, used, &from, &format, &chroma);
+
     if (error)
         return error;
     const int from_rows[3] = {pixels->height, chroma, chroma};
     const int to_rows[3] = {converter->height, converter->height / 2, converter->height / 2};
     for (unsigned part = 0; part < converter->parts; part++) {
         struct planes source = from, target = to;
+
         if (converter->parts == 2) {
             bool first_is_bottom = pixels->order == PIXELS_BOTTOM_TOP;
+
             choose(&source, from_rows, first_is_bottom ? !part : part, pixels->order == PIXELS_INTERLEAVED);
             choose(&target, to_rows, part, !converter->stack);
         }

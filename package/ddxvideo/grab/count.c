@@ -7,6 +7,7 @@ void count_restart(struct count *count) {
 
 uint64_t count_pass(struct count *count, uint64_t frames) {
     uint64_t before = (count->position + count->skip - 1) / count->skip; /* wanted ones below the position */
+
     count->position += frames;
     return (count->position + count->skip - 1) / count->skip - before;
 }
@@ -14,6 +15,7 @@ uint64_t count_pass(struct count *count, uint64_t frames) {
 uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint64_t *position) {
     uint32_t step = sequence - count->sequence;
     uint64_t gap = count->running && step && step < UINT32_C(1) << 31 ? step - 1 : 0;
+
     count->sequence = sequence;
     count->running = true;
     count->lost += gap;

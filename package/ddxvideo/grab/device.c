@@ -16,6 +16,7 @@
 
 int device_ioctl(int fd, unsigned long request, void *argument) {
     int result;
+
     do
         result = ioctl(fd, request, argument);
     while (result < 0 && errno == EINTR);
@@ -26,6 +27,7 @@ int device_ioctl(int fd, unsigned long request, void *argument) {
 static void listen_to_source(int fd) {
     struct v4l2_event_subscription source = {.type = V4L2_EVENT_SOURCE_CHANGE};
     int input = 0;
+
     if (!device_ioctl(fd, VIDIOC_G_INPUT, &input))
         source.id = (unsigned)input;
     device_ioctl(fd, VIDIOC_SUBSCRIBE_EVENT, &source);
@@ -34,6 +36,7 @@ static void listen_to_source(int fd) {
 static int check_abilities(struct device *device, char *why, size_t size) {
     struct v4l2_capability able;
     int error = device_ioctl(device->fd, VIDIOC_QUERYCAP, &able);
+
     if (error == -ENOTTY || error == -EINVAL) {
         snprintf(why, size, "no video device");
         return -EINVAL;
@@ -42,7 +45,7 @@ static int check_abilities(struct device *device, char *why, size_t size) {
         snprintf(why, size, "%s", strerror(-error));
         return error;
     }
-    snprintf(device->card, sizeof(device->card), "%.32s", (const char *)able.card);
+    snprintf(device->card, sizeof device->card, "%.32s", (const char *)able.card);
     if (!(able.device_caps & V4L2_CAP_VIDEO_CAPTURE) || !(able.device_caps & V4L2_CAP_STREAMING)) {
         snprintf(why, size, "%s gives no pictures here; another device of it may", device->card);
         return -EINVAL;
@@ -54,6 +57,7 @@ static int map_buffers(struct device *device) {
     for (unsigned i = 0; i < device->buffers; i++) {
         struct v4l2_buffer buffer = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP, .index = i};
         int error = device_ioctl(device->fd, VIDIOC_QUERYBUF, &buffer);
+
         if (error)
             return error;
         void *data = mmap(NULL, buffer.length, PROT_READ, MAP_SHARED, device->fd, (off_t)buffer.m.offset);
@@ -74,6 +78,7 @@ static int start(struct device *device, char *why, size_t size) {
         .count = large ? FEW_BUFFERS : DEVICE_BUFFERS, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP};
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
     int error = device_ioctl(device->fd, VIDIOC_REQBUFS, &request);
+
     if (!error) {
         device->buffers = request.count < DEVICE_BUFFERS ? request.count : DEVICE_BUFFERS;
         error = map_buffers(device);
@@ -89,11 +94,12 @@ static int start(struct device *device, char *why, size_t size) {
 }
 
 int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size) {
-    memset(device, 0, sizeof(*device));
+    memset(device, 0, sizeof *device);
     device->fd = open(wish->path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
     if (device->fd < 0) {
         int error = -errno;
         bool missing = error == -ENOENT || error == -ENODEV || error == -ENXIO;
+
         snprintf(why, size, "%s",
                  missing           ? "not there"
                  : error == -EBUSY ? "in use by another program"
@@ -114,6 +120,7 @@ int device_open(struct device *device, const struct device_wish *wish, char *why
 
 void device_close(struct device *device) {
     int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+
     if (device->fd < 0)
         return;
     if (device->streaming)
@@ -122,7 +129,7 @@ void device_close(struct device *device) {
         if (device->buffer[i].data)
             munmap(device->buffer[i].data, device->buffer[i].size);
     close(device->fd);
-    memset(device, 0, sizeof(*device));
+    memset(device, 0, sizeof *device);
     device->fd = -1;
 }
 
@@ -142,5 +149,6 @@ int device_give(struct device *device, struct v4l2_buffer *buffer) {
     struct v4l2_buffer again = {
         .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP, .index = buffer->index};
     int error = device_ioctl(device->fd, VIDIOC_QBUF, &again);
+
     return error == -EINVAL ? device_ioctl(device->fd, VIDIOC_QBUF, &again) : error; /* once may be an accident */
 }

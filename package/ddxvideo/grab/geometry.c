@@ -16,6 +16,7 @@ void geometry_scale_aspect(struct ddxvideo_geometry *geometry, int width, int he
 struct ddxvideo_geometry geometry_of_result(const struct ddxvideo_geometry *camera, int width, int height, long skip,
                                             bool stack) {
     struct ddxvideo_geometry result = *camera;
+
     result.width = width ? width : camera->width & ~1;
     result.height = height ? height : camera->height & ~1;
     if (width)

@@ -32,14 +32,15 @@ static bool quit(const struct grabber *grabber) {
 static void set_state(struct grabber *grabber, const char *state) {
     if (strcmp(grabber->state, state) != 0)
         say("%s: %s", grabber->wish.path, state);
-    snprintf(grabber->state, sizeof(grabber->state), "%s", state);
+    snprintf(grabber->state, sizeof grabber->state, "%s", state);
 }
 
 /* What keeps the camera from being opened is told when it lasts: a device that appears is not ours at first. */
 static void set_reason(struct grabber *grabber, int error, const char *why) {
     int64_t now = ddx_time_now();
+
     if (strcmp(grabber->reason, why) != 0) {
-        snprintf(grabber->reason, sizeof(grabber->reason), "%s", why);
+        snprintf(grabber->reason, sizeof grabber->reason, "%s", why);
         grabber->since = now;
     }
     bool missing = error == -ENOENT || error == -ENODEV || error == -ENXIO;
@@ -78,10 +79,11 @@ static void let_go(struct grabber *grabber, const char *why) {
 static void try_open(struct grabber *grabber) {
     char why[256] = "";
     int64_t now = ddx_time_now();
+
     if (now < grabber->retry)
         return;
     grabber->retry = now + RETRY_NS;
-    int error = device_open(&grabber->device, &grabber->wish, why, sizeof(why));
+    int error = device_open(&grabber->device, &grabber->wish, why, sizeof why);
     if (error) {
         set_reason(grabber, error, why);
         return;
@@ -112,6 +114,7 @@ static void try_open(struct grabber *grabber) {
 static int64_t time_of(struct grabber *grabber, const struct v4l2_buffer *buffer, int64_t now) {
     int64_t time = buffer->timestamp.tv_sec * SECOND + buffer->timestamp.tv_usec * 1000;
     bool monotonic = (buffer->flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+
     if (monotonic && time > now - TIME_OFF_NS && time < now + TIME_OFF_NS)
         return time;
     if (!grabber->odd_times)
@@ -124,6 +127,7 @@ static int64_t time_of(struct grabber *grabber, const struct v4l2_buffer *buffer
 static void welcome(struct grabber *grabber, int64_t time) {
     const struct ddxvideo_geometry *from = &grabber->device.geometry, *to = &grabber->geometry;
     uint64_t before = grabber->away;
+
     count_away(grabber, time, 0.5);
     if (grabber->last && (*grabber->state || grabber->away > before))
         say("%s: back after %.1f s", grabber->wish.path, (double)(time - grabber->last) / 1e9);
@@ -150,6 +154,7 @@ static void handle(struct grabber *grabber, const struct v4l2_buffer *buffer) {
     bool wanted;
     uint64_t position;
     int64_t now = ddx_time_now(), time = time_of(grabber, buffer, now);
+
     if (!grabber->back)
         welcome(grabber, time);
     uint64_t lost = count_frame(&grabber->count, buffer->sequence, &wanted, &position);
@@ -179,6 +184,7 @@ static int64_t patience_for_order(const struct grabber *grabber) {
 /* All whose turn it is; 0, or what giving them back to the driver ended with. */
 static int handle_due(struct grabber *grabber, int64_t now) {
     unsigned slot;
+
     while (order_next(&grabber->order, now, patience_for_order(grabber), &slot)) {
         handle(grabber, &grabber->taken[slot]);
         int error = device_give(&grabber->device, &grabber->taken[slot]);
@@ -192,8 +198,10 @@ static int handle_due(struct grabber *grabber, int64_t now) {
 static void take_frames(struct grabber *grabber) {
     struct v4l2_buffer buffer;
     int error;
+
     while (!(error = device_take(&grabber->device, &buffer))) {
         int64_t now = ddx_time_now();
+
         grabber->taken[buffer.index] = buffer;
         bool in_time = order_add(&grabber->order, buffer.sequence, buffer.index, now);
         error = in_time ? handle_due(grabber, now) : device_give(&grabber->device, &buffer);
@@ -202,6 +210,7 @@ static void take_frames(struct grabber *grabber) {
     }
     if (error == -EAGAIN) {
         int given = handle_due(grabber, ddx_time_now());
+
         error = given ? given : error;
     }
     if (error == -ENODEV)
@@ -213,6 +222,7 @@ static void take_frames(struct grabber *grabber) {
 /* What the driver tells beside the frames. */
 static void take_events(struct grabber *grabber) {
     struct v4l2_event event;
+
     while (!device_ioctl(grabber->device.fd, VIDIOC_DQEVENT, &event)) {
         if (event.type == V4L2_EVENT_SOURCE_CHANGE) {
             let_go(grabber, "another signal, looking what it is");
@@ -229,6 +239,7 @@ static void stream(struct grabber *grabber) {
     int64_t begin = ddx_time_now(), due = order_due(&grabber->order, patience_for_order(grabber));
     int wait = due > begin + POLL_MS * MS ? POLL_MS : due > begin ? (int)((due - begin + MS - 1) / MS) : 0;
     int ready = poll(&look, 1, wait);
+
     if (ready > 0 && look.revents & POLLPRI)
         take_events(grabber);
     if (((ready > 0 && look.revents & ~POLLPRI) || grabber->order.count) && grabber->device.fd >= 0)
@@ -264,6 +275,7 @@ static void grab(struct grabber *grabber) {
 
 int grabber_run(struct grabber *grabber) {
     int status = EXIT_OK;
+
     grabber->device.fd = -1;
     grabber->count.skip = (uint64_t)grabber->skip;
     grabber->book = ddx_stats_open(grabber->program.instance, reasons);

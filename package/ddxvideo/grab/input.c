@@ -16,7 +16,7 @@ static const struct {
 } standards[] = {{"PAL", V4L2_STD_PAL}, {"NTSC", V4L2_STD_NTSC}, {"SECAM", V4L2_STD_SECAM}};
 
 bool input_parse_standard(const char *text, v4l2_std_id *standard) {
-    for (unsigned i = 0; i < sizeof(standards) / sizeof(*standards); i++) {
+    for (unsigned i = 0; i < sizeof standards / sizeof *standards; i++) {
         if (!strcasecmp(text, standards[i].name)) {
             *standard = standards[i].standard;
             return true;
@@ -28,6 +28,7 @@ bool input_parse_standard(const char *text, v4l2_std_id *standard) {
 bool input_is_meant(const struct v4l2_input *input, const char *text) {
     char *end;
     unsigned long number = strtoul(text, &end, 10);
+
     if (isdigit((unsigned char)*text) && !*end)
         return number == input->index;
     return !strncasecmp((const char *)input->name, text, strlen(text));
@@ -35,6 +36,7 @@ bool input_is_meant(const struct v4l2_input *input, const char *text) {
 
 static int select_input(int fd, const char *text, char *why, size_t size) {
     struct v4l2_input input = {.index = 0};
+
     for (; !device_ioctl(fd, VIDIOC_ENUMINPUT, &input); input.index++) {
         if (!input_is_meant(&input, text))
             continue;
@@ -45,13 +47,14 @@ static int select_input(int fd, const char *text, char *why, size_t size) {
     }
     char names[128] = "";
     for (input.index = 0; !device_ioctl(fd, VIDIOC_ENUMINPUT, &input); input.index++)
-        snprintf(names + strlen(names), sizeof(names) - strlen(names), "%s%s", input.index ? ", " : "", input.name);
+        snprintf(names + strlen(names), sizeof names - strlen(names), "%s%s", input.index ? ", " : "", input.name);
     snprintf(why, size, "no input %s; there are: %s", text, *names ? names : "none");
     return -EINVAL;
 }
 
 static int select_standard(int fd, v4l2_std_id standard, char *why, size_t size) {
     int error = device_ioctl(fd, VIDIOC_S_STD, &standard);
+
     if (error == -ENOTTY || error == -ENODATA) {
         snprintf(why, size, "this input has no television standard");
         return -EINVAL;

@@ -16,8 +16,9 @@ struct jpeg {
 };
 
 struct jpeg *jpeg_open(void) {
-    struct jpeg *jpeg = calloc(1, sizeof(*jpeg));
+    struct jpeg *jpeg = calloc(1, sizeof *jpeg);
     const AVCodec *codec = avcodec_find_decoder(AV_CODEC_ID_MJPEG);
+
     if (!jpeg)
         return NULL;
     jpeg->context = codec ? avcodec_alloc_context3(codec) : NULL;
@@ -49,7 +50,8 @@ static bool rename_format(AVFrame *frame) {
         {AV_PIX_FMT_YUV420P, AV_PIX_FMT_YUV420P},  {AV_PIX_FMT_YUV422P, AV_PIX_FMT_YUV422P},
         {AV_PIX_FMT_YUV444P, AV_PIX_FMT_YUV444P},  {AV_PIX_FMT_GRAY8, AV_PIX_FMT_GRAY8},
     };
-    for (unsigned i = 0; i < sizeof(names) / sizeof(*names); i++) {
+
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
         if (frame->format == names[i][0]) {
             frame->format = names[i][1];
             return true;

@@ -20,8 +20,9 @@ static bool understand(struct grabber *grabber, const struct words *words) {
     const struct pixels_format *format = words->format ? pixels_named(words->format) : NULL;
     v4l2_std_id standard;
     bool number = words->camera[strspn(words->camera, "0123456789")] == 0;
-    int length = snprintf(wish->path, sizeof(wish->path), "%s%s", number ? "/dev/video" : "", words->camera);
-    if ((!number && *words->camera != '/') || (size_t)length >= sizeof(wish->path)) {
+    int length = snprintf(wish->path, sizeof wish->path, "%s%s", number ? "/dev/video" : "", words->camera);
+
+    if ((!number && *words->camera != '/') || (size_t)length >= sizeof wish->path) {
         say("-camera %s: a number or a path such as /dev/video0 is needed", words->camera);
         return false;
     }
@@ -55,7 +56,7 @@ int main(int argc, char **argv) {
         {"skip", "N", "take one of N frames (default: 1, each)", OPTION_NUMBER, &grabber.skip, 1, 100000},
         {"size", "SIZE", SIZE_NAMES, OPTION_TEXT, &words.size, 0, 0},
         {"name", "ITEM", "the video item to write (default: video)", OPTION_NAME, &grabber.name, 0,
-         DDX_NAME_MAX - (long)sizeof(".parameters") + 1},
+         DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
         {"input", "NAME", "socket of a frame grabber: number, or how its name begins: Composite, S-Video", OPTION_TEXT,
          &grabber.wish.input, 0, 0},
         {"standard", "NAME", "PAL, NTSC or SECAM (default: what is on the line)", OPTION_TEXT, &grabber.wish.standard,
@@ -68,6 +69,7 @@ int main(int argc, char **argv) {
          &grabber.wish.rate, 1, 1000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     grabber.program = (struct program){
         .name = "ddxvideoV4L",
         .purpose = "Grabs from a Video4Linux camera into the store, as a video item; the frame numbers go into item\n"

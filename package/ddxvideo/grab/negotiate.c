@@ -15,10 +15,12 @@
 static double greatest_rate(int fd, const struct v4l2_pix_format *pix) {
     struct v4l2_frmivalenum entry = {.pixel_format = pix->pixelformat, .width = pix->width, .height = pix->height};
     double best = 0;
+
     for (; !device_ioctl(fd, VIDIOC_ENUM_FRAMEINTERVALS, &entry); entry.index++) {
         const struct v4l2_fract *step =
             entry.type == V4L2_FRMIVAL_TYPE_DISCRETE ? &entry.discrete : &entry.stepwise.min;
         double rate = step->numerator ? (double)step->denominator / step->numerator : 0;
+
         best = rate > best ? rate : best;
         if (entry.type != V4L2_FRMIVAL_TYPE_DISCRETE)
             break;
@@ -28,6 +30,7 @@ static double greatest_rate(int fd, const struct v4l2_pix_format *pix) {
 
 static bool offers(int fd, uint32_t fourcc) {
     struct v4l2_fmtdesc entry = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
+
     for (; !device_ioctl(fd, VIDIOC_ENUM_FMT, &entry); entry.index++)
         if (entry.pixelformat == fourcc)
             return true;
@@ -48,8 +51,10 @@ static int merit(int fd, const struct device_wish *wish, struct v4l2_format form
 static uint32_t best_format(int fd, const struct device_wish *wish, const struct v4l2_format *format) {
     int best = -1;
     uint32_t found = 0;
+
     for (const struct pixels_format *entry = pixels_formats; entry->name; entry++) {
         int now = wish->fourcc && wish->fourcc != entry->fourcc ? -1 : merit(fd, wish, *format, entry->fourcc);
+
         if (now > best) {
             best = now;
             found = entry->fourcc;
@@ -62,6 +67,7 @@ static int set_format(struct device *device, const struct device_wish *wish, str
                       size_t size) {
     struct v4l2_format format = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
     int error = device_ioctl(device->fd, VIDIOC_G_FMT, &format);
+
     if (!error) {
         if (wish->width) {
             format.fmt.pix.width = (unsigned)wish->width;
@@ -94,7 +100,8 @@ static bool take_order(struct device *device, uint32_t field, bool bottom_first)
         {V4L2_FIELD_INTERLACED_BT, PIXELS_INTERLEAVED, 'b'}, {V4L2_FIELD_SEQ_TB, PIXELS_TOP_BOTTOM, 't'},
         {V4L2_FIELD_SEQ_BT, PIXELS_BOTTOM_TOP, 'b'},
     };
-    for (unsigned i = 0; i < sizeof(table) / sizeof(*table); i++) {
+
+    for (unsigned i = 0; i < sizeof table / sizeof *table; i++) {
         if (table[i].field == field) {
             device->pixels.order = table[i].order;
             device->geometry.interlacing = field == V4L2_FIELD_INTERLACED && bottom_first ? 'b' : table[i].letter;
@@ -108,6 +115,7 @@ static bool take_order(struct device *device, uint32_t field, bool bottom_first)
 static void take_aspect(struct device *device) {
     struct v4l2_cropcap crop = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
     struct ddxvideo_geometry *geometry = &device->geometry;
+
     if (device_ioctl(device->fd, VIDIOC_CROPCAP, &crop) || !crop.pixelaspect.numerator ||
         !crop.pixelaspect.denominator || !crop.defrect.width || !crop.defrect.height)
         return;
@@ -120,6 +128,7 @@ static void take_aspect(struct device *device) {
 static void take_rate(struct device *device, const struct device_wish *wish) {
     struct v4l2_streamparm parameters = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
     struct v4l2_captureparm *capture = &parameters.parm.capture;
+
     if (wish->rate) {
         capture->timeperframe = (struct v4l2_fract){1, (uint32_t)wish->rate};
         device_ioctl(device->fd, VIDIOC_S_PARM, &parameters);
@@ -147,6 +156,7 @@ int negotiate(struct device *device, const struct device_wish *wish, char *why, 
     struct v4l2_pix_format pix;
     v4l2_std_id standard = 0;
     int error = input_select(device->fd, wish->input, wish->standard, why, size);
+
     if (!error)
         error = set_format(device, wish, &pix, why, size);
     if (error)

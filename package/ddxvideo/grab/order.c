@@ -12,17 +12,19 @@ void order_restart(struct order *order) {
 
 static bool is_missed(const struct order *order, uint32_t number) {
     uint32_t before = order->last - number - 1;
+
     return order->running && before < REMEMBERED && order->missed >> before & 1;
 }
 
 bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now) {
     unsigned at = order->count;
+
     if (is_missed(order, number))
         return false;
     /* What does not rise, for a driver that does not count or begins anew, comes first and goes at once. */
     while (at && (int32_t)(number - order->last) < (int32_t)(order->waiting[at - 1].number - order->last))
         at--;
-    memmove(&order->waiting[at + 1], &order->waiting[at], (order->count - at) * sizeof(order->waiting[0]));
+    memmove(&order->waiting[at + 1], &order->waiting[at], (order->count - at) * sizeof order->waiting[0]);
     order->waiting[at].number = number;
     order->waiting[at].slot = slot;
     order->waiting[at].since = now;
@@ -32,6 +34,7 @@ bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now)
 
 static bool goes(const struct order *order, int64_t now, int64_t wait) {
     uint32_t step = order->waiting[0].number - order->last;
+
     return !order->running || step < 2 || step > ORDER_FAR || order->count == ORDER_WAITING ||
            now - order->waiting[0].since >= wait;
 }
@@ -39,6 +42,7 @@ static bool goes(const struct order *order, int64_t now, int64_t wait) {
 /* The numbers between the last frame and this one are missed; of the first one, those that could still come. */
 static void note(struct order *order, uint32_t number) {
     uint32_t step = number - order->last;
+
     if (!order->running)
         order->missed = (UINT32_C(1) << ORDER_FAR) - 1;
     else if (step >= BEHIND)
@@ -56,7 +60,7 @@ bool order_next(struct order *order, int64_t now, int64_t wait, unsigned *slot) 
         return false;
     *slot = order->waiting[0].slot;
     note(order, order->waiting[0].number);
-    memmove(&order->waiting[0], &order->waiting[1], --order->count * sizeof(order->waiting[0]));
+    memmove(&order->waiting[0], &order->waiting[1], --order->count * sizeof order->waiting[0]);
     return true;
 }
 

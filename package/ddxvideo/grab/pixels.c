@@ -33,9 +33,11 @@ const struct pixels_format *pixels_named(const char *name) {
 size_t pixels_planes(const struct pixels *pixels, size_t offset[3], int stride[3]) {
     const struct pixels_format *format = pixels_find(pixels->fourcc);
     size_t end = 0;
+
     for (int i = 0; i < 3; i++) {
         bool there = format && !format->compressed && i < format->planes;
         int rows = !there ? 0 : i ? pixels->height / format->chroma_row_step : pixels->height;
+
         stride[i] = !there ? 0 : i ? pixels->stride / format->other_divisor : pixels->stride;
         offset[i] = end;
         end += (size_t)stride[i] * (size_t)rows;

@@ -8,6 +8,7 @@
 /* Says a new kind of trouble with the store once; 0: there is none. */
 static void complain(const struct grabber *grabber, const char *item, int error) {
     static int said;
+
     if (error && error != said)
         say("%s%s: %s", grabber->name, item, ddx_error_text(error));
     said = error;
@@ -18,6 +19,7 @@ static bool have_items(struct grabber *grabber) {
     const struct ddxvideo_geometry *wanted = &grabber->geometry;
     int64_t now = ddx_time_now();
     bool fits = grabber->video && wanted->width == grabber->created.width && wanted->height == grabber->created.height;
+
     if (fits)
         return true;
     if (now < grabber->create)
@@ -42,6 +44,7 @@ static bool have_items(struct grabber *grabber) {
 static int write_frame(struct grabber *grabber, const struct v4l2_buffer *buffer, uint64_t position, int64_t time) {
     struct ddxvideo_frame frame;
     int error = ddxvideo_loan(grabber->video, &grabber->geometry, &frame);
+
     if (error)
         return error;
     error = converter_run(&grabber->converter, grabber->device.buffer[buffer->index].data, buffer->bytesused,

@@ -15,11 +15,12 @@ static void serve(struct grabber *grabber) {
     DDX_REQUEST request;
     char text[DDX_ANSWER_TEXT] = "";
     int status;
+
     if (ddx_requests_take(grabber->requests, &request))
         return;
     if (grabber->device.fd < 0) {
         status = -ENODEV;
-        snprintf(text, sizeof(text), "the camera is not there now: %.128s", grabber->state);
+        snprintf(text, sizeof text, "the camera is not there now: %.128s", grabber->state);
     } else {
         status = controls_change(&grabber->controls, grabber->device.fd, &request, text);
         grabber->changed = true;
@@ -32,6 +33,7 @@ static void serve(struct grabber *grabber) {
 
 void settings_tick(struct grabber *grabber) {
     int64_t now = ddx_time_now();
+
     if (grabber->requests)
         serve(grabber);
     if (!grabber->changed || now < grabber->settings)

@@ -15,13 +15,14 @@ static const struct {
 /* Digits up to `end`; 0 if there is anything else, or too much. */
 static int side(const char **text, char end) {
     int value = 0;
+
     while (**text >= '0' && **text <= '9' && value <= DDX_VIDEO_SIDE)
         value = value * 10 + *(*text)++ - '0';
     return **text == end && value <= DDX_VIDEO_SIDE && value % 2 == 0 ? value : 0;
 }
 
 bool size_parse(const char *text, int *width, int *height) {
-    for (unsigned i = 0; i < sizeof(names) / sizeof(*names); i++) {
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
         if (!strcasecmp(text, names[i].name)) {
             *width = names[i].width;
             *height = names[i].height;

@@ -22,6 +22,7 @@ static int64_t limit_of(const struct watched *service) {
 static void kill_silent(struct watch *watch) {
     for (unsigned i = 0; i < watch->count; i++) {
         struct watched *service = &watch->service[i];
+
         if (!watch_is_silent(watch, service, limit_of(service) + service->kills * AGAIN))
             continue;
         int error = watch_kill(service, folder);
@@ -39,13 +40,16 @@ static void kill_silent(struct watch *watch) {
  */
 static bool all_well(const struct watch *watch) {
     const struct watched *recorder = watch_find(watch, RECORDER);
+
     return watch->answered && !(recorder && watch_is_silent(watch, recorder, limit_of(recorder)));
 }
 
 static void guard(struct dog *dog, bool well) {
     static bool told_absent, hungry;
+
     if (dog->file < 0) {
         int error = dog_open(dog, (int)timeout);
+
         if (!error)
             say("%s: resets the machine after %d s without food", dog->path, dog->timeout);
         else if (!told_absent)
@@ -74,6 +78,7 @@ int main(int argc, char **argv) {
                                          "machine. It does so as well when this program ends.",
                               .options = options,
                               .brief = true};
+
     program_start(&program, argc, argv);
     if (program.check)
         return EXIT_OK;

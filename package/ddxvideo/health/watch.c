@@ -27,7 +27,8 @@ static bool path_of(char *path, size_t size, const char *folder, const char *nam
 static int32_t read_pid(const char *folder, const char *name) {
     char path[256];
     int pid = 0;
-    FILE *file = path_of(path, sizeof(path), folder, name, "supervise/pid") ? fopen(path, "re") : NULL;
+    FILE *file = path_of(path, sizeof path, folder, name, "supervise/pid") ? fopen(path, "re") : NULL;
+
     if (!file)
         return 0;
     if (fscanf(file, "%d", &pid) != 1)
@@ -39,6 +40,7 @@ static int32_t read_pid(const char *folder, const char *name) {
 static void look_at(struct watch *watch, const char *folder, const char *name) {
     char path[256];
     struct watched *service = watch_find(watch, name);
+
     if (!service) {
         if (watch->count == WATCH_MAX || strlen(name) > DDX_NAME_MAX - strlen(SUFFIX))
             return;
@@ -47,7 +49,7 @@ static void look_at(struct watch *watch, const char *folder, const char *name) {
         strcpy(service->name, name);
     }
     service->seen = true;
-    service->down = path_of(path, sizeof(path), folder, name, "down") && !access(path, F_OK);
+    service->down = path_of(path, sizeof path, folder, name, "down") && !access(path, F_OK);
     int32_t pid = read_pid(folder, name);
     if (pid != service->pid) {
         service->pid = pid;
@@ -77,6 +79,7 @@ static void look_at_folder(struct watch *watch, const char *folder) {
 static void note_sign(struct watch *watch, const struct ddx_item_info *item) {
     char name[DDX_NAME_MAX + 1];
     size_t length = strlen(item->name), suffix = strlen(SUFFIX);
+
     if (length <= suffix || strcmp(item->name + length - suffix, SUFFIX) != 0)
         return;
     memcpy(name, item->name, length - suffix);
@@ -94,6 +97,7 @@ void watch_look(struct watch *watch, const char *folder, DDX_STORE_ID *id) {
     static int64_t last;
     struct ddx_item_info *items;
     unsigned count;
+
     look_at_folder(watch, folder);
     int64_t begin = ddx_time_now(), passed = last ? begin - last : 0;
     last = begin;
@@ -121,7 +125,8 @@ bool watch_is_silent(const struct watch *watch, const struct watched *service, i
 
 int watch_kill(struct watched *service, const char *folder) {
     char path[256];
-    if (!path_of(path, sizeof(path), folder, service->name, "supervise/control"))
+
+    if (!path_of(path, sizeof path, folder, service->name, "supervise/control"))
         return -ENAMETOOLONG;
     int file = open(path, O_WRONLY | O_NONBLOCK | O_CLOEXEC);
     if (file < 0)

@@ -9,7 +9,7 @@ int main(int argc, char **argv) {
     const char *rate = "1";
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to write (default: video)", OPTION_NAME, &player.name, 0,
-         DDX_NAME_MAX - (long)sizeof(".parameters") + 1},
+         DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
         {"loop", NULL, "play it again and again; times and frame numbers go on", OPTION_FLAG, &player.loop, 0, 0},
         {"rate", "X", "play X times as fast (default: 1); 0: as fast as it goes, with -readers as they read",
          OPTION_TEXT, &rate, 0, 0},
@@ -19,6 +19,7 @@ int main(int argc, char **argv) {
          OPTION_TEXT, &player.clock, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     player.program = (struct program){
         .name = "ddxvideoload",
         .positional = "FILE",

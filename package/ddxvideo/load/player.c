@@ -23,6 +23,7 @@ static int exit_status(enum y4m_result result) {
 static bool wait_for_readers(struct player *player) {
     bool said = false;
     int64_t begin = ddx_time_now();
+
     while (ddx_store_readers(player->video) < player->readers) {
         if (!said && ddx_time_now() - begin > 200 * POLL_NS) {
             say("waiting for %ld readers of %s", player->readers, player->name);
@@ -42,6 +43,7 @@ static bool wait_for_readers(struct player *player) {
 static int follow_clock(struct player *player) {
     DDX_REPLAY_CLOCK clock = {.replayed = 0};
     int64_t since = ddx_time_now();
+
     if (player->file.start < 0) {
         say("%s: does not say when it was recorded (XDDX_START); it cannot follow -clock", player->program.argument);
         return EXIT_USAGE;
@@ -84,6 +86,7 @@ static int begin(struct player *player) {
 /* Where a frame lies on the monotonic clock: its time in the item, and when it is published. */
 static int64_t due_time(const struct player *player, int64_t offset) {
     struct schedule_speed speed = player->speed;
+
     if (speed.num) /* -rate 0 keeps the recorded steps */
         offset = schedule_scale(offset, speed.den, speed.num);
     return offset > INT64_MAX - player->begin ? INT64_MAX : player->begin + offset;
@@ -92,6 +95,7 @@ static int64_t due_time(const struct player *player, int64_t offset) {
 /* Wait until the loaned frame is due, publish it. EXIT_OK, or the program's exit status after a line. */
 static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t recorded) {
     int status = player->begun ? EXIT_OK : begin(player);
+
     if (status || program_stopping()) {
         ddx_store_cancel(player->video);
         return status;
@@ -135,6 +139,7 @@ static enum y4m_result play_pass(struct player *player, int *status) {
     while (!program_stopping()) {
         struct ddxvideo_frame frame;
         int64_t recorded;
+
         if (player->patient && !program_wait_for_room(player->video, &player->patient, player->book))
             break;
         int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
@@ -172,6 +177,7 @@ static enum y4m_result play_pass(struct player *player, int *status) {
 static int play(struct player *player) {
     int status = EXIT_OK;
     const struct ddxvideo_geometry *geometry = &player->file.header.geometry;
+
     if (!geometry->rate_num)
         say("%s: no frame rate in the header, 25 is taken", player->program.argument);
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
@@ -180,6 +186,7 @@ static int play(struct player *player) {
     while (play_pass(player, &status) == Y4M_END && player->loop && player->file.frames &&
            !program_stopping()) {
         enum y4m_result result = y4m_rewind(&player->file);
+
         if (result != Y4M_OK) {
             report(player);
             return exit_status(result);
@@ -200,6 +207,7 @@ static int show_parameters(struct player *player, DDX_STORE_ID *id) {
                           (int)player->readers};
     DDX_VIDEO_PARAMETERS set = {.count = 3};
     int error = ddxvideo_parameters_create(id, player->name, &player->parameters);
+
     if (error)
         return error;
     for (int i = 0; i < set.count; i++) {
@@ -229,6 +237,7 @@ static int open_items(struct player *player, DDX_STORE_ID *id) {
 
 int player_run(struct player *player) {
     int status;
+
     y4m_stop_when(program_stopping);
     enum y4m_result result = y4m_open(&player->file, player->program.argument);
     if (result != Y4M_OK) {

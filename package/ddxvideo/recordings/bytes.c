@@ -20,7 +20,8 @@ static void stop(int number) {
 void bytes_catch_signals(void) {
     static const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
     struct sigaction action = {.sa_handler = stop};
-    for (size_t i = 0; i < sizeof(numbers) / sizeof(numbers[0]); i++)
+
+    for (size_t i = 0; i < sizeof numbers / sizeof numbers[0]; i++)
         sigaction(numbers[i], &action, NULL);
 }
 
@@ -28,6 +29,7 @@ int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const u
                void *to) {
     unsigned char *piece;
     int result = 0;
+
     if (posix_memalign((void **)&piece, BLOCK, PIECE))
         return -ENOMEM;
     if (!direct)
@@ -35,6 +37,7 @@ int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const u
     for (uint64_t at = 0; at < size && !result;) {
         ssize_t got = pread(fd, piece, PIECE, (off_t)at);
         size_t length = got > 0 && (uint64_t)got > size - at ? (size_t)(size - at) : (size_t)got;
+
         if (stopping)
             result = -EINTR;
         else if (got < 0)

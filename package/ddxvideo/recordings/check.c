@@ -18,6 +18,7 @@ void check_bytes(struct check *check, const unsigned char *bytes, size_t size) {
         bool inside = check->position >= entry->offset;
         uint64_t end = inside ? entry->offset + entry->bytes : entry->offset;
         size_t part = end - check->position < size ? (size_t)(end - check->position) : size;
+
         if (inside)
             check->sum = crc32c(check->sum, bytes, part);
         bytes += part;

@@ -8,6 +8,7 @@
 
 static bool is_meant(const struct found *first, const char *word) {
     char name[NAME_MAX + 1], *end;
+
     show_name(first, name);
     unsigned long number = strtoul(word, &end, 10);
     return !strcmp(word, name) || (end != word && !*end && number && number == first->session);
@@ -15,6 +16,7 @@ static bool is_meant(const struct found *first, const char *word) {
 
 bool choose_files(const struct folder *folder, const char *word, bool *chosen) {
     bool any = false, all = !strcmp(word, "all"), newest = !strcmp(word, "newest");
+
     for (unsigned i = 0, count; i < folder->count; i += count) {
         count = show_count(folder, i);
         bool whole = all || (newest && i + count == folder->count) || is_meant(&folder->file[i], word);

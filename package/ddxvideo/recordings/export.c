@@ -32,6 +32,7 @@ struct copy {
 
 static void show_progress(struct copy *copy) {
     int percent = (int)(copy->written * 100 / copy->from.bytes);
+
     if (percent == copy->percent || !isatty(STDOUT_FILENO))
         return;
     copy->percent = percent;
@@ -42,6 +43,7 @@ static void show_progress(struct copy *copy) {
 /* So much more is on its way to the medium, and what was on its way before is there. */
 static int push(struct copy *copy, uint64_t until) {
     int flags = SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER;
+
     if (sync_file_range(copy->fd, (off_t)copy->synced, (off_t)(until - copy->synced), (unsigned)flags) &&
         errno != ESPIPE && errno != EINVAL)
         return -errno;
@@ -51,10 +53,12 @@ static int push(struct copy *copy, uint64_t until) {
 
 static int take(void *to, const unsigned char *bytes, size_t size) {
     struct copy *copy = to;
+
     verify_bytes(&copy->from, bytes, size);
     copy->sum = crc32c(copy->sum, bytes, size);
     while (size) {
         ssize_t done = write(copy->fd, bytes, size);
+
         if (done < 0 && errno == EINTR)
             continue;
         if (done < 0)
@@ -69,6 +73,7 @@ static int take(void *to, const unsigned char *bytes, size_t size) {
 
 static int add_up(void *to, const unsigned char *bytes, size_t size) {
     uint32_t *sum = to;
+
     *sum = crc32c(*sum, bytes, size);
     return 0;
 }
@@ -78,6 +83,7 @@ static int read_back(const struct copy *copy, int to, const char *name) {
     uint32_t sum = 0;
     int fd = openat(to, name, O_RDONLY | O_CLOEXEC | O_DIRECT);
     bool direct = fd >= 0;
+
     if (fd < 0 && errno == EINVAL)
         fd = openat(to, name, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
@@ -114,6 +120,7 @@ static void tell(const struct copy *copy, const char *to, int error) {
                       : error == -EFBIG  ? "takes no file of this size; format the stick as exFAT"
                       : error == -EINVAL ? "does not take this name"
                                          : strerror(-error);
+
     if (error == -EINTR)
         say("%s: not exported, %s", copy->found->name, why);
     else if (copy->write_error)
@@ -125,11 +132,12 @@ static void tell(const struct copy *copy, const char *to, int error) {
 
 /* 0; 1: copied, but it is not what was recorded; -errno after a line. */
 static int copy_file(const struct folder *folder, const struct found *found, const char *path, int to) {
-    char unfinished[NAME_MAX + sizeof(UNFINISHED)];
+    char unfinished[NAME_MAX + sizeof UNFINISHED];
     struct copy copy = {.found = found, .fd = -1, .percent = -1};
     int error = verify_open(&copy.from, folder, found);
     bool opened = !error;
-    snprintf(unfinished, sizeof(unfinished), "%s%s", found->name, UNFINISHED);
+
+    snprintf(unfinished, sizeof unfinished, "%s%s", found->name, UNFINISHED);
     if (opened) {
         error = write_file(&copy, to, unfinished);
         if (!error)
@@ -155,6 +163,7 @@ static int copy_file(const struct folder *folder, const struct found *found, con
 static bool has_room(const struct folder *folder, const bool *chosen, const char *path, int to) {
     struct statvfs medium;
     uint64_t bytes = 0;
+
     if (fstatvfs(to, &medium)) {
         say("%s: %s", path, strerror(errno));
         return false;
@@ -173,6 +182,7 @@ static bool has_room(const struct folder *folder, const bool *chosen, const char
 int export_files(const struct folder *folder, const bool *chosen, const char *path) {
     unsigned count = 0, done = 0, copied = 0, doubtful = 0;
     int to = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC), error = 0;
+
     if (to < 0) {
         say("%s: %s", path, strerror(errno));
         return EXIT_FAILED;

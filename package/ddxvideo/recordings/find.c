@@ -28,7 +28,8 @@ struct pooled_list {
 };
 
 static bool add_pooled(struct pooled_list *list, const struct pooled *file) {
-    struct pooled *more = realloc(list->file, (list->count + 1) * sizeof(*more));
+    struct pooled *more = realloc(list->file, (list->count + 1) * sizeof *more);
+
     if (!more)
         return false;
     list->file = more;
@@ -39,12 +40,14 @@ static bool add_pooled(struct pooled_list *list, const struct pooled *file) {
 static int look_once(const struct folder *folder, struct pooled_list *list) {
     DIR *pool = folder->pool < 0 ? NULL : pool_list(folder->pool);
     int error = 0;
+
     if (!pool)
         return folder->pool < 0 ? 0 : -errno;
     for (struct dirent *entry = readdir(pool); entry && !error; entry = readdir(pool)) {
         char *end;
         struct stat status;
         long id = strtol(entry->d_name, &end, 10);
+
         if (end == entry->d_name || id <= 0 || strcmp(end, ".y4m") || fstatat(folder->pool, entry->d_name, &status, 0))
             continue;
         struct pooled file = {.inode = status.st_ino, .found = {.id = id}};
@@ -57,8 +60,10 @@ static int look_once(const struct folder *folder, struct pooled_list *list) {
 
 static bool same(const struct pooled_list *one, const struct pooled_list *other) {
     bool same = one->count == other->count;
+
     for (unsigned i = 0; same && i < one->count; i++) {
         const struct found *a = &one->file[i].found, *b = &other->file[i].found;
+
         same = a->id == b->id && a->number == b->number && a->state == b->state;
     }
     return same;
@@ -70,8 +75,10 @@ static bool same(const struct pooled_list *one, const struct pooled_list *other)
  */
 static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
     int error = look_once(folder, list);
+
     for (unsigned looks = 1; !error && looks < LOOKS_MAX; looks++) {
         struct pooled_list before = *list;
+
         *list = (struct pooled_list){NULL, 0};
         error = look_once(folder, list);
         bool agreed = same(&before, list);
@@ -85,7 +92,8 @@ static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
 /* ---- What people see ---- */
 
 static int add(struct folder *folder, const struct found *found) {
-    struct found *more = realloc(folder->file, (folder->count + 1) * sizeof(*more));
+    struct found *more = realloc(folder->file, (folder->count + 1) * sizeof *more);
+
     if (!more)
         return -ENOMEM;
     folder->file = more;
@@ -103,6 +111,7 @@ static struct pooled *with_inode(const struct pooled_list *list, ino_t inode) {
 static int add_named(struct folder *folder, const char *name, const struct pooled_list *list) {
     struct stat status;
     struct found found = {.id = 0};
+
     if (fstatat(folder->fd, name, &status, AT_SYMLINK_NOFOLLOW) || !S_ISREG(status.st_mode))
         return 0;
     struct pooled *pooled = with_inode(list, status.st_ino);
@@ -110,7 +119,7 @@ static int add_named(struct folder *folder, const char *name, const struct poole
         found = pooled->found;
         pooled->found.id = 0; /* taken */
     }
-    snprintf(found.name, sizeof(found.name), "%s", name);
+    snprintf(found.name, sizeof found.name, "%s", name);
     if (found.id)
         found.bytes = (uint64_t)status.st_size;
     else if (!find_plain(folder->fd, &found))
@@ -121,10 +130,12 @@ static int add_named(struct folder *folder, const char *name, const struct poole
 static int look_at_names(struct folder *folder, const struct pooled_list *list) {
     DIR *names = pool_list(folder->fd);
     int error = 0;
+
     if (!names)
         return -errno;
     for (struct dirent *entry = readdir(names); entry && !error; entry = readdir(names)) {
         const char *end = strrchr(entry->d_name, '.');
+
         if (end && end != entry->d_name && !strcmp(end, ".y4m"))
             error = add_named(folder, entry->d_name, list);
     }
@@ -137,6 +148,7 @@ static int look_at_names(struct folder *folder, const struct pooled_list *list) 
 
 static int in_order(const void *a, const void *b) {
     const struct found *one = a, *other = b;
+
     if (one->session != other->session)
         return one->session < other->session ? -1 : 1;
     if (one->number != other->number)
@@ -146,6 +158,7 @@ static int in_order(const void *a, const void *b) {
 
 int folder_open(struct folder *folder, const char *path) {
     struct pooled_list list = {NULL, 0};
+
     *folder = (struct folder){.fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC), .pool = -1};
     if (folder->fd < 0)
         return -errno;
@@ -155,7 +168,7 @@ int folder_open(struct folder *folder, const char *path) {
         error = look_at_names(folder, &list);
     free(list.file);
     if (folder->count)
-        qsort(folder->file, folder->count, sizeof(*folder->file), in_order);
+        qsort(folder->file, folder->count, sizeof *folder->file, in_order);
     return error;
 }
 
@@ -171,11 +184,13 @@ void folder_close(struct folder *folder) {
 
 const char *found_state_name(enum found_state state) {
     static const char *const names[] = {"finished", "recovered", "cut off", "interrupted", "recording"};
+
     return names[state];
 }
 
 int found_open(const struct folder *folder, const struct found *found, bool *direct) {
     char name[POOL_PATH];
+
     pool_data_name(name, found->id);
     int from = found->id ? folder->pool : folder->fd;
     const char *path = found->id ? name : found->name;
@@ -188,6 +203,7 @@ int found_open(const struct folder *folder, const struct found *found, bool *dir
 
 int found_hold(const struct folder *folder, const struct found *found) {
     char name[POOL_PATH];
+
     pool_index_name(name, found->id);
     int fd = openat(folder->pool, name, O_RDONLY | O_CLOEXEC);
     if (fd < 0)

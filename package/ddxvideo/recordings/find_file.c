@@ -28,13 +28,15 @@ static bool is_locked(int fd) {
     char line[256];
     bool found = false;
     FILE *locks = fopen("/proc/locks", "re");
+
     if (!locks || fstat(fd, &status)) {
         if (locks)
             fclose(locks);
         return false;
     }
-    while (!found && fgets(line, sizeof(line), locks)) {
+    while (!found && fgets(line, sizeof line, locks)) {
         uintmax_t inode = 0;
+
         found = sscanf(line, "%*s FLOCK %*s WRITE %*s %*[^:]:%*[^:]:%ju", &inode) == 1 &&
                 inode == (uintmax_t)status.st_ino;
     }
@@ -44,7 +46,8 @@ static bool is_locked(int fd) {
 
 /* The header says nothing of its frames yet. */
 static void count_so_far(int fd, struct found *found) {
-    struct index_file *index = malloc(sizeof(*index));
+    struct index_file *index = malloc(sizeof *index);
+
     if (!index || index_read(fd, index)) {
         free(index);
         return;
@@ -61,8 +64,9 @@ static void count_so_far(int fd, struct found *found) {
 
 static void read_length(int fd, const struct index_header *header, struct found *found) {
     struct index_entry last;
-    off_t at = (off_t)(INDEX_BLOCK + (header->frames - 1) * sizeof(last));
-    if (header->frames && pread(fd, &last, sizeof(last), at) == (ssize_t)sizeof(last) &&
+    off_t at = (off_t)(INDEX_BLOCK + (header->frames - 1) * sizeof last);
+
+    if (header->frames && pread(fd, &last, sizeof last, at) == (ssize_t)sizeof last &&
         index_good_entry(&last, header->recording, header->frames - 1))
         found->duration = lasts(header->start, last.time, header->frames);
 }
@@ -70,6 +74,7 @@ static void read_length(int fd, const struct index_header *header, struct found 
 bool find_indexed(int pool, bool named, struct found *found) {
     char name[POOL_PATH];
     struct index_header header;
+
     pool_index_name(name, found->id);
     int fd = openat(pool, name, O_RDONLY | O_CLOEXEC);
     bool good = fd >= 0 && pool_read_header(fd, &header) && header.state >= INDEX_RECORDING &&
@@ -101,9 +106,10 @@ bool find_indexed(int pool, bool named, struct found *found) {
 
 /* <item>-<number>-<UTC>.y4m; another name is an item without a number. */
 static void read_name(struct found *found) {
-    char item[sizeof(found->name)];
+    char item[sizeof found->name];
     struct tm utc = {.tm_year = 0};
-    snprintf(item, sizeof(item), "%.*s", (int)(strlen(found->name) - strlen(".y4m")), found->name);
+
+    snprintf(item, sizeof item, "%.*s", (int)(strlen(found->name) - strlen(".y4m")), found->name);
     char *stamp = strrchr(item, '-'), *end = NULL;
     if (stamp)
         *stamp = 0;
@@ -119,13 +125,14 @@ static void read_name(struct found *found) {
         if (stamp)
             *stamp = '-';
     }
-    snprintf(found->item, sizeof(found->item), "%.127s", item);
+    snprintf(found->item, sizeof found->item, "%.127s", item);
     found->session = found->number;
 }
 
 /* The line at an offset, without its line feed; its length with it, 0 if there is none. */
 static size_t read_line(int fd, uint64_t at, char line[Y4M_HEADER_MAX]) {
     ssize_t got = pread(fd, line, Y4M_HEADER_MAX - 1, (off_t)at);
+
     if (got <= 0)
         return 0;
     line[got] = 0;
@@ -142,6 +149,7 @@ static void walk(int fd, const struct y4m_header *header, uint64_t at, struct fo
     uint64_t picture = 0;
     int64_t time, last = -1;
     size_t length;
+
     for (int plane = 0; plane < 4; plane++)
         picture += y4m_plane_bytes(header, plane);
     while (at < found->bytes && (length = read_line(fd, at, line)) && y4m_parse_frame(line, &time, error) &&
@@ -165,6 +173,7 @@ bool find_plain(int folder, struct found *found) {
     int fd = openat(folder, found->name, O_RDONLY | O_CLOEXEC);
     size_t length = fd < 0 || fstat(fd, &status) ? 0 : read_line(fd, 0, line);
     bool good = length && y4m_parse_header(line, &header, error);
+
     if (good) {
         posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* not all that lies between the lines */
         read_name(found);

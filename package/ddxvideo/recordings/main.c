@@ -46,6 +46,7 @@ static void step_back(void) {
 
 static int verify(const struct folder *folder, const bool *chosen) {
     bool good = true;
+
     for (unsigned i = 0; i < folder->count; i++)
         if (chosen[i])
             good &= verify_file(folder, &folder->file[i]);
@@ -55,6 +56,7 @@ static int verify(const struct folder *folder, const bool *chosen) {
 /* What has its name is what can be copied. */
 static int export(const struct folder *folder, bool *chosen, const char *to) {
     bool any = false;
+
     for (unsigned i = 0; i < folder->count; i++) {
         if (chosen[i] && folder->file[i].state >= FOUND_INTERRUPTED) {
             say("%s: is not finished, left out", folder->file[i].name);
@@ -75,6 +77,7 @@ static int choose(const struct folder *folder, char **words, bool *chosen) {
     static char *everything[] = {all, NULL};
     int status = EXIT_OK;
     bool optional = !*words;
+
     for (char **word = optional ? everything : words; *word; word++)
         if (!choose_files(folder, *word, chosen) && !optional) {
             say("%s: there is no such recording; `list` shows which there are", *word);
@@ -85,6 +88,7 @@ static int choose(const struct folder *folder, char **words, bool *chosen) {
 
 static int run(const struct folder *folder, const char *path, const char *command, char **words, bool json) {
     const char *to = NULL;
+
     if (!strcmp(command, "list")) {
         show_recordings(folder, json);
         if (!json)
@@ -93,12 +97,13 @@ static int run(const struct folder *folder, const char *path, const char *comman
     }
     if (!strcmp(command, "export")) {
         unsigned last = 0;
+
         while (words[last + 1])
             last++;
         to = words[last];
         words[last] = NULL;
     }
-    bool *chosen = calloc(folder->count + 1, sizeof(*chosen));
+    bool *chosen = calloc(folder->count + 1, sizeof *chosen);
     if (!chosen) {
         say("%s", strerror(ENOMEM));
         return EXIT_FAILED;
@@ -119,6 +124,7 @@ int main(int argc, char **argv) {
     say_as("ddxrecordings");
     for (int i = 1; i < argc; i++) {
         const char *option = argv[i][0] != '-' ? "" : argv[i] + (argv[i][1] == '-' ? 2 : 1);
+
         if (!*option && !command)
             command = argv[i];
         else if (!*option)

@@ -12,6 +12,7 @@
 
 unsigned show_count(const struct folder *folder, unsigned first) {
     unsigned end = first + 1;
+
     while (end < folder->count && folder->file[first].session && folder->file[first].id && folder->file[end].id &&
            folder->file[end].session == folder->file[first].session)
         end++;
@@ -28,6 +29,7 @@ void show_name(const struct found *found, char name[NAME_MAX + 1]) {
 static void utc(int64_t wall, char text[32]) {
     time_t seconds = (time_t)(wall / NS);
     struct tm fields;
+
     if (!wall || !strftime(text, 32, "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&seconds, &fields)))
         strcpy(text, "-");
 }
@@ -35,6 +37,7 @@ static void utc(int64_t wall, char text[32]) {
 /* All files of a recording as if they were one. */
 static struct found sum_up(const struct found *file, unsigned count) {
     struct found sum = file[0];
+
     for (unsigned i = 1; i < count; i++) {
         sum.frames += file[i].frames;
         sum.bytes += file[i].bytes;
@@ -51,6 +54,7 @@ static void quoted(const char *text) {
     putchar('"');
     for (; *text; text++) {
         unsigned char c = (unsigned char)*text;
+
         if (c == '"' || c == '\\')
             printf("\\%c", c);
         else if (c < 0x20)
@@ -89,8 +93,9 @@ static void show_json(const struct found *file, unsigned count, const struct fou
 
 static void show_line(unsigned count, const struct found *sum, const char *name, const char *begin) {
     char lost[64] = "?";
+
     if (sum->id)
-        snprintf(lost, sizeof(lost), "%" PRIu64, sum->lost_store + sum->lost_ring);
+        snprintf(lost, sizeof lost, "%" PRIu64, sum->lost_store + sum->lost_ring);
     printf("%-20s %-20s %5u %8" PRIu64 " %9" PRId64 ".%d %8" PRIu64 " %6s  %s\n", name, begin, count, sum->frames,
            sum->duration / NS, (int)(sum->duration % NS / (NS / 10)), (sum->bytes + (1 << 20) - 1) >> 20, lost,
            found_state_name(sum->state));
@@ -100,6 +105,7 @@ static void show_line(unsigned count, const struct found *sum, const char *name,
 void show_room(const struct folder *folder, const char *path) {
     struct room room;
     uint64_t rate = 0;
+
     for (unsigned i = 0; i < folder->count; i++)
         if (folder->file[i].state == FOUND_RECORDING && folder->file[i].duration)
             rate += (uint64_t)((double)folder->file[i].bytes * 1e9 / (double)folder->file[i].duration);
@@ -115,11 +121,13 @@ void show_room(const struct folder *folder, const char *path) {
 
 void show_recordings(const struct folder *folder, bool json) {
     char name[NAME_MAX + 1], begin[32];
+
     if (!json)
         printf("%-20s %-20s %5s %8s %11s %8s %6s  %s\n", "RECORDING", "BEGIN (UTC)", "FILES", "FRAMES", "SECONDS", "MB",
                "LOST", "STATE");
     for (unsigned i = 0, count; i < folder->count; i += count) {
         const struct found *file = &folder->file[i];
+
         count = show_count(folder, i);
         const struct found sum = sum_up(file, count);
         show_name(file, name);

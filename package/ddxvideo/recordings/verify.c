@@ -12,7 +12,7 @@
 #include "program.h"
 
 static int read_index(struct verify *verify, const struct found *found) {
-    verify->index = malloc(sizeof(*verify->index));
+    verify->index = malloc(sizeof *verify->index);
     if (!verify->index)
         return -ENOMEM;
     int error = index_read(verify->index_fd, verify->index);
@@ -59,6 +59,7 @@ void verify_close(struct verify *verify) {
 
 bool verify_judge(struct verify *verify, const struct found *found) {
     struct check *check = &verify->check;
+
     check_end(check);
     if (!check->bad)
         return !verify->damaged;
@@ -75,6 +76,7 @@ bool verify_judge(struct verify *verify, const struct found *found) {
 
 int verify_bytes(void *to, const unsigned char *bytes, size_t size) {
     struct verify *verify = to;
+
     if (verify->index)
         check_bytes(&verify->check, bytes, size);
     return 0;
@@ -84,6 +86,7 @@ bool verify_file(const struct folder *folder, const struct found *found) {
     struct verify verify;
     int error = verify_open(&verify, folder, found);
     bool good = !error;
+
     if (good)
         error = bytes_read(verify.fd, verify.direct, verify.bytes, verify_bytes, &verify);
     if (good && error && error != -ENODATA)

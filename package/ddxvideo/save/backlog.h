@@ -13,10 +13,10 @@ struct backlog {
 };
 
 /*
- * Whether `present`, which may be NULL, may be added and another one be begun, whose ring has so many bytes: together
+ * Whether `present`, which may be NULL, may be added and another one be begun, whose queue has so many bytes: together
  * they must not take all the memory, however long the disk stands still. There is always room beside a single one.
  */
-bool backlog_has_room(const struct backlog *backlog, const struct recording *present, uint64_t ring_bytes);
+bool backlog_has_room(const struct backlog *backlog, const struct recording *present, uint64_t queue_bytes);
 
 /* It is closed; there was room. */
 void backlog_add(struct backlog *backlog, struct recording *recording);

@@ -9,8 +9,10 @@
 /* What to take of pictures at their rate, if that is known, and at what rate these come then. */
 static void choose(struct choice *choice, bool known) {
     int64_t take = 1, of = choice->skip > 1 ? choice->skip : 1;
+
     if (choice->rate_num && known) {
         int64_t num = choice->rate_num, den = choice->rate_den; /* wanted, over theirs */
+
         fraction_reduce(&num, &den);
         take = num * choice->their_den;
         of = den * choice->their_num;
@@ -26,6 +28,7 @@ static void choose(struct choice *choice, bool known) {
 
 int choice_look(struct choice *choice, struct ddxvideo_geometry *geometry) {
     bool known = geometry->rate_num > 0 && geometry->rate_den > 0;
+
     if (!choice->of || geometry->rate_num != choice->their_num || geometry->rate_den != choice->their_den) {
         choice->their_num = geometry->rate_num;
         choice->their_den = geometry->rate_den;

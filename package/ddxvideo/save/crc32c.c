@@ -15,6 +15,7 @@ static bool has_instruction;
 static void prepare(void) {
     for (uint32_t byte = 0; byte < 256; byte++) {
         uint32_t crc = byte;
+
         for (int bit = 0; bit < 8; bit++)
             crc = crc >> 1 ^ (crc & 1 ? POLYNOMIAL : 0);
         table[0][byte] = crc;
@@ -31,8 +32,10 @@ static void prepare(void) {
 /* Ten times as quick: what makes the sum of a 1080p stream cheap. */
 __attribute__((target("sse4.2"))) static uint32_t by_instruction(uint32_t crc, const unsigned char *at, size_t size) {
     uint64_t wide = crc;
+
     for (; size >= 8; size -= 8, at += 8) {
         uint64_t word;
+
         memcpy(&word, at, 8);
         wide = __builtin_ia32_crc32di(wide, word);
     }
@@ -51,6 +54,7 @@ static uint32_t by_instruction(uint32_t crc, const unsigned char *at, size_t siz
 static uint32_t by_table(uint32_t crc, const unsigned char *at, size_t size) {
     for (; size >= LANES; size -= LANES, at += LANES) {
         uint32_t low = crc ^ ((uint32_t)at[0] | (uint32_t)at[1] << 8 | (uint32_t)at[2] << 16 | (uint32_t)at[3] << 24);
+
         crc = table[7][low & 255] ^ table[6][low >> 8 & 255] ^ table[5][low >> 16 & 255] ^ table[4][low >> 24] ^
               table[3][at[4]] ^ table[2][at[5]] ^ table[1][at[6]] ^ table[0][at[7]];
     }

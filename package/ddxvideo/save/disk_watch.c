@@ -20,6 +20,7 @@ struct rate {
 static void measure(struct disk_watch *watch, struct rate *rate) {
     DDX_STATS stats;
     int64_t now = ddx_time_now(), passed = now - rate->time;
+
     if (rate->time && passed < RATE_PERIOD && rate->bytes)
         return;
     ddx_stats_get(watch->book, &stats);
@@ -31,6 +32,7 @@ static void measure(struct disk_watch *watch, struct rate *rate) {
 
 static void look(struct disk_watch *watch, struct rate *rate) {
     struct room room;
+
     if (room_look(watch->place, &room))
         return; /* what was there before says when it was written */
     measure(watch, rate);
@@ -46,11 +48,13 @@ static void look(struct disk_watch *watch, struct rate *rate) {
 static void *run(void *argument) {
     struct disk_watch *watch = argument;
     struct rate rate = {.time = 0};
+
     program_thread_signals();
     program_thread_ordinary();
     pthread_mutex_lock(&watch->lock);
     while (!watch->stop) {
         struct timespec until;
+
         pthread_mutex_unlock(&watch->lock);
         look(watch, &rate);
         clock_gettime(CLOCK_MONOTONIC, &until);
@@ -66,9 +70,10 @@ static void *run(void *argument) {
 void disk_watch_start(struct disk_watch *watch, DDX_STORE_ID *id, const char *instance) {
     char name[DDX_NAME_MAX + 1];
     const struct ddx_item_spec spec = {.name = name, .type = "DDX_DISK", .size = sizeof(DDX_DISK)};
+
     pthread_mutex_init(&watch->lock, NULL);
     program_condition(&watch->changed);
-    int error = snprintf(name, sizeof(name), "%s.disk", instance) <= DDX_NAME_MAX ? 0 : -ENAMETOOLONG;
+    int error = snprintf(name, sizeof name, "%s.disk", instance) <= DDX_NAME_MAX ? 0 : -ENAMETOOLONG;
     if (!error)
         error = ddx_store_create(id, &spec, &watch->item);
     if (!error)

@@ -11,6 +11,7 @@
 /* Not before the file behind it is known on the disk: else nothing there would say that the recording goes on. */
 static bool may_finish(const struct flusher *flusher, const struct segment *segment) {
     const struct segment *next = segment->next;
+
     return segment->closed && (!next || next->closed || segment_is_promised(next) || *flusher->error);
 }
 
@@ -18,6 +19,7 @@ static bool may_finish(const struct flusher *flusher, const struct segment *segm
 static bool wait_for_work(struct flusher *flusher, int64_t until) {
     struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
     bool timeout = false;
+
     pthread_mutex_lock(&flusher->lock);
     while (!timeout && !(flusher->oldest && may_finish(flusher, flusher->oldest)) &&
            !(flusher->stop && !flusher->oldest))
@@ -29,6 +31,7 @@ static bool wait_for_work(struct flusher *flusher, int64_t until) {
 
 static void fail(struct flusher *flusher, int error) {
     int none = 0;
+
     atomic_compare_exchange_strong(flusher->error, &none, error);
 }
 
@@ -56,6 +59,7 @@ static bool finish_oldest(struct flusher *flusher) {
 /* Older ones first: a recording has no gap, wherever the power goes. */
 static void flush_all(struct flusher *flusher) {
     int error = 0;
+
     for (struct segment *segment = younger(flusher, NULL); segment && !error && !*flusher->error;
          segment = younger(flusher, segment))
         error = segment_flush(segment);
@@ -65,6 +69,7 @@ static void flush_all(struct flusher *flusher) {
 
 static void *flush(void *argument) {
     struct flusher *flusher = argument;
+
     program_thread_signals();
     int64_t next = ddx_time_now() + flusher->period;
     while (wait_for_work(flusher, next)) {

@@ -13,7 +13,7 @@ _Static_assert(sizeof(struct index_header) == 408, "the header lies in one secto
 _Static_assert(sizeof(struct index_file) == INDEX_BYTES, "the index has its size");
 
 void index_seal_header(struct index_header *header) {
-    memcpy(header->magic, INDEX_MAGIC, sizeof(header->magic));
+    memcpy(header->magic, INDEX_MAGIC, sizeof header->magic);
     header->crc = crc32c(0, header, offsetof(struct index_header, crc));
 }
 
@@ -22,9 +22,9 @@ void index_seal_entry(struct index_entry *entry) {
 }
 
 bool index_good_header(const struct index_header *header) {
-    return !memcmp(header->magic, INDEX_MAGIC, sizeof(header->magic)) &&
+    return !memcmp(header->magic, INDEX_MAGIC, sizeof header->magic) &&
            header->crc == crc32c(0, header, offsetof(struct index_header, crc)) && header->state <= INDEX_NAMED &&
-           !header->item[sizeof(header->item) - 1] && !header->name[sizeof(header->name) - 1];
+           !header->item[sizeof header->item - 1] && !header->name[sizeof header->name - 1];
 }
 
 bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint32_t position) {
@@ -35,8 +35,10 @@ bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint3
 uint32_t index_count(const struct index_file *index, uint64_t limit) {
     uint64_t end = 0;
     uint32_t count = 0;
+
     for (; count < INDEX_ENTRIES; count++) {
         const struct index_entry *entry = &index->entry[count];
+
         if (!index_good_entry(entry, index->header.recording, count) || (count && entry->offset != end) ||
             entry->offset > limit || entry->bytes > limit - entry->offset)
             break;
@@ -48,6 +50,7 @@ uint32_t index_count(const struct index_file *index, uint64_t limit) {
 void index_end(struct index_file *index, uint32_t frames) {
     struct index_header *header = &index->header;
     const struct index_entry *last = &index->entry[frames - 1];
+
     header->state = INDEX_FINISHED;
     header->frames = frames;
     header->bytes = last->offset + last->bytes;
@@ -59,8 +62,9 @@ void index_end(struct index_file *index, uint32_t frames) {
 }
 
 int index_read(int fd, struct index_file *index) {
-    for (size_t at = 0; at < sizeof(*index);) {
-        ssize_t got = pread(fd, (unsigned char *)index + at, sizeof(*index) - at, (off_t)at);
+    for (size_t at = 0; at < sizeof *index;) {
+        ssize_t got = pread(fd, (unsigned char *)index + at, sizeof *index - at, (off_t)at);
+
         if (got < 0 && errno == EINTR)
             continue;
         if (got < 0)

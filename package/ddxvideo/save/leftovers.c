@@ -18,14 +18,15 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     struct y4m_header header;
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     int64_t frames = 0;
+
     *whole = 0;
-    if (!fgets(line, sizeof(line), file) || !strchr(line, '\n'))
+    if (!fgets(line, sizeof line, file) || !strchr(line, '\n'))
         return 0;
     *strchr(line, '\n') = 0;
     if (!y4m_parse_header(line, &header, error) || !y4m_is_plain(header.layout))
         return -1;
     const int64_t bytes = (int64_t)header.geometry.width * header.geometry.height / 2 * 3;
-    while (fgets(line, sizeof(line), file) && strchr(line, '\n')) {
+    while (fgets(line, sizeof line, file) && strchr(line, '\n')) {
         if (strncmp(line, "FRAME", 5))
             return -1;
         int64_t end = ftello(file) + bytes;
@@ -45,6 +46,7 @@ static int64_t mend(const char *folder, int at, const char *name, bool own) {
     FILE *file = fd < 0 || flock(fd, LOCK_EX | LOCK_NB) || fstat(fd, &status) || !S_ISREG(status.st_mode)
                      ? NULL
                      : fdopen(fd, "r");
+
     if (!file) {
         if (fd >= 0)
             close(fd);
@@ -64,6 +66,7 @@ static int64_t mend(const char *folder, int at, const char *name, bool own) {
 static bool find(const struct output *output, DIR *list, const DDX_STATS *stats, char name[NAME_MAX + 1]) {
     struct stat status;
     long highest = 0;
+
     *name = 0;
     rewinddir(list);
     for (const struct dirent *entry = readdir(list); entry; entry = readdir(list)) {
@@ -71,6 +74,7 @@ static bool find(const struct output *output, DIR *list, const DDX_STATS *stats,
         bool found = stats ? !fstatat(dirfd(list), entry->d_name, &status, AT_SYMLINK_NOFOLLOW) &&
                                  status.st_ino == stats->file_inode && status.st_dev == stats->file_device
                            : number > highest;
+
         if (!found)
             continue;
         strcpy(name, entry->d_name);
@@ -85,12 +89,14 @@ void leftovers_mend(const struct output *output, DDX_STATS_BOOK *book) {
     DDX_STATS stats;
     char folder[PATH_MAX], name[NAME_MAX + 1];
     uint64_t found = 0;
+
     output_folder(output, folder);
     ddx_stats_get(book, &stats);
     DIR *list = opendir(folder);
     if (list && stats.file_inode && find(output, list, &stats, name)) {
         int64_t frames = mend(folder, dirfd(list), name, true);
         uint64_t counted = stats.out - stats.file_out;
+
         if (frames > 0 && (uint64_t)frames > counted)
             found = (uint64_t)frames - counted;
     }

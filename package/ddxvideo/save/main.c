@@ -15,7 +15,7 @@ int main(int argc, char **argv) {
         {"output", "FILE|DIR|-", "the Y4M file to write, or a folder for <name>-<number>-<UTC>.y4m", OPTION_TEXT,
          &recorder.place, 0, 0},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,
-         &recorder.ring_frames, 2, 100000},
+         &recorder.queue_frames, 2, 100000},
         {"keep", "FRAMES", "in the store for a recorder that comes late (default: 8, and of small pictures 25)",
          OPTION_NUMBER, &recorder.keep_frames, 1, 128},
         {"segment", "MB", "record into prepared files of this size, with an index; 0: into one that grows",
@@ -32,6 +32,7 @@ int main(int argc, char **argv) {
          OPTION_NUMBER, &pre_roll, 0, PRE_ROLL_MAX},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     recorder.program = (struct program){
         .name = "ddxvideosave",
         .purpose = "Records a video item of the store as Y4M, each frame with its time; ddxvideoload plays it back.\n"

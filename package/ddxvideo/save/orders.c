@@ -37,7 +37,7 @@ static const struct order orders[] = {
 };
 
 static const struct order *find(const char *name) {
-    for (size_t i = 0; i < sizeof(orders) / sizeof(orders[0]); i++)
+    for (size_t i = 0; i < sizeof orders / sizeof orders[0]; i++)
         if (!strcmp(orders[i].name, name))
             return &orders[i];
     return NULL;
@@ -49,6 +49,7 @@ static int check(const struct recorder *recorder, const DDX_REQUEST *request, ch
         const char *name = request->change[i].name;
         int64_t value = request->change[i].value;
         const struct order *order = find(name);
+
         if (!order) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: no such parameter", name);
             return -EINVAL;
@@ -88,6 +89,7 @@ void orders_open(struct recorder *recorder, DDX_STORE_ID *id) {
 void orders_tick(struct recorder *recorder) {
     DDX_REQUEST request;
     char text[DDX_ANSWER_TEXT] = "";
+
     if (!recorder->requests || ddx_requests_take(recorder->requests, &request))
         return;
     int status = check(recorder, &request, text);

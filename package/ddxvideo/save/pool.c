@@ -20,6 +20,7 @@
 /* The pool of one program; another size than the one asked for where the disk is small. */
 static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
     struct statvfs disk;
+
     pool->outside = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (pool->outside < 0)
         return -errno;
@@ -36,7 +37,8 @@ static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
 }
 
 int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **result) {
-    struct pool *pool = calloc(1, sizeof(*pool));
+    struct pool *pool = calloc(1, sizeof *pool);
+
     if (!pool)
         return -ENOMEM;
     *pool = (struct pool){.outside = -1, .folder = -1, .recycle = recycle};
@@ -78,6 +80,7 @@ uint64_t pool_file_bytes(const struct pool *pool) {
 static bool count_free(struct pool *pool, long id, void *argument) {
     struct pool_file file;
     struct index_header header;
+
     if (!pool_is_named(pool, id) && pool_claim(pool, id, &file, &header)) {
         *(unsigned *)argument += header.state == INDEX_FREE;
         pool_release(&file);
@@ -87,6 +90,7 @@ static bool count_free(struct pool *pool, long id, void *argument) {
 
 unsigned pool_ready(struct pool *pool) {
     unsigned count = 0;
+
     pool_lock(pool);
     pool_each(pool, count_free, &count);
     count += pool->has_next;
@@ -97,6 +101,7 @@ unsigned pool_ready(struct pool *pool) {
 /* Without a prepared file: one that is half prepared, a new one, or the oldest recording's, with room for all. */
 static int make(struct pool *pool, struct pool_file *file) {
     int error = -ENOSPC;
+
     if (pool_find(pool, INDEX_RAW, file))
         error = 0;
     else if (pool_has_room(pool))
@@ -133,6 +138,7 @@ int pool_take(struct pool *pool, struct pool_file *file) {
 
 void pool_give_back(struct pool_file *file) {
     struct index_header header = {.state = file->prepared ? INDEX_FREE : INDEX_RAW};
+
     pool_write_header(file, &header);
     pool_release(file);
 }
@@ -142,6 +148,7 @@ void pool_give_back(struct pool_file *file) {
 int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *header) {
     char name[POOL_PATH];
     int error = 0;
+
     pool_data_name(name, file->id);
     /* On the disk before anybody else gets the blocks that are free now: two files must not claim them. */
     if (ftruncate(file->fd, (off_t)header->bytes) || fsync(file->fd))

@@ -35,6 +35,7 @@ void pool_index_name(char name[POOL_PATH], long id) {
 DIR *pool_list(int folder) {
     int fd = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *list = fd < 0 ? NULL : fdopendir(fd);
+
     if (!list && fd >= 0)
         close(fd);
     return list;
@@ -42,11 +43,13 @@ DIR *pool_list(int folder) {
 
 int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void *argument), void *argument) {
     DIR *folder = pool_list(pool->folder);
+
     if (!folder)
         return -errno;
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
         char *end;
         long id = strtol(entry->d_name, &end, 10);
+
         if (end != entry->d_name && id > 0 && !strcmp(end, ".y4m") && !visit(pool, id, argument))
             break;
     }
@@ -57,6 +60,7 @@ int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void 
 bool pool_is_named(const struct pool *pool, long id) {
     char name[POOL_PATH];
     struct stat status;
+
     pool_data_name(name, id);
     return !fstatat(pool->folder, name, &status, 0) && status.st_nlink > 1;
 }
@@ -69,6 +73,7 @@ void pool_forget(struct pool_file *file, struct index_header *header, uint64_t b
 /* Both files, without what the page cache would add, if the file system can. */
 static int open_file(const struct pool *pool, const char *name, int flags, bool *direct) {
     int fd = openat(pool->folder, name, O_RDWR | O_CLOEXEC | O_DIRECT | flags, 0664);
+
     *direct = fd >= 0;
     if (fd < 0 && errno == EINVAL)
         fd = openat(pool->folder, name, O_RDWR | O_CLOEXEC | (flags & ~O_EXCL), 0664);
@@ -78,6 +83,7 @@ static int open_file(const struct pool *pool, const char *name, int flags, bool 
 static int open_both(const struct pool *pool, long id, int flags, struct pool_file *file) {
     char name[POOL_PATH];
     bool direct;
+
     *file = (struct pool_file){.id = id, .fd = -1};
     pool_index_name(name, id);
     file->index_fd = open_file(pool, name, flags, &direct);
@@ -101,9 +107,9 @@ void pool_release(struct pool_file *file) {
 
 bool pool_read_header(int fd, struct index_header *header) {
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK];
-    if (pread(fd, block, sizeof(block), 0) != (ssize_t)sizeof(block))
+    if (pread(fd, block, sizeof block, 0) != (ssize_t)sizeof block)
         return false;
-    memcpy(header, block, sizeof(*header));
+    memcpy(header, block, sizeof *header);
     return index_good_header(header);
 }
 
@@ -135,6 +141,7 @@ struct search {
 static bool claim_state(struct pool *pool, long id, void *argument) {
     struct search *search = argument;
     struct index_header header;
+
     if (pool_is_named(pool, id) || !pool_claim(pool, id, search->file, &header))
         return true;
     search->found = header.state == search->state;
@@ -145,6 +152,7 @@ static bool claim_state(struct pool *pool, long id, void *argument) {
 
 bool pool_find(struct pool *pool, uint32_t state, struct pool_file *file) {
     struct search search = {.file = file, .state = state};
+
     pool_each(pool, claim_state, &search);
     return search.found;
 }
@@ -152,10 +160,12 @@ bool pool_find(struct pool *pool, uint32_t state, struct pool_file *file) {
 int pool_create(struct pool *pool, struct pool_file *file) {
     long most = 0;
     DIR *folder = pool_list(pool->folder);
+
     if (!folder)
         return -errno;
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
         long id = strtol(entry->d_name, NULL, 10);
+
         if (id > most) /* of a file, or of an index alone */
             most = id;
     }
@@ -166,19 +176,20 @@ int pool_create(struct pool *pool, struct pool_file *file) {
 int pool_write_header(const struct pool_file *file, struct index_header *header) {
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK] = {0};
     index_seal_header(header);
-    memcpy(block, header, sizeof(*header));
-    return pwrite(file->index_fd, block, sizeof(block), 0) == (ssize_t)sizeof(block) ? 0 : -EIO;
+    memcpy(block, header, sizeof *header);
+    return pwrite(file->index_fd, block, sizeof block, 0) == (ssize_t)sizeof block ? 0 : -EIO;
 }
 
 int pool_write_index(const struct pool_file *file, uint32_t state) {
     struct index_file *index;
-    if (posix_memalign((void **)&index, INDEX_BLOCK, sizeof(*index)))
+
+    if (posix_memalign((void **)&index, INDEX_BLOCK, sizeof *index))
         return -ENOMEM;
-    memset(index, 0, sizeof(*index));
+    memset(index, 0, sizeof *index);
     index->header.state = state;
     index_seal_header(&index->header);
-    ssize_t done = pwrite(file->index_fd, index, sizeof(*index), 0);
-    int error = done < 0 ? -errno : done == (ssize_t)sizeof(*index) ? 0 : -ENOSPC;
+    ssize_t done = pwrite(file->index_fd, index, sizeof *index, 0);
+    int error = done < 0 ? -errno : done == (ssize_t)sizeof *index ? 0 : -ENOSPC;
     free(index);
     return error;
 }
@@ -192,6 +203,7 @@ int pool_allocate(const struct pool *pool, const struct pool_file *file) {
 
 bool pool_has_room(const struct pool *pool) {
     struct statvfs disk;
+
     return !fstatvfs(pool->folder, &disk) &&
            (uint64_t)disk.f_bavail * disk.f_frsize >= pool->bytes + INDEX_BYTES + POOL_LEFT_FREE;
 }

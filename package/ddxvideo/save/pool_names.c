@@ -15,6 +15,7 @@
 /* The number in <item>-<NNNNNN>-<UTC>.y4m, 0 if it is none of these. */
 static long number_of(const char *name) {
     const char *end = strstr(name, ".y4m");
+
     if (!end || end[4])
         return 0;
     const char *dash = memrchr(name, '-', (size_t)(end - name));
@@ -30,6 +31,7 @@ static bool highest_in_use(struct pool *pool, long id, void *argument) {
     uint32_t *most = argument;
     char name[POOL_PATH];
     struct index_header header;
+
     if (pool_is_named(pool, id))
         return true;
     pool_index_name(name, id);
@@ -43,11 +45,13 @@ static bool highest_in_use(struct pool *pool, long id, void *argument) {
 
 uint32_t pool_next_number(struct pool *pool) {
     uint32_t most = 0;
+
     pool_wait_for_recovery(pool);
     pool_lock(pool);
     DIR *folder = pool_list(pool->outside);
     for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
         long number = number_of(entry->d_name);
+
         if (number > (long)most)
             most = (uint32_t)number;
     }
@@ -65,10 +69,11 @@ void pool_name(struct index_header *header, const char *item, uint32_t number) {
     char stamp[32];
     time_t now = time(NULL);
     struct tm utc;
-    snprintf(header->item, sizeof(header->item), "%s", item);
-    strftime(stamp, sizeof(stamp), "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+
+    snprintf(header->item, sizeof header->item, "%s", item);
+    strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
     header->number = number;
-    snprintf(header->name, sizeof(header->name), "%s-%06u-%s.y4m", header->item, (unsigned)number, stamp);
+    snprintf(header->name, sizeof header->name, "%s-%06u-%s.y4m", header->item, (unsigned)number, stamp);
     for (char *c = header->name; *c; c++)
         if (*c == '/')
             *c = '_'; /* an item's name may hold one */
@@ -94,6 +99,7 @@ static bool claim_inode(struct pool *pool, long id, void *argument) {
     char name[POOL_PATH];
     struct stat status;
     struct index_header header;
+
     pool_data_name(name, id);
     if (fstatat(pool->folder, name, &status, 0) || status.st_ino != wanted->inode)
         return true;
@@ -104,9 +110,11 @@ static bool claim_inode(struct pool *pool, long id, void *argument) {
 /* The recording with the lowest number above `above`. */
 static bool next_oldest(struct pool *pool, long above, struct oldest *oldest) {
     DIR *folder = pool_list(pool->outside);
+
     oldest->number = 0;
     for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
         long number = number_of(entry->d_name);
+
         if (number > above && (!oldest->number || number < oldest->number)) {
             oldest->number = number;
             oldest->inode = entry->d_ino;
@@ -122,8 +130,10 @@ int pool_recycle(struct pool *pool, struct pool_file *file) {
     struct oldest oldest = {.number = 0};
     struct stat status;
     struct index_header header;
+
     while (next_oldest(pool, oldest.number, &oldest)) {
         struct wanted wanted = {.inode = oldest.inode, .file = file};
+
         pool_each(pool, claim_inode, &wanted);
         if (!wanted.found)
             continue; /* not of the pool, or somebody is reading it */

@@ -22,6 +22,7 @@
 
 static void pause_for(int64_t time) {
     struct timespec duration = {.tv_sec = (time_t)(time / NS), .tv_nsec = (long)(time % NS)};
+
     clock_nanosleep(CLOCK_MONOTONIC, 0, &duration, NULL);
 }
 
@@ -29,6 +30,7 @@ static void pause_for(int64_t time) {
 static int64_t pause_after(const struct pool *pool, int64_t took) {
     uint64_t rate = 2 * pool->rate > SLOWEST ? 2 * pool->rate : SLOWEST;
     int64_t rest = (int64_t)(CHUNK * (uint64_t)NS / rate) - took;
+
     return rest > took ? rest : took;
 }
 
@@ -36,6 +38,7 @@ static int64_t pause_after(const struct pool *pool, int64_t took) {
 static int fill(struct pool *pool, const struct pool_file *file) {
     unsigned char *zeros;
     int error = pool_allocate(pool, file);
+
     if (error || posix_memalign((void **)&zeros, INDEX_BLOCK, CHUNK))
         return error ? error : -ENOMEM;
     memset(zeros, 0, CHUNK);
@@ -60,6 +63,7 @@ static int fill(struct pool *pool, const struct pool_file *file) {
 static int prepare(struct pool *pool, struct pool_file *file) {
     struct index_header header = {.state = INDEX_FREE};
     int error = pool_write_index(file, INDEX_RAW);
+
     if (!error)
         error = fill(pool, file);
     if (!error && (ftruncate(file->fd, (off_t)pool->bytes) || fsync(file->fd) || fsync(file->index_fd)))
@@ -84,6 +88,7 @@ static bool find_work(struct pool *pool, struct pool_file *file) {
 /* The next one at hand, and as many more as there should be. True if something was done. */
 static bool work(struct pool *pool) {
     struct pool_file file;
+
     pool_lock(pool);
     if (!pool->has_next && pool_find(pool, INDEX_FREE, &pool->next))
         pool->has_next = true;
@@ -105,6 +110,7 @@ static bool work(struct pool *pool) {
 /* Recording begins with or without the files of former times: they stay as they are. */
 static void recover(struct pool *pool) {
     int error = pool_recover(pool);
+
     if (error)
         say("pool: an unfinished recording cannot be finished: %s", strerror(-error));
     pthread_mutex_lock(&pool->lock);
@@ -122,6 +128,7 @@ void pool_wait_for_recovery(struct pool *pool) {
 
 static void *prepare_files(void *argument) {
     struct pool *pool = argument;
+
     program_thread_signals();
     program_thread_ordinary();
     recover(pool);

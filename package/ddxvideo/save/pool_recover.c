@@ -22,6 +22,7 @@ static bool is_whole(const struct pool_file *file, const struct index_entry *ent
     uint64_t begin = entry->offset / INDEX_BLOCK * INDEX_BLOCK, end = entry->offset + entry->bytes;
     size_t size = (size_t)((end - begin + INDEX_BLOCK - 1) / INDEX_BLOCK * INDEX_BLOCK);
     unsigned char *bytes;
+
     if (posix_memalign((void **)&bytes, INDEX_BLOCK, size))
         return false;
     ssize_t got = pread(file->fd, bytes, size, (off_t)begin);
@@ -34,6 +35,7 @@ static bool is_whole(const struct pool_file *file, const struct index_entry *ent
 /* How many frames there are, up to the first one that is not as the index says. */
 static uint32_t whole_frames(const struct pool_file *file, const struct index_file *index) {
     struct stat status;
+
     if (fstat(file->fd, &status))
         return 0;
     uint32_t count = index_count(index, (uint64_t)status.st_size);
@@ -45,6 +47,7 @@ static uint32_t whole_frames(const struct pool_file *file, const struct index_fi
 
 static int finish(struct pool *pool, struct pool_file *file, struct index_file *index, uint32_t frames) {
     struct index_header *header = &index->header;
+
     index_end(index, frames);
     header->flags |= INDEX_RECOVERED;
     int error = pool_write_header(file, header);
@@ -61,6 +64,7 @@ static bool recover(struct pool *pool, long id, void *argument) {
     struct recovering *recovering = argument;
     struct pool_file file;
     struct index_header header;
+
     if (pool_is_named(pool, id) || !pool_claim(pool, id, &file, &header))
         return true;
     if (header.state != INDEX_RECORDING && header.state != INDEX_FINISHED) {
@@ -72,7 +76,8 @@ static bool recover(struct pool *pool, long id, void *argument) {
     if (!error)
         frames = whole_frames(&file, recovering->index);
     if (frames) {
-        char name[sizeof(header.name)];
+        char name[sizeof header.name];
+
         strcpy(name, header.name);
         error = finish(pool, &file, recovering->index, frames);
         if (!error)
@@ -88,7 +93,8 @@ static bool recover(struct pool *pool, long id, void *argument) {
 
 int pool_recover(struct pool *pool) {
     struct recovering recovering = {.error = 0};
-    if (posix_memalign((void **)&recovering.index, INDEX_BLOCK, sizeof(*recovering.index)))
+
+    if (posix_memalign((void **)&recovering.index, INDEX_BLOCK, sizeof *recovering.index))
         return -ENOMEM;
     pool_lock(pool);
     int error = pool_each(pool, recover, &recovering);
@@ -111,12 +117,13 @@ static bool count(struct pool *pool, long id, void *argument) {
     struct counting *counting = argument;
     struct index_header header;
     char name[POOL_PATH];
+
     pool_index_name(name, id);
     int fd = openat(pool->folder, name, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
         return true;
     bool ours = pool_read_header(fd, &header) && header.flags & INDEX_RECOVERED &&
-                !strncmp(header.item, counting->item, sizeof(header.item));
+                !strncmp(header.item, counting->item, sizeof header.item);
     if (ours && !counting->index && header.number > counting->newest)
         counting->newest = header.number;
     if (ours && counting->index && header.number + 1 >= counting->newest && !index_read(fd, counting->index))
@@ -128,10 +135,11 @@ static bool count(struct pool *pool, long id, void *argument) {
 
 uint64_t pool_recovered_frames(struct pool *pool, const char *item, uint64_t above) {
     struct counting counting = {.item = item, .above = above};
+
     pool_wait_for_recovery(pool);
     pool_lock(pool);
     pool_each(pool, count, &counting);
-    if (!posix_memalign((void **)&counting.index, INDEX_BLOCK, sizeof(*counting.index)))
+    if (!posix_memalign((void **)&counting.index, INDEX_BLOCK, sizeof *counting.index))
         pool_each(pool, count, &counting);
     pool_unlock(pool);
     free(counting.index);

@@ -9,12 +9,13 @@
 #define NS INT64_C(1000000000)
 #define USUAL_RATE 25 /* of a source that does not tell its own */
 
-static unsigned limit_of(unsigned ring_frames) {
-    return ring_frames > 4 ? ring_frames / 4 * 3 : 1;
+static unsigned limit_of(unsigned queue_frames) {
+    return queue_frames > 4 ? queue_frames / 4 * 3 : 1;
 }
 
-int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned ring_frames) {
-    int64_t frames = limit_of(ring_frames);
+int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames) {
+    int64_t frames = limit_of(queue_frames);
+
     return geometry->rate_num > 0 && geometry->rate_den > 0 ? frames * geometry->rate_den / geometry->rate_num
                                                              : frames / USUAL_RATE;
 }
@@ -29,6 +30,7 @@ static size_t picture_bytes(const struct ddxvideo_picture *view) {
 
 static uint64_t drop_oldest(struct preroll *preroll) {
     uint64_t frames = 1 + preroll->frame[preroll->oldest].missed;
+
     preroll->oldest = (preroll->oldest + 1) % preroll->limit;
     preroll->count--;
     return frames;
@@ -36,6 +38,7 @@ static uint64_t drop_oldest(struct preroll *preroll) {
 
 uint64_t preroll_clear(struct preroll *preroll) {
     uint64_t frames = 0;
+
     while (preroll->count)
         frames += drop_oldest(preroll);
     free(preroll->picture);
@@ -46,14 +49,14 @@ uint64_t preroll_clear(struct preroll *preroll) {
 }
 
 /* Room for pictures like this one. */
-static bool set_up(struct preroll *preroll, unsigned ring_frames, const struct ddxvideo_picture *view) {
-    preroll->limit = limit_of(ring_frames);
-    preroll->picture = calloc(preroll->limit, sizeof(*preroll->picture));
-    preroll->frame = calloc(preroll->limit, sizeof(*preroll->frame));
+static bool set_up(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view) {
+    preroll->limit = limit_of(queue_frames);
+    preroll->picture = calloc(preroll->limit, sizeof *preroll->picture);
+    preroll->frame = calloc(preroll->limit, sizeof *preroll->frame);
     preroll->bytes = picture_bytes(view);
     preroll->memory = malloc(preroll->limit * preroll->bytes); /* what is not used costs nothing */
     preroll->geometry = view->geometry;
-    if (preroll->seconds > preroll_seconds_max(&view->geometry, ring_frames))
+    if (preroll->seconds > preroll_seconds_max(&view->geometry, queue_frames))
         say("%lld seconds before the start do not fit into memory, only the last %u frames do",
             (long long)preroll->seconds, preroll->limit);
     if (preroll->picture && preroll->frame && preroll->memory)
@@ -66,6 +69,7 @@ static bool set_up(struct preroll *preroll, unsigned ring_frames, const struct d
 
 static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_picture *view) {
     unsigned char *to = preroll->memory + at * preroll->bytes;
+
     preroll->picture[at] = *view;
     for (int plane = 0; plane < 3; plane++) {
         memcpy(to, view->plane[plane], plane_bytes(view, plane));
@@ -74,13 +78,14 @@ static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_pic
     }
 }
 
-uint64_t preroll_put(struct preroll *preroll, unsigned ring_frames, const struct ddxvideo_picture *view,
+uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame) {
     uint64_t gone = 0;
+
     if (preroll->memory && (!preroll->seconds || preroll->bytes != picture_bytes(view) ||
                             !ddxvideo_same_layout(&preroll->geometry, &view->geometry)))
         gone = preroll_clear(preroll);
-    if (!preroll->seconds || (!preroll->memory && !set_up(preroll, ring_frames, view)))
+    if (!preroll->seconds || (!preroll->memory && !set_up(preroll, queue_frames, view)))
         return gone + 1 + frame->missed;
     while (preroll->count && (preroll->count == preroll->limit ||
                               frame->published - preroll->frame[preroll->oldest].published > preroll->seconds * NS))

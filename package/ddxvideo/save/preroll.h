@@ -17,15 +17,15 @@ struct preroll {
     unsigned limit, oldest, count;
 };
 
-/* How many seconds of pictures like these it can have: three quarters of a ring of so many frames, which takes them. */
-int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned ring_frames);
+/* How many seconds of pictures like these it can have: three quarters of a queue of so many, which takes them. */
+int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames);
 
 /*
  * Keep a picture (it is copied), and let go of those that are too old by now; of all, if they were of another kind.
  * Returns how many frames were let go of, those that were missed before them included; this one as well if there is
  * no memory for it.
  */
-uint64_t preroll_put(struct preroll *preroll, unsigned ring_frames, const struct ddxvideo_picture *view,
+uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame);
 
 /* The oldest one leaves: false if there is none. The picture stays until the next preroll_put(). */

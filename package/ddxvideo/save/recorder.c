@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The reading side of ddxvideosave: every frame out of the store, into the ring of the present recording. */
+/* The reading side of ddxvideosave: every frame out of the store, into the queue of the present recording. */
 #include "recorder.h"
 
 #include <errno.h>
@@ -17,7 +17,7 @@ static const char *const reasons[] = {"store", "ring", "write", NULL};
 #define KEEP_BYTES (4u << 20)
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
 #define WAITING_NS INT64_C(1000000000)
-#define BUSY 25          /* %: from there on the disk has enough to do with what is in the ring */
+#define BUSY 25          /* %: from there on the disk has enough to do with what is in the queue */
 #define DRAIN_FRAMES 256 /* bound on what is still taken from the store after TERM */
 
 static void fail(struct recorder *recorder, const char *what, int error) {
@@ -32,6 +32,7 @@ static void fail(struct recorder *recorder, const char *what, int error) {
 static void finish(struct recorder *recorder, struct recording *recording) {
     char path[PATH_MAX];
     int error = recording_finish(recording, path);
+
     if (!error)
         return;
     if (error == -ECANCELED) { /* told to stop: that is no failure */
@@ -54,6 +55,7 @@ static void finish(struct recorder *recorder, struct recording *recording) {
 /* The former ones that are on disk by now; or, waiting for it, all. */
 static void finish_former(struct recorder *recorder, bool wait) {
     struct recording *recording;
+
     while ((recording = backlog_take(&recorder->backlog, wait)))
         finish(recorder, recording);
 }
@@ -72,6 +74,7 @@ void recorder_end_file(struct recorder *recorder) {
 static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
     unsigned bytes = recording_frame_bytes(geometry);
     double rate = geometry->rate_num && geometry->rate_den ? (double)geometry->rate_num / geometry->rate_den : 30;
+
     recorder->disk.frame_bytes = bytes;
     if (recorder->pool)
         pool_recorded_at(recorder->pool, (uint64_t)(bytes * rate));
@@ -79,11 +82,12 @@ static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry 
 
 /*
  * Begin a file for pictures like this one. Former ones are still being written meanwhile, by their own threads; where
- * the disk has left no room for one more ring, there is no recording then.
+ * the disk has left no room for one more queue, there is no recording then.
  */
 static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     unsigned frames = recorder_ring_frames(recorder);
     uint64_t bytes = (uint64_t)frames * recording_frame_bytes(&view->geometry);
+
     finish_former(recorder, false);
     bool room = backlog_has_room(&recorder->backlog, recorder->recording, bytes);
     recorder_end_file(recorder);
@@ -92,7 +96,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
     struct recording_plan plan = {.output = &recorder->output,
                                   .pool = recorder->pool,
                                   .geometry = view->geometry,
-                                  .ring_frames = frames,
+                                  .queue_frames = frames,
                                   .turn = &recorder->turn,
                                   .lost_store = recorder->lost_store,
                                   .lost_ring = recorder->lost_ring,
@@ -172,6 +176,7 @@ static uint64_t wanted_up_to(const void *choice, uint64_t sequence) {
  */
 static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
+
     if (frame && !ddxvideo_view(recorder->video, frame->data, &view))
         look(recorder, &view);
     uint64_t seen = ddx_store_seen(recorder->video);
@@ -193,11 +198,12 @@ static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
 
 /* ---- Frame by frame ---- */
 
-/* False if the disk is so far behind that there is no ring for the frame, or no room in it; it is counted then. */
-static bool put_into_ring(struct recorder *recorder, const struct ddxvideo_picture *view,
-                          const struct recording_frame *frame) {
+/* False if the disk is so far behind that there is no queue for the frame, or no room in it; it is counted then. */
+static bool put_into_queue(struct recorder *recorder, const struct ddxvideo_picture *view,
+                           const struct recording_frame *frame) {
     if (recorder->recording) {
         bool has_room = recording_put(recorder->recording, view, frame);
+
         recorder->level = recording_level(recorder->recording);
         return has_room;
     }
@@ -211,6 +217,7 @@ static bool put_into_ring(struct recorder *recorder, const struct ddxvideo_pictu
 /* A frame that is to be recorded, and what was missed before it. */
 static void put(struct recorder *recorder, const struct ddxvideo_picture *view, const struct recording_frame *frame) {
     int number = view->stamp.frame;
+
     if (frame->missed)
         count_missed(recorder, frame->missed, number);
     ddx_stats_in(recorder->book, 1, frame->sequence);
@@ -218,10 +225,11 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
     if (!choose_file(recorder, view)) {
         ddx_stats_lost(recorder->book, LOST_WRITE, 1);
     } else {
-        bool full = !put_into_ring(recorder, view, frame);
-        if (full && !recorder->ring_full)
+        bool full = !put_into_queue(recorder, view, frame);
+
+        if (full && !recorder->queue_full)
             say("losing frames from %d on: the ring is full, the disk is too slow", number);
-        recorder->ring_full = full;
+        recorder->queue_full = full;
     }
     recorder->frame = number;
 }
@@ -237,6 +245,7 @@ static void tell_index(struct recorder *recorder, uint64_t lost) {
 /* A frame that cannot be read. */
 static void put_broken(struct recorder *recorder, const struct recording_frame *frame) {
     int number = (int)(recorder->frame + 1 + (int64_t)frame->missed);
+
     if (frame->missed)
         count_missed(recorder, frame->missed, number);
     say("lost frame %d: its numbers do not fit its memory, the program that writes it is broken", number);
@@ -250,6 +259,7 @@ static void put_broken(struct recorder *recorder, const struct recording_frame *
 static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame) {
     uint64_t left_out = frame->missed + 1;
+
     if (view)
         left_out = preroll_put(&recorder->preroll, recorder_ring_frames(recorder), view, frame);
     ddx_stats_skipped(recorder->book, left_out);
@@ -279,6 +289,7 @@ static void give_up(struct recorder *recorder, const struct recording_frame *fra
 
 static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
+
     recorder->seen = true;
     int error = recorder->done ? 0 : ddxvideo_view(recorder->video, frame->data, &view);
     if (error == -EPROTOTYPE)
@@ -308,6 +319,7 @@ static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
 void recorder_set_paused(struct recorder *recorder, bool paused) {
     struct ddxvideo_picture view;
     struct recording_frame frame;
+
     if (recorder->paused == paused)
         return;
     recorder->paused = recorder->disk.paused = paused;
@@ -327,7 +339,7 @@ void recorder_set_paused(struct recorder *recorder, bool paused) {
 }
 
 unsigned recorder_ring_frames(const struct recorder *recorder) {
-    return recorder->ring_frames ? (unsigned)recorder->ring_frames : recording_ring_frames(&recorder->geometry);
+    return recorder->queue_frames ? (unsigned)recorder->queue_frames : recording_queue_frames(&recorder->geometry);
 }
 
 static void say_kept(const struct recorder *recorder) {
@@ -347,6 +359,7 @@ static bool keep_fewer(struct recorder *recorder) {
 /* With the first frame, as its size is known only now. Where there is no room for more, it stays as it is. */
 static void keep_more(struct recorder *recorder) {
     struct ddx_item_info info;
+
     if (ddx_store_kept(recorder->video) < recorder->keep) {
         recorder->keep = ddx_store_kept(recorder->video);
         say_kept(recorder);
@@ -366,6 +379,7 @@ static void keep_more(struct recorder *recorder) {
 static bool take_frame(struct recorder *recorder, double timeout, int64_t not_after) {
     struct ddx_frame frame;
     int error = ddx_store_acquire(recorder->video, &frame, timeout, DDX_IN_ORDER);
+
     if (!recorder->follows && (!error || error == -ETIMEDOUT))
         follow(recorder, error ? NULL : &frame);
     if (error == -ETIMEDOUT || (error == -EBUSY && keep_fewer(recorder)))
@@ -387,6 +401,7 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
 /* Say once that there is no such item, when that lasts. */
 static void tell_waiting(struct recorder *recorder) {
     struct ddx_item_info info;
+
     if (recorder->seen || recorder->said_waiting || ddx_time_now() - recorder->begin < WAITING_NS)
         return;
     recorder->said_waiting = true;
@@ -418,6 +433,7 @@ static void record(struct recorder *recorder) {
 /* Whether the disk is needed for the recording: asked by the thread that prepares files. */
 static bool is_busy(void *argument) {
     const struct recorder *recorder = argument;
+
     return recorder->level > BUSY;
 }
 
@@ -457,6 +473,7 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
 /* What a forerunner of this instance left, who did not end as told. */
 static void mend_leftovers(struct recorder *recorder) {
     DDX_STATS stats;
+
     ddx_stats_get(recorder->book, &stats);
     recorder->output.keep = stats.follows;
     if (!recorder->pool)

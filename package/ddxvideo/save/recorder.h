@@ -17,7 +17,7 @@ struct recorder {
     struct program program;
     const char *name;  /* of the video item */
     const char *place; /* file or folder */
-    long ring_frames;  /* 0: as recording_ring_frames() says */
+    long queue_frames; /* 0: as recording_queue_frames() says */
     long keep_frames;  /* that the store is to keep for us; 0: as recorder_run() sees fit */
     long segment;      /* MB of a file of the pool; 0: no pool */
     bool recover;      /* what was left unfinished, and nothing else */
@@ -33,7 +33,7 @@ struct recorder {
     struct disk_watch disk;
     struct preroll preroll;            /* while it is paused */
     struct ddxvideo_geometry geometry; /* of the newest picture */
-    atomic_uint level; /* of the ring, % */
+    atomic_uint level; /* of the queue, % */
     unsigned keep; /* frames that the store keeps for us */
     struct recording *recording; /* the present one, NULL before the first frame */
     struct backlog backlog;      /* former ones, which are still being written to disk */
@@ -45,7 +45,7 @@ struct recorder {
     bool follows;                /* what is written into the item from now on is ours to record */
     bool seen;                   /* a frame was there */
     int frame;                   /* number of the frame before; -1: there was none */
-    bool ring_full;              /* the frame before was lost in the ring */
+    bool queue_full;             /* the frame before was lost in the queue */
     bool rate_changed;           /* said so */
     bool rate_unknown;           /* likewise */
     int status;                  /* exit status so far */
@@ -58,7 +58,7 @@ int recorder_run(struct recorder *recorder);
 /* Record from now on, what waits in memory first; or leave out what comes. */
 void recorder_set_paused(struct recorder *recorder, bool paused);
 
-/* Size of its ring for pictures like the newest one, which there is. */
+/* Size of its queue for pictures like the newest one, which there is. */
 unsigned recorder_ring_frames(const struct recorder *recorder);
 
 /* The present recording ends with the frame before; it is finished by its own threads. */

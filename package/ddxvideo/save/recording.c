@@ -10,31 +10,34 @@
 #include "y4m.h"
 
 #define NS INT64_C(1000000000)
-#define RING_FRAMES 64
-#define RING_BYTES_MAX (UINT64_C(256) << 20)
-#define RING_FRAMES_MIN 8
+#define QUEUE_FRAMES 64
+#define QUEUE_BYTES_MAX (UINT64_C(256) << 20)
+#define QUEUE_FRAMES_MIN 8
 
 static size_t picture_bytes(const struct ddxvideo_geometry *geometry) {
     return (size_t)geometry->width * (size_t)geometry->height / 2 * 3;
 }
 
-uint64_t recording_ring_bytes_max(void) {
+uint64_t recording_queue_bytes_max(void) {
     uint64_t memory = (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
-    return memory < RING_BYTES_MAX ? memory : RING_BYTES_MAX;
+
+    return memory < QUEUE_BYTES_MAX ? memory : QUEUE_BYTES_MAX;
 }
 
-unsigned recording_ring_frames(const struct ddxvideo_geometry *geometry) {
-    uint64_t frames = RING_FRAMES;
+unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry) {
+    uint64_t frames = QUEUE_FRAMES;
+
     if (geometry->rate_num && geometry->rate_den) {
         uint64_t wanted = (UINT64_C(5) * (uint64_t)geometry->rate_num / 2 + (uint64_t)geometry->rate_den - 1) /
                           (uint64_t)geometry->rate_den;
+
         if (wanted > frames)
             frames = wanted;
     }
-    uint64_t fits = recording_ring_bytes_max() / picture_bytes(geometry);
+    uint64_t fits = recording_queue_bytes_max() / picture_bytes(geometry);
     if (fits < frames)
         frames = fits;
-    return frames < RING_FRAMES_MIN ? RING_FRAMES_MIN : (unsigned)frames;
+    return frames < QUEUE_FRAMES_MIN ? QUEUE_FRAMES_MIN : (unsigned)frames;
 }
 
 unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry) {
@@ -44,7 +47,8 @@ unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry) {
 /* ---- Begin and end ---- */
 
 int recording_begin(const struct recording_plan *plan, struct recording **result) {
-    struct recording *recording = calloc(1, sizeof(*recording));
+    struct recording *recording = calloc(1, sizeof *recording);
+
     if (!recording)
         return -ENOMEM;
     recording->plan = *plan;
@@ -52,15 +56,15 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
     recording->lost_store = plan->lost_store;
     recording->lost_ring = plan->lost_ring;
     size_t bytes = picture_bytes(&plan->geometry) + Y4M_FRAME_LINE_WRITTEN;
-    int error = ring_init(&recording->ring, plan->ring_frames, bytes);
+    int error = byte_queue_init(&recording->queue, plan->queue_frames, bytes);
     if (error)
-        goto no_ring;
+        goto no_queue;
     error = plan->pool && bytes + Y4M_HEADER_WRITTEN > pool_file_bytes(plan->pool) ? -EFBIG : 0;
     if (!error)
         error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS * 3 / 4, &recording->error);
     if (error)
         goto no_flusher;
-    ring_cut(&recording->ring); /* here a file begins: the first one, opened by who may wait for a disk */
+    byte_queue_cut(&recording->queue); /* here a file begins: the first one, opened by who may wait for a disk */
     error = -pthread_create(&recording->thread, NULL, recording_write, recording);
     if (error)
         goto no_thread;
@@ -71,8 +75,8 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
 no_thread:
     flusher_stop(&recording->flusher);
 no_flusher:
-    ring_free(&recording->ring);
-no_ring:
+    byte_queue_free(&recording->queue);
+no_queue:
     free(recording);
     return error;
 }
@@ -80,7 +84,7 @@ no_ring:
 void recording_close(struct recording *recording) {
     recording->lost_store_last = (uint32_t)recording->lost_store;
     recording->lost_ring_last = (uint32_t)recording->lost_ring;
-    ring_close(&recording->ring);
+    byte_queue_close(&recording->queue);
 }
 
 bool recording_is_on_disk(const struct recording *recording) {
@@ -92,7 +96,7 @@ int recording_finish(struct recording *recording, char *path) {
     pthread_join(recording->thread, NULL);
     int error = recording->error;
     strcpy(path, recording->path);
-    ring_free(&recording->ring);
+    byte_queue_free(&recording->queue);
     free(recording);
     return error;
 }
@@ -110,13 +114,13 @@ static bool is_full(const struct recording *recording, size_t bytes) {
            recording->file_frames >= INDEX_ENTRIES;
 }
 
-/* The next frame begins a file: false if the ring has no room for the end of this one. */
+/* The next frame begins a file: false if the queue has no room for the end of this one. */
 static bool end_file(struct recording *recording) {
-    _Static_assert(RING_CUTS == 32, "each has a bit");
-    uint32_t bit = 1u << recording->ring.cuts_put % RING_CUTS;
+    _Static_assert(BYTE_QUEUE_CUTS == 32, "each has a bit");
+    uint32_t bit = 1u << recording->queue.cuts_put % BYTE_QUEUE_CUTS;
     if (recording->split)
         recording->begins |= bit; /* before the writing thread can see the cut */
-    if (!ring_cut(&recording->ring)) {
+    if (!byte_queue_cut(&recording->queue)) {
         if (recording->split)
             recording->begins &= ~bit;
         return false;
@@ -135,18 +139,19 @@ static bool refuse(struct recording *recording) {
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame) {
     char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
-    size_t bytes = picture_bytes(&recording->plan.geometry) + sizeof(line);
+    size_t bytes = picture_bytes(&recording->plan.geometry) + sizeof line;
+
     recording->lost_store += frame->missed;
     if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&
         !end_file(recording) && is_full(recording, bytes))
         return refuse(recording);
 
-    struct ring_facts facts = {.published = frame->published,
-                               .time = capture_time(view, frame->published),
-                               .sequence = frame->sequence,
-                               .frame = view->stamp.frame,
-                               .lost_store = (unsigned)recording->lost_store,
-                               .lost_ring = (unsigned)recording->lost_ring};
+    struct byte_queue_facts facts = {.published = frame->published,
+                                     .time = capture_time(view, frame->published),
+                                     .sequence = frame->sequence,
+                                     .frame = view->stamp.frame,
+                                     .lost_store = (unsigned)recording->lost_store,
+                                     .lost_ring = (unsigned)recording->lost_ring};
     if (view->stamp.wall_offset && __builtin_add_overflow(facts.time, view->stamp.wall_offset, &facts.wall))
         facts.wall = 0;
     bool first = !recording->file_bytes;
@@ -166,7 +171,7 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
             (struct iovec){(void *)(uintptr_t)view->plane[i], (size_t)view->stride[i] * (size_t)view->rows[i]};
         total += pieces[i + 2].iov_len;
     }
-    if (!ring_put(&recording->ring, pieces, 5, &facts))
+    if (!byte_queue_put(&recording->queue, pieces, 5, &facts))
         return refuse(recording);
     recording->file_bytes += total;
     recording->file_frames++;
@@ -188,12 +193,12 @@ const struct ddxvideo_geometry *recording_geometry(const struct recording *recor
     return &recording->plan.geometry;
 }
 
-uint64_t recording_ring_bytes(const struct recording *recording) {
-    return recording->ring.size;
+uint64_t recording_queue_bytes(const struct recording *recording) {
+    return recording->queue.size;
 }
 
 unsigned recording_level(struct recording *recording) {
-    return ring_level(&recording->ring);
+    return byte_queue_level(&recording->queue);
 }
 
 int recording_error(const struct recording *recording) {

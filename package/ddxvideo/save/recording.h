@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A recording of pictures of one kind: a ring, a thread that writes it to disk, into one file after the other if they
+ * A recording of pictures of one kind: a queue, a thread that writes it to disk, into one file after the other if they
  * come from a pool, and a thread that makes safe what has been written.
  */
 #ifndef DDXVIDEO_RECORDING_H
@@ -23,11 +23,11 @@ struct recording_turn {
     unsigned begun, written; /* recordings so far */
 };
 
-/* Ring size for pictures like these: 2.5 s and at least 64 frames, as far as memory allows. */
-unsigned recording_ring_frames(const struct ddxvideo_geometry *geometry);
+/* Size of the queue for pictures like these: 2.5 s and at least 64 frames, as far as memory allows. */
+unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry);
 
-/* No ring of that size has more bytes than this. */
-uint64_t recording_ring_bytes_max(void);
+/* No queue of that size has more bytes than this. */
+uint64_t recording_queue_bytes_max(void);
 
 /* Bytes of a picture like these in a file. */
 unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry);
@@ -37,7 +37,7 @@ struct recording_plan {
     const struct output *output;
     struct pool *pool; /* NULL: one file */
     struct ddxvideo_geometry geometry;
-    unsigned ring_frames;
+    unsigned queue_frames;
     struct recording_turn *turn;
     uint64_t lost_store, lost_ring; /* before its first frame */
     DDX_STATS_BOOK *book; /* is told what becomes of each frame */
@@ -57,14 +57,14 @@ struct recording_frame {
 };
 
 /*
- * Copy a frame into the ring. Never waits. False if the ring is full; the frame is counted as lost then, and the index
+ * Copy a frame into the queue. Never waits. False if that is full; the frame is counted as lost then, and the index
  * of the next one says so.
  */
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame);
 
 /*
- * In a pool: the next frame begins a new recording, without a gap to this one. Does not wait; where the ring has no
+ * In a pool: the next frame begins a new recording, without a gap to this one. Does not wait; where the queue has no
  * room for the end of a file, it is a later frame.
  */
 void recording_split(struct recording *recording);
@@ -74,10 +74,10 @@ void recording_missed(struct recording *recording, uint64_t frames);
 
 const struct ddxvideo_geometry *recording_geometry(const struct recording *recording);
 
-/* Memory of its ring. */
-uint64_t recording_ring_bytes(const struct recording *recording);
+/* Memory of its queue. */
+uint64_t recording_queue_bytes(const struct recording *recording);
 
-/* How full the ring is: 0 to 100. */
+/* How full the queue is: 0 to 100. */
 unsigned recording_level(struct recording *recording);
 
 /* 0, or -errno after which nothing more gets to disk: no file, or one that cannot be written any more. */

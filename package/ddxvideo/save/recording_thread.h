@@ -5,12 +5,12 @@
 
 #include "flusher.h"
 #include "recording.h"
-#include "ring.h"
+#include "byte_queue.h"
 #include "segment.h"
 
 struct recording {
     struct recording_plan plan;
-    struct ring ring;
+    struct byte_queue queue;
     struct flusher flusher;
     pthread_t thread;
     unsigned turn;    /* so many write first */
@@ -21,18 +21,18 @@ struct recording {
     uint64_t file_bytes;            /* of the present file; 0: the next frame begins it */
     uint32_t file_frames;
     bool split;                     /* the next frame is to begin another recording */
-    _Atomic uint32_t begins;        /* bit N: behind the ring's cut N modulo RING_CUTS another recording begins */
+    _Atomic uint32_t begins;        /* bit N: behind the queue's cut N (modulo their number) another recording begins */
     uint64_t lost_store, lost_ring; /* since the last frame that was put */
     _Atomic uint32_t lost_store_last, lost_ring_last; /* behind the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
     struct segment *segment; /* NULL: before the first one, or after an error */
-    uint64_t position;       /* of what is written next, in the ring's count */
+    uint64_t position;       /* of what is written next, in the queue's count */
     char path[PATH_MAX];     /* of the present file, the last one, or none yet */
     uint32_t sum;            /* of the frame that is being written */
 };
 
-/* The writing thread; the argument is the recording, whose ring begins with a cut. */
+/* The writing thread; the argument is the recording, whose queue begins with a cut. */
 void *recording_write(void *argument);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The thread between ring and disk. */
+/* The thread between queue and disk. */
 #include <string.h>
 
 #include "crc32c.h"
@@ -10,28 +10,31 @@
 
 static void fail(struct recording *recording, int error) {
     int none = 0;
+
     atomic_compare_exchange_strong(&recording->error, &none, error);
 }
 
-/* The frame's last byte is out of the ring. */
-static void frame_is_out(struct recording *recording, const struct ring_frame *frame) {
+/* The frame's last byte is out of the queue. */
+static void frame_is_out(struct recording *recording, const struct byte_queue_frame *frame) {
     if (recording->error) {
         ddx_stats_lost(recording->plan.book, LOST_WRITE, 1);
     } else {
         segment_add(recording->segment, frame, recording->sum);
     }
     recording->sum = 0;
-    ring_drop_oldest(&recording->ring);
+    byte_queue_drop_oldest(&recording->queue);
     ddx_stats_write(recording->plan.book);
 }
 
 /* These bytes are written, or given up: which frames do they belong to? */
 static void account(struct recording *recording, const unsigned char *bytes, size_t size) {
-    struct ring_frame frame;
-    while (size && ring_oldest(&recording->ring, &frame)) {
+    struct byte_queue_frame frame;
+
+    while (size && byte_queue_oldest(&recording->queue, &frame)) {
         bool inside = recording->position >= frame.begin;
         uint64_t left = (inside ? frame.end : frame.begin) - recording->position;
         size_t part = left < size ? (size_t)left : size;
+
         if (inside && recording->plan.pool)
             recording->sum = crc32c(recording->sum, bytes, part);
         bytes += part;
@@ -47,6 +50,7 @@ static void begin_file(struct recording *recording) {
     const struct ddxvideo_geometry *geometry = &recording->plan.geometry;
     int error = segment_open(recording->plan.output, recording->plan.pool, recording->plan.book, recording->session,
                              &segment);
+
     if (error) {
         fail(recording, error);
         return;
@@ -66,12 +70,13 @@ static void begin_file(struct recording *recording) {
  * name, and until the new one is known on the disk the recording would look finished. */
 static void change_file(struct recording *recording) {
     struct segment *before = recording->segment;
-    uint32_t bit = 1u << recording->ring.cuts_taken % RING_CUTS;
+    uint32_t bit = 1u << recording->queue.cuts_taken % BYTE_QUEUE_CUTS;
+
     if (recording->begins & bit) {
         recording->begins &= ~bit;
         recording->session = 0; /* of the next file's own */
     }
-    recording->position = ring_next_file(&recording->ring);
+    recording->position = byte_queue_next_file(&recording->queue);
     recording->segment = NULL;
     if (!recording->error)
         begin_file(recording);
@@ -82,6 +87,7 @@ static void change_file(struct recording *recording) {
 /* The former recording may still have to open its first file, on a disk that stands still. */
 static void wait_for_turn(struct recording *recording) {
     struct recording_turn *turn = recording->plan.turn;
+
     pthread_mutex_lock(&turn->lock);
     while (turn->written < recording->turn)
         pthread_cond_wait(&turn->changed, &turn->lock);
@@ -90,6 +96,7 @@ static void wait_for_turn(struct recording *recording) {
 
 static void end_turn(struct recording *recording) {
     struct recording_turn *turn = recording->plan.turn;
+
     pthread_mutex_lock(&turn->lock);
     turn->written++;
     pthread_cond_broadcast(&turn->changed);
@@ -100,16 +107,17 @@ void *recording_write(void *argument) {
     struct recording *recording = argument;
     const unsigned char *bytes;
     size_t size, limit = CHUNK;
-    enum ring_next next;
+    enum byte_queue_next next;
+
     program_thread_signals();
     wait_for_turn(recording);
-    while ((next = ring_peek(&recording->ring, &bytes, &size, limit)) != RING_END) {
-        if (next == RING_CUT) {
+    while ((next = byte_queue_peek(&recording->queue, &bytes, &size, limit)) != BYTE_QUEUE_END) {
+        if (next == BYTE_QUEUE_CUT) {
             change_file(recording);
             limit = CHUNK;
             continue;
         }
-        if (!recording->error) { /* else the ring is emptied, so that every frame is accounted for */
+        if (!recording->error) { /* else the queue is emptied, so that every frame is accounted for */
             ssize_t done = segment_write(recording->segment, bytes, size);
             if (done < 0)
                 fail(recording, (int)done);
@@ -118,7 +126,7 @@ void *recording_write(void *argument) {
             limit = CHUNK - (size_t)(recording->segment->written % CHUNK);
         }
         account(recording, bytes, size);
-        ring_take(&recording->ring, size);
+        byte_queue_take(&recording->queue, size);
     }
     if (recording->segment) {
         recording->segment->lost_store = recording->lost_store_last;

@@ -16,6 +16,7 @@ static void add_file(int pool, long id, struct room *room) {
     char name[POOL_PATH];
     struct stat status;
     struct index_header header;
+
     pool_data_name(name, id);
     if (fstatat(pool, name, &status, 0) || status.st_nlink > 1)
         return;
@@ -32,6 +33,7 @@ static void add_file(int pool, long id, struct room *room) {
 
 int room_look(const char *place, struct room *room) {
     struct statvfs disk;
+
     if (statvfs(place, &disk))
         return -errno;
     room->free = (uint64_t)disk.f_bavail * disk.f_frsize;
@@ -43,6 +45,7 @@ int room_look(const char *place, struct room *room) {
     for (struct dirent *entry = list ? readdir(list) : NULL; entry; entry = readdir(list)) {
         char *end;
         long id = strtol(entry->d_name, &end, 10);
+
         if (end != entry->d_name && id > 0 && !strcmp(end, ".y4m"))
             add_file(pool, id, room);
     }

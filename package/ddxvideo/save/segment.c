@@ -20,6 +20,7 @@
 
 static int open_plain(const struct output *output, struct segment *segment) {
     struct stat status;
+
     segment->fd = output_open(output, segment->path);
     if (segment->fd < 0)
         return segment->fd;
@@ -31,16 +32,17 @@ static int open_plain(const struct output *output, struct segment *segment) {
 /* Frames that a killed forerunner made safe, and had no time to count. */
 static void count_found(struct pool *pool, const char *item, DDX_STATS_BOOK *book) {
     DDX_STATS stats;
+
     ddx_stats_get(book, &stats);
     if (stats.died)
         ddx_stats_found(book, pool_recovered_frames(pool, item, stats.out_sequence));
 }
 
 static int open_pooled(const struct output *output, struct pool *pool, uint32_t session, struct segment *segment) {
-    segment->latency = calloc(INDEX_ENTRIES, sizeof(*segment->latency));
-    if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof(*segment->index)))
+    segment->latency = calloc(INDEX_ENTRIES, sizeof *segment->latency);
+    if (!segment->latency || posix_memalign((void **)&segment->index, INDEX_BLOCK, sizeof *segment->index))
         return -ENOMEM;
-    memset(segment->index, 0, sizeof(*segment->index));
+    memset(segment->index, 0, sizeof *segment->index);
     struct index_header *header = &segment->index->header;
     count_found(pool, output->name, segment->book);
     uint32_t number = pool_next_number(pool);
@@ -51,7 +53,7 @@ static int open_pooled(const struct output *output, struct pool *pool, uint32_t 
     header->state = INDEX_RECORDING;
     pool_name(header, output->name, number);
     header->session = session ? session : number;
-    snprintf(segment->path, sizeof(segment->path), "%s/%s", output->place, header->name);
+    snprintf(segment->path, sizeof segment->path, "%s/%s", output->place, header->name);
     segment->pool = pool;
     segment->fd = segment->file.fd;
     segment->regular = true;
@@ -66,7 +68,8 @@ static void release(struct segment *segment) {
 
 int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, uint32_t session,
                  struct segment **result) {
-    struct segment *segment = calloc(1, sizeof(*segment));
+    struct segment *segment = calloc(1, sizeof *segment);
+
     if (!segment)
         return -ENOMEM;
     segment->book = book;
@@ -80,12 +83,13 @@ int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK 
 
 /* ---- Write ---- */
 
-/* Whole blocks, the first and the last of which hold more than these bytes: before, what the ring still has of the
+/* Whole blocks, the first and the last of which hold more than these bytes: before, what the queue still has of the
  * file; behind, anything, even what the reading thread is just putting there: it is written again with its frame. */
 static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes, size_t size) {
     size_t before = (size_t)(segment->written % INDEX_BLOCK);
     size_t length = (before + size + INDEX_BLOCK - 1) / INDEX_BLOCK * INDEX_BLOCK;
     ssize_t done = pwrite(segment->fd, bytes - before, length, (off_t)(segment->written - before));
+
     if (done < 0)
         return -errno;
     if ((size_t)done <= before)
@@ -97,8 +101,10 @@ static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes,
 static ssize_t write_pipe(struct segment *segment, const unsigned char *bytes, size_t size) {
     for (;;) {
         struct pollfd room = {.fd = segment->fd, .events = POLLOUT};
+
         if (poll(&room, 1, LOOK_MS) > 0) {
             ssize_t done = write(segment->fd, bytes, size);
+
             if (done >= 0 || (errno != EAGAIN && errno != EINTR))
                 return done < 0 ? -errno : done;
         }
@@ -109,6 +115,7 @@ static ssize_t write_pipe(struct segment *segment, const unsigned char *bytes, s
 
 ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_t size) {
     ssize_t done;
+
     do {
         if (segment->file.direct)
             done = write_blocks(segment, bytes, size);
@@ -133,8 +140,9 @@ ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_
     return done;
 }
 
-void segment_add(struct segment *segment, const struct ring_frame *frame, uint32_t sum) {
+void segment_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum) {
     int64_t latency = ddx_time_now() - frame->facts.published;
+
     if (segment->pool)
         segment_index_add(segment, frame, sum, latency);
     else
@@ -150,6 +158,7 @@ void segment_add(struct segment *segment, const struct ring_frame *frame, uint32
 /* What has no name any more is gone when it is closed. */
 static bool is_removed(const struct segment *segment) {
     struct stat status;
+
     return segment->regular && !fstat(segment->fd, &status) && !status.st_nlink;
 }
 
@@ -157,6 +166,7 @@ static int flush_plain(struct segment *segment) {
     uint32_t frames;
     uint64_t whole;
     unsigned adding;
+
     do {
         adding = segment->adding;
         frames = segment->frames;
@@ -179,6 +189,7 @@ static int flush_plain(struct segment *segment) {
 
 int segment_flush(struct segment *segment) {
     int error = is_removed(segment) && segment->pool ? -EIDRM : 0;
+
     if (!error)
         error = segment->pool ? segment_index_flush(segment) : flush_plain(segment);
     return error;
@@ -191,6 +202,7 @@ bool segment_is_promised(const struct segment *segment) {
 /* Its name, unless that is another file's by now. */
 static void unlink_own(const struct segment *segment) {
     struct stat own, named;
+
     if (!fstat(segment->fd, &own) && !lstat(segment->path, &named) && own.st_ino == named.st_ino &&
         own.st_dev == named.st_dev)
         unlink(segment->path);
@@ -208,6 +220,7 @@ static void cut(struct segment *segment) {
 
 static int finish_plain(struct segment *segment, bool failed) {
     int error = segment_flush(segment); /* after an error as well: what is whole by now may be safe yet */
+
     if (segment->regular && (failed || error))
         cut(segment);
     if (close(segment->fd) && !error)
@@ -217,6 +230,7 @@ static int finish_plain(struct segment *segment, bool failed) {
 
 int segment_finish(struct segment *segment, bool failed) {
     int error = segment->pool ? segment_index_finish(segment, failed) : finish_plain(segment, failed);
+
     release(segment);
     return error;
 }

@@ -13,13 +13,13 @@
 
 #include "output.h"
 #include "pool.h"
-#include "ring.h"
+#include "byte_queue.h"
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
 enum { LOST_STORE, LOST_RING, LOST_WRITE };
 
 struct segment {
-    uint64_t begin;            /* in the ring's count of bytes; the writer's */
+    uint64_t begin;            /* in the queue's count of bytes; the writer's */
     uint64_t written;          /* bytes; the writer's */
     _Atomic uint64_t whole;    /* bytes up to the end of the last whole frame */
     _Atomic uint32_t frames;   /* whole ones: what stands in `index` of these stays */
@@ -52,11 +52,11 @@ int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK 
 
 /* ---- The thread that writes ---- */
 
-/* Write the next bytes; they lie in the ring, where they are aligned like the file. Returns how many, or -errno. */
+/* Write the next bytes; they lie in the queue, where they are aligned like the file. Returns how many, or -errno. */
 ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_t size);
 
-/* A frame is whole: its place in the ring, and its sum. */
-void segment_add(struct segment *segment, const struct ring_frame *frame, uint32_t sum);
+/* A frame is whole: its place in the queue, and its sum. */
+void segment_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum);
 
 /* ---- The thread that makes safe ---- */
 

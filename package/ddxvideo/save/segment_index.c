@@ -7,9 +7,10 @@
 
 #define PER_BLOCK (INDEX_BLOCK / (uint32_t)sizeof(struct index_entry))
 
-void segment_index_add(struct segment *segment, const struct ring_frame *frame, uint32_t sum, int64_t latency) {
+void segment_index_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum, int64_t latency) {
     struct index_header *header = &segment->index->header;
     uint32_t position = segment->frames;
+
     if (!position) {
         header->start = frame->facts.time;
         header->wall = frame->facts.wall;
@@ -33,6 +34,7 @@ void segment_index_add(struct segment *segment, const struct ring_frame *frame, 
  * all of it is theirs. */
 static int sync_fd(const struct segment *segment, int fd) {
     int failed = segment->file.prepared ? fdatasync(fd) : syncfs(fd);
+
     return failed ? -errno : 0;
 }
 
@@ -42,10 +44,11 @@ static int write_entries(const struct segment *segment, uint32_t first, uint32_t
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK];
     for (uint32_t at = first / PER_BLOCK * PER_BLOCK; at < end; at += PER_BLOCK) {
         uint32_t count = end - at < PER_BLOCK ? end - at : PER_BLOCK;
-        memset(block, 0, sizeof(block));
+
+        memset(block, 0, sizeof block);
         memcpy(block, &segment->index->entry[at], count * sizeof(struct index_entry));
         off_t offset = (off_t)(INDEX_BLOCK + at * sizeof(struct index_entry));
-        if (pwrite(segment->file.index_fd, block, sizeof(block), offset) != (ssize_t)sizeof(block))
+        if (pwrite(segment->file.index_fd, block, sizeof block, offset) != (ssize_t)sizeof block)
             return errno ? -errno : -EIO;
     }
     return 0;
@@ -53,6 +56,7 @@ static int write_entries(const struct segment *segment, uint32_t first, uint32_t
 
 int segment_index_flush(struct segment *segment) {
     uint32_t frames = segment->frames;
+
     if (frames == segment->promised)
         return 0;
     /* Frames first: an index that promised what is not there would be worse than none. */
@@ -73,6 +77,7 @@ int segment_index_flush(struct segment *segment) {
 int segment_index_finish(struct segment *segment, bool failed) {
     struct index_header *header = &segment->index->header;
     int error = segment_index_flush(segment); /* after an error as well: the disk may be back */
+
     if (failed)
         error = 0; /* has been told */
     ddx_stats_lost(segment->book, LOST_WRITE, segment->frames - segment->promised);

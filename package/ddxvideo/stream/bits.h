@@ -33,8 +33,10 @@ struct bits {
 
 static inline unsigned bits_get(struct bits *bits, unsigned count) {
     unsigned value = 0;
+
     for (; count; count--, bits->at++) {
         size_t byte = bits->at / 8;
+
         value = value << 1 | (byte < bits->size ? bits->data[byte] >> (7 - bits->at % 8) & 1u : 0);
     }
     return value;

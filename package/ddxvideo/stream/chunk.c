@@ -11,6 +11,7 @@ bool chunk_add(struct chunk *chunk, const void *data, size_t size) {
         return false;
     if (chunk->size + size > chunk->room) {
         size_t room = chunk->room ? chunk->room : FIRST;
+
         while (room < chunk->size + size)
             room *= 2;
         uint8_t *larger = realloc(chunk->data, room + CHUNK_PADDING);

@@ -10,13 +10,14 @@
 int counters_open(struct counters *counters, DDX_STORE_ID *id) {
     char name[DDX_NAME_MAX + 1], text[1024];
     struct ddx_item_spec spec = {.name = name, .type = "DDX_PACKETS", .declaration = text};
+
     if (!id)
         return 0;
-    if (snprintf(name, sizeof(name), "%s" SUFFIX, counters->instance) >= (int)sizeof(name))
+    if (snprintf(name, sizeof name, "%s" SUFFIX, counters->instance) >= (int)sizeof name)
         return -EINVAL;
-    int length = snprintf(text, sizeof(text), "struct { ");
+    int length = snprintf(text, sizeof text, "struct { ");
     for (unsigned i = 0; i < counters->count; i++)
-        length += snprintf(text + length, sizeof(text) - (size_t)length, "uint64_t %s; ", counters->names[i]);
+        length += snprintf(text + length, sizeof text - (size_t)length, "uint64_t %s; ", counters->names[i]);
     strcpy(text + length, "}");
     int error = ddx_store_create(id, &spec, &counters->item);
     if (!error)
@@ -26,9 +27,10 @@ int counters_open(struct counters *counters, DDX_STORE_ID *id) {
 
 void counters_write(struct counters *counters) {
     void *data;
+
     if (!counters->item || ddx_store_loan(counters->item, &data))
         return;
-    memcpy(data, counters->values, counters->count * sizeof(*counters->values));
+    memcpy(data, counters->values, counters->count * sizeof *counters->values);
     ddx_store_publish(counters->item, NULL);
 }
 

@@ -25,6 +25,7 @@ static const uint8_t *find_start(const uint8_t *at, const uint8_t *end) {
 bool h264_next_nal(const uint8_t **at, const uint8_t *end, struct h264_nal *nal) {
     for (;;) {
         const uint8_t *start = find_start(*at, end);
+
         if (start == end) {
             *at = end;
             return false;
@@ -50,6 +51,7 @@ static void advance(struct h264_packer *packer) {
 
 static size_t pack_fragment(struct h264_packer *packer, uint8_t *to, size_t room) {
     uint8_t position = 0;
+
     if (!packer->fragmented) {
         packer->fragmented = packer->nal.data[0];
         packer->nal.data++; /* its first byte travels in the FU's two */
@@ -78,6 +80,7 @@ static size_t pack_whole(struct h264_packer *packer, uint8_t *to, size_t room) {
     struct h264_nal first = packer->nal;
     size_t used = 1 + 2 + first.size; /* as STAP-A */
     unsigned count = 0;
+
     to[0] = H264_STAP_A;
     for (advance(packer); packer->has_nal && used + 2 + packer->nal.size <= room; advance(packer), count++) {
         put16(to + used, (uint16_t)packer->nal.size);
@@ -112,7 +115,8 @@ size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, size_t room, bool
 
 static bool append(struct chunk *frame, const uint8_t *nal, size_t size) {
     size_t before = frame->size;
-    if (chunk_add(frame, start_code, sizeof(start_code)) && chunk_add(frame, nal, size))
+
+    if (chunk_add(frame, start_code, sizeof start_code) && chunk_add(frame, nal, size))
         return true;
     frame->size = before;
     return false;
@@ -128,6 +132,7 @@ static void give_up(struct h264_unpacker *unpacker, struct chunk *frame) {
 static bool unpack_aggregate(struct chunk *frame, const uint8_t *at, const uint8_t *end) {
     while (at < end) {
         size_t size = end - at >= 2 ? get16(at) : 0;
+
 #ifdef DDX_FAULT_STAP /* what the fuzzer must find */
         if (!size)
             return false;

@@ -38,6 +38,7 @@ static void follow(struct intake *intake, const struct rtp_packet *packet, int64
 static void hear_other(struct intake *intake, const struct rtp_packet *packet, const uint8_t *data, size_t size,
                        int64_t now) {
     bool known = intake->queued && intake->other == packet->ssrc;
+
     intake->count[INTAKE_FOREIGN]++;
     if (!known) {
         if (intake->queued && intake->in_sequence && now - intake->other_heard < INTAKE_SILENCE)
@@ -66,6 +67,7 @@ static void put(struct intake *intake, uint16_t sequence, const uint8_t *data, s
 
 void intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now) {
     struct rtp_packet packet;
+
     intake->count[INTAKE_RECEIVED]++;
     intake->count[INTAKE_BYTES] += size;
     if (size > RTP_DATAGRAM_MAX || !rtp_parse(data, size, &packet)) {
@@ -94,6 +96,7 @@ void intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t
 
 static void put_slot(struct intake *intake, struct reorder_slot *slot) {
     struct rtp_packet packet;
+
     slot->used = false;
     rtp_parse(slot->data, slot->size, &packet);
     put(intake, packet.sequence, slot->data, slot->size, slot->arrival);
@@ -103,6 +106,7 @@ static void put_slot(struct intake *intake, struct reorder_slot *slot) {
 static void switch_over(struct intake *intake) {
     struct rtp_packet packet;
     unsigned queued = intake->queued;
+
     rtp_parse(intake->queue[0].data, intake->queue[0].size, &packet);
     follow(intake, &packet, intake->queue[queued - 1].arrival);
     intake->confirmed = true;
@@ -163,6 +167,7 @@ static void add(struct intake *intake, const struct rtp_packet *packet, unsigned
     bool good = packet->type == RTP_H264
                     ? h264_unpack(&intake->h264, &intake->chunk, packet->payload, packet->size, lost > 0)
                     : mpeg4_unpack(&intake->mpeg4, &intake->chunk, packet->payload, packet->size, lost > 0);
+
     intake->count[good ? INTAKE_USED : INTAKE_GARBAGE]++;
     intake->frame.damaged |= lost || !good;
     intake->frame.arrival = arrival;
@@ -173,6 +178,7 @@ bool intake_take(struct intake *intake, int64_t now, struct intake_frame *frame)
         unsigned lost;
         struct rtp_packet packet;
         const struct reorder_slot *slot = reorder_peek(&intake->reorder, now, intake->held.used, &lost);
+
         if (!slot && intake->switching && close_frame(intake, frame)) /* the end of what the former source said */
             return true;
         if (!slot && put_next(intake))

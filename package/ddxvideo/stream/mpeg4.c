@@ -12,6 +12,7 @@ enum { CODING_I, CODING_P };
 
 static unsigned bits_for(unsigned values) {
     unsigned bits = 1;
+
     while (bits < 16 && 1u << bits < values)
         bits++;
     return bits;
@@ -20,6 +21,7 @@ static unsigned bits_for(unsigned values) {
 /* A VOL header, behind its start code: how many bits vop_time_increment has. ISO 14496-2, 6.2.3 */
 static unsigned vol_time_bits(const uint8_t *data, size_t size) {
     struct bits bits = {data, size, 0};
+
     bits_get(&bits, 1 + 8); /* random_accessible_vol, video_object_type_indication */
     if (bits_get(&bits, 1)) /* is_object_layer_identifier */
         bits_get(&bits, 4 + 3);
@@ -41,6 +43,7 @@ static unsigned vol_time_bits(const uint8_t *data, size_t size) {
 static unsigned vop_marker_bits(const uint8_t *data, size_t size, unsigned time_bits) {
     struct bits bits = {data, size, 0};
     unsigned coding = bits_get(&bits, 2);
+
     while (bits.at < 8 * size && bits_get(&bits, 1)) /* modulo_time_base */
         continue;
     bits_get(&bits, 1 + time_bits + 1);
@@ -80,6 +83,7 @@ void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size) 
 /* The last start of a video packet that a payload of `room` bytes reaches; the end of the room if there is none. */
 static const uint8_t *choose_cut(const struct mpeg4_packer *packer, size_t room) {
     const uint8_t *most = packer->at + room;
+
     for (const uint8_t *cut = most; cut > packer->at; cut--)
         if (is_marker(cut, packer->end, packer->marker_bits))
             return cut;
@@ -88,6 +92,7 @@ static const uint8_t *choose_cut(const struct mpeg4_packer *packer, size_t room)
 
 size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, size_t room, bool *last) {
     size_t size = (size_t)(packer->end - packer->at);
+
     if (!size)
         return 0;
     if (size > room)

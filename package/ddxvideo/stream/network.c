@@ -12,12 +12,14 @@ bool network_parse(const char *text, long port, struct sockaddr_in *address) {
     char host[INET_ADDRSTRLEN];
     const char *colon = strchr(text, ':');
     size_t length = colon ? (size_t)(colon - text) : strlen(text);
-    if (length >= sizeof(host))
+
+    if (length >= sizeof host)
         return false;
     memcpy(host, text, length);
     host[length] = 0;
     if (colon) {
         char *end;
+
         port = strtol(colon + 1, &end, 10);
         if (end == colon + 1 || *end)
             return false;
@@ -32,7 +34,8 @@ bool network_is_group(const struct sockaddr_in *address) {
 
 const char *network_text(const struct sockaddr_in *address, char *text) {
     char host[INET_ADDRSTRLEN];
-    inet_ntop(AF_INET, &address->sin_addr, host, sizeof(host));
+
+    inet_ntop(AF_INET, &address->sin_addr, host, sizeof host);
     snprintf(text, NETWORK_ERROR_MAX, "%s:%u", host, ntohs(address->sin_port));
     return text;
 }

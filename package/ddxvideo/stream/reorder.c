@@ -16,18 +16,18 @@
 #endif
 
 void slot_fill(struct reorder_slot *slot, const uint8_t *data, size_t size, int64_t now) {
-    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof(slot->data));
+    ASAN_UNPOISON_MEMORY_REGION(slot->data, sizeof slot->data);
     slot->used = true;
     slot->arrival = now;
     slot->size = size;
     if (data != slot->data)
         memcpy(slot->data, data, size);
-    ASAN_POISON_MEMORY_REGION(slot->data + size, sizeof(slot->data) - size);
+    ASAN_POISON_MEMORY_REGION(slot->data + size, sizeof slot->data - size);
 }
 
 void slot_clear(struct reorder_slot *slots, unsigned count) {
     for (unsigned i = 0; i < count; i++)
-        ASAN_UNPOISON_MEMORY_REGION(slots[i].data, sizeof(slots[i].data));
+        ASAN_UNPOISON_MEMORY_REGION(slots[i].data, sizeof slots[i].data);
 }
 
 static struct reorder_slot *slot_of(struct reorder *reorder, uint16_t sequence) {
@@ -44,6 +44,7 @@ static bool is_remembered(const struct reorder *reorder, uint16_t sequence) {
 /* Go on to the next number; the present one came, or is given up. */
 static void step(struct reorder *reorder, bool came) {
     uint8_t *byte = &reorder->seen[reorder->next % REORDER_MEMORY / 8], bit = (uint8_t)(1 << reorder->next % 8);
+
     *byte = came ? *byte | bit : *byte & (uint8_t)~bit;
     reorder->lost_before += !came;
     reorder->next++;
@@ -59,6 +60,7 @@ void reorder_init(struct reorder *reorder, int64_t patience) {
 /* A number from far away is believed when it follows another such. */
 static bool is_confirmed(struct reorder *reorder, uint16_t sequence) {
     bool confirmed = reorder->has_strange && reorder->strange == sequence;
+
     reorder->strange = (uint16_t)(sequence + 1);
     reorder->has_strange = true;
     return confirmed;
@@ -66,7 +68,7 @@ static bool is_confirmed(struct reorder *reorder, uint16_t sequence) {
 
 /* The count went back: begin anew. Nothing is known to be lost. */
 static void begin_at(struct reorder *reorder, uint16_t sequence) {
-    memset(reorder->seen, 0, sizeof(reorder->seen));
+    memset(reorder->seen, 0, sizeof reorder->seen);
     reorder->next = sequence;
     reorder->begun = true;
 }
@@ -99,6 +101,7 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
     bool overtaken = false;
     for (int i = 1; reorder->waiting && i < REORDER_PACKETS && !overtaken; i++) {
         uint16_t later = (uint16_t)(sequence + i);
+
         overtaken = (uint16_t)(later - reorder->next) < REORDER_PACKETS && slot_of(reorder, later)->used;
     }
     slot_fill(slot, data, size, now);
@@ -108,6 +111,7 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
 
 int64_t reorder_deadline(const struct reorder *reorder) {
     int64_t first = INT64_MAX;
+
     for (unsigned i = 0; reorder->waiting && i < REORDER_PACKETS; i++)
         if (reorder->slot[i].used && reorder->slot[i].arrival < first)
             first = reorder->slot[i].arrival;

@@ -19,16 +19,19 @@
 
 static uint64_t ntp_of(int64_t ns) {
     uint64_t seconds = (uint64_t)(ns / (int64_t)NS + NTP_EPOCH), rest = (uint64_t)ns % NS;
+
     return seconds << 32 | ((rest << 32) + NS / 2) / NS;
 }
 
 static int64_t ns_of(uint64_t ntp) {
     int64_t seconds = (int64_t)(ntp >> 32) - NTP_EPOCH;
+
     return seconds * (int64_t)NS + (int64_t)(((ntp & UINT32_MAX) * NS + (UINT64_C(1) << 31)) >> 32);
 }
 
 size_t rtp_write(uint8_t *to, const struct rtp_packet *packet) {
     uint8_t *at = to;
+
     *at++ = packet->has_frame ? VERSION | EXTENSION : VERSION;
     *at++ = (uint8_t)(packet->marker << 7 | packet->type);
     at = put16(at, packet->sequence);
@@ -52,9 +55,11 @@ size_t rtp_write(uint8_t *to, const struct rtp_packet *packet) {
 /* The elements of the extension; what we do not know is skipped, what does not fit ends it. */
 static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_packet *packet) {
     bool captured = false, counted = false;
+
     while (at < end) {
         uint8_t id = *at >> 4;
         size_t bytes = (*at & 15) + 1u;
+
         if (!*at++) /* padding */
             continue;
         if (id == 15 || bytes > (size_t)(end - at))
@@ -75,6 +80,7 @@ static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_pac
 
 bool rtp_parse(const uint8_t *data, size_t size, struct rtp_packet *packet) {
     const uint8_t *end = data + size;
+
     if (size < FIXED || data[0] >> 6 != 2)
         return false;
     *packet = (struct rtp_packet){.type = data[1] & 0x7f,

@@ -23,6 +23,7 @@ struct text {
 
 __attribute__((format(printf, 2, 3))) static void add(struct text *text, const char *format, ...) {
     va_list arguments;
+
     va_start(arguments, format);
     int length = vsnprintf(text->data + text->length, SDP_MAX - text->length, format, arguments);
     va_end(arguments);
@@ -33,9 +34,11 @@ __attribute__((format(printf, 2, 3))) static void add(struct text *text, const c
 
 static void add_base64(struct text *text, const uint8_t *data, size_t size) {
     static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
     for (size_t i = 0; i < size; i += 3) {
         unsigned group =
             (unsigned)data[i] << 16 | (i + 1 < size ? data[i + 1] : 0u) << 8 | (i + 2 < size ? data[i + 2] : 0u);
+
         add(text, "%c%c%c%c", digits[group >> 18], digits[group >> 12 & 63],
             i + 1 < size ? digits[group >> 6 & 63] : '=', i + 2 < size ? digits[group & 63] : '=');
     }
@@ -44,6 +47,7 @@ static void add_base64(struct text *text, const uint8_t *data, size_t size) {
 /* RFC 6184, 8.1 */
 static bool add_h264(struct text *text, const struct sdp *sdp) {
     struct h264_nal nal, sps = {0}, pps = {0};
+
     for (const uint8_t *at = sdp->frame; h264_next_nal(&at, sdp->frame + sdp->size, &nal);) {
         if ((nal.data[0] & 31) == H264_SPS)
             sps = nal;
@@ -65,6 +69,7 @@ static bool add_h264(struct text *text, const struct sdp *sdp) {
 /* RFC 6416, 7.1: all that stands before the first picture. */
 static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
     size_t size = mpeg4_headers(sdp->frame, sdp->size);
+
     if (!size || size > PARAMETERS_MAX)
         return false;
     add(text, "a=rtpmap:%d MP4V-ES/%d\r\na=fmtp:%d profile-level-id=1;config=", sdp->type, RTP_CLOCK, sdp->type);
@@ -77,7 +82,8 @@ static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
 size_t sdp_write(const struct sdp *sdp, char *data) {
     struct text text = {data, 0};
     char host[INET_ADDRSTRLEN];
-    inet_ntop(AF_INET, &sdp->address.sin_addr, host, sizeof(host));
+
+    inet_ntop(AF_INET, &sdp->address.sin_addr, host, sizeof host);
     add(&text, "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=%.100s\r\n", sdp->name);
     if (network_is_group(&sdp->address))
         add(&text, "c=IN IP4 %s/%d\r\n", host, sdp->ttl);
@@ -95,9 +101,10 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
 int sdp_save(const struct sdp *sdp, const char *path) {
     char text[SDP_MAX], fresh[PATH_MAX];
     size_t length = sdp_write(sdp, text);
+
     if (!length)
         return -EBADMSG;
-    if (snprintf(fresh, sizeof(fresh), "%s.new", path) >= (int)sizeof(fresh))
+    if (snprintf(fresh, sizeof fresh, "%s.new", path) >= (int)sizeof fresh)
         return -ENAMETOOLONG;
     FILE *file = fopen(fresh, "we");
     if (!file)

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 
 from parts.common import TOP, entries, run
+from parts.image import tables
 
 BOARD = TOP / "board/dev"
 COMMON = TOP / "board/common"
@@ -30,19 +31,13 @@ def _copy(source: pathlib.Path, target: pathlib.Path) -> None:
 
 
 def _add_users(root: pathlib.Path) -> None:
-    """Buildroot's users table: name uid group gid password home shell groups comment."""
-    etc = root / "etc"
-    groups: set[str] = set()
-    for line in entries(COMMON / "users.txt"):
-        name, uid, group, gid, _password, home, shell, _groups, comment = line.split(None, 8)
-        with (etc / "passwd").open("a") as file:
-            file.write(f"{name}:x:{uid}:{gid}:{comment}:{'/' if home == '-' else home}:{shell}\n")
-        with (etc / "shadow").open("a") as file:
-            file.write(f"{name}:*:::::::\n")
-        if group not in groups:
-            groups.add(group)
-            with (etc / "group").open("a") as file:
-                file.write(f"{group}:x:{gid}:\n")
+    users = tables.programs()
+    for name, lines in (
+            ("passwd", [f"{one.user}:x:{one.number}:{tables.GROUP_NUMBER}:{one.what}:/:/bin/false" for one in users]),
+            ("shadow", [f"{one.user}:*:::::::" for one in users]),
+            ("group", [f"{tables.GROUP}:x:{tables.GROUP_NUMBER}:"])):
+        with (root / "etc" / name).open("a") as file:
+            file.writelines(f"{line}\n" for line in lines)
 
 
 def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, packages: list[pathlib.Path]) -> None:

@@ -5,12 +5,19 @@ import pathlib
 import re
 
 from parts.common import TOP, entries, run
+from parts.image import tables
 
 MANIFEST = TOP / "board/common/manifest.txt"
 
 
+def lines() -> list[str]:
+    """Those of the file, and what the tables of programs add: users and services."""
+    return [*entries(MANIFEST), *(f"user {one.user} {one.number} {tables.GROUP}" for one in tables.programs()),
+            *(f"service {script}" for script in tables.scripts())]
+
+
 def wanted(kind: str) -> list[list[str]]:
-    return [line.split()[1:] for line in entries(MANIFEST) if line.split()[0] == kind]
+    return [line.split()[1:] for line in lines() if line.split()[0] == kind]
 
 
 def _words(kind: str) -> list[str]:

@@ -39,6 +39,7 @@ static int within(int value, int least, int most) {
 
 static void set_common(AVCodecContext *context, const struct ddxvideo_geometry *geometry, long bitrate) {
     int num = RATE_DEFAULT, den = 1;
+
     if (geometry->rate_num > 0 && geometry->rate_den > 0)
         av_reduce(&num, &den, geometry->rate_num, geometry->rate_den, RATE_MAX);
     if (!num || !den) /* less than one in 18 hours, or more than the codecs can say */
@@ -61,6 +62,7 @@ int encoder_open(struct encoder *encoder, enum rtp_type type, const struct ddxvi
     const AVCodec *codec =
         type == RTP_H264 ? avcodec_find_encoder_by_name("libx264") : avcodec_find_encoder(AV_CODEC_ID_MPEG4);
     AVDictionary *options = NULL;
+
     *encoder = (struct encoder){.type = type, .geometry = *geometry};
     if (!codec)
         return AVERROR_ENCODER_NOT_FOUND;
@@ -89,6 +91,7 @@ void encoder_close(struct encoder *encoder) {
 
 int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *view, const AVPacket **packet) {
     AVFrame *frame = encoder->frame;
+
     frame->format = encoder->context->pix_fmt;
     frame->width = encoder->context->width;
     frame->height = encoder->context->height;

@@ -24,6 +24,7 @@ int main(int argc, char **argv) {
         {"sdp", "FILE", "write a description of the stream for players", OPTION_TEXT, &sender.sdp, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     sender.program = (struct program){
         .name = "ddxvideosend",
         .purpose = "Sends a video item of the store over the network, as H.264 or MPEG-4 in RTP; `decode` shows it.\n"

@@ -23,7 +23,8 @@ const char *outlet_parse(struct outlet *outlet, char *text) {
         return fail(text, "-group", outlet->group, "a multicast address such as " NETWORK_GROUP " is needed, or none");
     for (const char *at = outlet->to; at; at = strchr(at, ',') ? strchr(at, ',') + 1 : NULL) {
         char one[40];
-        snprintf(one, sizeof(one), "%.*s", (int)strcspn(at, ","), at);
+
+        snprintf(one, sizeof one, "%.*s", (int)strcspn(at, ","), at);
         if (!add(outlet, one))
             return fail(text, "-to", at,
                         "addresses are needed, such as 10.0.0.2 or 10.0.0.2:8000, with commas between");
@@ -38,13 +39,14 @@ const char *outlet_open(struct outlet *outlet, char *text) {
     /* To send there has to be a port of ours. What is sent to it is let in for this address only, and nobody can be it:
      * whoever asks is told that the port is closed. */
     const struct sockaddr_in nowhere = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_UNSPEC_GROUP)};
-    if (bind(outlet->fd, (const struct sockaddr *)&nowhere, sizeof(nowhere)))
+    if (bind(outlet->fd, (const struct sockaddr *)&nowhere, sizeof nowhere))
         return fail(text, "socket", "", strerror(errno));
     int ttl = (int)outlet->ttl;
-    setsockopt(outlet->fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof(ttl));
+    setsockopt(outlet->fd, IPPROTO_IP, IP_MULTICAST_TTL, &ttl, sizeof ttl);
     if (outlet->interface) {
         struct ip_mreqn from = {.imr_ifindex = network_interface(outlet->interface)};
-        if (!from.imr_ifindex || setsockopt(outlet->fd, IPPROTO_IP, IP_MULTICAST_IF, &from, sizeof(from)))
+
+        if (!from.imr_ifindex || setsockopt(outlet->fd, IPPROTO_IP, IP_MULTICAST_IF, &from, sizeof from))
             return fail(text, "-interface", outlet->interface, "there is none of this name");
     }
     return NULL;
@@ -74,9 +76,11 @@ static enum outlet_loss reason(int error) {
 
 unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size) {
     unsigned missed = 0;
+
     for (unsigned i = 0; i < outlet->receivers; i++) {
         ssize_t sent = sendto(outlet->fd, packet, size, MSG_NOSIGNAL, (struct sockaddr *)&outlet->receiver[i],
-                              sizeof(outlet->receiver[i]));
+                              sizeof outlet->receiver[i]);
+
         if (sent == (ssize_t)size) {
             outlet->packets++;
             outlet->bytes += size;

@@ -45,12 +45,14 @@ static bool send_frame(struct sender *sender, const AVPacket *encoded, const str
     uint8_t data[RTP_PACKET_MAX];
     size_t size;
     unsigned missed = 0;
+
     if (sender->type == RTP_H264)
         h264_pack(&h264, encoded->data, (size_t)encoded->size);
     else
         mpeg4_pack(&sender->mpeg4, encoded->data, (size_t)encoded->size);
     while ((size = next_payload(sender, &h264, data + RTP_HEADER_MAX, &packet.marker))) {
         uint8_t header[RTP_HEADER_MAX];
+
         packet.sequence = sender->sequence++;
         size_t length = rtp_write(header, &packet);
         uint8_t *begin = data + RTP_HEADER_MAX - length; /* right before the payload */
@@ -64,11 +66,13 @@ static void show_counts(struct sender *sender) {
     const struct outlet *outlet = &sender->outlet;
     const uint64_t now[] = {outlet->packets, outlet->bytes, outlet->lost[OUTLET_BUSY], outlet->lost[OUTLET_ROUTE],
                             outlet->lost[OUTLET_OTHER]};
-    memcpy(sender->counts, now, sizeof(now));
+
+    memcpy(sender->counts, now, sizeof now);
 }
 
 static void tell_network(struct sender *sender, bool good) {
     char text[NETWORK_ERROR_MAX];
+
     if (!good && !sender->failing)
         say("packets to %s do not go out: %s", network_text(&sender->outlet.receiver[0], text),
             strerror(sender->outlet.error));
@@ -80,6 +84,7 @@ static void tell_network(struct sender *sender, bool good) {
 /* An encoder for pictures like this one. */
 static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry *geometry, bool *fresh) {
     const struct ddxvideo_geometry *now = &sender->encoder.geometry;
+
     *fresh = !sender->encoder.context || !ddxvideo_same_layout(now, geometry) || now->rate_num != geometry->rate_num ||
              now->rate_den != geometry->rate_den;
     if (!*fresh)
@@ -105,6 +110,7 @@ static void save_sdp(struct sender *sender, const AVPacket *encoded) {
                       .size = (size_t)encoded->size,
                       .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
     int error = sdp_save(&sdp, sender->sdp);
+
     if (error)
         fail(sender, sender->sdp, strerror(-error));
 }
@@ -113,6 +119,7 @@ static void save_sdp(struct sender *sender, const AVPacket *encoded) {
  * sent since a forerunner died is counted. */
 static void follow(struct sender *sender, const struct ddx_frame *frame) {
     uint64_t seen = ddx_store_seen(sender->video);
+
     ddx_stats_follow(sender->book, frame ? seen - frame->missed - 1 : seen);
     sender->follows = true;
 }
@@ -122,6 +129,7 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
     const AVPacket *encoded;
     uint64_t missed = frame->missed;
     bool fresh;
+
     ddx_stats_in(sender->book, missed + 1, frame->sequence);
     ddx_stats_lost(sender->book, LOST_STORE, missed);
     int error = ddxvideo_view(sender->video, frame->data, &view);
@@ -155,6 +163,7 @@ static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
         struct ddx_frame frame;
         int error = ddx_store_acquire(sender->video, &frame, sender->follows ? READ_TIMEOUT : 0, DDX_NEXT);
+
         if (!sender->follows && (!error || error == -ETIMEDOUT))
             follow(sender, error ? NULL : &frame);
         if (!error) {
@@ -174,6 +183,7 @@ static void send_all(struct sender *sender) {
 
 int sender_run(struct sender *sender) {
     char text[NETWORK_ERROR_MAX];
+
     sender->book = ddx_stats_open(sender->program.instance, reasons);
     if (!sender->book) {
         say("-instance %s: %s", sender->program.instance, ddx_error_text(-errno));
@@ -186,7 +196,7 @@ int sender_run(struct sender *sender) {
     sender->counters = (struct counters){.instance = sender->program.instance,
                                          .names = names,
                                          .values = sender->counts,
-                                         .count = sizeof(names) / sizeof(*names)};
+                                         .count = sizeof names / sizeof *names};
     DDX_STORE_ID *id = wrong ? NULL : program_connect(&sender->program);
     sender->ssrc = (uint32_t)program_random();
     sender->sequence = (uint16_t)program_random();

@@ -22,7 +22,8 @@ enum image_format image_format_of(const char *path) {
         enum image_format format;
     } known[] = {{".ppm", IMAGE_PPM}, {".png", IMAGE_PNG}, {".jpg", IMAGE_JPEG}, {".jpeg", IMAGE_JPEG}};
     const char *dot = strrchr(path, '.');
-    for (size_t i = 0; dot && i < sizeof(known) / sizeof(*known); i++)
+
+    for (size_t i = 0; dot && i < sizeof known / sizeof *known; i++)
         if (!strcasecmp(dot, known[i].name))
             return known[i].format;
     return IMAGE_UNKNOWN;
@@ -30,6 +31,7 @@ enum image_format image_format_of(const char *path) {
 
 AVFrame *image_new(int width, int height) {
     AVFrame *image = av_frame_alloc();
+
     if (!image)
         return NULL;
     image->format = AV_PIX_FMT_RGB24;
@@ -50,6 +52,7 @@ int image_draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, in
     const int *matrix = sws_getCoefficients(SWS_CS_ITU601);
     struct SwsContext *context = sws_getContext(from->width, from->height, AV_PIX_FMT_YUV420P, width, height,
                                                 AV_PIX_FMT_RGB24, SCALE_FLAGS, NULL, NULL, NULL);
+
     if (!context)
         return -ENOMEM;
     sws_setColorspaceDetails(context, matrix, full, matrix, 1, 0, 1 << 16, 1 << 16);
@@ -74,8 +77,10 @@ static AVFrame *for_jpeg(const AVFrame *image) {
     AVFrame *frame = av_frame_alloc();
     struct SwsContext *context = sws_getContext(image->width, image->height, AV_PIX_FMT_RGB24, image->width,
                                                 image->height, AV_PIX_FMT_YUV420P, SCALE_FLAGS, NULL, NULL, NULL);
+
     if (frame && context) {
         const int *matrix = sws_getCoefficients(SWS_CS_ITU601);
+
         sws_setColorspaceDetails(context, matrix, 1, matrix, 1, 0, 1 << 16, 1 << 16);
         frame->format = AV_PIX_FMT_YUV420P;
         frame->color_range = AVCOL_RANGE_JPEG;
@@ -96,6 +101,7 @@ static int encode(const AVFrame *frame, enum AVCodecID id, FILE *file) {
     AVCodecContext *context = codec ? avcodec_alloc_context3(codec) : NULL;
     AVPacket *packet = av_packet_alloc();
     int error = codec ? -ENOMEM : -EOPNOTSUPP;
+
     if (context && packet) {
         context->width = frame->width;
         context->height = frame->height;
@@ -132,7 +138,8 @@ static int write_image(const AVFrame *image, enum image_format format, FILE *fil
 
 int image_save(const AVFrame *image, enum image_format format, const char *path) {
     char fresh[PATH_MAX];
-    if (snprintf(fresh, sizeof(fresh), "%s.new", path) >= (int)sizeof(fresh))
+
+    if (snprintf(fresh, sizeof fresh, "%s.new", path) >= (int)sizeof fresh)
         return -ENAMETOOLONG;
     FILE *file = fopen(fresh, "we");
     if (!file)

@@ -28,6 +28,7 @@ static int fail(const char *what, int error) {
 static int take(struct snap *snap, DDX_STORE_ID *id, const char *name, double timeout) {
     struct ddx_frame frame;
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+
     if (!item)
         return -errno;
     int error = ddx_store_acquire(item, &frame, timeout, DDX_CURRENT);
@@ -46,6 +47,7 @@ static int take_all(struct snap *snap, DDX_STORE_ID *id) {
     struct ddx_item_info *items;
     unsigned count;
     int error = ddx_store_list(id, NULL, &items, &count);
+
     if (error)
         return fail("store", error);
     for (unsigned i = 0; i < count && snap->count < MONTAGE_MAX; i++) {
@@ -63,6 +65,7 @@ static int take_all(struct snap *snap, DDX_STORE_ID *id) {
 
 static int draw_one(const struct snap *snap, AVFrame **image) {
     const struct ddxvideo_geometry *geometry = &snap->picture[0].geometry;
+
     *image = image_new(geometry->width, geometry->height);
     return *image ? image_draw(*image, &snap->picture[0], 0, 0, geometry->width, geometry->height) : -ENOMEM;
 }
@@ -71,6 +74,7 @@ static int draw_all(const struct snap *snap, AVFrame **image) {
     struct ddxvideo_geometry geometry[MONTAGE_MAX];
     struct montage_place place[MONTAGE_MAX];
     int width, height, error = 0;
+
     for (unsigned i = 0; i < snap->count; i++)
         geometry[i] = snap->picture[i].geometry;
     montage_plan(geometry, snap->count, place, &width, &height);
@@ -85,6 +89,7 @@ static int draw_all(const struct snap *snap, AVFrame **image) {
 static int save(const struct snap *snap, enum image_format format) {
     AVFrame *image;
     int error = snap->montage ? draw_all(snap, &image) : draw_one(snap, &image);
+
     if (!error)
         error = image_save(image, format, snap->path);
     av_frame_free(&image);
@@ -98,6 +103,7 @@ static int save(const struct snap *snap, enum image_format format) {
 static int run(struct snap *snap, enum image_format format) {
     DDX_STORE_ID *id = ddx_store_open(NULL, (int)snap->program.port, 1.0);
     int status = EXIT_OK, error = id ? 0 : -errno;
+
     if (!id)
         return fail("store", error);
     if (snap->montage)
@@ -117,6 +123,7 @@ int main(int argc, char **argv) {
         {"montage", NULL, "all video items side by side", OPTION_FLAG, &snap.montage, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     snap.program = (struct program){
         .name = "ddxvideosnap",
         .positional = "FILE",

@@ -7,6 +7,7 @@ static void square(const struct ddxvideo_geometry *picture, int *width, int *hei
     *height = picture->height;
     if (picture->aspect_num > 0 && picture->aspect_den > 0) {
         int64_t wide = (int64_t)picture->width * picture->aspect_num / picture->aspect_den;
+
         if (wide > 0 && wide <= DDX_VIDEO_SIDE)
             *width = (int)wide;
     }
@@ -30,11 +31,13 @@ static void fit(int64_t width, int64_t height, struct montage_place *place) {
 void montage_plan(const struct ddxvideo_geometry *pictures, unsigned count, struct montage_place *places, int *width,
                   int *height) {
     int columns = 1, cell_width = 1, cell_height = 1;
+
     while ((unsigned)(columns * columns) < count)
         columns++;
     int rows = ((int)count + columns - 1) / columns;
     for (unsigned i = 0; i < count; i++) {
         int wide, high;
+
         square(&pictures[i], &wide, &high);
         cell_width = wide > cell_width ? wide : cell_width;
         cell_height = high > cell_height ? high : cell_height;
@@ -47,6 +50,7 @@ void montage_plan(const struct ddxvideo_geometry *pictures, unsigned count, stru
     *height = cell_height * rows;
     for (unsigned i = 0; i < count; i++) {
         int wide, high;
+
         square(&pictures[i], &wide, &high);
         places[i] = (struct montage_place){(int)i % columns * cell_width, (int)i / columns * cell_height, cell_width,
                                            cell_height};

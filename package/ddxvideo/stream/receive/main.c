@@ -21,6 +21,7 @@ int main(int argc, char **argv) {
          &viewer.patience, 0, 1000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
+
     viewer.program = (struct program){
         .name = "decode",
         .purpose = "Receives a stream of ddxvideosend, from its multicast group or sent to this machine alone, and\n"

@@ -8,6 +8,7 @@ _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads 
 
 int decoder_open(struct decoder *decoder, enum rtp_type type) {
     const AVCodec *codec = avcodec_find_decoder(type == RTP_H264 ? AV_CODEC_ID_H264 : AV_CODEC_ID_MPEG4);
+
     decoder_close(decoder);
     if (!codec)
         return AVERROR_DECODER_NOT_FOUND;
@@ -33,6 +34,7 @@ void decoder_close(struct decoder *decoder) {
 
 bool decoder_can_begin(enum rtp_type type, const uint8_t *data, size_t size) {
     struct h264_nal nal;
+
     for (const uint8_t *at = data; h264_next_nal(&at, data + size, &nal);) /* MPEG-4's start codes look the same */
         if (type == RTP_H264 ? (nal.data[0] & 31) == H264_SPS : (nal.data[0] & 0xf0) == 0x20)
             return true;

@@ -28,6 +28,7 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct intake_frame *frame) {
     int64_t wall_offset = ddxvideo_wall_offset();
     struct ddxvideo_stamp stamp = {.time = frame->arrival, .wall_offset = wall_offset};
+
     if (frame->has_frame) {
         stamp.frame = (int)(frame->frame.number & INT32_MAX);
         stamp.time = frame->frame.capture - wall_offset;
@@ -42,6 +43,7 @@ static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct 
 static void show(struct viewer *viewer, const struct intake_frame *frame, const AVFrame *picture, bool damaged) {
     struct ddxvideo_stamp stamp = stamp_of(viewer, frame);
     int error = output_write(&viewer->output, viewer->id, picture, viewer->decoder.context->framerate, &stamp);
+
     if (error == -ECONNREFUSED && !viewer->said_store) /* it hangs, or is started anew: it will be back */
         say("%s: the store does not answer; trying again", viewer->output.name);
     else if (error && error != -ECONNREFUSED)
@@ -66,6 +68,7 @@ static void show(struct viewer *viewer, const struct intake_frame *frame, const 
 static void record(struct viewer *viewer, const struct intake_frame *frame) {
     int64_t time = frame->has_frame ? frame->frame.capture : frame->arrival;
     int error = movie_add(&viewer->movie, frame, time, viewer->decoder.context);
+
     if (error) {
         say("%s: recording stopped: %s", viewer->movie.path, av_err2str(error));
         viewer->status = EXIT_FAILED;
@@ -74,6 +77,7 @@ static void record(struct viewer *viewer, const struct intake_frame *frame) {
 
 static void begin_source(struct viewer *viewer, const struct intake_frame *frame) {
     int error = decoder_open(&viewer->decoder, frame->type);
+
     if (error)
         fail(viewer, "decoder", av_err2str(error));
     viewer->shown = false;
@@ -82,6 +86,7 @@ static void begin_source(struct viewer *viewer, const struct intake_frame *frame
 
 static void handle(struct viewer *viewer, const struct intake_frame *frame) {
     bool damaged = false;
+
     if (frame->first)
         begin_source(viewer, frame);
     ddx_stats_in(viewer->book, 1 + frame->missing, 0);
@@ -103,6 +108,7 @@ static void handle(struct viewer *viewer, const struct intake_frame *frame) {
 
 static void take_frames(struct viewer *viewer) {
     struct intake_frame frame;
+
     while (intake_take(&viewer->intake, ddx_time_now(), &frame))
         handle(viewer, &frame);
 }
@@ -110,7 +116,8 @@ static void take_frames(struct viewer *viewer) {
 static void read_packets(struct viewer *viewer) {
     uint8_t data[RTP_DATAGRAM_MAX];
     ssize_t size;
-    while (!program_stopping() && (size = inlet_read(&viewer->inlet, data, sizeof(data))) >= 0) {
+
+    while (!program_stopping() && (size = inlet_read(&viewer->inlet, data, sizeof data)) >= 0) {
         intake_put(&viewer->intake, data, (size_t)size, ddx_time_now());
         take_frames(viewer);
     }
@@ -118,6 +125,7 @@ static void read_packets(struct viewer *viewer) {
 
 static void join(struct viewer *viewer) {
     int64_t now = ddx_time_now();
+
     if (viewer->inlet.joined || now < viewer->joining)
         return;
     viewer->joining = now + NS;
@@ -134,6 +142,7 @@ static void wait_for_packets(const struct viewer *viewer) {
     int64_t until = intake_deadline(&viewer->intake);
     int64_t wait = until <= now ? 0 : until - now < limit ? until - now : limit;
     const struct timespec timeout = {.tv_nsec = (long)wait};
+
     ppoll(&wanted, 1, &timeout, NULL);
 }
 
@@ -170,6 +179,7 @@ static bool attach(struct viewer *viewer) {
 static bool prepare(struct viewer *viewer) {
     const char *wrong;
     int error = inlet_open(&viewer->inlet);
+
     if (error) {
         say("port %ld: %s", viewer->inlet.port, strerror(-error));
         viewer->status = EXIT_FAILED;

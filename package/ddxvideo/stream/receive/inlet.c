@@ -21,13 +21,14 @@ const char *inlet_parse(struct inlet *inlet, char *text) {
 int inlet_open(struct inlet *inlet) {
     const struct sockaddr_in any = {.sin_family = AF_INET, .sin_port = htons((uint16_t)inlet->port)};
     const int yes = 1, no = 0, buffer = BUFFER;
+
     inlet->fd = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (inlet->fd < 0)
         return -errno;
-    setsockopt(inlet->fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof(yes)); /* several may look at one stream */
-    setsockopt(inlet->fd, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof(buffer));
-    setsockopt(inlet->fd, IPPROTO_IP, IP_MULTICAST_ALL, &no, sizeof(no)); /* not what others on this machine joined */
-    return bind(inlet->fd, (const struct sockaddr *)&any, sizeof(any)) ? -errno : 0;
+    setsockopt(inlet->fd, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes); /* several may look at one stream */
+    setsockopt(inlet->fd, SOL_SOCKET, SO_RCVBUF, &buffer, sizeof buffer);
+    setsockopt(inlet->fd, IPPROTO_IP, IP_MULTICAST_ALL, &no, sizeof no); /* not what others on this machine joined */
+    return bind(inlet->fd, (const struct sockaddr *)&any, sizeof any) ? -errno : 0;
 }
 
 int inlet_join(struct inlet *inlet) {
@@ -38,7 +39,7 @@ int inlet_join(struct inlet *inlet) {
         request.imr_ifindex = network_interface(inlet->interface);
     if (inlet->interface && !request.imr_ifindex)
         return -ENODEV;
-    if (setsockopt(inlet->fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &request, sizeof(request)))
+    if (setsockopt(inlet->fd, IPPROTO_IP, IP_ADD_MEMBERSHIP, &request, sizeof request))
         return -errno;
     inlet->joined = true;
     return 0;

@@ -14,6 +14,7 @@
 
 static const char *extension(const char *path) {
     const char *dot = strrchr(path, '.');
+
     return dot ? dot + 1 : "";
 }
 
@@ -25,12 +26,14 @@ bool movie_is_possible(const char *path) {
 static bool find_parameters(struct chunk *found, const struct intake_frame *frame) {
     static const uint8_t start_code[] = {0, 0, 0, 1};
     struct h264_nal nal;
+
     if (frame->type == RTP_MPEG4)
         return chunk_add(found, frame->data, mpeg4_headers(frame->data, frame->size));
     for (const uint8_t *at = frame->data; h264_next_nal(&at, frame->data + frame->size, &nal);) {
         int type = nal.data[0] & 31;
+
         if ((type == H264_SPS || type == H264_PPS) &&
-            (!chunk_add(found, start_code, sizeof(start_code)) || !chunk_add(found, nal.data, nal.size)))
+            (!chunk_add(found, start_code, sizeof start_code) || !chunk_add(found, nal.data, nal.size)))
             return false;
     }
     return true;
@@ -38,6 +41,7 @@ static bool find_parameters(struct chunk *found, const struct intake_frame *fram
 
 static int set_parameters(AVCodecParameters *parameters, const struct intake_frame *frame) {
     struct chunk found = {0};
+
     if (find_parameters(&found, frame) && found.size)
         parameters->extradata = av_mallocz(found.size + AV_INPUT_BUFFER_PADDING_SIZE);
     if (parameters->extradata) {
@@ -50,6 +54,7 @@ static int set_parameters(AVCodecParameters *parameters, const struct intake_fra
 
 static int set_stream(struct movie *movie, const struct intake_frame *frame, const AVCodecContext *decoder) {
     AVStream *stream = avformat_new_stream(movie->file, NULL);
+
     if (!stream)
         return AVERROR(ENOMEM);
     AVCodecParameters *parameters = stream->codecpar;
@@ -69,6 +74,7 @@ static int set_stream(struct movie *movie, const struct intake_frame *frame, con
 
 static int begin(struct movie *movie, const struct intake_frame *frame, const AVCodecContext *decoder) {
     const char *format = strcasecmp(extension(movie->path), "avi") ? "matroska" : "avi";
+
     movie->packet = av_packet_alloc();
     int error = movie->packet ? avformat_alloc_output_context2(&movie->file, NULL, format, NULL) : AVERROR(ENOMEM);
     if (!error)
@@ -87,6 +93,7 @@ static int begin(struct movie *movie, const struct intake_frame *frame, const AV
 static int write_frame(struct movie *movie, const struct intake_frame *frame, int64_t time) {
     AVStream *stream = movie->file->streams[0];
     int64_t at = av_rescale_q(time - movie->first, (AVRational){1, NS}, stream->time_base);
+
     if (at <= movie->last) /* two frames within a unit */
         at = movie->last + 1;
     AVPacket *packet = movie->packet;
@@ -121,6 +128,7 @@ int movie_add(struct movie *movie, const struct intake_frame *frame, int64_t tim
 
 int movie_close(struct movie *movie) {
     int error = 0;
+
     movie->ended = true;
     if (movie->file && movie->file->pb) {
         error = movie->begun ? av_write_trailer(movie->file) : 0;

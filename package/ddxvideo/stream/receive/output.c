@@ -7,6 +7,7 @@
 
 struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate) {
     bool known = rate.num > 0 && rate.den > 0;
+
     return (struct ddxvideo_geometry){
         .width = picture->width,
         .height = picture->height,
@@ -46,6 +47,7 @@ int output_write(struct output_item *output, DDX_STORE_ID *id, const AVFrame *pi
                  const struct ddxvideo_stamp *stamp) {
     struct ddxvideo_geometry geometry = output_geometry(picture, rate);
     struct ddxvideo_frame frame;
+
     if (!output->name)
         return 0;
     if (picture->format != AV_PIX_FMT_YUV420P && picture->format != AV_PIX_FMT_YUVJ420P)

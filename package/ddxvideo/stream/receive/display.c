@@ -38,7 +38,8 @@ static bool load(struct display *display) {
 }
 
 struct display *display_open(const char *title, const char **error) {
-    struct display *display = calloc(1, sizeof(*display));
+    struct display *display = calloc(1, sizeof *display);
+
     *error = "out of memory";
     if (!display)
         return NULL;
@@ -55,7 +56,7 @@ struct display *display_open(const char *title, const char **error) {
     if (display->renderer)
         return display;
     static char text[200];
-    snprintf(text, sizeof(text), "%s", display->GetError()); /* SDL's own text goes with Quit() */
+    snprintf(text, sizeof text, "%s", display->GetError()); /* SDL's own text goes with Quit() */
     *error = text;
     display->Quit();
     free(display);
@@ -90,6 +91,7 @@ const char *display_show(struct display *display, const AVFrame *picture) {
 bool display_tick(struct display *display) {
     SDL_Event event;
     bool open = true;
+
     while (display->PollEvent(&event)) {
         if (event.type == SDL_QUIT)
             open = false;

@@ -1,0 +1,95 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The queue between store and disk: the bytes of the files to be, in order, and where each frame lies. One thread puts
+ * frames in and never waits; another takes bytes out, in pieces as large as the disk likes them. Who uses the recorder
+ * knows it as the ring (-ring, lost.ring).
+ *
+ * Each file begins at a multiple of BYTE_QUEUE_BLOCK in the memory: aligned pieces of the file are aligned there, too.
+ * Of a block that has been taken in part all stays: a disk that is written in blocks gets it once more, with what
+ * follows.
+ */
+#ifndef DDXVIDEO_BYTE_QUEUE_H
+#define DDXVIDEO_BYTE_QUEUE_H
+
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <sys/uio.h>
+
+#define BYTE_QUEUE_BLOCK 4096u
+#define BYTE_QUEUE_CUTS 32 /* ends of files that may be in the queue at once */
+
+/* What is known of a frame beside its bytes. */
+struct byte_queue_facts {
+    unsigned header;   /* so many of the bytes put belong to no frame: the file's header, at its begin */
+    int64_t published; /* when it was written into the store */
+    int64_t time;      /* of the capture */
+    int64_t wall;      /* as wall time; 0 if unknown */
+    uint64_t sequence; /* in the store */
+    int frame;         /* the source's number */
+    unsigned lost_store, lost_ring; /* frames lost before this one */
+};
+
+struct byte_queue_frame {
+    uint64_t begin, end; /* in the queue's count of bytes */
+    struct byte_queue_facts facts;
+};
+
+struct byte_queue {
+    unsigned char *memory;
+    size_t size;
+    struct byte_queue_frame *frames;
+    unsigned frame_limit;
+    uint64_t put, taken;               /* bytes so far */
+    uint64_t frames_put, frames_taken; /* frames so far */
+    uint64_t cut[BYTE_QUEUE_CUTS];     /* ends of files, in the queue's count */
+    unsigned cuts_put, cuts_taken;
+    bool closed;
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    pthread_t populator;
+    bool populating;
+    atomic_bool enough;
+};
+
+/* Room for `frames` frames of at most `frame_bytes`; the memory is taken in the background. 0 or -errno. */
+int byte_queue_init(struct byte_queue *queue, unsigned frames, size_t frame_bytes);
+void byte_queue_free(struct byte_queue *queue);
+
+/* How full it is: 0 to 100. */
+unsigned byte_queue_level(struct byte_queue *queue);
+
+/* ---- The thread that puts ---- */
+
+/* A frame, in pieces. False if there is no room; nothing was put then. */
+bool byte_queue_put(struct byte_queue *queue, const struct iovec *pieces, int count,
+                    const struct byte_queue_facts *facts);
+
+/* What was put last ends its file. False if there is no room for the rest of the block, or for one more cut. */
+bool byte_queue_cut(struct byte_queue *queue);
+
+/* Nothing more will be put. */
+void byte_queue_close(struct byte_queue *queue);
+
+/* ---- The thread that takes ---- */
+
+enum byte_queue_next {
+    BYTE_QUEUE_BYTES, /* there are some */
+    BYTE_QUEUE_CUT,   /* here the file ends; byte_queue_next_file() */
+    BYTE_QUEUE_END    /* closed and empty */
+};
+
+/* The next bytes, at most `limit`; waits for them. They stay in the queue until byte_queue_take(). */
+enum byte_queue_next byte_queue_peek(struct byte_queue *queue, const unsigned char **bytes, size_t *size, size_t limit);
+void byte_queue_take(struct byte_queue *queue, size_t bytes);
+
+/* Behind BYTE_QUEUE_CUT: the next file begins. Returns where, in the queue's count. */
+uint64_t byte_queue_next_file(struct byte_queue *queue);
+
+/* The oldest frame that has not been dropped yet. False if there is none. */
+bool byte_queue_oldest(struct byte_queue *queue, struct byte_queue_frame *frame);
+void byte_queue_drop_oldest(struct byte_queue *queue);
+
+#endif
