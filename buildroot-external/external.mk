@@ -17,6 +17,12 @@ define DDXVIDEO_LINUX_CHECK_CONFIG
 endef
 LINUX_POST_CONFIGURE_HOOKS += DDXVIDEO_LINUX_CHECK_CONFIG
 
+# BusyBox. Buildroot fills up a short configuration with BusyBox's defaults, which are mostly on; this is after that.
+define DDXVIDEO_BUSYBOX_CONFIG
+	$(DDXVIDEO_TOP)/tools/buildroot_busybox.py $(@D) env $(BUSYBOX_KCONFIG_MAKE)
+endef
+PACKAGES_BUSYBOX_CONFIG_FIXUPS += $(DDXVIDEO_BUSYBOX_CONFIG)$(sep)
+
 # The boot menu, the same for all boards and both slots, knows the kernel by one name.
 define DDXVIDEO_LINUX_INSTALL_KERNEL
 	$(INSTALL) -D -m 0644 $(LINUX_IMAGE_PATH) $(TARGET_DIR)/boot/vmlinuz

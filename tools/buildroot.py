@@ -32,7 +32,8 @@ RENEW = [("ddx-rebuild", ["package/ddx"]), ("ddxvideo-rebuild", ["package/ddxvid
          ("ddxlog-rebuild", ["package/ddxlog", "package/ddx"]), ("ddxgrow-rebuild", ["package/ddxgrow"]),
          ("ddxservice-rebuild", ["package/ddxservice"]),
          ("ffmpeg-reconfigure", ["buildroot-external/configs/ddxvideo_{board}_defconfig"]),
-         ("busybox-reconfigure", ["board/common/busybox.config"]),
+         ("busybox-reconfigure", ["board/common/busybox.config", "board/common/manifest.txt",
+                                  "tools/parts/image/busybox.py"]),
          ("linux-reconfigure", ["board/common/kernel", "board/{board}/kernel.fragment"])]
 DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
 

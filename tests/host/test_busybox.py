@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""BusyBox has what manifest.txt and busybox.config list, and nothing else."""
+import pathlib
+
+import pytest
+
+from parts.common import Failed, entries, run
+from parts.image import busybox
+from parts.image.archive import Archive
+
+
+@pytest.fixture(scope="module")
+def listed() -> set[str]:
+    """What the development image's BusyBox says that it has, beside itself."""
+    return set(run([busybox.busybox() / "bin/busybox", "--list"]).split()) - {"busybox"}
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    folder = tmp_path_factory.mktemp("source") / "busybox"
+    Archive().source("busybox", folder)
+    return folder
+
+
+def spoil(name: str, text: str, folder: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another file in the place of one of busybox's two."""
+    path = folder / getattr(busybox, name).name
+    path.write_text(text)
+    monkeypatch.setattr(busybox, name, path)
+
+
+def test_applets_are_the_manifests(listed: set[str]) -> None:
+    assert listed == set(busybox.applets())
+    assert len(busybox.applets()) == len(listed)  # each is named once
+
+
+@pytest.mark.parametrize("old, new, differs", [("", "applet seedrng\n", {"seedrng"}),
+                                               ("applet hwclock adjtimex", "applet hwclock", {"adjtimex"})])
+def test_a_changed_line_is_seen(listed: set[str], tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch,
+                                old: str, new: str, differs: set[str]) -> None:
+    """The check itself: the manifest with an applet more, and with one less."""
+    spoil("MANIFEST", busybox.MANIFEST.read_text().replace(old, new, 1), tmp_path, monkeypatch)
+    assert listed ^ set(busybox.applets()) == differs
+
+
+def test_an_unknown_applet_is_told(source: pathlib.Path, tmp_path: pathlib.Path,
+                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    spoil("MANIFEST", "applet ls lls\n", tmp_path, monkeypatch)
+    with pytest.raises(Failed, match="^manifest.txt: BusyBox has no applet lls$"):
+        busybox.configure(source, ["make"])
+
+
+def test_no_option_is_on_by_itself(source: pathlib.Path, tmp_path: pathlib.Path,
+                                   monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the list none of its lines would be so. What cannot be had is told: one that is not known, one whose
+    applet is off, and two applets that need some of the list."""
+    wanted = entries(busybox.CONFIG)
+    assert len(wanted) == len({line.split("=")[0] for line in wanted})
+    spoil("CONFIG", "CONFIG_FEATURE_LS_COLOURS=y\nCONFIG_NC_SERVER=y\n", tmp_path, monkeypatch)
+    with pytest.raises(Failed) as told:
+        busybox.configure(source, ["make"])
+    assert str(told.value).split()[3:] == [f"CONFIG_{name}=y" for name in
+                                           ("FEATURE_LS_COLOURS", "NC_SERVER", "NOLOGIN", "PING6")]
+    assert set(wanted) & set((source / ".config").read_text().splitlines()) == set()

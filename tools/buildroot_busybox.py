@@ -1,0 +1,23 @@
+#!/usr/bin/env -S python3 -B
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Configure Buildroot's BusyBox like the development image's. usage: buildroot_busybox.py SOURCE MAKE...
+
+MAKE... is how make is called for this source. Called by Buildroot in the middle of a build: needs nothing but Python.
+"""
+import pathlib
+import sys
+
+from parts.common import finish
+from parts.image import busybox
+
+
+def main() -> int:
+    if len(sys.argv) < 3:
+        print(__doc__, file=sys.stderr)
+        return 2
+    busybox.configure(pathlib.Path(sys.argv[1]), sys.argv[2:])
+    return 0
+
+
+if __name__ == "__main__":
+    finish("busybox", main)
