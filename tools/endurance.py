@@ -62,7 +62,7 @@ def look(robot: Machine, programs: tuple[str, ...]) -> Look:
     if isinstance(robot, Guest):
         robot.sh("sync; echo 3 > /proc/sys/vm/drop_caches")
     several = [(int(robot.sh("ls -d /proc/[0-9]*/fd/* 2> /dev/null | wc -l")),
-                int(robot.sh("ls -d /proc/[0-9]* | wc -l"))) for _ in range(GLANCES)]
+                int(robot.sh("set -- /proc/[0-9]*; echo $#"))) for _ in range(GLANCES)]
     found = {"descriptors": min(one for one, _ in several), "processes": min(one for _, one in several),
              "files": int(robot.sh("echo $(($(du -skx /run /tmp | awk '{ n += $1 } END { print n }') - "
                                    "$(du -skx /run/log | cut -f 1)))"))}
