@@ -21,6 +21,7 @@ struct ddx_requests {
 /* "<item>.request", "<item>.answer"; false if that is too long. */
 static int name_beside(char name[DDX_NAME_MAX + 1], const char *item, const char *suffix) {
     int length = snprintf(name, DDX_NAME_MAX + 1, "%s.%s", item, suffix);
+
     return length > 0 && length <= DDX_NAME_MAX;
 }
 
@@ -49,6 +50,7 @@ static int fill(DDX_REQUEST *request, const struct ddx_change *changes, unsigned
 /* Become the writer, after all who were before us, and write. */
 static int queue_up(DDX_STORE_ITEM *item, const DDX_REQUEST *request, int64_t deadline) {
     int error;
+
     while ((error = ddx_store_write(item, request, NULL)) == -EEXIST && ddx_time_now() < deadline)
         nanosleep(&(struct timespec){.tv_nsec = QUEUE_NS}, NULL);
     return error == -EEXIST ? -ETIMEDOUT : error;
@@ -56,9 +58,11 @@ static int queue_up(DDX_STORE_ITEM *item, const DDX_REQUEST *request, int64_t de
 
 static int wait_for_answer(DDX_STORE_ITEM *item, uint64_t number, int64_t deadline, char *text) {
     DDX_ANSWER answer;
+
     for (;;) {
         double left = (double)(deadline - ddx_time_now()) / 1e9;
         int error = ddx_store_read(item, &answer, NULL, left > 0 ? left : 0, DDX_NEXT);
+
         if (error)
             return error;
         if (answer.number == number)
@@ -72,6 +76,7 @@ static int wait_for_answer(DDX_STORE_ITEM *item, uint64_t number, int64_t deadli
 static int ask(DDX_STORE_ITEM *to, DDX_STORE_ITEM *from, const DDX_REQUEST *request, double timeout, char *text) {
     int64_t deadline = ddx_time_now() + (int64_t)(timeout * 1e9);
     DDX_ANSWER former;
+
     ddx_store_read(from, &former, NULL, 0, DDX_CURRENT); /* from here on answers are news */
     int error = queue_up(to, request, deadline);
     if (!error)
@@ -85,6 +90,7 @@ static int ask(DDX_STORE_ITEM *to, DDX_STORE_ITEM *from, const DDX_REQUEST *requ
 static int find(DDX_STORE_ID *id, const char *item, DDX_STORE_ITEM **to, DDX_STORE_ITEM **from) {
     char to_name[DDX_NAME_MAX + 1], from_name[DDX_NAME_MAX + 1];
     struct ddx_item_info info;
+
     *to = *from = NULL;
     if (!name_beside(to_name, item, "request") || !name_beside(from_name, item, "answer"))
         return -EOPNOTSUPP;
@@ -101,6 +107,7 @@ static int find(DDX_STORE_ID *id, const char *item, DDX_STORE_ITEM **to, DDX_STO
 int ddx_request_possible(DDX_STORE_ID *id, const char *item) {
     DDX_STORE_ITEM *to, *from;
     int error = find(id, item, &to, &from);
+
     ddx_store_done_item(from);
     ddx_store_done_item(to);
     return error == -EOPNOTSUPP ? 0 : error ? error : 1;
@@ -110,6 +117,7 @@ int ddx_request(DDX_STORE_ID *id, const char *item, const struct ddx_change *cha
                 char text[DDX_ANSWER_TEXT]) {
     DDX_STORE_ITEM *to, *from;
     DDX_REQUEST request;
+
     *text = 0;
     int error = fill(&request, changes, count, text);
     if (error)
@@ -131,6 +139,7 @@ int ddx_request(DDX_STORE_ID *id, const char *item, const struct ddx_change *cha
 static int open_items(DDX_REQUESTS *requests, DDX_STORE_ID *id, const char *item) {
     char name[DDX_NAME_MAX + 1];
     DDX_REQUEST former;
+
     if (!name_beside(name, item, "request"))
         return -EINVAL;
     requests->request = ddx_store_lookup_item(id, name, "DDX_REQUEST", sizeof(DDX_REQUEST));
@@ -143,7 +152,8 @@ static int open_items(DDX_REQUESTS *requests, DDX_STORE_ID *id, const char *item
 }
 
 DDX_REQUESTS *ddx_requests_open(DDX_STORE_ID *id, const char *item) {
-    DDX_REQUESTS *requests = calloc(1, sizeof(*requests));
+    DDX_REQUESTS *requests = calloc(1, sizeof *requests);
+
     if (!requests)
         return NULL;
     int error = open_items(requests, id, item);
@@ -156,6 +166,7 @@ DDX_REQUESTS *ddx_requests_open(DDX_STORE_ID *id, const char *item) {
 
 int ddx_requests_take(DDX_REQUESTS *requests, DDX_REQUEST *request) {
     int error = ddx_store_read(requests->request, request, NULL, 0, DDX_NEXT);
+
     if (error)
         return error;
     requests->number = request->number;
@@ -168,7 +179,8 @@ int ddx_requests_take(DDX_REQUESTS *requests, DDX_REQUEST *request) {
 
 int ddx_requests_answer(DDX_REQUESTS *requests, int status, const char *text) {
     DDX_ANSWER answer = {.number = requests->number, .status = status};
-    snprintf(answer.text, sizeof(answer.text), "%s", text ? text : "");
+
+    snprintf(answer.text, sizeof answer.text, "%s", text ? text : "");
     return ddx_store_write(requests->answer, &answer, NULL);
 }
 

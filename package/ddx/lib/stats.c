@@ -18,6 +18,7 @@ static const char restart_reason[] = "restart";
 
 DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons) {
     size_t count = 0;
+
     while (reasons[count]) {
         if (!*reasons[count] || strlen(reasons[count]) > DDX_STATS_REASON_MAX || count == DDX_STATS_REASONS - 1) {
             errno = EINVAL;
@@ -29,7 +30,7 @@ DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons)
         errno = EINVAL;
         return NULL;
     }
-    DDX_STATS_BOOK *book = calloc(1, sizeof(*book));
+    DDX_STATS_BOOK *book = calloc(1, sizeof *book);
     if (!book)
         return NULL;
     pthread_mutex_init(&book->lock, NULL);
@@ -49,6 +50,7 @@ DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons)
  * once. */
 static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+
     if (!item)
         return -errno;
     int error = ddx_store_read(item, former, NULL, 0, DDX_CURRENT);
@@ -59,6 +61,7 @@ static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
 int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
     char name[DDX_NAME_MAX + 1];
     size_t length = strlen(book->instance);
+
     memcpy(name, book->instance, length);
     memcpy(name + length, DDX_STATS_SUFFIX, sizeof(DDX_STATS_SUFFIX));
 
@@ -91,6 +94,7 @@ void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence) {
 
 static void count_out(DDX_STATS_BOOK *book, uint64_t frames, int64_t latency, uint64_t sequence) {
     int64_t now = ddx_time_now();
+
     pthread_mutex_lock(&book->lock);
     book->stats.out += frames;
     if (sequence)
@@ -141,6 +145,7 @@ void ddx_stats_skipped(DDX_STATS_BOOK *book, uint64_t frames) {
 
 static void compute_waiting(DDX_STATS *stats) {
     uint64_t accounted = stats->out;
+
     for (unsigned i = 0; i < stats->reasons; i++)
         accounted += stats->lost[i].frames;
     stats->waiting = stats->in > accounted ? stats->in - accounted : 0;
@@ -148,6 +153,7 @@ static void compute_waiting(DDX_STATS *stats) {
 
 int ddx_stats_write(DDX_STATS_BOOK *book) {
     int error = 0;
+
     pthread_mutex_lock(&book->lock);
     compute_waiting(&book->stats);
     if (book->item)
@@ -173,8 +179,9 @@ void ddx_stats_get(DDX_STATS_BOOK *book, DDX_STATS *stats) {
 void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file) {
     DDX_STATS stats;
     char line[DDX_STATS_LINE_MAX];
+
     ddx_stats_get(book, &stats);
-    ddx_stats_json(&stats, book->instance, line, sizeof(line));
+    ddx_stats_json(&stats, book->instance, line, sizeof line);
     fprintf(file, "%s\n", line);
     fflush(file);
 }

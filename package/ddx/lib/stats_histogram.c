@@ -32,6 +32,7 @@ static uint32_t saturated(uint64_t count) {
 void ddx_stats_histogram_add(DDX_STATS *stats, uint64_t frames, int64_t latency) {
     uint64_t us = latency > 0 ? (uint64_t)latency / 1000 : 0;
     uint32_t *bucket = &stats->latency[bucket_of(us)];
+
     *bucket = saturated(*bucket + frames);
     if (us > stats->latency_max)
         stats->latency_max = us;
@@ -46,6 +47,7 @@ void ddx_stats_histogram_merge(DDX_STATS *stats, const DDX_STATS *former) {
 
 uint64_t ddx_stats_percentile(const DDX_STATS *stats, double share) {
     uint64_t total = 0, below = 0;
+
     for (unsigned i = 0; i < DDX_STATS_BUCKETS; i++)
         total += stats->latency[i];
     double wanted = share * (double)total;
@@ -53,6 +55,7 @@ uint64_t ddx_stats_percentile(const DDX_STATS *stats, double share) {
         below += stats->latency[i];
         if (below && (double)below >= wanted) {
             uint64_t us = i == DDX_STATS_BUCKETS - 1 ? stats->latency_max : bucket_middle(i);
+
             return us < stats->latency_max ? us : stats->latency_max;
         }
     }

@@ -13,6 +13,7 @@ struct line {
 
 __attribute__((format(printf, 2, 3))) static void put(struct line *line, const char *format, ...) {
     size_t room = line->length < line->size ? line->size - line->length : 0;
+
     va_list arguments;
     va_start(arguments, format);
     int length = vsnprintf(room ? line->text + line->length : NULL, room, format, arguments);
@@ -25,6 +26,7 @@ static void put_string(struct line *line, const char *text, size_t limit) {
     put(line, "\"");
     for (size_t i = 0; i < limit && text[i]; i++) {
         unsigned char c = (unsigned char)text[i];
+
         if (c < 0x20 || c == '"' || c == '\\' || c >= 0x7f)
             put(line, "\\u%04x", c);
         else
@@ -35,6 +37,7 @@ static void put_string(struct line *line, const char *text, size_t limit) {
 
 int ddx_stats_json(const DDX_STATS *stats, const char *instance, char *text, size_t size) {
     struct line line = {text, size, 0};
+
     put(&line, "{\"instance\":");
     put_string(&line, instance, DDX_NAME_MAX);
     put(&line, ",\"in\":%" PRIu64 ",\"out\":%" PRIu64 ",\"waiting\":%" PRIu64 ",\"skipped\":%" PRIu64 ",\"lost\":{",

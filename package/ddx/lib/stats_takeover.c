@@ -8,6 +8,7 @@
  * forgotten. */
 static unsigned reason_named(struct ddx_stats_book *book, const char *name) {
     DDX_STATS *stats = &book->stats;
+
     for (unsigned i = 0; i < stats->reasons; i++)
         if (!strncmp(stats->lost[i].name, name, sizeof(stats->lost[i].name)))
             return i;
@@ -19,14 +20,16 @@ static unsigned reason_named(struct ddx_stats_book *book, const char *name) {
 
 void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
     DDX_STATS *stats = &book->stats;
+
     if (former->version != DDX_STATS_VERSION)
         return;
     unsigned reasons = former->reasons < DDX_STATS_REASONS ? former->reasons : DDX_STATS_REASONS;
     uint64_t accounted = former->out;
     for (unsigned i = 0; i < reasons; i++) {
         char name[sizeof(former->lost[i].name)];
-        memcpy(name, former->lost[i].name, sizeof(name));
-        name[sizeof(name) - 1] = 0;
+
+        memcpy(name, former->lost[i].name, sizeof name);
+        name[sizeof name - 1] = 0;
         stats->lost[reason_named(book, name)].frames += former->lost[i].frames;
         accounted += former->lost[i].frames;
     }

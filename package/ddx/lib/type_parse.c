@@ -254,6 +254,7 @@ static int members(struct parser *p, const char *prefix, uint64_t start, struct 
         return -EINVAL;
     while (!accept(p, '}')) {
         int result = declarators(p, p->at, prefix, start, &end, &alignment);
+
         if (result)
             return result;
     }
