@@ -23,7 +23,7 @@ from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
 from parts.image import native
 from parts.media import clip as default_clip, y4m
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 WORK = OUTPUT / "killed"
 RESULT = OUTPUT / "killed.json"
@@ -93,7 +93,7 @@ class Plug:
         """Stop it for good: pictures in all recordings, and how many are not what the index says, from outside."""
         session.stop_recorder(guest)
         known = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(self.clip)[1])}
-        partition = Partition(guest.snapshot())
+        partition = FileSystem(guest.snapshot())
         count = wrong = 0
         for name, index in partition.indexes().items():
             file = partition.take(name, self.folder / "one.y4m")

@@ -4,7 +4,7 @@ import time
 
 from parts.common import PATIENCE
 from parts.guest.qemu import USERSPACE, Guest
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 
 def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
@@ -34,13 +34,13 @@ def test_kernel_is_6_12(guest: Guest) -> None:
 
 def test_recordings_have_no_journal_data_has_one(guest: Guest) -> None:
     disk = guest.snapshot()
-    assert "has_journal" not in Partition(disk, 6).features()
-    assert "has_journal" in Partition(disk, 5).features()
+    assert "has_journal" not in FileSystem(disk, 6).features()
+    assert "has_journal" in FileSystem(disk, 5).features()
     assert " on /rec type ext4 (rw" in guest.sh("mount")
 
 
 def test_checksums_and_large_files_on_recordings(guest: Guest) -> None:
-    assert {"metadata_csum", "flex_bg", "large_file"} <= set(Partition(guest.snapshot(), 6).features())
+    assert {"metadata_csum", "flex_bg", "large_file"} <= set(FileSystem(guest.snapshot(), 6).features())
 
 
 def test_nothing_can_be_written_below_an_empty_mount_point(guest: Guest) -> None:

@@ -8,7 +8,7 @@ from parts.common import PATIENCE
 from parts.guest import session
 from parts.guest.qemu import Guest
 from parts.media import y4m
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 from . import camera
 
@@ -29,7 +29,7 @@ def record(guest: Guest, work: pathlib.Path, name: str, shown: int) -> pathlib.P
     guest.wait_until("grep -q shown /tmp/feed/log", PATIENCE + shown)
     session.stop_recorder(guest)
     guest.sh("touch /tmp/feed/end")
-    return Partition(guest.snapshot()).take_only("", work / name)
+    return FileSystem(guest.snapshot()).take_only("", work / name)
 
 
 def pictures(path: pathlib.Path) -> list[bytes]:

@@ -12,7 +12,7 @@ from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 from parts.media import clip as default_clip
 from parts.media.clip import HEIGHT, WIDTH, picture
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 from . import camera
 from .camera import GRABBER, plug, unplug
@@ -120,7 +120,7 @@ def test_jpeg_pictures(guest: Guest, work: pathlib.Path) -> None:
     guest.sh("/etc/init.d/S*ddxvideosave start; sleep 5")
     session.stop_recorder(guest)
     guest.sh(f"/etc/init.d/S*{GRABBER} stop")
-    shown = camera.numbers(Partition(guest.snapshot()).take_only("", work / "jpeg.y4m"))
+    shown = camera.numbers(FileSystem(guest.snapshot()).take_only("", work / "jpeg.y4m"))
     assert len(shown) > 20 and None not in shown
     steps = [((after or 0) - (before or 0)) % FRAMES for before, after in zip(shown, shown[1:])]
     assert sum(step - 1 for step in steps) <= camera.stats(guest).lost_total

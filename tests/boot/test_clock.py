@@ -8,7 +8,7 @@ import pytest
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.media import clip as default_clip
-from parts.media.recording import Partition, compare
+from parts.media.recording import FileSystem, compare
 
 from . import camera
 
@@ -23,7 +23,7 @@ CLOCKS = [("2026-03-01T12:00:00", "20260301"), ("1970-01-01T00:00:10", "19700101
 
 def recordings(guest: Guest, work: pathlib.Path) -> dict[str, pathlib.Path]:
     """All of them, by the name of their first file, in the order of their numbers."""
-    partition = Partition(guest.snapshot())
+    partition = FileSystem(guest.snapshot())
     return {names[0]: partition.take_all(names, work / f"clock-{names[0]}") for names in partition.recordings()}
 
 

@@ -10,7 +10,7 @@ from parts.common import run
 from parts.disk import mbr
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 CARD = 32 << 30  # bytes
 # Seconds after the recordings' check began: while table and file system grow; while what is new is still on its way to
@@ -39,7 +39,7 @@ def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pat
         guest.sh("/etc/init.d/S*ddxvideosave stop; mount -o remount,ro /rec")
         snapshot = guest.snapshot()
         assert mbr.partition(snapshot, 6).end == CARD
-        assert [name for name in Partition(snapshot).names() if name.endswith(".y4m")]
+        assert [name for name in FileSystem(snapshot).names() if name.endswith(".y4m")]
 @pytest.fixture(scope="module")
 def used(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     """A disk that something was recorded on before it was copied to a larger card."""

@@ -9,7 +9,7 @@ import pytest
 
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 from . import camera
 from .figures import Figure
@@ -48,7 +48,7 @@ def hang(guest: Guest, name: str) -> float:
 
 def pictures(guest: Guest, work: pathlib.Path) -> list[int]:
     """The numbers in all that was recorded, in the order of the recordings."""
-    partition = Partition(guest.snapshot())
+    partition = FileSystem(guest.snapshot())
     found: list[int] = []
     for names in partition.recordings():
         file = partition.take_all(names, work / "pictures.y4m")

@@ -4,7 +4,7 @@ import pathlib
 
 from parts.guest import qemu, session
 from parts.media import clip as default_clip, logs
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 FRAMES = default_clip.RATE * default_clip.SHORT
 RATE = 4  # times as fast
@@ -28,7 +28,7 @@ def test_a_clip_is_logged(guest: qemu.Guest, recorded: session.Result, work: pat
     assert guest.sh(f"stat -c '%U %G' {names[0]}") == "ddxlogger ddx"
     guest.sh("sync")
     path = work / "fetched.mcap"
-    Partition(guest.snapshot()).take(names[0].removeprefix("/rec/"), path)
+    FileSystem(guest.snapshot()).take(names[0].removeprefix("/rec/"), path)
     log = logs.read(path)
     frames = [one.value.value for one in log.values["second.frame"]]
     assert '"write":0' in stats and '"queue":0' in stats

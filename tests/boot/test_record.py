@@ -4,7 +4,7 @@ import pathlib
 
 from parts.guest import qemu, session
 from parts.media import clip as default_clip, counters, y4m
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 
 def test_every_frame_is_recorded_bit_exact_and_in_order(recorded: session.Result) -> None:
@@ -49,7 +49,7 @@ def test_a_loss_in_the_guest_is_counted_right(guest: qemu.Guest, recorded: sessi
     wait(session.SAVE)
     load, save = (counters.last(guest.sh(f"cat /tmp/loss.{name}")) for name in (session.LOAD, session.SAVE))
     guest.sh("sync")
-    recording = Partition(guest.snapshot()).take("loss.y4m", work / "loss.y4m")
+    recording = FileSystem(guest.snapshot()).take("loss.y4m", work / "loss.y4m")
     guest.sh("rm /rec/loss.y4m")
     result = session.judge(short_clip, recording, load, save)
     missing = result.outside.missing

@@ -12,7 +12,7 @@ from parts.common import PATIENCE, run
 from parts.guest import testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.media import counters, y4m
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 SAVE = "ddxvideosave"
 STICK_MB = 64
@@ -72,7 +72,7 @@ def test_an_export_while_recording(recorder: Guest, stick: pathlib.Path, work: p
     listed = [json.loads(line) for line in ctl(recorder, "list --json")[1].splitlines()]
     assert [one["state"] for one in listed] == ["recording"] and listed[0]["files"][:len(names)] == names
     recorder.sh("sync")
-    disk = Partition(recorder.snapshot())
+    disk = FileSystem(recorder.snapshot())
     for name in names:
         run(["mcopy", "-n", "-o", "-i", stick, f"::/{name}", work / "copy.y4m"])
         assert (work / "copy.y4m").read_bytes() == disk.take(name, work / "original.y4m").read_bytes()
@@ -109,7 +109,7 @@ def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
     name = json.loads(ctl(recorder, "list --json")[1].splitlines()[0])["files"][0]
     assert ctl(recorder, f"verify {name}")[0] == 0
     recorder.sh("sync")
-    data = Partition(recorder.snapshot()).take(name, work / "original.y4m").read_bytes()
+    data = FileSystem(recorder.snapshot()).take(name, work / "original.y4m").read_bytes()
     _, frames = y4m.read(work / "original.y4m")
     at = data.index(b"\n") + 1
     for number, frame in enumerate(frames):

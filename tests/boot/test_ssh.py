@@ -12,7 +12,7 @@ from parts.common import PATIENCE, run
 from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.media import clip as default_clip
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 from parts.release import manifest
 
 from .test_control import runs
@@ -80,7 +80,7 @@ def test_nobody_else_is(robot: Robot) -> None:
 
 
 def test_recordings_come_out(robot: Robot, tmp_path: pathlib.Path) -> None:
-    partition = Partition(robot.guest.snapshot())
+    partition = FileSystem(robot.guest.snapshot())
     name = partition.recordings()[0][0]
     wanted = partition.take(name, tmp_path / "wanted.y4m").read_bytes()
     options = robot.options("mine")

@@ -10,7 +10,7 @@ from parts.guest.guest_camera import GRABBER
 from parts.guest.machine import Machine
 from parts.guest.session import SAVE
 from parts.media import clip as default_clip, y4m
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 from . import camera
 from .figures import Figure
@@ -39,7 +39,7 @@ def test_each_is_recorded(boot: qemu.Boot, work: pathlib.Path, board: Machine, r
         time.sleep(SECONDS)
         guest.sh(f"/etc/init.d/S*{GRABBER} stop")
         session.stop_recorder(guest)
-        partition = Partition(guest.snapshot())
+        partition = FileSystem(guest.snapshot())
         print(*partition.lost(), sep="\n")
         for item, instance in [("video", ""), ("rear", ".rear")]:
             grab, save = (session.end_counters(guest, name + instance) for name in (GRABBER, SAVE))

@@ -10,7 +10,7 @@ import pytest
 from parts.guest import qemu, session, stream, testdisk
 from parts.guest.qemu import Guest
 from parts.media import clip as default_clip
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 from . import camera
 from .figures import Figure
@@ -65,7 +65,7 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
             operator.sh("/etc/init.d/S*decode stop")
             session.stop_recorder(operator)
             ends = {one: session.end_counters(operator, one) for one in (stream.DECODE, stream.RECORDER)}
-            Partition(operator.snapshot()).take_only(stream.ITEM, work / "two-shown.y4m")
+            FileSystem(operator.snapshot()).take_only(stream.ITEM, work / "two-shown.y4m")
             ends[stream.SEND] = session.end_counters(robot, stream.SEND)
             session.stop_recorder(robot)
             result = session.collect(robot, clip, work / "two-recorded.y4m")

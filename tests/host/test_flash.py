@@ -21,7 +21,7 @@ import flash
 from parts.common import SBIN, TOP, Failed, run
 from parts.disk import mbr
 from parts.flash import blockio, blockmap, provision, target
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 MIB = 2**20
 ENVIRONMENT = {**os.environ, **SBIN, "LC_ALL": "C"}
@@ -131,7 +131,7 @@ def check_disk(disk: pathlib.Path, image: pathlib.Path) -> None:
     assert kinds == ["vfat", "squashfs", None, "ext4", "ext4"]
     for number in (5, 6):
         run(["e2fsck", "-fn", f"{disk}?offset={mbr.partition(disk, number).begin}"])
-        assert re.findall(r"^/\d+/\d+/\d+/\d+/([^/]+)/", Partition(disk, number)._debugfs("ls -p /"), re.M) == [
+        assert re.findall(r"^/\d+/\d+/\d+/\d+/([^/]+)/", FileSystem(disk, number)._debugfs("ls -p /"), re.M) == [
             ".", "..", "lost+found"]
 
 
@@ -178,7 +178,7 @@ def test_a_used_disk_forgets_what_it_held(image: pathlib.Path, loop: Loop) -> No
         requests = "".join(f"write {TOP}/Makefile file{n}\nmkdir folder{n}\n" for n in range(2))
         subprocess.run(["debugfs", "-w", place], env=ENVIRONMENT, input=requests, capture_output=True, text=True,
                        check=True)
-        assert "file1" in Partition(loop.file, number)._debugfs("ls -p /")
+        assert "file1" in FileSystem(loop.file, number)._debugfs("ls -p /")
     assert tool(*words)[0] == 0
     check_disk(loop.file, image)
 

@@ -25,7 +25,7 @@ SECTOR = 512     # for marks, behind it
 ENVIRONMENT = {**os.environ, **SBIN}
 
 
-class LoggedDisk:
+class SettingsDisk:
     """A file that is a disk: a process holds it, and writes down what is written to it and when it is flushed."""
 
     def __init__(self, folder: pathlib.Path) -> None:
@@ -55,16 +55,16 @@ class LoggedDisk:
 
 
 @pytest.fixture
-def disk(tmp_path: pathlib.Path) -> Iterator[LoggedDisk]:
+def disk(tmp_path: pathlib.Path) -> Iterator[SettingsDisk]:
     if os.geteuid() != 0 or not os.access("/dev/fuse", os.W_OK) or not os.access("/dev/loop-control", os.W_OK):
         pytest.skip("a disk whose writes are kept takes root, FUSE and loop devices")
-    disk = LoggedDisk(tmp_path)
+    disk = SettingsDisk(tmp_path)
     yield disk
     disk.end()
 
 
 @pytest.mark.parametrize("naive", [False, True], ids=["ddxctl", "naive"])
-def test_settings_survive_a_power_cut_at_any_write(disk: LoggedDisk, tmp_path: pathlib.Path, naive: bool) -> None:
+def test_settings_survive_a_power_cut_at_any_write(disk: SettingsDisk, tmp_path: pathlib.Path, naive: bool) -> None:
     keep = tmp_path / "keep"
     (keep / "data").mkdir(parents=True)
     run(["mount", "-o", f"loop,sizelimit={SIZE},noatime", disk.file, keep / "data"])

@@ -79,7 +79,7 @@ def place(peer: str) -> tuple[pathlib.Path, pathlib.Path]:
     return OUTPUT / "desk/root", BUILD / f"bench-{peer}"
 
 
-class Program:
+class Party:
     """A writer or a reader, started and ready."""
 
     def __init__(self, peer: str, folder: pathlib.Path, **options: object) -> None:
@@ -154,15 +154,15 @@ def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up
               **faults: object) -> Slice:
     """The writer is on the first core, the readers on the others in turn, and then on the first one, too."""
     core = cpus()
-    writers: list[Program] = []
-    readers: list[Program] = []
+    writers: list[Party] = []
+    readers: list[Party] = []
     try:
         for camera in range(case.writers):
             options = {"mode": case.mode, "name": next(names), "bytes": case.bytes, "readers": case.readers,
                        "frames": case.frames, "warm_up": warm_up, "interval": case.interval}
-            writers.append(Program(peer, folder, role="writer", cpu=core[camera % len(core)], **options, **faults))
+            writers.append(Party(peer, folder, role="writer", cpu=core[camera % len(core)], **options, **faults))
             writers[-1].ready()
-            readers += [Program(peer, folder, role="reader", cpu=core[(camera + 1 + number) % len(core)], **options)
+            readers += [Party(peer, folder, role="reader", cpu=core[(camera + 1 + number) % len(core)], **options)
                         for number in range(case.readers)]
         for program in readers:
             program.ready()

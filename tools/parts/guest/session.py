@@ -11,7 +11,7 @@ from parts.common import PATIENCE, Failed
 from parts.guest.qemu import Guest
 from parts.media import counters
 from parts.media.counters import Counters, adds_up, agree
-from parts.media.recording import Comparison, Partition, compare
+from parts.media.recording import Comparison, FileSystem, compare
 
 LOAD, SAVE = "ddxvideoload", "ddxvideosave"
 Show = Callable[[float, dict[str, Counters]], None]
@@ -127,7 +127,7 @@ def judge(clip: pathlib.Path, recording: pathlib.Path, load: Counters, save: Cou
 
 def collect(guest: Guest, clip: pathlib.Path, into: pathlib.Path) -> Result:
     """After stop_recorder(): the only recording, compared with the clip."""
-    partition = Partition(guest.snapshot())
+    partition = FileSystem(guest.snapshot())
     for where in partition.lost():
         print(where)
     partition.take_only("video", into)

@@ -7,7 +7,7 @@ from parts.guest import qemu, session
 from parts.media import y4m
 from parts.media.clip import frame_number
 from parts.media.counters import Counters, adds_up, agree
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 from parts.media.report import bucket_us
 
 SEND, DECODE = "ddxvideosend", "decode"
@@ -56,7 +56,7 @@ def stop(guest: qemu.Guest) -> None:
 
 def collect(guest: qemu.Guest, grabber: str, recorded: pathlib.Path, shown: pathlib.Path) -> dict[str, Counters]:
     """After all have stopped: both recordings, taken out without the guest's help, and what each program said last."""
-    partition = Partition(guest.snapshot())
+    partition = FileSystem(guest.snapshot())
     for where in partition.lost():
         print(where)
     partition.take_only("video", recorded)

@@ -13,10 +13,10 @@ import numpy
 from parts.media import y4m
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 from parts.media.counters import Counters, adds_up, agree
-from parts.media.recording import Partition
+from parts.media.recording import FileSystem
 
 
-class RecordedDisk(Partition):
+class RecordedDisk(FileSystem):
     """A disk that is one file system, without partitions."""
 
     def __init__(self, image: pathlib.Path) -> None:  # pylint: disable=super-init-not-called

@@ -17,7 +17,7 @@ REC = 6  # the partition, see board/common/disk.cfg
 FULL_420 = ["420", "420jpeg", "420mpeg2", "420paldv"]
 
 
-class Partition:
+class FileSystem:
     """A file system inside a disk image, through debugfs: needs neither root nor a mount."""
 
     def __init__(self, disk: pathlib.Path, number: int = REC) -> None:
