@@ -9,7 +9,7 @@ import tempfile
 import pytest
 
 from parts.common import TOP, run
-from parts.testing import suite
+from parts.testing import known_defects, suite
 from parts.testing.suite import Suite
 
 # Fails when it is run for the first time in this folder, with these words.
@@ -105,3 +105,9 @@ def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path) -> None:
     result.pytest([], ["--no-such-option"])
     assert result.broken and result.verdict(places / "flaky.txt") == 1
     assert Suite().verdict(places / "flaky.txt") == 1
+
+
+@pytest.mark.parametrize("defect", known_defects.DEFECTS, ids=[one.name for one in known_defects.DEFECTS])
+def test_each_known_defect_can_be_put_back(defect: known_defects.Defect) -> None:
+    """`make defects` does it; here only that what it looks for is where it was."""
+    assert (TOP / defect.file).read_text().count(defect.now) == 1
