@@ -17,7 +17,11 @@
 
 #define SLOTS 3u
 #define WORDS 250000u
+#ifdef DDX_FAULT_NO_RECHECK
+#define TURNS 8000 /* a few of a hundred are torn, and sometimes none of eighty: go on until one is */
+#else
 #define TURNS 80
+#endif
 #define STEP 16u /* words between those that change from frame to frame: all cache lines, every other one */
 
 static struct epoch *from;
@@ -68,7 +72,7 @@ int main(void) {
     from = new_epoch(1, SLOTS);
     atomic_store(&from->control->slots, SLOTS);
     CHECK_EQUAL(pthread_create(&writer, NULL, write_on, NULL), 0);
-    for (int turn = 0; turn < TURNS; turn++) {
+    for (int turn = 0; turn < TURNS && !torn; turn++) {
         struct epoch *to = new_epoch(2, 1);
         struct ddx_ring_frame frame;
         uint64_t sequence = 0;
@@ -91,7 +95,7 @@ int main(void) {
     atomic_store(&over, true);
     pthread_join(writer, NULL);
     epoch_free(from);
-    printf("%u of %u carried over, %u torn\n", carried, TURNS, torn);
+    printf("%u carried over, %u torn\n", carried, torn);
     CHECK(carried > 0);
     CHECK_EQUAL(torn, 0);
     return 0;
