@@ -21,6 +21,18 @@ int store_log = -1;
 static int64_t longest_wait;
 static char folder[] = "/tmp/ddx-crash-XXXXXX";
 
+static void remove_folder(void) {
+    static const char *const names[] = {"stage", "store-2005", "store-2005.lock"};
+
+    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
+        char path[64];
+
+        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
+        unlink(path);
+    }
+    rmdir(folder);
+}
+
 void fail(const char *format, ...) {
     va_list arguments;
 
@@ -40,7 +52,8 @@ void fail(const char *format, ...) {
                 (unsigned long long)stage->stream[i].done, stage->stream[i].terms, stage->stream[i].owner);
     if (getenv("DDX_CRASH_WAIT"))
         pause(); /* to look at it with a debugger */
-    exit(1);     /* the parties die with us */
+    remove_folder();
+    exit(1); /* the parties die with us */
 }
 
 void director_begin(void) {
@@ -267,8 +280,6 @@ int64_t longest_gap(unsigned stream) {
 }
 
 void director_end(void) {
-    char path[64];
-
     for (unsigned i = 0; i < ACTORS; i++)
         if (party[i].pid)
             party_end(&party[i], SIGTERM);
@@ -277,12 +288,6 @@ void director_end(void) {
         kill(store_process, SIGTERM);
         waitpid(store_process, NULL, 0);
     }
-    for (unsigned i = 0; i < 3; i++) {
-        static const char *const names[] = {"stage", "store-2005", "store-2005.lock"};
-
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
-        unlink(path);
-    }
-    rmdir(folder);
+    remove_folder();
     printf("longest wait %.0f ms of %.0f\n", (double)longest_wait / 1e6, (double)HANG / 1e6);
 }
