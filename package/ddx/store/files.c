@@ -85,30 +85,34 @@ void files_commit(void) {
 }
 
 /* Calls `what` for each open descriptor but that of the look itself. */
-static void each_open(void (*what)(int fd)) {
+static void each_open(void (*what)(void *context, int fd), void *context) {
     DIR *folder = opendir("/proc/self/fd");
 
     for (struct dirent *entry; folder && (entry = readdir(folder));) {
         int fd = atoi(entry->d_name);
 
         if (*entry->d_name != '.' && fd != dirfd(folder))
-            what(fd);
+            what(context, fd);
     }
     if (folder)
         closedir(folder);
 }
 
-static void note_other(int fd) {
+static void note_other(void *unused, int fd) {
+    (void)unused;
     if (other_count < OTHERS)
         others[other_count++] = fd;
 }
 
 void files_begin(void) {
-    each_open(note_other);
+    each_open(note_other, NULL);
 }
 
-static bool (*is_known)(int fd);
-static void (*take_in)(int socket);
+struct sweep {
+    bool (*known)(int fd);
+    void (*found)(void *context, int socket);
+    void *context;
+};
 
 static bool is_connection(int fd) {
     int listens = 1, type = 0;
@@ -118,22 +122,23 @@ static bool is_connection(int fd) {
            !getsockopt(fd, SOL_SOCKET, SO_ACCEPTCONN, &listens, &length) && !listens;
 }
 
-static void sweep(int fd) {
+static void sweep(void *context, int fd) {
+    const struct sweep *by = context;
     const struct file *file = file_at(fd);
 
     for (unsigned i = 0; i < other_count; i++)
         if (others[i] == fd)
             return;
-    if ((file && file->users) || is_known(fd))
+    if ((file && file->users) || by->known(fd))
         return;
     if (is_connection(fd))
-        take_in(fd);
+        by->found(by->context, fd);
     else
         close(fd);
 }
 
-void files_sweep(bool (*known)(int fd), void (*found)(int socket)) {
-    is_known = known;
-    take_in = found;
-    each_open(sweep);
+void files_sweep(bool (*known)(int fd), void (*found)(void *context, int socket), void *context) {
+    struct sweep by = {known, found, context};
+
+    each_open(sweep, &by);
 }

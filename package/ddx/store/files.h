@@ -37,7 +37,7 @@ void files_commit(void);
  * By a worker that takes over: `known` tells whether a descriptor is in use by what was committed. A connection that
  * nobody knows of was taken in by a worker that died before it could say so: `found` gets it. Others are closed.
  */
-void files_sweep(bool (*known)(int fd), void (*found)(int socket));
+void files_sweep(bool (*known)(int fd), void (*found)(void *context, int socket), void *context);
 
 /* By the holder, before the first worker: what is open now is not ours. */
 void files_begin(void);

@@ -140,18 +140,10 @@ void item_describe(const struct item *item, struct ddx_message *m) {
     }
 }
 
-bool reader_of(const struct client *client, const struct item *item) {
-    return client->item == item && client->id && !client->gone;
-}
-
-bool reader_hears(const struct client *client, const struct item *item) {
-    return reader_of(client, item) && client->admitted;
-}
-
 struct client *item_next_reader(const struct item *item, const struct client *former) {
     struct client *client = former ? former->next : item->store->clients;
 
-    while (client && !reader_of(client, item))
+    while (client && (client->item != item || !client->id || client->gone))
         client = client->next;
     return client;
 }

@@ -22,8 +22,5 @@ void item_describe(const struct item *item, struct ddx_message *message);
 
 /* Who reads it, one after the other: NULL gives the first one; NULL: there is no other. */
 struct client *item_next_reader(const struct item *item, const struct client *former);
-/* Whether this one does; and may hear of its frames. */
-bool reader_of(const struct client *client, const struct item *item);
-bool reader_hears(const struct client *client, const struct item *item);
 
 #endif

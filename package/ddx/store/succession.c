@@ -58,9 +58,7 @@ static bool is_known(int fd) {
     return (unsigned)fd < known_count && known[fd];
 }
 
-static struct store *store; /* while a worker takes over */
-
-static void found(int socket) {
+static void found(void *store, int socket) {
     client_add(store, socket);
 }
 
@@ -108,7 +106,8 @@ static void take_over_client(struct client *client) {
 }
 
 struct store *store_take_over(void) {
-    store = kept_root();
+    struct store *store = kept_root();
+
     files_are(&store->files);
     for (struct item *item = store->items; item; item = item->next)
         take_over_item(item);
@@ -116,7 +115,7 @@ struct store *store_take_over(void) {
         take_over_client(client);
     for (const struct retired *retired = store->retired; retired; retired = retired->next)
         know(retired->watch);
-    files_sweep(is_known, found);
+    files_sweep(is_known, found, store);
     clients_sweep(store);
     files_commit();
     clients_tell(store, NULL);
