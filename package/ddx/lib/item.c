@@ -100,12 +100,10 @@ static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct
 /* Introduce the handle to the store. */
 static int item_open(DDX_STORE_ITEM *item, uint32_t flags) {
     struct ddx_message message;
+    int result = ddx_link_connect(item);
 
-    item->socket = ddx_connect(item->id->port);
-    item->deaf = false;
-    item->heard = 0;
-    if (item->socket < 0)
-        return item->socket;
+    if (result)
+        return result;
     ddx_message_init(&message, DDX_OPEN, item);
     message.flags = flags;
     return ddx_item_request(item, &message, item->own, DDX_OPENED);

@@ -22,6 +22,17 @@ void ddx_link_wake_keeper(void) {
     }
 }
 
+int ddx_link_connect(DDX_STORE_ITEM *item) {
+    int fd = ddx_connect(item->id->port);
+
+    if (fd < 0)
+        return fd;
+    item->socket = fd;
+    item->deaf = false;
+    item->heard = 0;
+    return 0;
+}
+
 int ddx_link_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                  const int *fds, unsigned fd_count) {
     int result = ddx_queue_send(&item->queue, item->socket, message, layout, fds, fd_count);

@@ -10,6 +10,9 @@ extern int ddx_link_waker __attribute__((visibility("hidden")));
 
 void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);
 
+/* A new connection to the store, over which nothing was said yet. 0, or -errno, and then the handle is as before. */
+int ddx_link_connect(DDX_STORE_ITEM *item);
+
 /* Send, or leave to the keeper what the socket does not hold. With `lock` held. As ddx_queue_send(). */
 int ddx_link_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
                  const int *fds, unsigned fd_count);

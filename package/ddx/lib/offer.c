@@ -63,13 +63,10 @@ static int offer(DDX_STORE_ITEM *item) {
 }
 
 int ddx_item_offer(DDX_STORE_ITEM *item) {
-    int fd = ddx_connect(item->id->port);
+    int result = ddx_link_connect(item);
 
-    if (fd < 0)
-        return fd;
-    item->socket = fd;
-    item->deaf = false;
-    item->heard = 0;
+    if (result)
+        return result;
     DDX_PASS(KEEPER_FOUND);
     return offer(item);
 }
