@@ -40,6 +40,8 @@ def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pat
         snapshot = guest.snapshot()
         assert mbr.partition(snapshot, 6).end == CARD
         assert [name for name in FileSystem(snapshot).names() if name.endswith(".y4m")]
+
+
 @pytest.fixture(scope="module")
 def used(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     """A disk that something was recorded on before it was copied to a larger card."""
