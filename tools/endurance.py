@@ -32,6 +32,7 @@ WARM_UP = 100   # toggles, at most as many as are to follow, or
 SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
 DISK = 24 << 30  # bytes; an hour's recording fits
 SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
+PASSING_ON = (SEND, SAVE, "decode")  # of those that are switched: sent, recorded, shown
 # What is switched: in the guest one of them, natively several at once, each as often as its share of the toggles.
 IN_GUEST = (SEND,)
 AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
@@ -79,19 +80,27 @@ def settled(robot: Machine, names: tuple[str, ...]) -> None:
     """What was switched on just now has all that it needs, and nobody is busy with the switching any more."""
     for name in names:
         robot.wait_until(f"ddxctl status {name} | grep -q state=running")
-    robot.wait_until("! pgrep -f settings-cop[y]")
-    begin = sent(robot)
+    # Each toggle copies the settings, under a timeout, which ends and is forgotten a second or two after that.
+    robot.wait_until("! pgrep -f settings-cop[y] && ! pgrep -x timeout")
+    for name in names:
+        if name in PASSING_ON:
+            passes_on(robot, name)
+
+
+def passes_on(robot: Machine, name: str) -> None:
+    """It has taken frames and passed them on since now, for which it needs all its memory and files."""
+    begin = passed_on(robot, name)
     end = time.monotonic() + PATIENCE
-    while sent(robot) <= begin:
+    while passed_on(robot, name) <= begin:
         if time.monotonic() > end:
-            raise Failed(f"{SEND} does not send")
+            raise Failed(f"{name} passes no frame on")
         time.sleep(1)
 
 
-def sent(robot: Machine) -> int:
+def passed_on(robot: Machine, name: str) -> int:
     """Frames, so far."""
     found = [one for line in robot.sh("ddxctl stats --json").splitlines() if (one := counters.parse(line))]
-    return sum(one.out for one in found if one.instance == SEND)
+    return sum(one.out for one in found if one.instance == name)
 
 
 def switch(robot: Machine, names: tuple[str, ...], times: int) -> None:
