@@ -45,6 +45,35 @@ def test_every_theme_is_used_and_every_option_named_once() -> None:
             seen[name] = path
 
 
+@pytest.mark.parametrize("board", buildroot.boards())
+def test_the_kernel_s_source_is_verified(board: str) -> None:
+    """Buildroot itself has no hash for a version that is given by number, and would say no more than a warning."""
+    text = (TOP / f"configs/ddxvideo_{board}_defconfig").read_text()
+    version = re.search(r'^BR2_LINUX_KERNEL_CUSTOM_VERSION_VALUE="(.*)"$', text, re.M)
+    assert version and "BR2_DOWNLOAD_FORCE_CHECK_HASHES=y" in text
+    assert 'BR2_GLOBAL_PATCH_DIR="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/common/patches"' in text
+    for package in ("linux", "linux-headers"):
+        hashes = (TOP / f"board/common/patches/{package}/{package}.hash").read_text()
+        assert re.search(rf"^sha256  [0-9a-f]{{64}}  linux-{re.escape(version[1])}\.tar\.xz$", hashes, re.M)
+
+
+@pytest.mark.skipif(not buildroot.present(), reason="no Buildroot here")
+@pytest.mark.parametrize("package", ["linux", "linux-headers"])
+def test_another_kernel_s_source_is_refused(tmp_path: pathlib.Path, package: str) -> None:
+    """By Buildroot's own check, with the files of hashes that it says it looks at."""
+    env = {**os.environ, "BUILDROOT_OUTPUT": str(tmp_path / "out")}
+    variable = f"{package.upper().replace('-', '_')}_HASH_FILES"
+    found = subprocess.run([PYTHON, "-B", TOP / "tools/buildroot.py", "make", "miniitx", "-s", "printvars",
+                            f"VARS={variable}"], env=env, check=True, capture_output=True, text=True).stdout
+    files = [file for line in found.splitlines() if line.startswith(f"{variable}=") for file in
+             line.partition("=")[2].split()]
+    wrong = tmp_path / "linux-6.12.91.tar.xz"
+    wrong.write_text("another one")
+    done = subprocess.run([buildroot.checkout() / "support/download/check-hash", wrong, wrong.name, *files],
+                          check=False, capture_output=True, text=True)
+    assert (done.returncode, "has wrong sha256" in done.stderr) == (2, True)
+
+
 @pytest.mark.parametrize("wanted, have, good", [
     ("CONFIG_A=y", "CONFIG_A=y", True), ("CONFIG_A=m", "CONFIG_A=y", True), ("CONFIG_A=y", "CONFIG_A=m", False),
     ("CONFIG_A=m", "# CONFIG_A is not set", False), ("CONFIG_A=m", "", False), ("# CONFIG_A is not set", "", True),
