@@ -20,21 +20,14 @@ import subprocess
 import sys
 
 import lint
-from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
+from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, finish, run, say
 from parts.disk import disk
 from parts.guest import machine
+from parts.release import renew
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
-EXTERNAL = TOP / "buildroot-external"
-# What Buildroot would not notice: the target to make when one of the files has changed since the last build.
-RENEW = [("ddx-rebuild", ["package/ddx"]), ("ddxvideo-rebuild", ["package/ddxvideo", "package/ddx"]),
-         ("ddxlog-rebuild", ["package/ddxlog", "package/ddx"]), ("ddxgrow-rebuild", ["package/ddxgrow"]),
-         ("ddxservice-rebuild", ["package/ddxservice"]),
-         ("ffmpeg-reconfigure", ["buildroot-external/configs/ddxvideo_{board}_defconfig"]),
-         ("busybox-reconfigure", ["board/common/busybox.config", "board/common/manifest.txt",
-                                  "tools/parts/image/busybox.py"]),
-         ("linux-reconfigure", ["board/common/kernel", "board/{board}/kernel.fragment"])]
+EXTERNAL = renew.EXTERNAL
 DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
 
 
@@ -84,8 +77,8 @@ def output(board: str) -> pathlib.Path:
     return pathlib.Path(given).resolve() if given else OUTPUT / board / "buildroot"
 
 
-def make(board: str, *words: str, show: bool = True) -> None:
-    """Run a target of Buildroot's. Without `show` only its progress lines are seen, all of it goes to a log."""
+def configured(board: str) -> tuple[list[str], dict[str, str]]:
+    """Buildroot's command and its environment, with the board's configuration in place."""
     if board not in boards():
         raise Failed(f"no board {board!r}; there are: {' '.join(boards())}")
     build = output(board)
@@ -100,6 +93,13 @@ def make(board: str, *words: str, show: bool = True) -> None:
     if not (build / ".config").exists() or not stamp.exists() or stamp.read_text() != defconfig.read_text():
         run([*command, defconfig.name], env=env)
         stamp.write_text(defconfig.read_text())
+    return command, env
+
+
+def make(board: str, *words: str, show: bool = True) -> None:
+    """Run a target of Buildroot's. Without `show` only its progress lines are seen, all of it goes to a log."""
+    command, env = configured(board)
+    build = output(board)
     if show:
         if subprocess.run([*command, *words], env=env, check=False).returncode != 0:
             raise Failed(f"Buildroot: {' '.join(words) or 'the build'} failed")
@@ -139,16 +139,17 @@ def gather(board: str) -> pathlib.Path:
 
 def image(board: str) -> pathlib.Path:
     """Build what is missing or has changed."""
-    sources, changed, stamps = machine.sources(board), [], []
-    for target, names in RENEW:
-        stamp = output(board) / f".{target}"
-        key = fingerprint([TOP / name.format(board=board) for name in names])
-        stamps.append((stamp, key))
-        if stamp.exists() and stamp.read_text() != key:
-            changed.append(target)
-    make(board, *changed, "all", show=False)
-    for stamp, key in stamps:
-        stamp.write_text(key)
+    configured(board)
+    build, sources = output(board), machine.sources(board)
+    wanted = renew.keys((build / ".config").read_text(), COMMIT, sources)
+    first = renew.begin(build, wanted)
+    if first:
+        say(f"{board}: {' '.join(first)}: something of that has changed since the last build")
+    if first == [renew.CLEAN]:
+        make(board, renew.CLEAN, show=False)
+        first = renew.begin(build, wanted)
+    make(board, *first, "all", show=False)
+    renew.end(build, wanted)
     path = gather(board)
     (path.parent / "sources").write_text(sources)
     return path

@@ -1,0 +1,114 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Of what an earlier build left, that is made again which the change concerns, and nothing stays that is gone."""
+import json
+import pathlib
+from collections.abc import Callable
+
+import pytest
+from parts.release import renew
+
+CONFIG = """# a comment
+BR2_x86_64=y
+BR2_PACKAGE_FFMPEG_DECODERS="h264"
+BR2_PACKAGE_LZ4=y
+BR2_ROOTFS_OVERLAY="/one/overlay"
+BR2_LINUX_KERNEL_CUSTOM_CONFIG_FILE="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/common/kernel/base.fragment"
+BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/miniitx/kernel.fragment"
+"""
+ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxgrow-reconfigure", "ddxlog-reconfigure",
+       "ddxservice-reconfigure", "ddxvideo-reconfigure", "ffmpeg-reconfigure", "linux-reconfigure"]
+
+
+def changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
+    return sorted(name for name in after if before[name] != after[name])
+
+
+@pytest.mark.parametrize("edit, concerns", [
+    (lambda text: text, []),
+    (lambda text: text.replace("a comment", "another"), []),
+    (lambda text: text.replace('"h264"', '"h264 mjpeg"'), ["ffmpeg-reconfigure", "target"]),
+    (lambda text: text.replace("/one/overlay", "/another/overlay"), []),  # it is looked at with the sources
+    (lambda text: text.replace("BR2_PACKAGE_LZ4=y", "# BR2_PACKAGE_LZ4 is not set"), ["clean", "target"]),
+    (lambda text: text.replace("x86_64", "i386"), ["clean", "target"]),
+    (lambda text: text.replace("miniitx", "pc104"), ["linux-reconfigure"])])
+def test_an_option_concerns(edit: Callable[[str], str], concerns: list[str]) -> None:
+    before, after = renew.keys(CONFIG, "1", "2"), renew.keys(edit(CONFIG), "1", "2")
+    assert sorted([*after]) == sorted([*ALL, renew.CLEAN, renew.TARGET])
+    assert changed(before, after) == concerns
+
+
+def test_buildroot_itself_and_files_concern() -> None:
+    before = renew.keys(CONFIG, "1", "2")
+    assert changed(before, renew.keys(CONFIG, "another commit", "2")) == ["clean", "target"]
+    assert changed(before, renew.keys(CONFIG, "1", "another file")) == ["target"]
+
+
+def test_a_package_is_made_of_those_that_it_needs(tmp_path: pathlib.Path) -> None:
+    for name, text in [("low", "LOW_SITE_METHOD = local\n"),
+                       ("middle", "MIDDLE_SITE_METHOD = local\nMIDDLE_DEPENDENCIES = low zlib\n"),
+                       ("high", "HIGH_SITE_METHOD = local\nHIGH_DEPENDENCIES = middle\n"),
+                       ("foreign", "FOREIGN_SITE = elsewhere\n")]:
+        (tmp_path / name).mkdir()
+        (tmp_path / name / f"{name}.mk").write_text(text)
+    assert renew.local_packages(tmp_path) == {"low": ["low"], "middle": ["low", "middle"],
+                                              "high": ["high", "low", "middle"]}
+    assert renew.local_packages()["ddxvideo"] == ["ddx", "ddxvideo"]
+
+
+WANTED = {renew.CLEAN: "1", renew.TARGET: "1", "ddx-reconfigure": "1", "linux-reconfigure": "1"}
+
+
+@pytest.fixture(name="build")
+def _build(tmp_path: pathlib.Path) -> pathlib.Path:
+    """Two packages are built and installed, and the compiler."""
+    (tmp_path / "target/etc").mkdir(parents=True)
+    (tmp_path / "target/etc/gone").touch()
+    for name, stamps in [("ddx-0.1.0", ["built", "staging_installed", "target_installed", "installed"]),
+                         ("host-gcc-final-14", ["built", "host_installed", "installed"]),
+                         ("host-lz4-1", ["built", "host_installed", "installed"])]:
+        (tmp_path / "build" / name).mkdir(parents=True)
+        for stamp in stamps:
+            (tmp_path / f"build/{name}/.stamp_{stamp}").touch()
+    renew.end(tmp_path, WANTED)
+    return tmp_path
+
+
+def stamps(build: pathlib.Path) -> set[str]:
+    return {str(path.relative_to(build / "build")) for path in build.glob("build/*/.stamp_*")}
+
+
+def test_nothing_is_made_again_for_nothing(build: pathlib.Path) -> None:
+    before = stamps(build)
+    assert renew.begin(build, WANTED) == []
+    assert stamps(build) == before and (build / "target/etc/gone").exists()
+
+
+def test_a_change_makes_the_target_anew(build: pathlib.Path) -> None:
+    before = stamps(build)
+    assert renew.begin(build, {**WANTED, renew.TARGET: "2", "ddx-reconfigure": "2"}) == ["ddx-reconfigure"]
+    assert not (build / "target").exists()
+    assert before - stamps(build) == {"ddx-0.1.0/.stamp_target_installed", "ddx-0.1.0/.stamp_installed",
+                                      "host-gcc-final-14/.stamp_host_installed", "host-gcc-final-14/.stamp_installed"}
+
+
+def test_a_build_that_was_broken_off_is_not_believed(build: pathlib.Path) -> None:
+    assert renew.begin(build, {**WANTED, "linux-reconfigure": "2"}) == ["linux-reconfigure"]
+    assert renew.begin(build, WANTED) == ["linux-reconfigure"]  # it may have been made of either
+    renew.end(build, WANTED)
+    assert renew.begin(build, WANTED) == []
+
+
+def test_the_first_build_may_be_broken_off_too(tmp_path: pathlib.Path) -> None:
+    assert renew.begin(tmp_path, WANTED) == []
+    (tmp_path / "build").mkdir()
+    assert renew.begin(tmp_path, WANTED) == []
+    assert renew.begin(tmp_path, {**WANTED, "ddx-reconfigure": "2"}) == ["ddx-reconfigure"]
+
+
+@pytest.mark.parametrize("known", [None, {**WANTED, renew.CLEAN: "2"}])
+def test_what_cannot_be_mended_is_built_from_nothing(build: pathlib.Path, known: dict[str, str] | None) -> None:
+    if known is None:
+        (build / ".made-of").unlink()
+    else:
+        (build / ".made-of").write_text(json.dumps(known))
+    assert renew.begin(build, WANTED) == [renew.CLEAN]
