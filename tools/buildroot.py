@@ -20,7 +20,7 @@ import subprocess
 import sys
 
 import lint
-from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, finish, run, say
+from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
 from parts.disk import disk
 from parts.guest import machine
 from parts.release import renew
@@ -88,11 +88,11 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = EXTERNAL / f"configs/ddxvideo_{board}_defconfig"
-    # As long as the defconfig does not change, menuconfig's changes stay.
-    stamp = build / ".defconfig"
-    if not (build / ".config").exists() or not stamp.exists() or stamp.read_text() != defconfig.read_text():
+    # As long as neither the defconfig nor what there is to choose from changes, menuconfig's changes stay.
+    stamp, key = build / ".defconfig", fingerprint([defconfig, *EXTERNAL.glob("Config*"), *TOP.glob("package/*/Config*")])
+    if not (build / ".config").exists() or not stamp.exists() or stamp.read_text() != key:
         run([*command, defconfig.name], env=env)
-        stamp.write_text(defconfig.read_text())
+        stamp.write_text(key)
     return command, env
 
 
