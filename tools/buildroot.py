@@ -89,7 +89,8 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = EXTERNAL / f"configs/ddxvideo_{board}_defconfig"
     # As long as neither the defconfig nor what there is to choose from changes, menuconfig's changes stay.
-    stamp, key = build / ".defconfig", fingerprint([defconfig, *EXTERNAL.glob("Config*"), *TOP.glob("package/*/Config*")])
+    stamp = build / ".defconfig"
+    key = fingerprint([defconfig, *EXTERNAL.glob("Config*"), *TOP.glob("package/*/Config*")])
     if not (build / ".config").exists() or not stamp.exists() or stamp.read_text() != key:
         run([*command, defconfig.name], env=env)
         stamp.write_text(key)
