@@ -47,7 +47,7 @@ def test_health_is_one_screen_and_points_at_what_is_wrong(guest: Guest, recorded
     total, free = guest.sh("df -m /rec | tail -n 1").split()[1:4:2]
     assert f"  disk       /rec: {free} of {total} MB free" in lines
     assert f"  frames     {SAVE}: 0.0 in, 0.0 out a second, 0 lost" in lines
-    assert any(line.startswith("  recorder   room for ") and line.endswith(" files prepared") for line in lines)
+    assert any(line.startswith("  recorder   room for ") and "; files ready: " in line for line in lines)
     where = next(number for number, line in enumerate(lines) if line.startswith("  services   on: store"))
     assert lines[where + 1].startswith("             off: ") and SEND in lines[where + 1]
     guest.sh(f"ddxctl stop {SAVE} && mount -o remount,ro /rec")

@@ -75,6 +75,31 @@ def test_paused_and_chosen(desk: Desk, clip: pathlib.Path) -> None:
     assert (saved["out"], saved["skipped"]) == (COUNT // 5, COUNT - COUNT // 5)
 
 
+def test_what_is_lost_in_the_pre_roll_was_wanted(desk: Desk, clip: pathlib.Path) -> None:
+    """Between pictures that wait; also where the first frame behind a gap, which tells of it, is left out itself."""
+    saver = start(desk, "-keep", "8", "-skip", "5", "-start", "paused", "-pre-roll", "60", "-ring", "64")
+    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "2")
+    for _ in range(3):
+        before = int(desk.stats("ddxvideosave")["skipped"])
+        wait_until(lambda: int(desk.stats("ddxvideosave")["skipped"]) > before + 8)
+        saver.send_signal(signal.SIGSTOP)
+        begin = desk.out("ddxvideoload")
+        wait_until(lambda: desk.out("ddxvideoload") > begin + 25)
+        saver.send_signal(signal.SIGCONT)
+    before = int(desk.stats("ddxvideosave")["skipped"])
+    wait_until(lambda: int(desk.stats("ddxvideosave")["skipped"]) > before + 8)
+    assert desk.run("ddxctl", "record", "start").returncode == 0
+    wait_until(lambda: desk.out("ddxvideosave") > 0)
+    _, loaded = stop(loader)
+    status, saved = stop(saver)
+    assert status == 0
+    entries = [entry for file in recordings(desk) for entry in index_of(file).entries]
+    wanted = len(range(entries[0][1] - 1, loaded["out"], 5))
+    assert (saved["in"], saved["out"], lost(saved)) == (wanted, len(entries), wanted - len(entries))
+    assert saved["skipped"] == loaded["out"] - wanted
+    assert lost(saved) == sum(entry[8] for entry in entries) >= 3
+
+
 @pytest.mark.parametrize("options, said", [
     (["-skip", "0"], "-skip"),
     (["-rate", "0"], "-rate 0: a number above 0, up to 1000, is needed"),

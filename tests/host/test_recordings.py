@@ -70,7 +70,7 @@ def test_list_is_what_the_files_are(desk: Desk, clip: pathlib.Path, recorded: li
     assert first["utc"] <= second["utc"]
     table = run(desk, "list").stdout.splitlines()
     assert len(table) == 4 and table[1].split()[0] == "video-000001" and table[1].split()[-2:] == ["0", "finished"]
-    assert "MB free, room for " in table[3] and table[3].endswith(" files prepared")
+    assert "MB free, room for " in table[3] and "; files ready: " in table[3]
 
 
 def test_list_knows_what_is_being_recorded_and_what_was_recovered(desk: Desk, clip: pathlib.Path) -> None:

@@ -113,9 +113,9 @@ void show_room(const struct folder *folder, const char *path) {
         return;
     printf("%" PRIu64 " MB free, room for %" PRIu64 " MB of recordings", room.free >> 20, room.usable >> 20);
     if (rate)
-        printf(", %" PRIu64 " min at the present rate", room.usable / rate / 60);
+        printf(", %" PRIu64 " min at this rate", room.usable / rate / 60);
     if (folder->pool >= 0)
-        printf("; %" PRIu32 " files prepared", room.ready);
+        printf("; files ready: %" PRIu32, room.ready);
     putchar('\n');
 }
 

@@ -36,8 +36,22 @@ static uint64_t drop_oldest(struct preroll *preroll) {
     return frames;
 }
 
+uint64_t preroll_missed_last(struct preroll *preroll) {
+    uint64_t frames = preroll->missed;
+
+    preroll->missed = 0;
+    return frames;
+}
+
+uint64_t preroll_missed(struct preroll *preroll, uint64_t frames) {
+    if (!preroll->count)
+        return frames;
+    preroll->missed += frames;
+    return 0;
+}
+
 uint64_t preroll_clear(struct preroll *preroll) {
-    uint64_t frames = 0;
+    uint64_t frames = preroll_missed_last(preroll);
 
     while (preroll->count)
         frames += drop_oldest(preroll);
@@ -93,6 +107,7 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
     unsigned at = (preroll->oldest + preroll->count++) % preroll->limit;
     copy(preroll, at, view);
     preroll->frame[at] = *frame;
+    preroll->frame[at].missed += preroll_missed_last(preroll);
     return gone;
 }
 

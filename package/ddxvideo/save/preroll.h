@@ -15,6 +15,7 @@ struct preroll {
     unsigned char *memory;
     size_t bytes; /* of each */
     unsigned limit, oldest, count;
+    uint64_t missed; /* since the newest */
 };
 
 /* How many seconds of pictures like these it can have: three quarters of a queue of so many, which takes them. */
@@ -28,10 +29,19 @@ int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned q
 uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame);
 
+/*
+ * So many frames were missed before one that is not kept. Behind a picture that waits they are remembered, as missed
+ * before the next one. Returns how many are let go of instead: all, if none waits.
+ */
+uint64_t preroll_missed(struct preroll *preroll, uint64_t frames);
+
 /* The oldest one leaves: false if there is none. The picture stays until the next preroll_put(). */
 bool preroll_take(struct preroll *preroll, struct ddxvideo_picture *view, struct recording_frame *frame);
 
-/* Let go of all; returns how many, as preroll_put(). The memory is given back. */
+/* After the last one: how many frames were missed behind it. They are forgotten. */
+uint64_t preroll_missed_last(struct preroll *preroll);
+
+/* Let go of all; returns how many, as preroll_put(), and what was missed since. The memory is given back. */
 uint64_t preroll_clear(struct preroll *preroll);
 
 #endif

@@ -255,13 +255,16 @@ static void put_broken(struct recorder *recorder, const struct recording_frame *
     recorder->frame = number;
 }
 
-/* While it is paused; also what was overwritten in the store: nobody wanted it. `view` is NULL if it is broken. */
+/* While it is paused; also what was overwritten in the store: nobody wanted it, but between pictures of the pre-roll.
+ * `view` is NULL if it is broken. */
 static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *view,
-                      const struct recording_frame *frame) {
-    uint64_t left_out = frame->missed + 1;
+                      const struct recording_frame *frame, bool wanted) {
+    uint64_t left_out;
 
-    if (view)
+    if (view && wanted)
         left_out = preroll_put(&recorder->preroll, recorder_ring_frames(recorder), view, frame);
+    else
+        left_out = preroll_missed(&recorder->preroll, frame->missed + wanted) + !wanted;
     ddx_stats_skipped(recorder->book, left_out);
     ddx_stats_in(recorder->book, 0, frame->sequence);
     recorder->frame = view ? view->stamp.frame : recorder->frame + 1;
@@ -308,7 +311,7 @@ static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
     if (!wanted && !recorder->paused)
         pass_over(recorder, &facts, error ? recorder->frame + 1 : view.stamp.frame);
     else if (recorder->paused)
-        leave_out(recorder, error || !wanted ? NULL : &view, &facts);
+        leave_out(recorder, error ? NULL : &view, &facts, wanted);
     else if (error)
         put_broken(recorder, &facts);
     else
@@ -333,6 +336,11 @@ void recorder_set_paused(struct recorder *recorder, bool paused) {
         }
         first = false;
         put(recorder, &view, &frame);
+    }
+    uint64_t missed = first ? 0 : preroll_missed_last(&recorder->preroll);
+    if (missed) {
+        count_missed(recorder, missed, (int)(recorder->frame + 1 + (int64_t)missed));
+        tell_index(recorder, missed);
     }
     ddx_stats_skipped(recorder->book, preroll_clear(&recorder->preroll));
     ddx_stats_write(recorder->book);
