@@ -33,7 +33,10 @@ cp "$common/grub.cfg" "$boot/grub/"
 grub-editenv "$boot/grub/grubenv" create
 
 # The same image from the same sources: no times of this build (BR2_REPRODUCIBLE sets the variable).
-[ -z "${SOURCE_DATE_EPOCH:-}" ] || find "$scratch/root" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +
+if [ -n "${SOURCE_DATE_EPOCH:-}" ]; then
+	find "$scratch/root" -exec touch -h -d "@$SOURCE_DATE_EPOCH" {} +
+	export E2FSPROGS_FAKE_TIME="$SOURCE_DATE_EPOCH" E2FSCK_TIME="$SOURCE_DATE_EPOCH" # genimage runs mke2fs and e2fsck
+fi
 
 # mke2fs and mkfs.vfat are in sbin, which is not on everybody's path
 PATH=$PATH:/usr/sbin:/sbin genimage --loglevel=1 --config "$common/disk.cfg" --rootpath "$scratch/root" \

@@ -13,6 +13,7 @@ import signal
 import struct
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -40,6 +41,20 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     run(["mksquashfs", folder / "root", folder / "rootfs.squashfs", "-quiet", "-no-progress"])
     run([folder / "common/post-image.sh"], env={"BINARIES_DIR": str(folder)})
     return folder / "disk.img"
+
+
+def test_another_time_makes_the_same_disk(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """With SOURCE_DATE_EPOCH, as Buildroot sets it (BR2_REPRODUCIBLE); without it the times of the build are in there."""
+    made: dict[str, set[bytes]] = {"": set(), "1700000000": set()}
+    for number in range(2):
+        for epoch, disks in made.items():
+            folder = tmp_path / f"{number}{epoch}"
+            folder.mkdir()
+            shutil.copy(image.parent / "rootfs.squashfs", folder)
+            run([image.parent / "common/post-image.sh"], env={"BINARIES_DIR": str(folder), "SOURCE_DATE_EPOCH": epoch})
+            disks.add(hashlib.sha256((folder / "disk.img").read_bytes()).digest())
+        time.sleep(2.1)  # FAT counts in steps of two seconds
+    assert (len(made[""]), len(made["1700000000"])) == (2, 1)
 
 
 def losetup(*options: str | os.PathLike[str]) -> str:
