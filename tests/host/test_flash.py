@@ -51,7 +51,8 @@ def test_another_time_makes_the_same_disk(image: pathlib.Path, tmp_path: pathlib
             folder = tmp_path / f"{number}{epoch}"
             folder.mkdir()
             shutil.copy(image.parent / "rootfs.squashfs", folder)
-            run([image.parent / "common/post-image.sh"], env={"BINARIES_DIR": str(folder), "SOURCE_DATE_EPOCH": epoch})
+            run([image.parent / "common/post-image.sh"],
+                env={"BINARIES_DIR": str(folder), "SOURCE_DATE_EPOCH": epoch})
             disks.add(hashlib.sha256((folder / "disk.img").read_bytes()).digest())
         time.sleep(2.1)  # FAT counts in steps of two seconds
     assert (len(made[""]), len(made["1700000000"])) == (2, 1)
