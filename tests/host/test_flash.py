@@ -44,7 +44,7 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 
 
 def test_another_time_makes_the_same_disk(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """With SOURCE_DATE_EPOCH, as Buildroot sets it (BR2_REPRODUCIBLE); without it the times of the build are in there."""
+    """With SOURCE_DATE_EPOCH, as Buildroot sets it (BR2_REPRODUCIBLE); without it the times of the build are in it."""
     made: dict[str, set[bytes]] = {"": set(), "1700000000": set()}
     for number in range(2):
         for epoch, disks in made.items():
