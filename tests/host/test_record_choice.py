@@ -9,6 +9,7 @@ import pytest
 
 from .programs import Desk, header_of, lost, make_clip, pictures, start_recorder, stop, wait_until
 from .test_pool import COUNT, index_of, recordings, stall, start
+from .test_record_orders import count, reached
 
 
 @pytest.fixture
@@ -80,14 +81,12 @@ def test_what_is_lost_in_the_pre_roll_was_wanted(desk: Desk, clip: pathlib.Path)
     saver = start(desk, "-keep", "8", "-skip", "5", "-start", "paused", "-pre-roll", "60", "-ring", "64")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "2")
     for _ in range(3):
-        before = int(desk.stats("ddxvideosave")["skipped"])
-        wait_until(lambda: int(desk.stats("ddxvideosave")["skipped"]) > before + 8)
+        reached(desk, "skipped", count(desk, "skipped") + 8)
         saver.send_signal(signal.SIGSTOP)
         begin = desk.out("ddxvideoload")
         wait_until(lambda: desk.out("ddxvideoload") > begin + 25)
         saver.send_signal(signal.SIGCONT)
-    before = int(desk.stats("ddxvideosave")["skipped"])
-    wait_until(lambda: int(desk.stats("ddxvideosave")["skipped"]) > before + 8)
+    reached(desk, "skipped", count(desk, "skipped") + 8)
     assert desk.run("ddxctl", "record", "start").returncode == 0
     wait_until(lambda: desk.out("ddxvideosave") > 0)
     _, loaded = stop(loader)
