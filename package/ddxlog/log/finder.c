@@ -16,7 +16,7 @@
 
 struct finder {
     struct logger *logger;
-    bool looked; /* what is new from now on was awaited */
+    bool looked; /* what is new from now on is awaited */
     bool full;
     int64_t time; /* of the look before this one */
 };
@@ -31,8 +31,8 @@ static struct item *find(struct logger *logger, const char *name) {
 }
 
 /*
- * The value to begin with. Of an item that came while we looked, the first one written since the store knows of us;
- * where there is none, and of all others, the newest one.
+ * The value to begin with. Of an item that is awaited, the first one written since the store knows of us; where there
+ * is none, and of all others, the newest one.
  */
 static int hold_first(struct item *item) {
     int error = -ETIMEDOUT;
@@ -87,7 +87,7 @@ static void add_item(struct finder *finder, const struct ddx_item_info *info) {
     }
     strcpy(item->name, info->name);
     item->rule = rule;
-    item->awaited = finder->looked;
+    item->awaited = finder->looked || !info->sequence;
     item->listed = info->sequence;
     if (!open_item(finder, item)) {
         if (!item->refused) {

@@ -45,7 +45,7 @@ struct item {
     _Atomic(enum item_state) state; /* says whose the following are */
     DDX_STORE_ITEM *handle;
     struct ddx_frame first; /* ITEM_FOUND: the value that is held; sequence 0 if there was none */
-    bool awaited;           /* its values from the first on are wanted: it came while we looked */
+    bool awaited;           /* its values from the first on are wanted: when we saw it first it was new, or had none */
     bool known;             /* it was read before: what was written since `sequence` is missed */
     unsigned kept;
     /* the main thread's: */
