@@ -14,6 +14,7 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import build
@@ -32,7 +33,7 @@ WARM_UP = 100   # toggles, at most as many as are to follow, or
 SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
 DISK = 24 << 30  # bytes; an hour's recording fits
 SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
-PASSING_ON = (SEND, SAVE, "decode")  # of those that are switched: sent, recorded, shown
+PASSING_ON = (SEND, SAVE, "decode", "ddxlog")  # of those that are switched: sent, recorded, shown, logged
 # What is switched: in the guest one of them, natively several at once, each as often as its share of the toggles.
 IN_GUEST = (SEND,)
 AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
@@ -85,16 +86,27 @@ def settled(robot: Machine, names: tuple[str, ...]) -> None:
     for name in names:
         if name in PASSING_ON:
             passes_on(robot, name)
+    wait_until(lambda: not logged_requests(robot), "ddxlog holds what has no writer")
+
+
+def wait_until(condition: Callable[[], bool], complaint: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        if time.monotonic() > end:
+            raise Failed(complaint)
+        time.sleep(1)
+
+
+def logged_requests(robot: Machine) -> list[str]:
+    """Requests that not only who takes them reads. The logger leaves an item that has no writer after five seconds."""
+    return [item["name"] for item in json.loads(robot.sh("ddxctl list --json"))["items"]
+            if item["name"].endswith(".request") and not item["writer_pid"] and item["readers"] > 1]
 
 
 def passes_on(robot: Machine, name: str) -> None:
     """It has taken frames and passed them on since now, for which it needs all its memory and files."""
     begin = passed_on(robot, name)
-    end = time.monotonic() + PATIENCE
-    while passed_on(robot, name) <= begin:
-        if time.monotonic() > end:
-            raise Failed(f"{name} passes no frame on")
-        time.sleep(1)
+    wait_until(lambda: passed_on(robot, name) > begin, f"{name} passes no frame on")
 
 
 def passed_on(robot: Machine, name: str) -> int:
