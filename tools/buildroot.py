@@ -24,10 +24,10 @@ from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, fin
 from parts.disk import disk
 from parts.guest import machine
 from parts.release import renew
+from parts.release.renew import EXTERNAL
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
-EXTERNAL = renew.EXTERNAL
 DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
 
 

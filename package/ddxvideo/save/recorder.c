@@ -255,8 +255,10 @@ static void put_broken(struct recorder *recorder, const struct recording_frame *
     recorder->frame = number;
 }
 
-/* While it is paused; also what was overwritten in the store: nobody wanted it, but between pictures of the pre-roll.
- * `view` is NULL if it is broken. */
+/*
+ * While it is paused; also what was overwritten in the store: nobody wanted it, but between pictures of the pre-roll.
+ * `view` is NULL if it is broken.
+ */
 static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame, bool wanted) {
     uint64_t left_out;
