@@ -11,6 +11,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../scratch.h"
 #include "../worker_of.h"
 
 struct party party[ACTORS];
@@ -19,19 +20,6 @@ unsigned store_descriptors;
 const char *store_budget = "64M";
 int store_log = -1;
 static int64_t longest_wait;
-static char folder[] = "/tmp/ddx-crash-XXXXXX";
-
-static void remove_folder(void) {
-    static const char *const names[] = {"stage", "store-2005", "store-2005.lock"};
-
-    for (unsigned i = 0; i < sizeof names / sizeof *names; i++) {
-        char path[64];
-
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
-        unlink(path);
-    }
-    rmdir(folder);
-}
 
 void fail(const char *format, ...) {
     va_list arguments;
@@ -52,18 +40,15 @@ void fail(const char *format, ...) {
                 (unsigned long long)stage->stream[i].done, stage->stream[i].terms, stage->stream[i].owner);
     if (getenv("DDX_CRASH_WAIT"))
         pause(); /* to look at it with a debugger */
-    remove_folder();
     exit(1); /* the parties die with us */
 }
 
 void director_begin(void) {
-    char path[64];
-
-    if (!mkdtemp(folder))
-        fail("no folder: %s", strerror(errno));
-    snprintf(path, sizeof path, "%s/stage", folder);
-    setenv("DDX_DIR", folder, 1);
+    scratch_make();
+    char *path = scratch_path("stage");
+    setenv("DDX_DIR", scratch_folder, 1);
     setenv("DDX_FAULT_JOURNAL", path, 1);
+    free(path);
     stage_open(true);
     for (unsigned i = 0; i < STREAMS; i++)
         stage->stream[i].allowed = ~0u;
@@ -288,6 +273,5 @@ void director_end(void) {
         kill(store_process, SIGTERM);
         waitpid(store_process, NULL, 0);
     }
-    remove_folder();
     printf("longest wait %.0f ms of %.0f\n", (double)longest_wait / 1e6, (double)HANG / 1e6);
 }

@@ -183,6 +183,5 @@ int main(void) {
     test_little_room();
     ddx_store_close(id);
     store_stop(SIGTERM);
-    store_folder_remove();
     return 0;
 }

@@ -651,6 +651,5 @@ int main(void) {
     test_newcomers_wait_quietly();
     ddx_store_close(id);
     store_stop(SIGTERM);
-    store_folder_remove();
     return 0;
 }

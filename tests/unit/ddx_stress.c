@@ -176,6 +176,5 @@ int main(int argc, char **argv) {
     CHECK_EQUAL(wait_for(late), 0);
     ddx_store_close(id);
     store_stop(SIGTERM);
-    store_folder_remove();
     return 0;
 }

@@ -162,6 +162,5 @@ int main(int argc, char **argv) {
     CHECK(info.frames <= 4);
     ddx_store_close(id);
     store_stop(SIGTERM);
-    store_folder_remove();
     return 0;
 }

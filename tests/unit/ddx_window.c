@@ -66,6 +66,5 @@ int main(void) {
     CHECK_EQUAL(live->number, FRAMES + 3);
     ddx_store_close(id);
     store_stop(SIGTERM);
-    store_folder_remove();
     return 0;
 }

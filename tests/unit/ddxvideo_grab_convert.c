@@ -2,6 +2,7 @@
 /* Pictures of every format and order of fields, compared with FFmpeg's program and with sums done by hand. */
 #include <linux/videodev2.h>
 
+#include "../scratch.h"
 #include "check.h"
 #include "convert.h"
 
@@ -63,9 +64,8 @@ static struct result convert(const struct pixels *from, const void *data, int wi
 /* What FFmpeg makes of the same bytes; false if there is no such program. */
 static bool ask_ffmpeg(const char *format, const void *data, size_t size, int width, int height, int to_width,
                        int to_height, const char *to, unsigned char *out, size_t out_size) {
-    char command[512], name[] = "/tmp/ddx-convert-XXXXXX";
-    int fd = mkstemp(name);
-    FILE *file = fdopen(fd, "wb");
+    char command[512], *name = scratch_path("picture");
+    FILE *file = fopen(name, "wb");
     CHECK(file && fwrite(data, 1, size, file) == size && !fclose(file));
     snprintf(command, sizeof(command),
              "ffmpeg -v error -nostdin -f rawvideo -pix_fmt %s -s %dx%d -i %s -vf scale=%d:%d:flags=bilinear "
@@ -74,7 +74,7 @@ static bool ask_ffmpeg(const char *format, const void *data, size_t size, int wi
     FILE *pipe = popen(command, "r");
     size_t got = pipe ? fread(out, 1, out_size, pipe) : 0;
     int status = pipe ? pclose(pipe) : -1;
-    remove(name);
+    free(name);
     if (WEXITSTATUS(status) == 127)
         return false;
     CHECK_EQUAL(status, 0);
@@ -187,6 +187,7 @@ int main(void) {
                    {V4L2_PIX_FMT_UYVY, "uyvy422"},
                    {V4L2_PIX_FMT_GREY, "gray"}};
     bool asked = true;
+    scratch_make();
     test_by_hand();
     test_refusals();
     for (size_t i = 0; i < sizeof(formats) / sizeof(*formats); i++) {

@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../scratch.h"
 #include "check.h"
 #include "y4m.h"
 
@@ -11,7 +12,7 @@
 #define HEIGHT 6
 #define PLANES (WIDTH * HEIGHT * 3 / 2)
 
-static char path[] = "/tmp/ddxvideo-test-XXXXXX";
+static char *path;
 
 static void write_path(const void *bytes, size_t size) {
     FILE *file = fopen(path, "wb");
@@ -170,13 +171,14 @@ static void test_no_file(void) {
 }
 
 int main(void) {
-    close(mkstemp(path));
+    scratch_make();
+    path = scratch_path("clip.y4m");
     test_every_prefix(false);
     test_every_prefix(true);
     test_damage();
     test_layouts();
     test_pipe_and_rewind();
     test_no_file();
-    unlink(path);
+    free(path);
     return 0;
 }

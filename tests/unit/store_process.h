@@ -12,16 +12,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "../scratch.h"
 #include "../worker_of.h"
 #include "check.h"
 #include "ddx.h"
 
-static char store_folder[] = "/tmp/ddx-test-XXXXXX";
 static pid_t store_pid;
 
 static inline void store_folder_make(void) {
-    CHECK(mkdtemp(store_folder));
-    CHECK_EQUAL(setenv("DDX_DIR", store_folder, 1), 0);
+    scratch_make();
+    CHECK_EQUAL(setenv("DDX_DIR", scratch_folder, 1), 0);
 }
 
 /* The program under test is named by the environment, as meson sets it. */
@@ -40,12 +40,12 @@ static inline void store_start(const char *budget) {
 
 /* Its worker dies with it, but a moment later: the port's lock is free when both are gone. */
 static inline void store_stop(int number) {
-    char path[64];
+    char *path = scratch_path("store-2005.lock");
 
     CHECK_EQUAL(kill(store_pid, number), 0);
     CHECK_EQUAL(waitpid(store_pid, NULL, 0), store_pid);
-    snprintf(path, sizeof path, "%s/store-2005.lock", store_folder);
     int lock = open(path, O_RDWR | O_CLOEXEC);
+    free(path);
     CHECK(lock >= 0);
     CHECK_EQUAL(flock(lock, LOCK_EX), 0);
     close(lock);
@@ -61,17 +61,6 @@ static inline void store_signal(int number) {
     CHECK_EQUAL(kill(store_pid, number), 0);
     pid_t worker = store_worker();
     CHECK(!worker || !kill(worker, number));
-}
-
-static inline void store_folder_remove(void) {
-    static const char *const names[] = {"store-2005", "store-2005.lock"};
-    char path[64];
-
-    for (int i = 0; i < 2; i++) {
-        snprintf(path, sizeof path, "%s/%s", store_folder, names[i]);
-        unlink(path);
-    }
-    rmdir(store_folder);
 }
 
 #endif

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A folder of the test's own. It goes with the program, also when a check fails; what the program forks leaves it. */
+#ifndef SCRATCH_H
+#define SCRATCH_H
+
+#include <ftw.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <unistd.h>
+
+static char scratch_folder[] = "/tmp/ddx-test-XXXXXX"; /* short enough for a socket's address */
+static pid_t scratch_owner;
+
+static inline int scratch_remove_one(const char *path, const struct stat *info, int kind, struct FTW *place) {
+    (void)info, (void)kind;
+    return place->level ? remove(path) : 0;
+}
+
+static inline void scratch_clear(void) {
+    nftw(scratch_folder, scratch_remove_one, 8, FTW_DEPTH | FTW_PHYS);
+}
+
+static inline void scratch_remove(void) {
+    if (getpid() != scratch_owner)
+        return;
+    scratch_clear();
+    rmdir(scratch_folder);
+}
+
+static inline void scratch_make(void) {
+    if (!mkdtemp(scratch_folder) || atexit(scratch_remove)) {
+        perror(scratch_folder);
+        exit(1);
+    }
+    scratch_owner = getpid();
+}
+
+/* Of a file in it. To be freed. */
+static inline char *scratch_path(const char *name) {
+    char *path;
+
+    if (asprintf(&path, "%s/%s", scratch_folder, name) < 0)
+        abort();
+    return path;
+}
+
+#endif
