@@ -16,7 +16,9 @@ OTHERS = [bus for bus in machine.meta(BOARD)["disk"].split() if bus != "virtio"]
 
 @pytest.mark.long
 @pytest.mark.parametrize("bus", OTHERS)
-def test_boots_and_records_from(boot: Boot, bus: str) -> None:
+def test_boots_and_records_from(boot: Boot, board: machine.Machine, bus: str) -> None:
+    if (board.firmware, bus) == ("uefi", "sd"):
+        pytest.skip("OVMF has no driver for SD cards; a board's own firmware may have one")
     with boot(f"bus-{bus}", bus=bus, size=CARD) as guest:
         guest.wait_until("mountpoint -q /rec")
         device = guest.sh("sed -n 's,^/dev/\\([^ ]*\\) /rec .*,\\1,p' /proc/mounts")
