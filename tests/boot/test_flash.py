@@ -4,9 +4,11 @@ import os
 import pathlib
 import subprocess
 import sys
-import time
+from collections.abc import Iterator
 
-from parts.common import PATIENCE, SBIN, TOP, run
+import pytest
+
+from parts.common import SBIN, TOP, run
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 
@@ -36,29 +38,32 @@ def flash(image: pathlib.Path, disk: pathlib.Path) -> None:
             subprocess.run(["losetup", "--detach", device], env={**os.environ, **SBIN}, check=True)
 
 
-def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, accel: str, board: Machine,
-                                         tmp_path: pathlib.Path) -> None:
-    disk, strange = tmp_path / "disk.img", tmp_path / "strange.qcow2"
+@pytest.fixture(scope="module")
+def flashed(image: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[pathlib.Path]:
+    disk = tmp_path_factory.mktemp("flashed") / "disk.img"
     flash(image, disk)
-    # As it comes from the image: with the same labels, and a ddx.txt that opens no console. Its name, sda, comes before
-    # that of the disk that is booted, vda.
+    yield disk
+    disk.unlink()
+
+
+# Linux calls the disk that is booted vda, and another one sda, which comes before that; then the other way round.
+@pytest.mark.parametrize("bus, other, name", [
+    ("virtio", ("-device", "qemu-xhci", "-device", "usb-storage,drive=other"), "vda"),
+    ("usb", ("-device", "virtio-blk-pci,drive=other", "-global", "usb-storage.bootindex=0"), "sda")])
+def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, flashed: pathlib.Path, accel: str, board: Machine,
+                                         tmp_path: pathlib.Path, bus: str, other: tuple[str, ...], name: str) -> None:
+    strange = tmp_path / "strange.qcow2"
+    # As it comes from the image: with the same labels, and a ddx.txt that opens no console.
     run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), strange])
-    extra = ("-drive", f"if=none,id=other,file={strange},format=qcow2", "-device", "qemu-xhci",
-             "-device", "usb-storage,drive=other")
-    try:
-        # Nothing but what was flashed tells it anything.
-        with Guest(disk, accel, board, console=False, extra=extra) as guest:
-            assert guest.sh("hostname") == "flashed"
-            guest.wait_until('[ "$(blkid | grep -c DDXDATA)" = 2 ]')
-            for folder in ["/data", "/rec"]:
-                assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith("/dev/vda")
-                guest.sh(f"touch {folder}/file")
-            deadline = time.monotonic() + PATIENCE
-            for program in ["store", "ddxvideosave"]:
-                while guest.shell().run(f"/etc/init.d/S*{program} status")[0] != 0:
-                    assert time.monotonic() < deadline, program
-                    time.sleep(0.2)
-            assert "EXT4-fs error" not in guest.sh("dmesg")
-            assert not [line for line in guest.sh("cat /run/log/boot").splitlines() if line.split()[2] != "0"]
-    finally:
-        disk.unlink()
+    extra = ("-drive", f"if=none,id=other,file={strange},format=qcow2", *other)
+    # Nothing but what was flashed tells it anything.
+    with Guest(flashed, accel, board, console=False, extra=extra, bus=bus) as guest:
+        assert guest.sh("hostname") == "flashed"
+        guest.wait_until('[ "$(blkid | grep -c DDXDATA)" = 2 ]')
+        for folder in ["/data", "/rec"]:
+            assert guest.sh(f"grep ' {folder} ' /proc/mounts").startswith(f"/dev/{name}")
+            guest.sh(f"touch {folder}/file")
+        for program in ["store", "ddxvideosave"]:
+            guest.wait_until(f"/etc/init.d/S*{program} status")
+        assert "EXT4-fs error" not in guest.sh("dmesg")
+        assert not [line for line in guest.sh("cat /run/log/boot").splitlines() if line.split()[2] != "0"]
