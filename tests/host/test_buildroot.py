@@ -54,7 +54,9 @@ def test_the_kernel_s_source_is_verified(board: str) -> None:
     assert 'BR2_GLOBAL_PATCH_DIR="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/common/patches"' in text
     for package in ("linux", "linux-headers"):
         hashes = (TOP / f"board/common/patches/{package}/{package}.hash").read_text()
-        assert re.search(rf"^sha256  [0-9a-f]{{64}}  linux-{re.escape(version[1])}\.tar\.xz$", hashes, re.M)
+        for name in (f"linux-{version[1]}.tar.xz", "COPYING", "LICENSES/preferred/GPL-2.0",
+                     "LICENSES/exceptions/Linux-syscall-note"):
+            assert re.search(rf"^sha256  [0-9a-f]{{64}}  {re.escape(name)}$", hashes, re.M)
 
 
 @pytest.mark.skipif(not buildroot.present(), reason="no Buildroot here")
