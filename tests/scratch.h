@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A folder of the test's own. It goes with the program, also when a check fails; what the program forks leaves it. */
+/*
+ * A folder of the test's own, in TMPDIR or /tmp. It goes with the program, also when a check fails; what the program
+ * forks leaves it.
+ */
 #ifndef SCRATCH_H
 #define SCRATCH_H
 
@@ -8,7 +11,7 @@
 #include <stdlib.h>
 #include <unistd.h>
 
-static char scratch_folder[] = "/tmp/ddx-test-XXXXXX"; /* short enough for a socket's address */
+static char scratch_folder[80]; /* a store's socket in it has an address of 108 bytes at most */
 static pid_t scratch_owner;
 
 static inline int scratch_remove_one(const char *path, const struct stat *info, int kind, struct FTW *place) {
@@ -28,6 +31,13 @@ static inline void scratch_remove(void) {
 }
 
 static inline void scratch_make(void) {
+    const char *parent = getenv("TMPDIR");
+    int length = snprintf(scratch_folder, sizeof scratch_folder, "%s/ddx-test-XXXXXX", parent ? parent : "/tmp");
+
+    if (length >= (int)sizeof scratch_folder) {
+        fprintf(stderr, "TMPDIR %s is too long for a socket in it\n", parent);
+        exit(1);
+    }
     if (!mkdtemp(scratch_folder) || atexit(scratch_remove)) {
         perror(scratch_folder);
         exit(1);
