@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Preloaded: the program is killed at its $LAST_CALL-th frame, as $LAST_ACT says: `before` ddx_store_publish(), or
- * `after` it; or when a frame is `written` to disk, and before it is counted as out.
+ * `after` it; or when a frame is `written` to disk or sent, and before it is counted as out. $LAST_SIGNAL: by which.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -13,10 +13,10 @@
 
 static void act(const char *moment) {
     static int calls;
-    const char *wanted = getenv("LAST_ACT"), *call = getenv("LAST_CALL");
+    const char *wanted = getenv("LAST_ACT"), *call = getenv("LAST_CALL"), *number = getenv("LAST_SIGNAL");
 
     if (wanted && call && !strcmp(wanted, moment) && ++calls == atoi(call))
-        kill(getpid(), SIGKILL);
+        kill(getpid(), number ? atoi(number) : SIGKILL);
 }
 
 void ddx_stats_out_numbered(void *book, uint64_t sequence, int64_t latency) {

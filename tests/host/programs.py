@@ -129,6 +129,14 @@ def start_recorder(desk: Desk, *options: object, wrapper: tuple[str, ...] = ()) 
     return desk.start("ddxvideosave", "-keep", KEEP, *options, wrapper=wrapper)
 
 
+def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
+    """One of the C files here, to be preloaded."""
+    library = folder / f"{name}.so"
+    subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC",
+                    pathlib.Path(__file__).with_name(f"{name}.c"), "-o", library], check=True)
+    return library
+
+
 def wait_until(condition: Callable[[], bool], seconds: float = 60) -> None:
     """The time is for a machine that hangs: nobody's test passes or fails by it."""
     end = time.monotonic() + seconds

@@ -42,8 +42,8 @@ class Stream:
         self.folder = folder
         self.network = Network()
 
-    def send(self, *options: object) -> Process:
-        return self.desk.start("ddxvideosend", *options, wrapper=self.network.inside)
+    def send(self, *options: object, wrapper: tuple[str, ...] = ()) -> Process:
+        return self.desk.start("ddxvideosend", *options, wrapper=(*self.network.inside, *wrapper))
 
     def decode(self, *options: object) -> Process:
         """Without a window; its pictures go into item `seen`. Listens when this returns."""

@@ -13,8 +13,8 @@ import pytest
 
 from parts.common import MORTAL
 
-from .programs import (ROOT, Counters, Desk, Process, lost, make_clip, pictures, result, start_recorder, stop,
-                       wait_until)
+from .programs import (ROOT, Counters, Desk, Process, lost, make_clip, pictures, preload, result, start_recorder,
+                       stop, wait_until)
 
 PICTURE = 64 * 48 * 3 // 2
 
@@ -183,13 +183,6 @@ def test_writer_killed_while_it_publishes(desk: Desk, clip: pathlib.Path, last_a
 
 
 # ---- What is in the file ----
-
-def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
-    library = folder / f"{name}.so"
-    subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC",
-                    pathlib.Path(__file__).with_name(f"{name}.c"), "-o", library], check=True)
-    return library
-
 
 def test_the_disk_fails_to_make_safe(desk: Desk, clip: pathlib.Path) -> None:
     """What the disk did not take is not recorded: it is cut off, and counted as lost."""

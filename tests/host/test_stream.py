@@ -9,7 +9,7 @@ import pytest
 
 from parts.media import clip as numbered_clip
 
-from .programs import lost, send_signal, stop, wait_until
+from .programs import lost, preload, send_signal, stop, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
 FRAMES = 25
@@ -35,6 +35,25 @@ def test_every_frame_arrives(stream: Stream, clip: pathlib.Path, codec: str) -> 
     # What the pictures show is what was said of them, and all of it.
     assert printed(lines) == [0, *range(FRAMES)]
     assert drawn(stream.folder / "seen.y4m") == list(range(FRAMES))
+
+
+def test_what_waits_at_the_end(stream: Stream, clip: pathlib.Path) -> None:
+    """Told to stop while frames wait in the store, or packets in the socket: none goes without being counted."""
+    decode = stream.decode()
+    sender = stream.send(wrapper=("env", f"LD_PRELOAD={preload('last_act', stream.folder)}", "LAST_ACT=written",
+                                  "LAST_CALL=1", f"LAST_SIGNAL={signal.SIGSTOP.value}"))
+    stream.play(clip)
+    wait_until(lambda: stream.desk.out("decode") == 1)
+    results = []
+    send_signal(decode, signal.SIGSTOP)
+    for process in (sender, decode):
+        process.terminate()
+        process.send_signal(signal.SIGCONT)
+        results += finish(process)
+    (_, _, sent), (lines, _, shown) = results
+    assert (sent["in"], sent["out"], sent["lost"]["store"]) == (FRAMES, 2, FRAMES - 2)
+    assert (shown["in"], shown["out"]) == (2, 2)
+    assert printed(lines) == [0, FRAMES - 1]
 
 
 def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:

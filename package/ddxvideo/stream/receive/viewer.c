@@ -15,6 +15,7 @@ static const char *const names[] = {INTAKE_NAMES};
 #define NS INT64_C(1000000000)
 #define IDLE (100 * MS)  /* look up at least so often, */
 #define WINDOW (10 * MS) /* with a window */
+#define BATCH 1024       /* packets, more than the socket holds: who floods us does not keep us from the rest */
 
 static void fail(struct viewer *viewer, const char *what, const char *why) {
     say("%s: %s", what, why);
@@ -117,7 +118,7 @@ static void read_packets(struct viewer *viewer) {
     uint8_t data[RTP_DATAGRAM_MAX];
     ssize_t size;
 
-    while (!program_stopping() && (size = inlet_read(&viewer->inlet, data, sizeof data)) >= 0) {
+    for (int i = 0; i < BATCH && (size = inlet_read(&viewer->inlet, data, sizeof data)) >= 0; i++) {
         intake_put(&viewer->intake, data, (size_t)size, ddx_time_now());
         take_frames(viewer);
     }
@@ -156,6 +157,7 @@ static void view(struct viewer *viewer) {
             viewer->done = true;
         program_tick(viewer->book);
     }
+    read_packets(viewer); /* what was there before we were told to stop */
 }
 
 /* ---- Start and end ---- */

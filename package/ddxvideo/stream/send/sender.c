@@ -159,24 +159,31 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
         save_sdp(sender, encoded);
 }
 
+static void take_frame(struct sender *sender, double timeout) {
+    struct ddx_frame frame;
+    int error = ddx_store_acquire(sender->video, &frame, timeout, DDX_NEXT);
+
+    if (!sender->follows && (!error || error == -ETIMEDOUT))
+        follow(sender, error ? NULL : &frame);
+    if (!error) {
+        handle(sender, &frame);
+        ddx_store_release(sender->video);
+        show_counts(sender);
+        counters_write(&sender->counters);
+        ddx_stats_write(sender->book);
+    } else if (error != -ETIMEDOUT) {
+        fail(sender, sender->name, ddx_error_text(error));
+    }
+}
+
 static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
-        struct ddx_frame frame;
-        int error = ddx_store_acquire(sender->video, &frame, sender->follows ? READ_TIMEOUT : 0, DDX_NEXT);
-
-        if (!sender->follows && (!error || error == -ETIMEDOUT))
-            follow(sender, error ? NULL : &frame);
-        if (!error) {
-            handle(sender, &frame);
-            ddx_store_release(sender->video);
-            show_counts(sender);
-            counters_write(&sender->counters);
-            ddx_stats_write(sender->book);
-        } else if (error != -ETIMEDOUT) {
-            fail(sender, sender->name, ddx_error_text(error));
-        }
+        take_frame(sender, sender->follows ? READ_TIMEOUT : 0);
         program_tick(sender->book);
     }
+    /* What was published before we were told to stop: the newest is sent, and those before it are counted. */
+    if (!sender->done)
+        take_frame(sender, 0);
 }
 
 /* ---- Start and end ---- */
