@@ -95,12 +95,14 @@ class Relay:
                 self.held.remove(one)
 
     def run(self) -> None:
-        while not self.ended:
-            self.inlet.settimeout(0.002 if self.held else 0.05)
+        idle = False
+        while not (self.ended and idle):  # what came before TERM goes on
+            self.inlet.settimeout(0.002 if self.held or self.ended else 0.05)
             try:
                 self.handle(self.inlet.recv(65536))
+                idle = False
             except TimeoutError:
-                pass
+                idle = True
             self.release()
             if self.said != (now := "good" if self.quiet else "bad"):
                 self.said = now

@@ -11,7 +11,7 @@ import pytest
 
 from parts.media import clip as numbered_clip
 
-from .programs import Counters, Process, result, wait_until
+from .programs import Counters, Process, lost, result, send_signal, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
 SECONDS = 4
@@ -154,3 +154,24 @@ def test_settings_say_json(stream: Stream) -> None:
     names = stream.packets("decode")
     assert {"received", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage"} <= set(names)
     assert json.dumps(names)
+
+
+def test_a_gap_at_the_end(stream: Stream, short: pathlib.Path) -> None:
+    """Told to stop while packets wait for others that were lost: their frames are shown and counted."""
+    decode, relay = stream.decode("-group", "none", "-reorder", "1000"), stream.relay("drop=100")
+    sender = stream.send(*TO_RELAY)
+    stream.play(short)
+    wait_until(lambda: 0 < stream.desk.out("ddxvideosend") == stream.desk.out("decode"))
+    send_signal(decode, signal.SIGSTOP)
+    turn(relay, "bad")
+    stream.play_frames(short, 1)
+    turn(relay, "good")
+    stream.play_frames(short, 1)
+    (_, _, sent), = finish(sender)
+    did = end_relay(relay)
+    decode.terminate()
+    send_signal(decode, signal.SIGCONT)
+    (lines, packets, shown), = finish(decode)
+    assert packets["lost"] == did["drop"] > 0 and packets["received"] == packets["used"]
+    assert sent["out"] == shown["in"] == shown["out"] + lost(shown) and shown["lost"]["network"] > 0
+    assert len(lines) == shown["out"]

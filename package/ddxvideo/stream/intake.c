@@ -200,6 +200,15 @@ bool intake_take(struct intake *intake, int64_t now, struct intake_frame *frame)
     }
 }
 
+bool intake_take_last(struct intake *intake, struct intake_frame *frame) {
+    if (intake_take(intake, INT64_MAX, frame))
+        return true;
+    if (!close_frame(intake, frame))
+        return false;
+    frame->damaged = true; /* its last packet is missing */
+    return true;
+}
+
 int64_t intake_deadline(const struct intake *intake) {
     return reorder_deadline(&intake->reorder);
 }

@@ -89,6 +89,9 @@ void intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t
 /* The next frame, as far as there is one. */
 bool intake_take(struct intake *intake, int64_t now, struct intake_frame *frame);
 
+/* As intake_take(), when no datagram comes any more: none is waited for, and a frame without its end is given, too. */
+bool intake_take_last(struct intake *intake, struct intake_frame *frame);
+
 /* When intake_take() may give a frame though no datagram comes; INT64_MAX if never. */
 int64_t intake_deadline(const struct intake *intake);
 

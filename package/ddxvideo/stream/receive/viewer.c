@@ -157,7 +157,11 @@ static void view(struct viewer *viewer) {
             viewer->done = true;
         program_tick(viewer->book);
     }
-    read_packets(viewer); /* what was there before we were told to stop */
+    /* What was there before we were told to stop; also what waits for a packet that comes no more. */
+    read_packets(viewer);
+    struct intake_frame frame;
+    while (intake_take_last(&viewer->intake, &frame))
+        handle(viewer, &frame);
 }
 
 /* ---- Start and end ---- */
