@@ -2,26 +2,28 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make endurance: does anything grow over 10,000 toggles and an hour of video? See docs/services.md.
 
-endurance.py [-toggles N] [-guest N] [-minutes N]: N toggles of the image's services on this machine's own kernel, where
-they take half an hour instead of a day, in rounds that each begin with a new machine; N in the emulated machine, for
-what its kernel keeps; N minutes of video in it. What is done already is in output/endurance.json, and a run that was
-broken off goes on behind it. Removing the file begins anew.
+endurance.py [-toggles N] [-minutes N] [-guest-toggles N] [-guest-minutes N]: toggles of the image's services on this
+machine's own kernel, where they take half an hour instead of a day, in rounds that each begin with a new machine; an
+hour of video there; and fewer of both in the emulated machine, for what its kernel keeps. What is done already is in
+output/endurance.json, and a run that was broken off goes on behind it. Removing the file begins anew.
 """
 import argparse
+import contextlib
 import json
 import pathlib
 import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, Protocol
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, say
+from parts.common import OUTPUT, PATIENCE, Failed, run, say
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
+from parts.guest.slow_disk import FILE_SYSTEMS, OPTIONS
 from parts.image import native
 from parts.media import clip, counters
 
@@ -32,15 +34,18 @@ GLANCES = 5     # of which the least counts: a process of a moment is not growth
 WARM_UP = 100   # toggles, at most as many as are to follow, or
 SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
 DISK = 24 << 30  # bytes; an hour's recording fits
+SMALL_DISK = 1 << 30  # natively; full after five minutes, and then the oldest recordings are given up
 SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
 PASSING_ON = (SEND, SAVE, "decode", "ddxlog")  # of those that are switched: sent, recorded, shown, logged
 # What is switched: in the guest one of them, natively several at once, each as often as its share of the toggles.
 IN_GUEST = (SEND,)
 AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
 SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SEND}.conf": "interface=lo\n", "decode.conf": "interface=lo\n"}
+SMALL_FILES = {f"{SAVE}.conf": "segment=16\nfull=recycle\n"}
 # Those that live on while others are switched, by the names of their processes.
 STAYING = ("init", "runsvdir", "runsv", "svlogd", "store", "ddxvideoload", "ddxhealth")
 RECORDING = (*STAYING, SAVE, SEND)
+ALL = (*RECORDING, "decode", "ddxlog")
 # A machine keeps some: the kernel's own tables, the logs in memory. What leaks at each toggle or frame shows as more.
 MEMORY_LIMIT = 1024   # KiB of the whole machine
 PROGRAM_LIMIT = 256   # KiB of all processes of one name
@@ -81,8 +86,8 @@ def settled(robot: Machine, names: tuple[str, ...]) -> None:
     """What was switched on just now has all that it needs, and nobody is busy with the switching any more."""
     for name in names:
         robot.wait_until(f"ddxctl status {name} | grep -q state=running")
-    # Each toggle copies the settings, under a timeout, which ends and is forgotten a second or two after that.
-    robot.wait_until("! pgrep -f settings-cop[y] && ! pgrep -x timeout")
+    # Each toggle copies the settings, under a timeout that ends a second or two after that.
+    robot.wait_until("! pgrep -f settings-cop[y]")
     for name in names:
         if name in PASSING_ON:
             passes_on(robot, name)
@@ -143,12 +148,12 @@ def toggles(robot: Machine, names: tuple[str, ...], count: int) -> list[Look]:
     return looks
 
 
-def video(robot: Machine, minutes: int) -> list[Look]:
+def video(robot: Machine, programs: tuple[str, ...], minutes: int) -> list[Look]:
     time.sleep(SETTLED)
-    looks = [look(robot, RECORDING)]
+    looks = [look(robot, programs)]
     for minute in range(minutes):
         time.sleep(60)
-        looks.append(look(robot, RECORDING))
+        looks.append(look(robot, programs))
         say(f"endurance: {minute + 1} minutes")
     return looks
 
@@ -183,33 +188,51 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
         if kind == "toggles":
             guest.sh(f"ddxctl disable {SAVE}")  # its files would fill the disk meanwhile
             return toggles(guest, IN_GUEST, amount)
-        return video(guest, amount)
+        return video(guest, RECORDING, amount)
 
 
-def natively(root: pathlib.Path, amount: int) -> list[Look]:
-    """Toggles on this machine's own kernel."""
+@contextlib.contextmanager
+def small_disk(folder: pathlib.Path, place: pathlib.Path) -> Iterator[None]:
+    image = folder / "disk.img"
+    with image.open("wb") as file:
+        file.truncate(SMALL_DISK)
+    run(["mke2fs", "-q", "-F", *FILE_SYSTEMS["ext4"], *OPTIONS, image])
+    place.mkdir()
+    run(["mount", "-o", "loop", image, place])
+    try:
+        yield
+    finally:
+        run(["umount", place])
+
+
+def natively(root: pathlib.Path, kind: str, amount: int) -> list[Look]:
+    """Toggles, or minutes of video, on this machine's own kernel."""
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
         keep = pathlib.Path(folder)
         (keep / "test").mkdir()
         shutil.move(clip.write(keep / "clip.y4m", 1), keep / "test")
-        for name, text in {**SETTINGS, f"{SAVE}.conf": "segment=16\n"}.items():
+        for name, text in {**SETTINGS, **SMALL_FILES}.items():
             (keep / "test" / name).write_text(text)
-        with NativeMachine(root, keep) as robot:
+        disk = small_disk(keep, keep / "rec") if kind == "video" else contextlib.nullcontext()
+        with disk, NativeMachine(root, keep) as robot:
             for name in AT_ONCE:
                 robot.sh(f"ddxctl enable {name}")
-            return toggles(robot, AT_ONCE, amount)
+            settled(robot, AT_ONCE)
+            return toggles(robot, AT_ONCE, amount) if kind == "toggles" else video(robot, ALL, amount)
 
 
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-toggles", type=int, default=10000)
-    parser.add_argument("-guest", type=int, default=400)
     parser.add_argument("-minutes", type=int, default=60)
+    parser.add_argument("-guest-toggles", type=int, default=400)
+    parser.add_argument("-guest-minutes", type=int, default=10)
     arguments = parser.parse_args()
     done: list[dict[str, Any]] = json.loads(RESULT.read_text()) if RESULT.exists() else []
     rounds = range(0, arguments.toggles, ROUND)
     wanted = [("native toggles", min(ROUND, arguments.toggles - begin)) for begin in rounds]
-    wanted += [(kind, n) for kind, n in (("toggles", arguments.guest), ("video", arguments.minutes)) if n]
+    wanted += [(kind, n) for kind, n in (("native video", arguments.minutes), ("toggles", arguments.guest_toggles),
+                                         ("video", arguments.guest_minutes)) if n]
     for one in done:
         if (one["kind"], one["amount"]) in wanted:
             wanted.remove((one["kind"], one["amount"]))
@@ -218,7 +241,7 @@ def main() -> int:
         accel = qemu.acceleration(image)
         for kind, amount in wanted:
             begin = time.monotonic()
-            looks = (natively(image.parent / "root", amount) if kind == "native toggles"
+            looks = (natively(image.parent / "root", kind.split()[1], amount) if kind.startswith("native")
                      else in_guest(image, accel, kind, amount))
             done.append({"kind": kind, "amount": amount, "seconds": round(time.monotonic() - begin),
                          "growth": growth(looks), "looks": looks})

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Does anything grow while services are switched, thousands of times? On this machine's own kernel. And the verdict
-itself: what leaks shows, what a machine keeps anyway does not."""
+"""Does anything grow while services are switched, thousands of times, and while video flows? On this machine's own
+kernel. And the verdict itself: what leaks shows, what a machine keeps anyway does not."""
 import os
 import pathlib
 from collections.abc import Callable
@@ -49,13 +49,14 @@ def root() -> pathlib.Path:
 
 
 def test_nothing_grows(root: pathlib.Path) -> None:
-    assert endurance.growth(endurance.natively(root, FEW)) == []
+    assert endurance.growth(endurance.natively(root, "toggles", FEW)) == []
 
 
 @pytest.mark.long
-def test_nothing_grows_over_thousands_of_toggles(root: pathlib.Path,
-                                                 record_property: Callable[[str, object], None]) -> None:
-    looks = endurance.natively(root, endurance.ROUND)
+@pytest.mark.parametrize("kind, amount", [("toggles", endurance.ROUND), ("video", 6)])
+def test_nothing_grows_over_time(root: pathlib.Path, record_property: Callable[[str, object], None], kind: str,
+                                 amount: int) -> None:
+    looks = endurance.natively(root, kind, amount)
     record_property("first", looks[0])
     record_property("last", looks[-1])
     assert endurance.growth(looks) == []
