@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The product's tree, as far as it can be looked at without building it."""
+import hashlib
 import os
 import pathlib
 import re
@@ -57,6 +58,17 @@ def test_the_kernel_s_source_is_verified(board: str) -> None:
         for name in (f"linux-{version[1]}.tar.xz", "COPYING", "LICENSES/preferred/GPL-2.0",
                      "LICENSES/exceptions/Linux-syscall-note"):
             assert re.search(rf"^sha256  [0-9a-f]{{64}}  {re.escape(name)}$", hashes, re.M)
+
+
+def test_the_licences_of_our_packages_are_verified() -> None:
+    """Or legal-info says "no hash file" of each, among the lines that are worth reading."""
+    packages = [path for path in TOP.glob("package/*/*.mk") if "_SITE_METHOD = local" in path.read_text()]
+    assert packages
+    for package in packages:
+        files = re.findall(r"LICENSE_FILES = (.*)", package.read_text())[0].split()
+        expected = [f"sha256  {hashlib.sha256((package.parent / name).read_bytes()).hexdigest()}  {name}"
+                    for name in files]
+        assert package.with_suffix(".hash").read_text().splitlines()[1:] == expected, package
 
 
 @pytest.mark.skipif(not buildroot.present(), reason="no Buildroot here")
