@@ -73,7 +73,8 @@ def test_worker_of_the_store(guest: Guest, record_property: Figure, signal: str)
     """Dead or hung, another one goes on in its place; no service ends, and nothing that is recorded is lost."""
     before, pid = restarts(guest), state(guest, "store")["pid"]
     worker, begin = guest.sh(f"pgrep -P {pid}").strip(), uptime(guest)
-    guest.sh(f"kill -{signal} {worker}; until now=$(pgrep -P {pid}) && [ $now != {worker} ]; do sleep 0.05; done")
+    guest.sh(f"(kill -{signal} {worker}; until now=$(pgrep -P {pid}) && [ $now != {worker} ]; "
+             f"do kill -0 {pid} || exit 1; sleep 0.05; done)")
     record_property("seconds_until_replaced", round(uptime(guest) - begin, 2))
     flows(guest)
     assert restarts(guest) == before

@@ -40,10 +40,15 @@ def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
         yield machine
 
 
+def books(robot: NativeMachine, name: str) -> list[counters.Counters]:
+    """Its counters, if the store has any."""
+    found = [one for line in robot.run("ddxctl stats --json")[1].splitlines() if (one := counters.parse(line))]
+    return [one for one in found if one.instance == name]
+
+
 def frames(robot: NativeMachine, name: str) -> int:
     """How many it let through."""
-    found = [one for line in robot.run("ddxctl stats --json")[1].splitlines() if (one := counters.parse(line))]
-    return sum(one.out for one in found if one.instance == name)
+    return sum(one.out for one in books(robot, name))
 
 
 def restarts(robot: NativeMachine) -> dict[str, int]:
@@ -91,3 +96,19 @@ def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
             assert f"{name}: no sign of life from process {pid}, killed" in said
     wanted = {name: int(name != "ddxhealth") for name in SERVICES}
     assert restarts(robot) == wanted, logs(robot, wanted)
+
+
+def test_a_worker_of_the_store_that_hangs(robot: NativeMachine) -> None:
+    """Another one goes on in its place, before anybody gives up who asked it something: so no service ends, the store
+    as a whole is not started anew, and nothing is lost that is recorded."""
+    wait_until(lambda: frames(robot, SAVE) > 0)
+    pid = robot.sh("cat /run/service/store/supervise/pid")
+    worker = robot.sh(f"pgrep -P {pid}")
+    robot.sh(f"kill -STOP {worker}; ddxctl list")
+    assert robot.sh("cat /run/service/store/supervise/pid") == pid != robot.sh(f"pgrep -P {pid}") != worker
+    for name in (SAVE, "decode"):
+        before = frames(robot, name)
+        wait_until(lambda: frames(robot, name) > before)
+    wanted = dict.fromkeys(SERVICES, 0)
+    assert restarts(robot) == wanted, logs(robot, wanted)
+    assert [one.lost_total for one in books(robot, SAVE)] == [0]

@@ -21,7 +21,11 @@
 #include "../lib/fault.h"
 #include "note.h"
 
-#define HUNG 5           /* seconds without a beat, as the holder counts them: it must have run in each */
+/*
+ * Seconds without a beat, as the holder counts them: it must have run in each. Clients give up what they ask after
+ * five, and then ddxhealth starts the whole store anew; the next worker has to answer before that.
+ */
+#define HUNG 3
 #define PATIENCE 2       /* seconds that a worker gets to end */
 #define STRIKES 3        /* workers that one client may cost */
 #define HASTE 20         /* workers within a second; then it takes its time */
