@@ -32,7 +32,7 @@ static inline void scratch_remove(void) {
 
 static inline void scratch_make(void) {
     const char *parent = getenv("TMPDIR");
-    int length = snprintf(scratch_folder, sizeof scratch_folder, "%s/ddx-test-XXXXXX", parent ? parent : "/tmp");
+    int length = snprintf(scratch_folder, sizeof scratch_folder, "%s/ddx-test-XXXXXX", parent ? parent : P_tmpdir);
 
     if (length >= (int)sizeof scratch_folder) {
         fprintf(stderr, "TMPDIR %s is too long for a socket in it\n", parent);

@@ -23,7 +23,7 @@ from parts.common import OUTPUT, PATIENCE, Failed, run, say
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
-from parts.guest.slow_disk import FILE_SYSTEMS, OPTIONS
+from parts.guest.slow_disk import file_system
 from parts.image import native
 from parts.media import clip, counters
 
@@ -34,18 +34,16 @@ GLANCES = 5     # of which the least counts: a process of a moment is not growth
 WARM_UP = 100   # toggles, at most as many as are to follow, or
 SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
 DISK = 24 << 30  # bytes; an hour's recording fits
-SMALL_DISK = 1 << 30  # natively; full after five minutes, and then the oldest recordings are given up
+SMALL_DISK = 1 << 10  # MiB, natively; full after five minutes, and then the oldest recordings are given up
 SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
 PASSING_ON = (SEND, SAVE, "decode", "ddxlog")  # of those that are switched: sent, recorded, shown, logged
 # What is switched: in the guest one of them, natively several at once, each as often as its share of the toggles.
 IN_GUEST = (SEND,)
 AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
 SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SEND}.conf": "interface=lo\n", "decode.conf": "interface=lo\n"}
-SMALL_FILES = {f"{SAVE}.conf": "segment=16\nfull=recycle\n"}
 # Those that live on while others are switched, by the names of their processes.
 STAYING = ("init", "runsvdir", "runsv", "svlogd", "store", "ddxvideoload", "ddxhealth")
 RECORDING = (*STAYING, SAVE, SEND)
-ALL = (*RECORDING, "decode", "ddxlog")
 # A machine keeps some: the kernel's own tables, the logs in memory. What leaks at each toggle or frame shows as more.
 MEMORY_LIMIT = 1024   # KiB of the whole machine
 PROGRAM_LIMIT = 256   # KiB of all processes of one name
@@ -116,8 +114,7 @@ def passes_on(robot: Machine, name: str) -> None:
 
 def passed_on(robot: Machine, name: str) -> int:
     """Frames, so far."""
-    found = [one for line in robot.sh("ddxctl stats --json").splitlines() if (one := counters.parse(line))]
-    return sum(one.out for one in found if one.instance == name)
+    return sum(one.out for one in counters.of(name, robot.sh("ddxctl stats --json")))
 
 
 def switch(robot: Machine, names: tuple[str, ...], times: int) -> None:
@@ -193,12 +190,8 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
 
 @contextlib.contextmanager
 def small_disk(folder: pathlib.Path, place: pathlib.Path) -> Iterator[None]:
-    image = folder / "disk.img"
-    with image.open("wb") as file:
-        file.truncate(SMALL_DISK)
-    run(["mke2fs", "-q", "-F", *FILE_SYSTEMS["ext4"], *OPTIONS, image])
     place.mkdir()
-    run(["mount", "-o", "loop", image, place])
+    run(["mount", "-o", "loop", file_system(folder / "disk.img", SMALL_DISK), place])
     try:
         yield
     finally:
@@ -211,14 +204,16 @@ def natively(root: pathlib.Path, kind: str, amount: int) -> list[Look]:
         keep = pathlib.Path(folder)
         (keep / "test").mkdir()
         shutil.move(clip.write(keep / "clip.y4m", 1), keep / "test")
-        for name, text in {**SETTINGS, **SMALL_FILES}.items():
+        for name, text in {**SETTINGS, f"{SAVE}.conf": "segment=16\nfull=recycle\n"}.items():
             (keep / "test" / name).write_text(text)
         disk = small_disk(keep, keep / "rec") if kind == "video" else contextlib.nullcontext()
         with disk, NativeMachine(root, keep) as robot:
             for name in AT_ONCE:
                 robot.sh(f"ddxctl enable {name}")
+            if kind == "toggles":
+                return toggles(robot, AT_ONCE, amount)
             settled(robot, AT_ONCE)
-            return toggles(robot, AT_ONCE, amount) if kind == "toggles" else video(robot, ALL, amount)
+            return video(robot, (*STAYING, *PASSING_ON), amount)
 
 
 def main() -> int:

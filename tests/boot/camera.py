@@ -59,10 +59,10 @@ def log(guest: Guest, instance: str = GRABBER) -> str:
 
 
 def stats(guest: Guest, instance: str = GRABBER) -> Counters:
-    for line in guest.sh("ddxctl stats --json").splitlines():
-        if (found := counters.parse(line)) and found.instance == instance:
-            return found
-    raise Failed(f"no counters of {instance}")
+    found = counters.of(instance, guest.sh("ddxctl stats --json"))
+    if not found:
+        raise Failed(f"no counters of {instance}")
+    return found[0]
 
 
 def wait_for_frames(guest: Guest, frames: int = 1, instance: str = GRABBER, seconds: float = PATIENCE) -> Counters:

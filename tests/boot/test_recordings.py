@@ -48,9 +48,7 @@ def ctl(guest: Guest, words: str, seconds: float = PATIENCE) -> tuple[int, str]:
 
 def book(guest: Guest) -> counters.Counters:
     """What the recorder has counted until now."""
-    text = guest.sh("ddxctl stats --json")
-    found = [one for line in text.splitlines() if (one := counters.parse(line)) and one.instance == SAVE]
-    return found[0]
+    return counters.of(SAVE, guest.sh("ddxctl stats --json"))[0]
 
 
 def on_stick(stick: pathlib.Path) -> list[str]:

@@ -42,8 +42,7 @@ def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
 
 def books(robot: NativeMachine, name: str) -> list[counters.Counters]:
     """Its counters, if the store has any."""
-    found = [one for line in robot.run("ddxctl stats --json")[1].splitlines() if (one := counters.parse(line))]
-    return [one for one in found if one.instance == name]
+    return counters.of(name, robot.run("ddxctl stats --json")[1])
 
 
 def frames(robot: NativeMachine, name: str) -> int:

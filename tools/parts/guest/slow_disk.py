@@ -27,6 +27,14 @@ FILE_SYSTEMS = {"ext4": ["-t", "ext4", "-O", f"^has_journal,{FEATURES}"],
                 "ext3": ["-t", "ext3"]}
 
 
+def file_system(image: pathlib.Path, megabytes: int, kind: str = "ext4") -> pathlib.Path:
+    """A new one, in a new file."""
+    with image.open("wb") as file:
+        file.truncate(megabytes << 20)
+    run(["mke2fs", "-q", "-F", *FILE_SYSTEMS[kind], *OPTIONS, image])
+    return image
+
+
 @dataclasses.dataclass(frozen=True)
 class Speed:
     megabytes: int  # 10^6 bytes a second
@@ -36,14 +44,11 @@ class Speed:
 class SlowDisk:
     """Its content is in memory, unless `folder` says another place: the host's disk does not matter then."""
 
-    def __init__(self, megabytes: int, file_system: str = "ext4", folder: pathlib.Path = MEMORY) -> None:
+    def __init__(self, megabytes: int, kind: str = "ext4", folder: pathlib.Path = MEMORY) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="ddx-disk-", dir=folder)
-        self.image = pathlib.Path(self._folder.name) / "disk.img"
         self._socket = pathlib.Path(self._folder.name) / "nbd"
-        self.kind = file_system.split("-", maxsplit=1)[0]
-        with self.image.open("wb") as file:
-            file.truncate(megabytes << 20)
-        run(["mke2fs", "-q", "-F", *FILE_SYSTEMS[file_system], *OPTIONS, self.image])
+        self.image = file_system(pathlib.Path(self._folder.name) / "disk.img", megabytes, kind)
+        self.kind = kind.split("-", maxsplit=1)[0]
         self.process = self._serve()
 
     def _serve(self) -> subprocess.Popen[bytes]:

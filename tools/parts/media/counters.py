@@ -35,6 +35,11 @@ def parse(line: str) -> Counters | None:
         return None
 
 
+def of(instance: str, text: str) -> list[Counters]:
+    """Those of one instance, among the lines of `ddxctl stats --json`; none as long as it is not in the store."""
+    return [one for line in text.splitlines() if (one := parse(line)) and one.instance == instance]
+
+
 def last(text: str) -> Counters:
     """The last counters in a log."""
     for line in reversed(text.splitlines()):
