@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What `make run` judges by: right runs are right, and each wrong picture, gap and counter shows."""
+import filecmp
 import json
 import pathlib
 
 import pytest
 
-from parts.guest import camera_run, stream
+from parts.guest import camera_run, stream, testdisk
 from parts.guest.stream import Picture
 from parts.media import clip as default_clip, report
 from parts.media.counters import Counters
+from parts.media.record_check import RecordedDisk
 from parts.media.report import Report, Stage
 
 MS = 1_000_000
@@ -131,3 +133,17 @@ def test_a_window_in_which_the_host_stalls_does_not_count_a_slow_stream_does() -
     assert prompt(0, 80, 0, 0, 30, 0) == report.bucket_us(quick)
     assert prompt(2, 80, 2, 2, 30, 2) == report.bucket_us(slow)
     assert prompt(0) == report.bucket_us(quick) and prompt(2) == report.bucket_us(slow)
+
+
+@pytest.mark.parametrize("megabytes", [1, 220])
+def test_a_clip_of_any_size_fits_onto_its_disk(tmp_path: pathlib.Path, megabytes: int) -> None:
+    """The space that mke2fs takes for itself does not just grow with the disk: it has other rules for small ones."""
+    clip = tmp_path / "clip.y4m"
+    frame = b"FRAME\n" + bytes([17]) * (1280 * 720 * 3 // 2)
+    with clip.open("wb") as file:
+        file.write(b"YUV4MPEG2 W1280 H720 F25:1 C420jpeg\n")
+        for _ in range(-(-(megabytes << 20) // len(frame))):
+            file.write(frame)
+    disk = testdisk.make(tmp_path / "test.img", clip, {"ddxvideoload.conf": "loop=\n"})
+    taken = RecordedDisk(disk).take("clip.y4m", tmp_path / "taken.y4m")
+    assert filecmp.cmp(clip, taken, shallow=False)

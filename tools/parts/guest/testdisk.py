@@ -45,6 +45,7 @@ def make(disk: pathlib.Path, clip: pathlib.Path | None,
         bytes_used = sum((folder / where).stat().st_size for where in content)
         size = bytes_used // 1024 + bytes_used // 50_000 + 8192
         disk.unlink(missing_ok=True)
-        run(["mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-L", "DDXTEST", "-m", "0", "-d", folder,
-             disk, f"{size}k"])
+        run(["mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-L", "DDXTEST", "-m", "0",
+             "-i", "65536",  # bytes for each inode; the usual 4096 of a small disk would take a sixteenth of it
+             "-d", folder, disk, f"{size}k"])
     return disk
