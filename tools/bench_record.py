@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench-record: are frames lost on slow and frozen disks? bench_record.py [-duration S] [-cases WORD,...]
 
-Each case is a guest that records onto a disk of its own; pictures, index and counters have to say the same. Results:
-output/bench/record.json, where each finished case is kept (a run that was broken off goes on), and record.svg. See
-docs/recording.md.
+Each case is a guest (1080p: the image's own programs on this machine's kernel) that records onto a disk of its own;
+pictures, index and counters have to say the same. Results: output/bench/record.json, where each finished case is kept
+(a run that was broken off goes on), and record.svg. See docs/recording.md.
 """
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ import os
 import pathlib
 import platform
 import sys
+import tempfile
 import time
 from typing import Any
 
@@ -26,8 +27,10 @@ from parts.common import OUTPUT, Failed, say
 from parts.guest import disk_session, machine, qemu, session, testdisk
 from parts.guest.channel import Timeout
 from parts.guest.disk_session import Result
+from parts.guest.native_disk import NativeDisk
+from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
-from parts.guest.slow_disk import SlowDisk, Speed
+from parts.guest.slow_disk import MEMORY, SlowDisk, Speed
 from parts.image import native
 from parts.media import clip as default_clip
 
@@ -37,7 +40,6 @@ SLOW, FAST = Speed(20, 100), Speed(110, 400)
 FAULT_SECONDS = 30  # a fault shows soon
 HD = (1920, 1080)
 HD_FRAMES = 100     # of the clip that goes round and round
-HD_MEMORY = 1024    # MiB more: the clip stays in memory, and the ring has its 256 MB
 NONE, SOME, ANY = "none", "some", "any"
 
 
@@ -53,7 +55,7 @@ class Case:
     settings: str = ""        # of the recorder
     freeze: float = 0         # s
     every: float = 0          # s; 0: once, in the middle
-    hd: bool = False
+    natively: bool = False    # on this machine's own kernel, and 1080p: more than an emulated processor can
     limit: int = 4096         # MiB of the disk
 
 
@@ -65,8 +67,8 @@ def slow_disk(duration: int) -> list[Case]:
 
 
 def full_hd(duration: int) -> list[Case]:
-    return [Case("1080p", min(duration, 60), speed=FAST, hd=True, limit=8192),
-            Case("1080p half-speed", 30, SOME, speed=Speed(55, 200), hd=True, limit=8192)]
+    return [Case("1080p", min(duration, 60), speed=FAST, natively=True, limit=8192),
+            Case("1080p half-speed", 30, SOME, speed=Speed(55, 200), natively=True, limit=8192)]
 
 
 def frozen(duration: int) -> list[Case]:
@@ -86,17 +88,20 @@ def comparison(duration: int) -> list[Case]:
 
 def hd_clip(path: pathlib.Path) -> pathlib.Path:
     """Waves that move, with numbers."""
+    if path.exists():
+        return path
     width, height = HD
     y, x = numpy.mgrid[0:height, 0:width]
     waves = (128 + 50 * numpy.sin(x / 17) + 40 * numpy.sin(y / 11)).astype(numpy.uint8)
     chroma = bytes([128]) * (width * height // 2)
-    with path.open("wb") as file:
+    part = path.with_suffix(".part")
+    with part.open("wb") as file:
         file.write(f"YUV4MPEG2 W{width} H{height} F{default_clip.RATE}:1 Ip A1:1 C420jpeg\n".encode())
         for number in range(HD_FRAMES):
             luma = numpy.roll(waves, 3 * number, axis=1)
             default_clip.draw_number(luma, number)
             file.write(b"FRAME\n" + luma.tobytes() + chroma)
-    return path
+    return part.rename(path)
 
 
 def wait(case: Case, guest: Guest, disk: SlowDisk) -> None:
@@ -116,22 +121,36 @@ def wait(case: Case, guest: Guest, disk: SlowDisk) -> None:
         time.sleep(0.2)
 
 
+def run_natively(case: Case, root: pathlib.Path) -> Result:
+    with tempfile.TemporaryDirectory(prefix="ddx-", dir=MEMORY) as name:
+        keep = pathlib.Path(name)
+        for folder in ("test", "rec", "data/ddx"):
+            (keep / folder).mkdir(parents=True)
+        testdisk.fill(keep / "test", hd_clip(WORK / "hd.y4m"), disk_session.content(WORK, case.settings))
+        for service in (session.LOAD, session.SAVE):
+            (keep / f"data/ddx/{service}.conf").write_text("enabled=no\n")
+        with NativeDisk(case.limit, keep / "rec", case.speed) as disk, NativeMachine(root, keep) as robot:
+            disk_session.take_programs(robot)
+            disk_session.begin_recorder(robot)
+            disk_session.begin_clip(robot)
+            time.sleep(case.seconds)
+            return disk_session.end(robot, disk, frames=HD_FRAMES)
+
+
 def run_case(case: Case, image: pathlib.Path, accel: str) -> Result:
-    clip = WORK / ("hd.y4m" if case.hd else "clip.y4m")
+    if case.natively:
+        return run_natively(case, image.parent / "root")
+    clip = WORK / "clip.y4m"
     if not clip.exists():
-        if case.hd:
-            hd_clip(clip)
-        else:
-            default_clip.write(clip, disk_session.CLIP_SECONDS)
+        default_clip.write(clip, disk_session.CLIP_SECONDS)
     test = disk_session.test_disk(WORK, clip, case.settings)
-    memory = testdisk.more_memory(clip) + HD_MEMORY if case.hd else 0
     with SlowDisk(case.limit, case.file_system) as disk, \
             Guest(image, accel, machine.machines(machine.DEV)[0], test_disk=test, provision=disk_session.QUIET,
-                  more_memory=memory, extra=disk.drive(), log=WORK / "console.log") as guest:
+                  extra=disk.drive(), log=WORK / "console.log") as guest:
         disk_session.prepare(guest, disk)
         disk_session.begin(guest, disk, case.speed, case.naive, case.cold)
         wait(case, guest, disk)
-        return disk_session.end(guest, disk, case.naive, HD_FRAMES if case.hd else disk_session.FRAMES)
+        return disk_session.end(guest, disk, case.naive)
 
 
 def verdict(case: Case, result: Result) -> list[str]:

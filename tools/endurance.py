@@ -15,15 +15,16 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from typing import Any, Protocol
+from collections.abc import Callable
+from typing import Any
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, run, say
+from parts.common import OUTPUT, PATIENCE, Failed, say
 from parts.guest import machine, qemu, session, testdisk
+from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
-from parts.guest.slow_disk import file_system
+from parts.guest.robot import Robot
 from parts.image import native
 from parts.media import clip, counters
 
@@ -53,16 +54,7 @@ NUMBER_LIMIT = {"descriptors": 8, "processes": 2}
 Look = dict[str, int]
 
 
-class Machine(Protocol):
-    """An emulated one or a native one."""
-    def sh(self, command: str, timeout: float = PATIENCE) -> str:
-        """What a command says, which has to succeed."""
-
-    def wait_until(self, condition: str, timeout: float = PATIENCE) -> None:
-        """Until it succeeds."""
-
-
-def look(robot: Machine, programs: tuple[str, ...]) -> Look:
+def look(robot: Robot, programs: tuple[str, ...]) -> Look:
     """Memory and files in KiB, descriptors and processes, after what can be given back has been."""
     if isinstance(robot, Guest):
         robot.sh("sync; echo 3 > /proc/sys/vm/drop_caches")
@@ -80,7 +72,7 @@ def look(robot: Machine, programs: tuple[str, ...]) -> Look:
     return {**found, **{name: int(memory[name]) for name in programs}}
 
 
-def settled(robot: Machine, names: tuple[str, ...]) -> None:
+def settled(robot: Robot, names: tuple[str, ...]) -> None:
     """What was switched on just now has all that it needs, and nobody is busy with the switching any more."""
     for name in names:
         robot.wait_until(f"ddxctl status {name} | grep -q state=running")
@@ -100,24 +92,24 @@ def wait_until(condition: Callable[[], bool], complaint: str) -> None:
         time.sleep(1)
 
 
-def requests_are_logged(robot: Machine) -> bool:
+def requests_are_logged(robot: Robot) -> bool:
     """Not only who takes them reads them. The logger leaves an item that has no writer after five seconds."""
     return any(item["name"].endswith(".request") and not item["writer_pid"] and item["readers"] > 1
                for item in json.loads(robot.sh("ddxctl list --json"))["items"])
 
 
-def passes_on(robot: Machine, name: str) -> None:
+def passes_on(robot: Robot, name: str) -> None:
     """It has taken frames and passed them on since now, for which it needs all its memory and files."""
     begin = passed_on(robot, name)
     wait_until(lambda: passed_on(robot, name) > begin, f"{name} passes no frame on")
 
 
-def passed_on(robot: Machine, name: str) -> int:
+def passed_on(robot: Robot, name: str) -> int:
     """Frames, so far."""
     return sum(one.out for one in counters.of(name, robot.sh("ddxctl stats --json")))
 
 
-def switch(robot: Machine, names: tuple[str, ...], times: int) -> None:
+def switch(robot: Robot, names: tuple[str, ...], times: int) -> None:
     """Each of them off and on again so many times, as a technician does it; all at once."""
     # One line, as a console takes it.
     robot.sh(f"toggle() {{ left={times}; while [ $left -gt 0 ]; do ddxctl disable $1 && ddxctl enable $1 || return 1; "
@@ -127,7 +119,7 @@ def switch(robot: Machine, names: tuple[str, ...], times: int) -> None:
              PATIENCE + 20 * times * len(names))
 
 
-def toggles(robot: Machine, names: tuple[str, ...], count: int) -> list[Look]:
+def toggles(robot: Robot, names: tuple[str, ...], count: int) -> list[Look]:
     step = max(1, count // LOOKS // len(names) // 2)  # of each name, off and on
     switch(robot, names, max(1, min(WARM_UP, count) // len(names) // 2))
     settled(robot, names)
@@ -145,7 +137,7 @@ def toggles(robot: Machine, names: tuple[str, ...], count: int) -> list[Look]:
     return looks
 
 
-def video(robot: Machine, programs: tuple[str, ...], minutes: int) -> list[Look]:
+def video(robot: Robot, programs: tuple[str, ...], minutes: int) -> list[Look]:
     time.sleep(SETTLED)
     looks = [look(robot, programs)]
     for minute in range(minutes):
@@ -188,32 +180,26 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
         return video(guest, RECORDING, amount)
 
 
-@contextlib.contextmanager
-def small_disk(folder: pathlib.Path, place: pathlib.Path) -> Iterator[None]:
-    place.mkdir()
-    run(["mount", "-o", "loop", file_system(folder / "disk.img", SMALL_DISK), place])
-    try:
-        yield
-    finally:
-        run(["umount", place])
-
-
 def natively(root: pathlib.Path, kind: str, amount: int) -> list[Look]:
     """Toggles, or minutes of video, on this machine's own kernel."""
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
         keep = pathlib.Path(folder)
-        (keep / "test").mkdir()
+        for name in ("test", "rec"):
+            (keep / name).mkdir()
         shutil.move(clip.write(keep / "clip.y4m", 1), keep / "test")
         for name, text in {**SETTINGS, f"{SAVE}.conf": "segment=16\nfull=recycle\n"}.items():
             (keep / "test" / name).write_text(text)
-        disk = small_disk(keep, keep / "rec") if kind == "video" else contextlib.nullcontext()
-        with disk, NativeMachine(root, keep) as robot:
+        with contextlib.ExitStack() as both:
+            if kind == "video":
+                both.enter_context(NativeDisk(SMALL_DISK, keep / "rec"))
+            robot = both.enter_context(NativeMachine(root, keep))
             for name in AT_ONCE:
                 robot.sh(f"ddxctl enable {name}")
             if kind == "toggles":
                 return toggles(robot, AT_ONCE, amount)
             settled(robot, AT_ONCE)
             return video(robot, (*STAYING, *PASSING_ON), amount)
+    raise AssertionError("ExitStack lets nothing pass")
 
 
 def main() -> int:

@@ -54,5 +54,6 @@ def table(cases: list[dict[str, Any]]) -> None:
     say("| case | s | published | recorded | lost | longest gap | longest write ms | fsyncs | host's load |")
     say("|---|---|---|---|---|---|---|---|---|")
     for one in cases:
+        stall = "-" if one["stall_ms"] is None else round(one["stall_ms"])
         say(f"| {one['case']} | {one['seconds']} | {one['published']} | {one['recorded']} | {one['lost']} | "
-            f"{one['longest_gap']} | {one['stall_ms']:.0f} | {one['fsyncs']} | {one['host_load']} |")
+            f"{one['longest_gap']} | {stall} | {one['fsyncs']} | {one['host_load']} |")

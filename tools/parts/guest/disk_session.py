@@ -7,7 +7,9 @@ import pathlib
 
 from parts.common import TOP, Failed, run
 from parts.guest import session, testdisk, write_trace
+from parts.guest.native_disk import NativeDisk
 from parts.guest.qemu import Guest
+from parts.guest.robot import Robot
 from parts.guest.session import LOAD, SAVE
 from parts.guest.slow_disk import SlowDisk, Speed
 from parts.image import native
@@ -31,7 +33,7 @@ class Result:
     found: Found
     load: Counters
     save: Counters
-    stall_ms: float  # longest write of pictures
+    stall_ms: float | None  # longest write of pictures; only the emulated machine's kernel is asked
     neighbour: int   # how often the neighbour's writes were made safe
 
 
@@ -44,23 +46,30 @@ def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
     return {name: folder / name for name in PROGRAMS}
 
 
+def content(work: pathlib.Path, settings: str = "") -> testdisk.Files:
+    """Beside the clip: the two programs and the recorder's settings."""
+    return {**programs(work), f"{LOAD}.conf": "loop=\n", f"{SAVE}.conf": settings}
+
+
 def test_disk(work: pathlib.Path, clip: pathlib.Path, settings: str = "") -> pathlib.Path:
-    """With the clip, the two programs and the recorder's settings."""
-    return testdisk.make(work / "disk-session.img", clip, {
-        **programs(work), f"{LOAD}.conf": "loop=\n", f"{SAVE}.conf": settings})
+    return testdisk.make(work / "disk-session.img", clip, content(work, settings))
 
 
 def prepare(guest: Guest, disk: SlowDisk) -> None:
     guest.shell()
     disk.mount(guest)
+    take_programs(guest)
+
+
+def take_programs(guest: Robot) -> None:
     guest.sh(f"for name in {' '.join(PROGRAMS)}; do cp /test/$name /tmp; chmod 755 /tmp/$name; done")
 
 
-def start_program(guest: Guest, name: str, arguments: str) -> None:
+def start_program(guest: Robot, name: str, arguments: str) -> None:
     guest.sh(f"cd /; nohup /tmp/{name} {arguments} > /tmp/{name}.said 2>&1 & echo $! > /tmp/{name}.pid")
 
 
-def end_program(guest: Guest, name: str) -> list[int]:
+def end_program(guest: Robot, name: str) -> list[int]:
     """The numbers that it says at its end."""
     pid = guest.sh(f"read -r pid < /tmp/{name}.pid && kill $pid && echo $pid")
     guest.wait_until(f"! [ -d /proc/{pid} ]")
@@ -68,7 +77,7 @@ def end_program(guest: Guest, name: str) -> list[int]:
     return [int(word) for word in said.split()]
 
 
-def prepared(guest: Guest) -> None:
+def prepared(guest: Robot) -> None:
     """Wait until the recorder has files ready, as on a machine that has been on for a while."""
     ready = "for file in /rec/pool/*.index; do tail -c +9 $file | head -c 1; done | tr '\\001' R | grep -o R | wc -l"
     guest.sh(f"(for i in $(seq 400); do [ $({ready}) -lt {READY} ] || exit 0; sleep 0.5; done 2> /dev/null; "
@@ -80,17 +89,25 @@ def begin(guest: Guest, disk: SlowDisk, speed: Speed | None, naive: bool = False
     if naive:
         start_program(guest, "naive", f"video /rec/{NAIVE_FILE}")
     else:
-        guest.sh(f"ddxctl enable {SAVE}")
-        if not cold:
-            prepared(guest)
+        begin_recorder(guest, cold)
     write_trace.start(guest, "write" if naive else "pwrite64")
     if speed:
         disk.limit(guest, speed)
+    begin_clip(guest)
+
+
+def begin_recorder(guest: Robot, cold: bool = False) -> None:
+    guest.sh(f"ddxctl enable {SAVE}")
+    if not cold:
+        prepared(guest)
+
+
+def begin_clip(guest: Robot) -> None:
     start_program(guest, "neighbour", f"/rec/neighbour {HERTZ}")
     guest.sh(f"ddxctl enable {LOAD}")
 
 
-def end(guest: Guest, disk: SlowDisk, naive: bool = False, frames: int = FRAMES) -> Result:
+def end(guest: Robot, disk: SlowDisk | NativeDisk, naive: bool = False, frames: int = FRAMES) -> Result:
     """The source first, so that all that was published arrives; then everybody, and the disk is looked at. The clip has
     so many frames."""
     guest.sh(f"/etc/init.d/S*{LOAD} stop")
@@ -102,7 +119,7 @@ def end(guest: Guest, disk: SlowDisk, naive: bool = False, frames: int = FRAMES)
         guest.sh(f"/etc/init.d/S*{SAVE} stop")
         save = session.end_counters(guest, SAVE)
     neighbour, = end_program(guest, "neighbour")
-    stall, _ = write_trace.longest(guest)
+    stall = write_trace.longest(guest)[0] if isinstance(guest, Guest) else None
     guest.sh("sync; umount /rec")
     if naive and len(counts) != 2:
         raise Failed("the naive writer has failed")

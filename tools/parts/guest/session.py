@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from parts.common import PATIENCE, Failed
 from parts.guest.qemu import Guest
+from parts.guest.robot import Robot
 from parts.media import counters
 from parts.media.counters import Counters, adds_up, agree
 from parts.media.recording import Comparison, FileSystem, compare
@@ -83,7 +84,7 @@ def wait_for_clip(guest: Guest, frames: int, show: Show | None = None, rate: flo
         raise Failed(f"the clip is not through: {error}; counters: {follow(guest, 0) or 'none'}") from None
 
 
-def end_counters(guest: Guest, program: str) -> Counters:
+def end_counters(guest: Robot, program: str) -> Counters:
     """What the program said last; its log is written by svlogd, a moment later."""
     deadline = time.monotonic() + PATIENCE
     while True:

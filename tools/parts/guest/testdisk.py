@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from parts.common import run
 from parts.media import y4m
 
+Files = Mapping[str, pathlib.Path | str]
 FRAMES = 32  # room in the store for that many frames of the clip
 USUAL = 32   # MiB; what the image gives the store: package/ddx/store/store.default
 
@@ -24,25 +25,29 @@ def more_memory(clip: pathlib.Path) -> int:
     return 2 * (_budget(clip) - USUAL)
 
 
-def make(disk: pathlib.Path, clip: pathlib.Path | None,
-         files: Mapping[str, pathlib.Path | str] | None = None) -> pathlib.Path:
-    """A disk with a clip that the image replays at its start, and other files: their names there, and where they are
-    (a path) or what they say (a text, such as a service's settings)."""
+def fill(folder: pathlib.Path, clip: pathlib.Path | None, files: Files | None = None) -> None:
+    """What a test disk has: a clip that the image replays at its start, and other files: their names there, and where
+    they are (a path) or what they say (a text, such as a service's settings)."""
     content: dict[str, pathlib.Path | str] = {"clip.y4m": clip} if clip else {}
     content.update(files or {})
+    if clip and _budget(clip) > USUAL:
+        content["store.conf"] = f"m={_budget(clip)}M\n"
+    for where, source in content.items():
+        if isinstance(source, str):
+            (folder / where).write_text(source)
+            continue
+        try:
+            os.link(source, folder / where)
+        except OSError:
+            shutil.copy(source, folder / where)
+
+
+def make(disk: pathlib.Path, clip: pathlib.Path | None, files: Files | None = None) -> pathlib.Path:
+    """A disk with all that."""
     with tempfile.TemporaryDirectory(prefix="ddx-") as name:
         folder = pathlib.Path(name)
-        for where, source in content.items():
-            if isinstance(source, str):
-                (folder / where).write_text(source)
-                continue
-            try:
-                os.link(source, folder / where)
-            except OSError:
-                shutil.copy(source, folder / where)
-        if clip and _budget(clip) > USUAL:
-            (folder / "store.conf").write_text(f"m={_budget(clip)}M\n")
-        bytes_used = sum((folder / where).stat().st_size for where in content)
+        fill(folder, clip, files)
+        bytes_used = sum(path.stat().st_size for path in folder.iterdir())
         size = bytes_used // 1024 + bytes_used // 50_000 + 8192
         disk.unlink(missing_ok=True)
         run(["mke2fs", "-q", "-t", "ext4", "-O", "^has_journal", "-L", "DDXTEST", "-m", "0",

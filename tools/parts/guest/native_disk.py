@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A file system for a machine on this machine's own kernel, in memory: as fast as that is, or as slow as told.
+
+The kernel limits it then (cgroups, of either version) for this process and whoever it starts. Limited are reads and
+writes, each for itself; a recorder only writes."""
+from __future__ import annotations
+
+import os
+import pathlib
+import tempfile
+import time
+from types import TracebackType
+
+from parts.common import PATIENCE, Failed, run
+from parts.guest.slow_disk import MEMORY, Speed, file_system
+
+GROUPS = pathlib.Path("/sys/fs/cgroup")
+
+
+def wait_until_gone(group: pathlib.Path) -> None:
+    """The last of a machine's processes ends a moment after its init."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        try:
+            group.rmdir()
+            return
+        except OSError:
+            if time.monotonic() > end:
+                raise
+        time.sleep(0.02)
+
+
+class NativeDisk:
+    """Mounted at `place`, a folder that is there."""
+
+    def __init__(self, megabytes: int, place: pathlib.Path, speed: Speed | None = None) -> None:
+        self.place = place
+        self._folder = tempfile.TemporaryDirectory(prefix="ddx-disk-", dir=MEMORY)
+        self._device = ""
+        self._group: pathlib.Path | None = None
+        self.image = file_system(pathlib.Path(self._folder.name) / "disk.img", megabytes)
+        try:
+            # Past the page cache: in there any disk would be quick.
+            self._device = run(["losetup", "--find", "--show", "--direct-io=on", self.image]).strip()
+            run(["mount", "-o", "noatime", self._device, place])
+            if speed:
+                self._limit(speed)
+        except BaseException:
+            self.end()
+            raise
+
+    def _limit(self, speed: Speed) -> None:
+        number = pathlib.Path("/sys/class/block", pathlib.Path(self._device).name, "dev").read_text().strip()
+        bytes_, requests = speed.megabytes * 1_000_000, speed.requests
+        first = (GROUPS / "blkio").exists()
+        self._group = (GROUPS / "blkio" if first else GROUPS) / f"ddx-{os.getpid()}"
+        try:
+            self._group.mkdir()
+            if first:
+                for way in ("read", "write"):
+                    (self._group / f"blkio.throttle.{way}_bps_device").write_text(f"{number} {bytes_}")
+                    (self._group / f"blkio.throttle.{way}_iops_device").write_text(f"{number} {requests}")
+            else:
+                (GROUPS / "cgroup.subtree_control").write_text("+io")
+                (self._group / "io.max").write_text(
+                    f"{number} rbps={bytes_} wbps={bytes_} riops={requests} wiops={requests}")
+            (self._group / "cgroup.procs").write_text(str(os.getpid()))
+        except OSError as error:
+            raise Failed(f"{self._group}: the disk cannot be limited: {error}") from error
+
+    def end(self) -> None:
+        """Its content is gone, too."""
+        if self._group and self._group.exists():
+            (self._group.parent / "cgroup.procs").write_text(str(os.getpid()))
+            wait_until_gone(self._group)
+        if self.place.is_mount():
+            run(["umount", self.place])
+        if self._device:
+            run(["losetup", "--detach", self._device])
+        self._folder.cleanup()
+
+    def __enter__(self) -> NativeDisk:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.end()
