@@ -41,6 +41,8 @@ FAULT_SECONDS = 30  # a fault shows soon
 HD = (1920, 1080)
 HD_FRAMES = 100     # of the clip that goes round and round
 NONE, SOME, ANY = "none", "some", "any"
+NAIVE, OURS = "naive", "ours"
+SELDOM = 0.2        # Hz; the journal is written so often by itself
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +55,7 @@ class Case:
     naive: bool = False
     cold: bool = False        # no file was ready before
     settings: str = ""        # of the recorder
+    hertz: float = disk_session.HERTZ  # of the neighbour's fsync
     freeze: float = 0         # s
     every: float = 0          # s; 0: once, in the middle
     natively: bool = False    # on this machine's own kernel, and 1080p: more than an emulated processor can
@@ -78,10 +81,11 @@ def frozen(duration: int) -> list[Case]:
 
 
 def comparison(duration: int) -> list[Case]:
-    """The paper's: its stalls came from ext3's journal."""
-    return [Case(f"{file_system} {'naive' if naive else 'ours'}", min(duration, 60), ANY if naive else NONE,
-                 file_system=file_system, naive=naive)
-            for file_system in ("ext3", "ext4-journal", "ext4") for naive in (True, False)]
+    """The paper's: its stalls came from ext3's journal. The less often somebody calls fsync, the more waits for it."""
+    return [Case(f"{file_system} {writer}{' ' + often if often else ''}", min(duration, 60),
+                 ANY if writer == NAIVE else NONE, file_system=file_system, naive=writer == NAIVE, hertz=hertz)
+            for often, hertz in (("", disk_session.HERTZ), ("seldom", SELDOM))
+            for file_system in ("ext3", "ext4-journal", "ext4") for writer in (NAIVE, OURS)]
 
 
 # ---- One case ----
@@ -148,7 +152,7 @@ def run_case(case: Case, image: pathlib.Path, accel: str) -> Result:
             Guest(image, accel, machine.machines(machine.DEV)[0], test_disk=test, provision=disk_session.QUIET,
                   extra=disk.drive(), log=WORK / "console.log") as guest:
         disk_session.prepare(guest, disk)
-        disk_session.begin(guest, disk, case.speed, case.naive, case.cold)
+        disk_session.begin(guest, disk, case.speed, case.naive, case.cold, case.hertz)
         wait(case, guest, disk)
         return disk_session.end(guest, disk, case.naive)
 
@@ -171,7 +175,8 @@ def verdict(case: Case, result: Result) -> list[str]:
 def row(case: Case, result: Result, load: float) -> dict[str, Any]:
     found = result.found
     return {"case": case.name, "seconds": case.seconds, "speed": dataclasses.asdict(case.speed),
-            "file_system": case.file_system, "writer": "naive" if case.naive else "ours", "settings": case.settings,
+            "file_system": case.file_system, "writer": NAIVE if case.naive else OURS, "settings": case.settings,
+            "neighbour_hertz": case.hertz,
             "published": found.published, "recorded": found.recorded, "lost": found.lost,
             "lost_counted": {reason: count for reason, count in found.counted.items() if count},
             "longest_gap": found.longest, "stall_ms": result.stall_ms, "latency_us": result.save.latency,

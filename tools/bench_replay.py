@@ -17,7 +17,7 @@ import time
 
 from bench_stream import Programs
 from parts.bench.measure import percentile
-from parts.common import OUTPUT, TOP, Failed, finish, say
+from parts.common import OUTPUT, TOP, Failed, finish, say, wait_until
 from parts.image import native
 
 ITEMS = {"imu": 200, "wheels": 50, "gps": 10}  # values a second
@@ -27,14 +27,14 @@ STRUCT = "struct { long long number; double x[12]; }"
 
 def wait_for(programs: Programs, item: str) -> None:
     import ddx  # pylint: disable=import-outside-toplevel
-    deadline = time.monotonic() + 10
-    while time.monotonic() < deadline:
+
+    def there() -> bool:
         try:
             with ddx.Store() as store, store.item(item):
-                return
+                return True
         except ddx.Error:
-            time.sleep(0.05)
-    raise Failed(f"{item} did not come: {programs.folder}")
+            return False
+    wait_until(there, f"{item} did not come: {programs.folder}", patience=10)
 
 
 def record(programs: Programs, seconds: int) -> pathlib.Path:

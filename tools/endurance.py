@@ -15,11 +15,10 @@ import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Callable
 from typing import Any
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, say
+from parts.common import OUTPUT, PATIENCE, Failed, say, wait_until
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
@@ -81,15 +80,7 @@ def settled(robot: Robot, names: tuple[str, ...]) -> None:
     for name in names:
         if name in PASSING_ON:
             passes_on(robot, name)
-    wait_until(lambda: not requests_are_logged(robot), "ddxlog holds what has no writer")
-
-
-def wait_until(condition: Callable[[], bool], complaint: str) -> None:
-    end = time.monotonic() + PATIENCE
-    while not condition():
-        if time.monotonic() > end:
-            raise Failed(complaint)
-        time.sleep(1)
+    wait_until(lambda: not requests_are_logged(robot), "ddxlog holds what has no writer", 1)
 
 
 def requests_are_logged(robot: Robot) -> bool:
@@ -101,7 +92,7 @@ def requests_are_logged(robot: Robot) -> bool:
 def passes_on(robot: Robot, name: str) -> None:
     """It has taken frames and passed them on since now, for which it needs all its memory and files."""
     begin = passed_on(robot, name)
-    wait_until(lambda: passed_on(robot, name) > begin, f"{name} passes no frame on")
+    wait_until(lambda: passed_on(robot, name) > begin, f"{name} passes no frame on", 1)
 
 
 def passed_on(robot: Robot, name: str) -> int:

@@ -51,6 +51,15 @@ def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] |
     return done.stdout
 
 
+def wait_until(condition: Callable[[], bool], complaint: str, pause: float = 0.02, patience: float = PATIENCE) -> None:
+    """Look every `pause` seconds; the complaint is what is said when it is still not so after `patience` seconds."""
+    end = time.monotonic() + patience
+    while not condition():
+        if time.monotonic() > end:
+            raise Failed(complaint)
+        time.sleep(pause)
+
+
 def commit() -> str:
     """What is tested: the commit, and whether there is more than that in the tree; empty outside git."""
     words = ["git", "describe", "--always", "--dirty", "--abbrev=12"]

@@ -39,15 +39,18 @@ def _panel(title: str, rows: list[dict[str, Any]], value: str, top: float) -> tu
 
 
 def picture(cases: list[dict[str, Any]]) -> str:
-    """Of the comparison; whatever of it there is."""
-    rows = [one for one in cases if one["case"].endswith((" naive", " ours"))]
-    if not rows:
-        return '<svg xmlns="http://www.w3.org/2000/svg"/>\n'
-    first, below = _panel("Longest write in ms", rows, "stall_ms", 0)
-    second, end = _panel("Frames lost", rows, "lost", below)
+    """Of the comparison of file systems; whatever of it there is."""
+    rows = [one for one in cases if one["case"].startswith("ext")]
+    panels, end = [], 0.0
+    for hertz in sorted({one["neighbour_hertz"] for one in rows}, reverse=True):
+        some = [one for one in rows if one["neighbour_hertz"] == hertz]
+        often = f"{hertz:g} times a second" if hertz >= 1 else f"every {1 / hertz:g} s"
+        for title, value in (("Longest write in ms", "stall_ms"), ("Frames lost", "lost")):
+            panel, end = _panel(f"{title}; the neighbour calls fsync {often}", some, value, end)
+            panels.append(panel)
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {end:.0f}" width="{WIDTH}" '
             f'font-family="sans-serif" font-size="12"><rect width="100%" height="100%" fill="#fff"/>\n'
-            f"{first}\n{second}\n</svg>\n")
+            + "\n".join(panels) + "\n</svg>\n")
 
 
 def table(cases: list[dict[str, Any]]) -> None:

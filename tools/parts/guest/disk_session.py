@@ -21,7 +21,7 @@ from parts.media.record_check import Found
 CLIP_SECONDS = 20
 FRAMES = CLIP_SECONDS * RATE
 PROGRAMS = ("naive", "neighbour")
-HERTZ = 20  # of the neighbour's
+HERTZ = 20.0  # of the neighbour's fsync
 # In the provisioning file: nothing happens before the disk is there
 QUIET = f"service={SAVE} off\nservice={LOAD} off\n"
 READY = 2  # files that the recorder prepares before it needs them
@@ -84,7 +84,8 @@ def prepared(guest: Robot) -> None:
              f"cat /run/log/{SAVE}/current; ls -la /rec/pool; exit 1)", 300)
 
 
-def begin(guest: Guest, disk: SlowDisk, speed: Speed | None, naive: bool = False, cold: bool = False) -> None:
+def begin(guest: Guest, disk: SlowDisk, speed: Speed | None, naive: bool = False, cold: bool = False,
+          hertz: float = HERTZ) -> None:
     """Record: the clip begins when the recorder is there. `cold`: and has prepared nothing yet."""
     if naive:
         start_program(guest, "naive", f"video /rec/{NAIVE_FILE}")
@@ -93,7 +94,7 @@ def begin(guest: Guest, disk: SlowDisk, speed: Speed | None, naive: bool = False
     write_trace.start(guest, "write" if naive else "pwrite64")
     if speed:
         disk.limit(guest, speed)
-    begin_clip(guest)
+    begin_clip(guest, hertz)
 
 
 def begin_recorder(guest: Robot, cold: bool = False) -> None:
@@ -102,8 +103,8 @@ def begin_recorder(guest: Robot, cold: bool = False) -> None:
         prepared(guest)
 
 
-def begin_clip(guest: Robot) -> None:
-    start_program(guest, "neighbour", f"/rec/neighbour {HERTZ}")
+def begin_clip(guest: Robot, hertz: float = HERTZ) -> None:
+    start_program(guest, "neighbour", f"/rec/neighbour {hertz}")
     guest.sh(f"ddxctl enable {LOAD}")
 
 

@@ -5,29 +5,30 @@ The kernel limits it then (cgroups, of either version) for this process and whoe
 writes, each for itself; a recorder only writes."""
 from __future__ import annotations
 
+import functools
 import os
 import pathlib
 import tempfile
-import time
 from types import TracebackType
 
-from parts.common import PATIENCE, Failed, run
+from parts.common import Failed, run, wait_until
 from parts.guest.slow_disk import MEMORY, Speed, file_system
 
 GROUPS = pathlib.Path("/sys/fs/cgroup")
 
 
-def wait_until_gone(group: pathlib.Path) -> None:
-    """The last of a machine's processes ends a moment after its init."""
-    end = time.monotonic() + PATIENCE
-    while True:
-        try:
-            group.rmdir()
-            return
-        except OSError:
-            if time.monotonic() > end:
-                raise
-        time.sleep(0.02)
+def present(base: pathlib.Path, controller: str) -> pathlib.Path:
+    """The group that this process is in now, below `base`."""
+    lines = (line.split(":", 2) for line in pathlib.Path("/proc/self/cgroup").read_text().splitlines())
+    return next((base / path.lstrip("/") for _, names, path in lines if names == controller), base)
+
+
+def gone(group: pathlib.Path) -> bool:
+    try:
+        group.rmdir()
+    except OSError:
+        return False
+    return True
 
 
 class NativeDisk:
@@ -38,6 +39,7 @@ class NativeDisk:
         self._folder = tempfile.TemporaryDirectory(prefix="ddx-disk-", dir=MEMORY)
         self._device = ""
         self._group: pathlib.Path | None = None
+        self._before = GROUPS
         self.image = file_system(pathlib.Path(self._folder.name) / "disk.img", megabytes)
         try:
             # Past the page cache: in there any disk would be quick.
@@ -53,8 +55,10 @@ class NativeDisk:
         number = pathlib.Path("/sys/class/block", pathlib.Path(self._device).name, "dev").read_text().strip()
         bytes_, requests = speed.megabytes * 1_000_000, speed.requests
         first = (GROUPS / "blkio").exists()
-        self._group = (GROUPS / "blkio" if first else GROUPS) / f"ddx-{os.getpid()}"
+        base = GROUPS / "blkio" if first else GROUPS
+        self._group = base / f"ddx-{os.getpid()}"
         try:
+            self._before = present(base, "blkio" if first else "")
             self._group.mkdir()
             if first:
                 for way in ("read", "write"):
@@ -71,8 +75,9 @@ class NativeDisk:
     def end(self) -> None:
         """Its content is gone, too."""
         if self._group and self._group.exists():
-            (self._group.parent / "cgroup.procs").write_text(str(os.getpid()))
-            wait_until_gone(self._group)
+            (self._before / "cgroup.procs").write_text(str(os.getpid()))
+            # The last of a machine's processes ends a moment after its init.
+            wait_until(functools.partial(gone, self._group), f"{self._group}: something still runs in it")
         if self.place.is_mount():
             run(["umount", self.place])
         if self._device:

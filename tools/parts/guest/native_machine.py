@@ -14,10 +14,9 @@ import pathlib
 import signal
 import subprocess
 import tempfile
-import time
 from types import TracebackType
 
-from parts.common import MORTAL, PATIENCE, Failed
+from parts.common import MORTAL, PATIENCE, Failed, wait_until
 
 SCRIPTS = "S02base S[2-9]*"  # of /etc/init.d: folders and loopback, then the services
 DEVICES = {"null": "1 3", "zero": "1 5", "full": "1 7", "random": "1 8", "urandom": "1 9", "tty": "5 0"}
@@ -83,15 +82,16 @@ class NativeMachine:
     def _wait_for_init(self) -> None:
         """Until init has taken over: before, the root may still be this machine's own."""
         children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
-        end = time.monotonic() + PATIENCE
-        while True:
-            first = children.read_text().split()
-            if first and pathlib.Path(f"/proc/{first[0]}/comm").read_text() == "init\n":
-                self._enter = ["nsenter", *ENTER, "--target", first[0], "env", "-i", PATH, "sh", "-c"]
-                return
-            if self.process.poll() is not None or time.monotonic() > end:
+
+        def there() -> bool:
+            if self.process.poll() is not None:
                 raise Failed(f"no machine of its own: {self.process.stderr.read() if self.process.stderr else ''}")
-            time.sleep(0.02)
+            first = children.read_text().split()
+            if not first or pathlib.Path(f"/proc/{first[0]}/comm").read_text() != "init\n":
+                return False
+            self._enter = ["nsenter", *ENTER, "--target", first[0], "env", "-i", PATH, "sh", "-c"]
+            return True
+        wait_until(there, "no machine of its own: its init does not come")
 
     def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
         """Exit status, and what it said."""
@@ -107,11 +107,7 @@ class NativeMachine:
         return text
 
     def wait_until(self, condition: str, timeout: float = PATIENCE) -> None:
-        end = time.monotonic() + timeout
-        while self.run(condition)[0]:
-            if time.monotonic() > end:
-                raise Failed(f"waited in vain: {condition}")
-            time.sleep(0.1)
+        wait_until(lambda: self.run(condition)[0] == 0, f"waited in vain: {condition}", 0.1, timeout)
 
     def wait_for_end(self) -> None:
         """It was told to stop, or to start anew: init ends, and everything with it."""

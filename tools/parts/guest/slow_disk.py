@@ -14,7 +14,7 @@ import tempfile
 import time
 from types import TracebackType
 
-from parts.common import MORTAL, PATIENCE, Failed, run
+from parts.common import MORTAL, PATIENCE, Failed, run, wait_until
 from parts.guest.qemu import Guest
 
 MEMORY = pathlib.Path("/dev/shm")
@@ -55,13 +55,14 @@ class SlowDisk:
         self._socket.unlink(missing_ok=True)
         process = subprocess.Popen([*MORTAL, "qemu-nbd", "--persistent", "--format=raw", f"--socket={self._socket}",
                                     self.image])
-        end = time.monotonic() + PATIENCE
-        while not self._socket.exists():
-            if process.poll() is not None or time.monotonic() > end:
-                process.kill()
-                process.wait()
-                raise Failed("qemu-nbd does not start")
-            time.sleep(0.02)
+        try:
+            wait_until(lambda: self._socket.exists() or process.poll() is not None, "qemu-nbd does not start")
+            if process.poll() is not None:
+                raise Failed(f"qemu-nbd ended, with status {process.returncode}")
+        except Failed:
+            process.kill()
+            process.wait()
+            raise
         return process
 
     def drive(self) -> tuple[str, ...]:
