@@ -244,7 +244,7 @@ def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bo
                 if (number, model) in old:
                     continue
                 chance = random.Random(f"{seed} {number}")
-                scratch.write_bytes(disk.all_written() if model == "prefix" else disk.some_written(chance))
+                disk.make(scratch, disk.all_written() if model == "prefix" else disk.some_written(chance))
                 found = Found(number, model, chosen[number])
                 judge(scratch, found, seen[number], pictures, naive)
                 yield found

@@ -10,7 +10,6 @@ streams at once, shows a line a second, compares the recording with the clip and
 the recording, writes output/report.json and output/report.html. Exit status 1 if the recording lacks a frame or the
 programs' counters are wrong; the stream may lose frames, counted, since nothing waits for it.
 """
-import json
 import os
 import pathlib
 import sys

@@ -12,6 +12,8 @@ FLUSH, FUA, DISCARD = 1, 2, 4
 SUPER = struct.Struct("<QQQI")
 HEAD = struct.Struct("<QQQQ")
 SECTOR = 512
+EMPTY = bytes(1 << 20)
+Writes = list[tuple[int, bytes]]  # where, and what
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,44 +48,54 @@ class LoggedDisk:
 
     def __init__(self, begin: int, content: bytes) -> None:
         self.begin, self.safe = begin, bytearray(content)
-        self._since: list[tuple[int, bytes]] = []  # what no flush has made safe yet
+        self._since: Writes = []  # what no flush has made safe yet
 
     def _part(self, entry: Entry) -> tuple[int, bytes] | None:
         """What of a write lies in this piece."""
         begin, end = max(entry.offset, self.begin), min(entry.offset + len(entry.data), self.begin + len(self.safe))
         return (begin - self.begin, entry.data[begin - entry.offset:end - entry.offset]) if begin < end else None
 
-    @staticmethod
-    def _put(image: bytearray, writes: list[tuple[int, bytes]]) -> None:
+    def _put(self, writes: Writes) -> None:
         for at, data in writes:
-            image[at:at + len(data)] = data
+            self.safe[at:at + len(data)] = data
 
     def add(self, entry: Entry) -> bool:
         """The next one; whether it changed anything here."""
         if entry.is_flush:
-            self._put(self.safe, self._since)
+            self._put(self._since)
             self._since.clear()
         part = self._part(entry)
         if part and entry.flags & FUA:  # safe by itself, whatever came before it
-            self._put(self.safe, [part])
+            self._put([part])
         if part:
             self._since.append(part)
         return part is not None or entry.is_flush
 
-    def all_written(self) -> bytes:
-        """A power cut now, and all that was finished is on the disk."""
-        image = bytearray(self.safe)
-        self._put(image, self._since)
-        return bytes(image)
+    def all_written(self) -> Writes:
+        """A power cut now, and of what was written since the last flush all that was finished is there."""
+        return list(self._since)
 
-    def some_written(self, chance: random.Random) -> bytes:
-        """A power cut now, and of what was written since the last flush some is there, some is not, some in part."""
-        image = bytearray(self.safe)
+    def some_written(self, chance: random.Random) -> Writes:
+        """Some of it is there, some is not, some in part."""
+        found: Writes = []
         for at, data in self._since:
             whole = chance.random()
             if whole < 0.4:
-                self._put(image, [(at, data)])
+                found.append((at, data))
             elif whole < 0.7:
                 sectors = [sector for sector in range(0, len(data), SECTOR) if chance.random() < 0.5]
-                self._put(image, [(at + sector, data[sector:sector + SECTOR]) for sector in sectors])
-        return bytes(image)
+                found.extend((at + sector, data[sector:sector + SECTOR]) for sector in sectors)
+        return found
+
+    def make(self, image: pathlib.Path, written: Writes) -> None:
+        """What such a power cut leaves, as a file with holes: most of a disk is empty, and thousands are made."""
+        with image.open("wb") as file:
+            file.truncate(len(self.safe))
+            for at in range(0, len(self.safe), len(EMPTY)):
+                piece = self.safe[at:at + len(EMPTY)]
+                if piece != EMPTY[:len(piece)]:
+                    file.seek(at)
+                    file.write(piece)
+            for at, data in written:
+                file.seek(at)
+                file.write(data)

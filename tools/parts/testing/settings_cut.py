@@ -27,9 +27,8 @@ def toggle(sh: Callable[[str], object], mark: Callable[[bytes], object], naive: 
         mark(MARK % number)
 
 
-def settings(image: bytes, file: pathlib.Path) -> bytes | None:
-    """What the machine would find at its next boot; None: no such file."""
-    file.write_bytes(image)
+def settings(file: pathlib.Path) -> bytes | None:
+    """What the machine would find on such a disk at its next boot; None: no such file."""
     for how in ("-p", "-fy"):  # as overlay/etc/init.d/S15storage does it, and with the same tools
         checked = subprocess.run(["e2fsck", how, file], capture_output=True, text=True, check=False, env=SBIN)
         if checked.returncode < 2:
@@ -52,8 +51,9 @@ def cuts(log: pathlib.Path, disk: blocklog.LoggedDisk, scratch: pathlib.Path, di
                 done = number
         if not disk.add(entry) or done < 0 or done == len(TOGGLES):
             continue
-        for left in [disk.all_written(), *(disk.some_written(chance) for _ in range(dice))]:
-            found.append((done, settings(left, scratch)))
+        for written in [disk.all_written(), *(disk.some_written(chance) for _ in range(dice))]:
+            disk.make(scratch, written)
+            found.append((done, settings(scratch)))
     return found
 
 
