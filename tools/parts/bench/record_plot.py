@@ -9,17 +9,17 @@ from typing import Any
 from parts.common import say
 
 COLOURS = {"naive": "#c8553d", "ours": "#0b6e4f"}
-WIDTH, LEFT, BAR, GAP = 760, 150, 17, 12
+WIDTH, LEFT, RIGHT, BAR, GAP = 760, 165, 100, 17, 12
 NAMES = {"ext3": "ext3, journal", "ext4-journal": "ext4, journal", "ext4": "ext4, no journal"}
 
 
-def _panel(title: str, rows: list[dict[str, Any]], value: str, top: float) -> tuple[str, float]:
-    """Bars, on a logarithmic scale from 1; what is less has none."""
-    most = max(10.0, *(one[value] for one in rows))
+def _panel(title: str, rows: list[dict[str, Any]], top: float) -> tuple[str, float]:
+    """A bar for the longest write, on a logarithmic scale from 1 ms, and what was lost behind it."""
+    most = max(10.0, *(one["stall_ms"] for one in rows))
     decades = math.ceil(math.log10(most))
 
     def x(number: float) -> float:
-        return LEFT + (WIDTH - LEFT - 60) * (math.log10(number) / decades if number > 1 else 0)
+        return LEFT + (WIDTH - LEFT - RIGHT) * (math.log10(number) / decades if number > 1 else 0)
 
     y, last, bars = top + 40, "", ""
     for one in rows:
@@ -29,8 +29,9 @@ def _panel(title: str, rows: list[dict[str, Any]], value: str, top: float) -> tu
             bars += f'<text x="{LEFT - 55}" y="{y + 22}" text-anchor="end">{html.escape(NAMES[last])}</text>'
         colour = COLOURS[one["writer"]]
         bars += (f'<text x="{LEFT - 6}" y="{y + 12}" text-anchor="end" fill="{colour}">{one["writer"]}</text>'
-                 f'<rect x="{LEFT}" y="{y}" width="{max(1.0, x(one[value]) - LEFT):.1f}" height="{BAR - 3}" '
-                 f'fill="{colour}"/><text x="{x(one[value]) + 5:.1f}" y="{y + 12}">{one[value]:g}</text>')
+                 f'<rect x="{LEFT}" y="{y}" width="{max(1.0, x(one["stall_ms"]) - LEFT):.1f}" height="{BAR - 3}" '
+                 f'fill="{colour}"/><text x="{x(one["stall_ms"]) + 5:.1f}" y="{y + 12}">{one["stall_ms"]:.0f} ms, '
+                 f'{one["lost"] or "none"} lost</text>')
         y += BAR
     grid = "".join(f'<line x1="{x(10**power):.1f}" x2="{x(10**power):.1f}" y1="{top + 36}" y2="{y}" stroke="#ddd"/>'
                    f'<text x="{x(10**power):.1f}" y="{top + 32}" text-anchor="middle">{10**power}</text>'
@@ -45,9 +46,8 @@ def picture(cases: list[dict[str, Any]]) -> str:
     for hertz in sorted({one["neighbour_hertz"] for one in rows}, reverse=True):
         some = [one for one in rows if one["neighbour_hertz"] == hertz]
         often = f"{hertz:g} times a second" if hertz >= 1 else f"every {1 / hertz:g} s"
-        for title, value in (("Longest write in ms", "stall_ms"), ("Frames lost", "lost")):
-            panel, end = _panel(f"{title}; the neighbour calls fsync {often}", some, value, end)
-            panels.append(panel)
+        panel, end = _panel(f"Longest write in ms, and frames lost; a neighbour calls fsync {often}", some, end)
+        panels.append(panel)
     return (f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {end:.0f}" width="{WIDTH}" '
             f'font-family="sans-serif" font-size="12"><rect width="100%" height="100%" fill="#fff"/>\n'
             + "\n".join(panels) + "\n</svg>\n")
