@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What hangs on a robot's first serial line: a GPS and an IMU that speak from power-on, whoever listens."""
 import contextlib
+import os
 import pathlib
 import random
+import select
 import socket
 import threading
+import time
 from collections.abc import Iterator
 
 from parts.guest.qemu import USERSPACE, Guest
@@ -47,13 +50,15 @@ class Noise:
         return SENTENCE + POSITION + chance.randbytes(94) + KEYS + chance.randbytes(BURST) + LOGIN
 
     def _speak(self) -> None:
+        with contextlib.suppress(PermissionError):  # see _hear(): before QEMU, whatever else keeps the processors busy
+            os.sched_setscheduler(threading.get_native_id(), os.SCHED_RR, os.sched_param(1))
         chance = random.Random(1)
         while not self._end.is_set():
             # A machine that is started again has a new line.
             with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as line:
                 line.connect(str(self.path))
                 line.setblocking(False)
-                while not self._end.wait(PAUSE):
+                while not self._end.is_set():
                     with contextlib.suppress(BlockingIOError):
                         line.send(self._message(chance))
                         self.sent += 1
@@ -62,12 +67,16 @@ class Noise:
             self._end.wait(PAUSE)
 
     def _hear(self, line: socket.socket) -> bool:
-        """Whoever does not read stops the guest; false: it has gone."""
-        with contextlib.suppress(BlockingIOError):
-            while data := line.recv(65536):
+        """For a while; false: it has gone. Whatever comes, at once: the guest's bytes are sent one by one, some 270 of
+        them fill the socket, and QEMU's line then loses some and says others twice."""
+        end = time.monotonic() + PAUSE
+        while (left := end - time.monotonic()) > 0:
+            if select.select([line], [], [], left)[0]:
+                data = line.recv(65536)
+                if not data:
+                    return False
                 if USERSPACE not in self._heard:
                     self._heard += data
-            return False
         return True
 
 
