@@ -82,9 +82,9 @@ def frozen(duration: int) -> list[Case]:
 
 def comparison(duration: int) -> list[Case]:
     """The paper's: its stalls came from ext3's journal. The less often somebody calls fsync, the more waits for it."""
-    return [Case(f"{file_system} {writer}{' ' + often if often else ''}", min(duration, 60),
+    return [Case(f"{file_system} {writer}{often}", min(duration, 60),
                  ANY if writer == NAIVE else NONE, file_system=file_system, naive=writer == NAIVE, hertz=hertz)
-            for often, hertz in (("", disk_session.HERTZ), ("seldom", SELDOM))
+            for often, hertz in (("", disk_session.HERTZ), (" seldom", SELDOM))
             for file_system in ("ext3", "ext4-journal", "ext4") for writer in (NAIVE, OURS)]
 
 

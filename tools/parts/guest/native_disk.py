@@ -23,7 +23,8 @@ def present(base: pathlib.Path, controller: str) -> pathlib.Path:
     return next((base / path.lstrip("/") for _, names, path in lines if names == controller), base)
 
 
-def gone(group: pathlib.Path) -> bool:
+def removed(group: pathlib.Path) -> bool:
+    """Whether nothing was in it any more, and it could be."""
     try:
         group.rmdir()
     except OSError:
@@ -77,7 +78,7 @@ class NativeDisk:
         if self._group and self._group.exists():
             (self._before / "cgroup.procs").write_text(str(os.getpid()))
             # The last of a machine's processes ends a moment after its init.
-            wait_until(functools.partial(gone, self._group), f"{self._group}: something still runs in it")
+            wait_until(functools.partial(removed, self._group), f"{self._group}: something still runs in it")
         if self.place.is_mount():
             run(["umount", self.place])
         if self._device:
