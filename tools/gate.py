@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make test: the gate. test.py [-long] [WORDS]   WORDS: only tests that match (pytest -k), without lint and C tests
 
-Order: lint, the C tests of each build (meson), pytest (tests/host, tests/model, and tests/boot with the development
-image), then tests/boot with each image of the product that was built here. With BOARD= only tests/boot with that
-board's image. -long runs the tests that take minutes, instead of the others.
+Order: the C tests of each build (meson) with lint beside them, pytest (tests/host, tests/model, and tests/boot with the
+development image), then tests/boot with each image of the product that was built here. With BOARD= only tests/boot
+with that board's image. -long runs the tests that take minutes, instead of the others.
 
 A test that fails is run once more, alone; if it passes then, it counts as passed and is told of at the end (FLAKY).
 There is no second chance with STRICT=1, nor for a test whose failure speaks of a torn or lost frame or comes from a
@@ -19,7 +19,6 @@ from concurrent.futures import ThreadPoolExecutor
 
 import build
 import buildroot
-import lint
 from parts.common import OUTPUT, TOP, Failed, alone, commit, say
 from parts.guest import machine
 from parts.image import native
@@ -42,16 +41,29 @@ LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
 LONGEST = 30     # s; what a test of the gate may take
 
 
-def c_tests(run: suite.Suite) -> None:
-    """While the tests of one build wait for each other's processes, the next one is made."""
-    with ThreadPoolExecutor(1) as builder:
-        builds = [builder.submit(native.build, *build) for build in BUILDS]
+def lint(run: suite.Suite) -> bool:
+    """Whether it complains; all that it says is shown in one piece."""
+    command = ["nice", "-n", "10", sys.executable, "-B", str(TOP / "tools/lint.py")]
+    with run.part("lint"):
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                              text=True, check=False)
+    say(done.stdout.rstrip())
+    return done.returncode != 0
+
+
+def lint_and_c_tests(run: suite.Suite) -> None:
+    """C tests mostly wait for each other's processes, so lint and the builds that follow run at the same time."""
+    with ThreadPoolExecutor(2) as others:
+        bad = others.submit(lint, run)
+        builds = [others.submit(native.build, *build) for build in BUILDS]
         for (name, _, packages), build in zip(BUILDS, builds):
             with run.part(f"build: {name}"):
                 root = build.result()
             for package in packages:
                 with run.part(f"C tests: {name}"):
                     run.meson(name, package, native.environment(root))
+        if bad.result():
+            run.tests.append(Test("lint", "failed", 0, "see above"))
 
 
 def product(run: suite.Suite, words: list[str]) -> None:
@@ -79,13 +91,9 @@ def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
             run.pytest(words, BOOT, board)
         return
     if not words and not run.long:
-        # C tests mostly wait for each other's processes: there is time for a compiler beside them.
         foreign = subprocess.Popen([sys.executable, "-B", TOP / "tools/build.py", "foreign"], stdin=subprocess.DEVNULL)
         try:
-            with run.part("lint"):
-                if lint.main():
-                    run.tests.append(Test("lint", "failed", 0, "see above"))
-            c_tests(run)
+            lint_and_c_tests(run)
             with run.part("build: development image"):
                 foreign.wait()
         finally:

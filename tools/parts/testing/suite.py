@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A run of the tests: parts one after the other, a second chance for what fails, a table and a verdict at the end."""
+"""A run of the tests: its parts, a second chance for what fails, a table and a verdict at the end."""
 import contextlib
 import dataclasses
 import json
@@ -18,6 +18,8 @@ FAILED = TEST / "failed"
 RESULTS = TEST / "results"
 LOCK = OUTPUT / "test.lock"  # two runs in one clone would build, and judge, each other's programs
 SLOWEST = 15
+C_TESTS = 4  # at a time: they mostly wait for each other's processes
+PATIENT = 4  # times what meson.build allows a C test: it may have to wait for a processor
 # Nobody is lucky with these: a frame that was torn or lost, memory or threads that a sanitizer saw go wrong. Counters
 # that are printed as they are (lost={...}) say nothing yet.
 NO_CHANCE = re.compile(r"\btorn\b(?!=)|\blost\b(?![=\[])|Sanitizer|runtime error:", re.IGNORECASE)
@@ -57,6 +59,7 @@ class Suite:
     def __init__(self, long: bool = False, strict: bool = False) -> None:
         self.long, self.strict = long, strict
         self.tests: list[Test] = []
+        self.begin = time.monotonic()
         self.parts: dict[str, float] = {}
         self.guests = 0
         self.broken: list[str] = []  # parts that ended without telling of their tests
@@ -101,19 +104,20 @@ class Suite:
         """The C tests of a package in output/<name>, or the chosen ones."""
         folder = OUTPUT / name / package
 
-        def run(*only: str) -> list[Test]:
+        def run(processes: int, *only: str) -> list[Test]:
             log = folder / "meson-logs/testlog.json"
             log.unlink(missing_ok=True)
-            done = subprocess.run(["meson", "test", "--no-rebuild", "--print-errorlogs", "-C", folder, *only],
-                                  env={**os.environ, **environment}, stdin=subprocess.DEVNULL, check=False)
+            command = ["meson", "test", "--no-rebuild", "--print-errorlogs", f"--num-processes={processes}",
+                       f"--timeout-multiplier={PATIENT}", "-C", str(folder), *only]
+            done = subprocess.run(command, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, check=False)
             lines = log.read_text().splitlines() if log.exists() else []
             if done.returncode and not lines:
                 self.broken.append(f"C tests: {name}: {package}")
             return [_of_meson(f"{name}: {package}: ", json.loads(line)) for line in lines]
 
-        tests = run(*chosen)
+        tests = run(C_TESTS, *chosen)
         words = [test.name.rsplit(": ", 1)[-1] for test in tests if self._again(test)]
-        self._take(tests, {test.name: test for test in run(*words)} if words else {})
+        self._take(tests, {test.name: test for test in run(1, *words)} if words else {})
 
     def pytest(self, words: Sequence[str], folders: Sequence[str], board: str = "") -> None:
         """Tests in Python; `board`: with the image of that board."""
@@ -137,10 +141,11 @@ class Suite:
         self._take(tests, {test.name: test for test in run(*names)} if names else {})
 
     def table(self) -> str:
-        """Minutes a part, the slowest tests, the guests."""
+        """Minutes a part, some of which overlap, the slowest tests, the guests."""
         lines = ["", "minutes"]
         lines += [f"{seconds / 60:7.1f}  {name}" for name, seconds in self.parts.items()]
-        lines += [f"{sum(self.parts.values()) / 60:7.1f}  together, {self.guests} guests booted", "", "seconds"]
+        took = time.monotonic() - self.begin
+        lines += [f"{took / 60:7.1f}  all, parts overlap; {self.guests} guests booted", "", "seconds"]
         slowest = sorted(self.tests, key=lambda test: test.seconds, reverse=True)[:SLOWEST]
         lines += [f"{test.seconds:7.1f}  {test.name}" for test in slowest]
         return "\n".join(lines) + "\n"
