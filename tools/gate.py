@@ -33,8 +33,9 @@ BUILDS: list[tuple[str, list[str], list[str]]] = [
     ("thread", ["-Db_sanitize=thread", SANITIZE], ["ddx"]),
     ("m32", [f"-D{language}{what}=-m32" for language in ("c", "cpp") for what in ("_args", "_link_args")], ["ddx"]),
 ]
-# Tests of the desk mostly wait for programs that wait for frames.
-SEVERAL = ["-n", "4", "--dist", "loadfile"]
+# Tests of the desk mostly wait for programs that wait for frames. The files run in this order; those of the models
+# compute.
+DESK = ["-n", "6", "--dist", "loadfile", "tests/model", "tests/host"]
 # A guest that boots has one processor busy, and one that plays a clip waits for the next frame.
 BOOT = ["-n", "2", "--dist", "loadgroup", "tests/boot"]
 LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
@@ -105,7 +106,7 @@ def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
             run.pytest(words, [])
     else:
         with run.part("tests on the desk"):
-            run.pytest(words, [*SEVERAL, "tests/host", "tests/model"])
+            run.pytest(words, DESK)
         with run.part("boot tests"):
             run.pytest(words, BOOT)
     if not words or run.long:
