@@ -110,8 +110,9 @@ def switch(robot: Robot, names: tuple[str, ...], times: int) -> None:
              PATIENCE + 20 * times * len(names))
 
 
-def toggles(robot: Robot, names: tuple[str, ...], count: int) -> list[Look]:
-    step = max(1, count // LOOKS // len(names) // 2)  # of each name, off and on
+def toggles(robot: Robot, names: tuple[str, ...], count: int, times: int = LOOKS) -> list[Look]:
+    """Looks before the toggles and so many times while they go on."""
+    step = max(1, count // times // len(names) // 2)  # of each name, off and on
     switch(robot, names, max(1, min(WARM_UP, count) // len(names) // 2))
     settled(robot, names)
     looks = [look(robot, STAYING)]
@@ -171,8 +172,8 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
         return video(guest, RECORDING, amount)
 
 
-def natively(root: pathlib.Path, kind: str, amount: int) -> list[Look]:
-    """Toggles, or minutes of video, on this machine's own kernel."""
+def natively(root: pathlib.Path, kind: str, amount: int, times: int = LOOKS) -> list[Look]:
+    """Toggles, with so many looks, or minutes of video, on this machine's own kernel."""
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
         keep = pathlib.Path(folder)
         for name in ("test", "rec"):
@@ -187,7 +188,7 @@ def natively(root: pathlib.Path, kind: str, amount: int) -> list[Look]:
             for name in AT_ONCE:
                 robot.sh(f"ddxctl enable {name}")
             if kind == "toggles":
-                return toggles(robot, AT_ONCE, amount)
+                return toggles(robot, AT_ONCE, amount, times)
             settled(robot, AT_ONCE)
             return video(robot, (*STAYING, *PASSING_ON), amount)
     raise AssertionError("ExitStack lets nothing pass")
