@@ -30,7 +30,7 @@ int peer_open(const struct peer_setup *setup, bool writer) {
 
         return error ? failed(setup->name, error) : 0;
     }
-    item = ddx_store_lookup_item(id, setup->name, NULL, 0);
+    item = ddx_store_lookup_item(id, setup->name, "FRAME", (int)setup->bytes); /* the type has a size for each run */
     if (!item)
         return failed(setup->name, -errno);
     if (mode == PEER_DIRECT && !ddx_store_var_pointer(item))

@@ -191,6 +191,16 @@ def test_a_clock_needs_a_recording_that_knows_its_time(desk: Desk) -> None:
     assert done.returncode == 2 and "XDDX_START" in done.stderr
 
 
+def test_a_clock_of_another_type_is_refused(desk: Desk) -> None:
+    """The counters of the program itself: far more bytes than a clock has."""
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 2)
+    clip.write_bytes(clip.read_bytes().replace(b"FRAME\n", b"FRAME XTIME=0 XDDX_START=7000000000\n"))
+    done = desk.run("ddxvideoload", clip, "-clock", "ddxvideoload.stats")
+    assert done.returncode == 1
+    assert done.stderr.splitlines()[-1].endswith("-clock ddxvideoload.stats: the item has another type, or one that "
+                                                 "the program has not declared")
+
+
 # ---- Tables ----
 
 def test_tables(desk: Desk, first: pathlib.Path) -> None:

@@ -8,6 +8,7 @@
 #include "ddxctl.h"
 
 #define SUFFIX ".stats"
+#define TYPE "DDX_STATS"
 
 static void print_line(const DDX_STATS *stats, const char *instance) {
     uint64_t lost = 0;
@@ -42,7 +43,7 @@ static bool is_book(const struct ddx_item_info *info) {
     size_t length = strlen(info->name);
 
     return length > strlen(SUFFIX) && !strcmp(info->name + length - strlen(SUFFIX), SUFFIX) &&
-           !strcmp(info->type, "DDX_STATS");
+           !strcmp(info->type, TYPE);
 }
 
 static struct book *find_book(const char *name) {
@@ -58,6 +59,10 @@ static int open_book(DDX_STORE_ID *id, const char *name) {
 
     if (!item)
         return errno == ENOENT ? 0 : -errno; /* gone since the list was made */
+    if (strcmp(ddx_store_item_type(item), TYPE) != 0) {
+        ddx_store_done_item(item); /* became another item since then */
+        return 0;
+    }
     more = realloc(books, (book_count + 1) * sizeof *books);
     if (!more)
         return -ENOMEM;

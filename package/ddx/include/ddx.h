@@ -15,7 +15,7 @@
  *              meanings are the same everywhere, and ddx_error_text() has one clear line for each:
  *                -ECONNREFUSED  no store runs on this machine (at this port)
  *                -ENOENT        the store has no item of this name
- *                -EPROTOTYPE    the item has another type than the caller's
+ *                -EPROTOTYPE    the item has another type than the caller's, or one that the caller has not declared
  *                -EMSGSIZE      wrong size, or the item's value does not fit the caller's struct
  *                -EEXIST        another living program writes this item
  *                -ENOSPC        the store's memory budget is used up
@@ -91,7 +91,10 @@ int ddx_store_close(DDX_STORE_ID *id);
 
 /*
  * A handle on the item `name`. With type NULL and size 0 the item must exist, and if this program declared a type of
- * the item's type name (DDX_STORE_TYPE), the declared struct must agree with it. With a type and its size the item is
+ * the item's type name (DDX_STORE_TYPE), the declared struct must agree with it. If it declared none, and the type is
+ * no plain C type such as "int", the library does not know the caller's struct: the handle shows the item in its own
+ * layout (ddx_store_acquire(), ddx_store_read_direct(), ddx_store_loan(), ddx_store_field()), but ddx_store_read() and
+ * ddx_store_write(), which copy the caller's struct, fail with -EPROTOTYPE. With a type and its size the item is
  * created when missing. Neither reads nor writes yet: the first write makes the handle the item's writer, the first
  * read takes one reader's share of memory (one frame). Does not wait longer than the store needs to answer (5 s at
  * most). NULL and errno: ENOENT, EPROTOTYPE, EMSGSIZE, ENOSPC, ECONNREFUSED, EINVAL. The handle is the caller's, until
@@ -116,9 +119,12 @@ int ddx_store_done_item(DDX_STORE_ITEM *item);
 
 /*
  * Copy a value into *data (the caller's struct, in the layout that the caller declared) and its time of writing into
- * *ts (NULL allowed). The copy is never torn. Errors: -ETIMEDOUT, -EMSGSIZE, -EPROTOTYPE, -EINVAL; of the first read,
- * which asks the store for a place among the readers and waits for its answer, 5 s at most, also -EBUSY, -EMFILE,
- * -ECONNREFUSED. On failure *data and *ts are as before.
+ * *ts (NULL allowed). The copy is never torn. Only into a struct that the library knows: this program has declared the
+ * item's type, or gave type and size to ddx_store_lookup_item(), else -EPROTOTYPE and nothing is taken. The library
+ * cannot see which of its structs the caller passes: compare ddx_store_item_type() where the name comes from outside.
+ * Errors: -ETIMEDOUT, -EMSGSIZE, -EPROTOTYPE, -EINVAL; of the first read, which asks the store for a place among the
+ * readers and waits for its answer, 5 s at most, also -EBUSY, -EMFILE, -ECONNREFUSED. On failure *data and *ts are as
+ * before.
  */
 int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, double timeout, int tail);
 
@@ -149,6 +155,7 @@ enum ddx_tail {
 
 /*
  * Write a value: copies *data (layout as declared by the caller, or as created) into the store and wakes the readers.
+ * If that layout is not known, as for ddx_store_read(), it fails with -EPROTOTYPE without becoming the writer.
  * `ts` is the time of the write, NULL for now. Never waits for a reader. The first call makes the handle the writer,
  * and waits for the store to answer, 5 s at most. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMFILE, -ENOBUFS,
  * -ECONNREFUSED, -EINVAL, -ENOENT (see ddx_store_await_item()). What is given up is counted: ddx_store_short().

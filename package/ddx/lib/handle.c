@@ -5,6 +5,10 @@
 #include <stdlib.h>
 #include <string.h>
 
+DDX_COLD int ddx_item_copies(const DDX_STORE_ITEM *item) {
+    return *item->type && !item->own ? -EPROTOTYPE : 0; /* an awaited item has no type yet */
+}
+
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout) {
     if (item->layout && layout->field_count == item->layout->field_count &&
         !memcmp(layout, item->layout, ddx_layout_bytes(layout->field_count)))

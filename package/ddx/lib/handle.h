@@ -29,6 +29,7 @@ struct ddx_term {
     int fd[DDX_SLOTS_MAX];
     int control_fd;
     int mismatch;           /* -errno if the caller's type cannot take the item's values */
+    int uncopied;           /* -errno if values are not copied: `mismatch`, or the caller's struct is not known */
     struct ddx_span *spans; /* between the item's layout and the caller's */
     unsigned span_count;
     struct ddx_layout *layout;
@@ -102,6 +103,12 @@ struct ddx_store_item {
     struct ddx_message reply;
 };
 static_assert(offsetof(struct ddx_store_item, reader.missed) <= 64, "one cache line");
+
+/*
+ * Under the lock: whether values may be copied to or from the caller's struct, as far as that can be known now.
+ * -EPROTOTYPE: the item has a type that the caller has not declared, so the library does not know the struct's size.
+ */
+int ddx_item_copies(const DDX_STORE_ITEM *item);
 
 /* The layout that ddx_store_field() describes; does nothing if it is that already. 0, -ENOMEM. */
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);

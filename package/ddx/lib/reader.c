@@ -44,12 +44,14 @@ DDX_HOT int ddx_store_read(DDX_STORE_ITEM *item, void *data, DDX_TIME *ts, doubl
         return -EINVAL;
     ddx_lock_take(&item->lock);
     struct ddx_reader_role *reader = &item->reader;
-    int result = ddx_reader_take(item, DDX_PIN_READ, &found, &missed, timeout, tail);
+    int result = !reader->term || reader->term->uncopied ? ddx_item_copies(item) : 0;
+    if (!result)
+        result = ddx_reader_take(item, DDX_PIN_READ, &found, &missed, timeout, tail);
     if (!result) {
         const struct ddx_term *term = reader->term;
         const char *base = term->base[found.slot];
 
-        result = term->mismatch;
+        result = term->uncopied;
         for (unsigned i = 0; i < term->span_count && !result; i++)
             memcpy((char *)data + term->spans[i].own, base + term->spans[i].item, (size_t)term->spans[i].bytes);
         if (!result && ts)

@@ -98,10 +98,12 @@ static int find(DDX_STORE_ID *id, const char *item, DDX_STORE_ITEM **to, DDX_STO
     if (!*from)
         return errno == ENOENT ? -EOPNOTSUPP : -errno;
     int error = ddx_store_item_info(*from, &info);
-    if (error || !info.writer_pid)
+    if (error || !info.writer_pid || strcmp(info.type, "DDX_ANSWER") != 0)
         return error ? error : -EOPNOTSUPP;
     *to = ddx_store_lookup_item(id, to_name, NULL, 0);
-    return *to ? 0 : errno == ENOENT ? -EOPNOTSUPP : -errno;
+    if (!*to)
+        return errno == ENOENT ? -EOPNOTSUPP : -errno;
+    return strcmp(ddx_store_item_type(*to), "DDX_REQUEST") ? -EOPNOTSUPP : 0;
 }
 
 int ddx_request_possible(DDX_STORE_ID *id, const char *item) {

@@ -24,6 +24,7 @@ int ddx_term_new(struct ddx_term **result, uint32_t epoch, const struct ddx_layo
     term->mismatch = ddx_layout_match(layout, own ? own : layout, &term->spans, &term->span_count);
     if (term->mismatch)
         term->spans = NULL;
+    term->uncopied = own ? term->mismatch : -EPROTOTYPE;
     error = -EPROTO;
     if (control_fd < 0 || !ddx_memory_sound(control_fd, ddx_page_round(sizeof(struct ddx_control)), !writable))
         goto free_layout;

@@ -135,8 +135,10 @@ int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own
     unsigned i = 0, j = 0;
     int result = 0;
 
-    if (!open && item->size != own->size)
+    if ((!open || !own->field_count) && item->size != own->size)
         return -EMSGSIZE;
+    if (open && !own->field_count)
+        own = item; /* only its size is known, and it is the same: then so are the places of what is in use */
     if (!open && (item->field_count == 0 || own->field_count == 0))
         return match_whole(item, spans, count);
     *count = 0;

@@ -123,18 +123,28 @@ int ddx_store_cancel(DDX_STORE_ITEM *item) {
     return result;
 }
 
+DDX_COLD static int may_copy(DDX_STORE_ITEM *item) {
+    ddx_lock_take(&item->lock);
+    int result = ddx_item_copies(item);
+    ddx_lock_give(&item->lock);
+    return result;
+}
+
 DDX_HOT int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts) {
     void *frame;
 
     if (!item || !data)
         return -EINVAL;
-    int result = ddx_store_loan(item, &frame);
+    /* Before the first write: one that fails must not become the item's writer. */
+    int result = item->writer.term ? 0 : may_copy(item);
+    if (!result)
+        result = ddx_store_loan(item, &frame);
     if (result)
         return result;
     const struct ddx_term *term = item->writer.term;
-    if (term->mismatch) {
+    if (term->uncopied) {
         ddx_store_cancel(item);
-        return term->mismatch;
+        return term->uncopied;
     }
     for (unsigned i = 0; i < term->span_count; i++)
         memcpy((char *)frame + term->spans[i].item, (const char *)data + term->spans[i].own,

@@ -51,7 +51,7 @@ static int follow_clock(struct player *player) {
     DDX_STORE_ITEM *item = program_find(player->id, player->clock, player->book);
     if (!item)
         return program_stopping() ? EXIT_OK : EXIT_FAILED;
-    int error = -ETIMEDOUT, tail = DDX_CURRENT;
+    int error = strcmp(ddx_store_item_type(item), "DDX_REPLAY_CLOCK") ? -EPROTOTYPE : -ETIMEDOUT, tail = DDX_CURRENT;
     while ((error == -ETIMEDOUT || (!error && clock.replayed < since)) && !program_stopping()) {
         error = ddx_store_read(item, &clock, NULL, 0.2, tail);
         tail = error ? tail : DDX_NEXT; /* it may still show the run before */
