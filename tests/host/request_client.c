@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* request_client serve ITEM MS      takes requests for level (0 to 100) and gain (0 to 7); answers after MS
- * request_client ask ITEM N NAME    sets NAME to 0, 1, ... N-1, each by a request of its own */
+ * request_client ask ITEM N NAME    sets NAME to 0, 1, ... N-1, each by a request of its own
+ * request_client lose INSTANCE N REASON   counts N frames that were lost for a reason of this name */
 #include <ddx_request.h>
+#include <ddx_stats.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -63,12 +65,24 @@ static int ask(DDX_STORE_ID *id, const char *item, int count, const char *name) 
     return 0;
 }
 
+static int lose(DDX_STORE_ID *id, const char *instance, int count, const char *reason) {
+    const char *const reasons[] = {reason, NULL};
+    DDX_STATS_BOOK *book = ddx_stats_open(instance, reasons);
+    if (!book || ddx_stats_attach(book, id, NULL))
+        return 1;
+    ddx_stats_lost(book, 0, (uint64_t)count);
+    return ddx_stats_write(book) != 0;
+}
+
 int main(int argc, char **argv) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 1.0);
     if (!id || argc < 4)
         return 2;
-    int status = !strcmp(argv[1], "serve") ? serve(id, argv[2], atol(argv[3]))
-                                           : ask(id, argv[2], atoi(argv[3]), argc > 4 ? argv[4] : "");
+    int number = atoi(argv[3]), status;
+    if (!strcmp(argv[1], "serve"))
+        status = serve(id, argv[2], number);
+    else
+        status = (!strcmp(argv[1], "ask") ? ask : lose)(id, argv[2], number, argc > 4 ? argv[4] : "");
     ddx_store_close(id);
     return status;
 }

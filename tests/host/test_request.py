@@ -35,6 +35,7 @@ def test_set_is_a_request(desk: Desk, compile_client: Compiler) -> None:
     (["level=101"], 2, "level: takes a whole number from 0 to 100"),
     (["gain=1", "level=-1"], 2, "level: takes a whole number from 0 to 100"),  # as a whole
     (["colour=1"], 2, "colour: no such parameter"),
+    (["\x1b[31m\x9b=1"], 2, "?[31m??: no such parameter"),  # nothing that steers a terminal
     (["level=high"], 2, "level=high: not name=number"),
     (["level=1.5"], 2, "level=1.5: not name=number"),
     (["level="], 2, "level=: not name=number"),

@@ -16,7 +16,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .programs import ROOT, TOP, Desk, library_folder, stop, wait_until
+from .programs import ROOT, TOP, Compiler, Desk, library_folder, stop, wait_until
 
 BUILT = TOP / "output"
 
@@ -72,6 +72,11 @@ def test_list_and_show(desk: Desk) -> None:
     item = next(item for item in listed["items"] if item["name"] == "position")
     assert item["bytes"] <= item["reserved"] <= listed["reserved"] <= listed["budget"]
     assert "position" in desk.run("ddxctl", "list").stdout
+
+
+def test_reasons_of_loss_do_not_steer_a_terminal(desk: Desk, compile_client: Compiler) -> None:
+    assert desk.run(compile_client("request_client"), "lose", "forged", 3, "\x1b[2J\n").returncode == 0
+    assert " lost 3 (?[2J? 3)," in desk.run("ddxctl", "stats").stdout
 
 
 @pytest.mark.parametrize("arguments, status, text", [

@@ -62,6 +62,15 @@ static void test_errors(void) {
     CHECK_EQUAL(errno, EINVAL);
     CHECK(!ddx_store_lookup_item(id, "has space", "int", 4));
     CHECK_EQUAL(errno, EINVAL);
+    for (const char **bad = (const char *[]){"two\nlines", "\033[31mred", "eight\233bits", NULL}; *bad; bad++) {
+        struct ddx_item_spec spec = {.name = "name", .type = *bad, .declaration = "int"};
+
+        CHECK(!ddx_store_lookup_item(id, *bad, "int", 4));
+        CHECK_EQUAL(errno, EINVAL);
+        CHECK(!ddx_store_lookup_item(id, "name", *bad, 4));
+        CHECK_EQUAL(errno, EINVAL);
+        CHECK_EQUAL(ddx_store_create(id, &spec, &second), -EINVAL);
+    }
     CHECK_EQUAL(ddx_store_read(item, &value, NULL, 0, 0), -ETIMEDOUT);
     CHECK_EQUAL(ddx_store_write(item, &value, NULL), 0);
     second = lookup("errors", "POSITION", sizeof(POSITION));

@@ -104,6 +104,64 @@ static void becomes_reader(struct party *reader, struct party *writer) {
     CHECK_EQUAL(item_find(store, "clip")->notice->readers, 1);
 }
 
+/* What a client sends under this name, of this type, with a field of this name; the store's answer. */
+static int opens_as(uint32_t operation, const char *name, const char *type, const char *field) {
+    struct ddx_message message = {.operation = operation, .flags = DDX_FLAG_CREATE};
+    struct ddx_layout *layout = malloc(ddx_layout_bytes(1));
+    struct party party = begin();
+
+    CHECK(layout);
+    memset(layout, 0, ddx_layout_bytes(1));
+    layout->size = layout->field[0].bytes = layout->field[0].used = 4;
+    layout->field_count = layout->field[0].count = 1;
+    layout->field[0].kind = DDX_KIND_INT;
+    memcpy(layout->field[0].name, field, strlen(field));
+    memcpy(message.name, name, strlen(name));
+    memcpy(message.type, type, strlen(type));
+    CHECK_EQUAL(ddx_send(party.socket, &message, layout, NULL, 0), 0);
+    client_receive(party.client);
+    free(layout);
+    int status = operation == DDX_OPEN ? hears(&party, DDX_OPENED)->status : 0;
+    close(party.socket);
+    client_receive(party.client);
+    clients_sweep(store);
+    return status;
+}
+
+/* A client that does not use the library: names that forge a line of a log, or steer a terminal, are refused. */
+static void names(void) {
+    static const char *const bad[] = {"", "two\nlines", "\033[31mred", "tab\t", "delete\177",
+                                      "eight\233bits", "\302\233"};
+    static const char longest[] = "a23456789b23456789c23456789d23456789e23456789f23456789g23";
+    const struct item *before = store->items;
+
+    for (unsigned i = 0; i < sizeof bad / sizeof *bad; i++) {
+        CHECK_EQUAL(opens_as(DDX_OPEN, bad[i], "int", ""), -EINVAL);
+        CHECK_EQUAL(opens_as(DDX_OPEN, "name", bad[i], ""), -EINVAL);
+        CHECK_EQUAL(opens_as(DDX_OPEN, "name", "POSE", *bad[i] ? bad[i] : "x y"), -EINVAL);
+        opens_as(DDX_OFFER, bad[i], "int", "");
+        opens_as(DDX_OFFER, "name", bad[i], "");
+    }
+    CHECK_EQUAL(opens_as(DDX_OPEN, "has space", "int", ""), -EINVAL);
+    CHECK_EQUAL(opens_as(DDX_OPEN, "a/b", "int", ""), -EINVAL);
+    CHECK(store->items == before);
+    CHECK_EQUAL(opens_as(DDX_OPEN, longest, "unsigned long", "pose.x_1"), 0);
+    CHECK_EQUAL(opens_as(DDX_OPEN, "~front-camera.0:video!", "a/b {c}", ""), 0);
+}
+
+static void no_errno(void) {
+    static const int32_t bad[] = {INT32_MIN, -4096, 1};
+
+    for (unsigned i = 0; i < sizeof bad / sizeof *bad; i++) {
+        struct party party = begin();
+
+        ask(&party, (struct ddx_message){.operation = DDX_LIST, .status = bad[i]}, 0);
+        CHECK(party.client->gone);
+        clients_sweep(store);
+        close(party.socket);
+    }
+}
+
 int main(void) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet.fd[i] = -1;
@@ -113,6 +171,8 @@ int main(void) {
     store = store_begin(&settings);
     CHECK(store);
 
+    names();
+    no_errno();
     struct party writer = begin(), reader = begin(), late = begin();
     becomes_writer(&writer);
     becomes_reader(&reader, &writer);

@@ -103,7 +103,7 @@ static bool is_name(const char *text) {
     size_t length = strlen(text);
 
     for (size_t i = 0; i < length; i++)
-        if ((unsigned char)text[i] <= ' ' || text[i] == 127 || text[i] == '/')
+        if (text[i] <= ' ' || text[i] > '~' || text[i] == '/')
             return false;
     return length >= 1 && length <= DDX_NAME_MAX;
 }

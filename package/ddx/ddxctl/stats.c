@@ -10,6 +10,12 @@
 #define SUFFIX ".stats"
 #define TYPE "DDX_STATS"
 
+/* Any program can write the counters' item: nothing of it steers a terminal. */
+static void print_text(const char *text, size_t length) {
+    for (size_t i = 0; i < length && text[i]; i++)
+        putchar(text[i] < ' ' || text[i] > '~' ? '?' : text[i]);
+}
+
 static void print_line(const DDX_STATS *stats, const char *instance) {
     uint64_t lost = 0;
 
@@ -18,9 +24,11 @@ static void print_line(const DDX_STATS *stats, const char *instance) {
     printf("%-24s in %llu, out %llu, waiting %llu, lost %llu", instance, (unsigned long long)stats->in,
            (unsigned long long)stats->out, (unsigned long long)stats->waiting, (unsigned long long)lost);
     for (unsigned i = 0; i < DDX_STATS_REASONS && i < stats->reasons; i++)
-        if (stats->lost[i].frames)
-            printf(" (%.*s %llu)", (int)sizeof stats->lost[i].name, stats->lost[i].name,
-                   (unsigned long long)stats->lost[i].frames);
+        if (stats->lost[i].frames) {
+            printf(" (");
+            print_text(stats->lost[i].name, sizeof stats->lost[i].name);
+            printf(" %llu)", (unsigned long long)stats->lost[i].frames);
+        }
     if (stats->skipped)
         printf(", skipped %llu", (unsigned long long)stats->skipped);
     printf(", latency us p50 %llu, p99 %llu, max %llu, starts %u%s\n",

@@ -48,7 +48,11 @@ typedef struct ddx_store_item DDX_STORE_ITEM; /* a handle on one item; it reads,
 typedef int64_t DDX_TIME;                     /* ns, CLOCK_MONOTONIC */
 
 #define DDX_STORE_PORT 2005 /* the store's port where none is given (0) */
-#define DDX_NAME_MAX 63     /* longest name of an item or a type, in bytes */
+/*
+ * Longest name of an item or a type, in bytes. Names consist of printable ASCII characters, an item's without blanks
+ * and '/': the store refuses others, since names are listed and logged as they are.
+ */
+#define DDX_NAME_MAX 63
 
 /*
  * Define the C type `name` and make its layout known to the store:

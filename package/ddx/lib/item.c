@@ -62,17 +62,6 @@ static void item_free(DDX_STORE_ITEM *item) {
     free(item);
 }
 
-static bool name_ok(const char *name) {
-    size_t length = name ? strlen(name) : 0;
-
-    if (length < 1 || length > DDX_NAME_MAX)
-        return false;
-    for (size_t i = 0; i < length; i++)
-        if ((unsigned char)name[i] <= ' ' || name[i] == 127 || name[i] == '/')
-            return false;
-    return true;
-}
-
 /* A handle that the store does not know of yet. Takes `own`, also on failure. */
 static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct ddx_layout *own,
                     DDX_STORE_ITEM **result) {
@@ -141,8 +130,7 @@ static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size
     struct ddx_layout *own = NULL;
     int result = 0;
 
-    if (!id || !name_ok(name) || (type && !name_ok(type) && !strchr(type, ' ')) ||
-        (type && strlen(type) > DDX_NAME_MAX) || (!type && size) || size < 0)
+    if (!id || !name || !ddx_item_name_ok(name) || (type && !ddx_type_name_ok(type)) || (!type && size) || size < 0)
         return -EINVAL;
     if (type) {
         result = ddx_layout_of(type, &own);
@@ -206,8 +194,8 @@ static int spec_layout(const struct ddx_item_spec *spec, struct ddx_layout **lay
 int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STORE_ITEM **item) {
     struct ddx_layout *layout;
 
-    if (!id || !spec || !item || !name_ok(spec->name) || !spec->type || !*spec->type ||
-        strlen(spec->type) > DDX_NAME_MAX)
+    if (!id || !spec || !item || !spec->name || !ddx_item_name_ok(spec->name) || !spec->type ||
+        !ddx_type_name_ok(spec->type))
         return -EINVAL;
     int result = spec_layout(spec, &layout);
     if (result)

@@ -45,6 +45,14 @@ static int fill(DDX_REQUEST *request, const struct ddx_change *changes, unsigned
     return 0;
 }
 
+/* Texts of other programs end up in logs and on terminals. */
+static void clean(char *text, size_t bytes) {
+    text[bytes - 1] = 0;
+    for (; *text; text++)
+        if (*text < ' ' || *text > '~')
+            *text = '?';
+}
+
 /* ---- Who wants something changed ---- */
 
 /* Become the writer, after all who were before us, and write. */
@@ -68,7 +76,7 @@ static int wait_for_answer(DDX_STORE_ITEM *item, uint64_t number, int64_t deadli
         if (answer.number == number)
             break;
     }
-    answer.text[DDX_ANSWER_TEXT - 1] = 0;
+    clean(answer.text, DDX_ANSWER_TEXT);
     strcpy(text, answer.text);
     return answer.status;
 }
@@ -175,7 +183,7 @@ int ddx_requests_take(DDX_REQUESTS *requests, DDX_REQUEST *request) {
     if (request->count > DDX_REQUEST_CHANGES)
         request->count = DDX_REQUEST_CHANGES;
     for (unsigned i = 0; i < DDX_REQUEST_CHANGES; i++)
-        request->change[i].name[DDX_REQUEST_NAME - 1] = 0;
+        clean(request->change[i].name, DDX_REQUEST_NAME);
     return 0;
 }
 

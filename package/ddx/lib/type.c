@@ -5,6 +5,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+#define FIELD_CHARACTERS "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789_."
+
+bool ddx_type_name_ok(const char *name) {
+    size_t length = strnlen(name, DDX_NAME_MAX + 1);
+
+    for (size_t i = 0; i < length; i++)
+        if (name[i] < ' ' || name[i] > '~')
+            return false;
+    return length >= 1 && length <= DDX_NAME_MAX;
+}
+
+bool ddx_item_name_ok(const char *name) {
+    return ddx_type_name_ok(name) && !strpbrk(name, " /");
+}
+
 struct ddx_layout *ddx_layout_opaque(uint64_t size) {
     struct ddx_layout *layout = calloc(1, ddx_layout_bytes(0));
 
@@ -42,11 +57,18 @@ bool ddx_layout_extents(const struct ddx_layout *layout) {
     return false;
 }
 
+/* Identifiers, joined by dots; "" is a type that is no struct. */
+static bool field_name_valid(const char *name) {
+    size_t length = strnlen(name, DDX_NAME_MAX + 1);
+
+    return length <= DDX_NAME_MAX && strspn(name, FIELD_CHARACTERS) == length;
+}
+
 static bool field_valid(const struct ddx_layout *layout, unsigned i, uint64_t begin, uint64_t end) {
     const struct ddx_layout_field *field = &layout->field[i];
     uint64_t bytes = (uint64_t)field->bytes * field->count;
 
-    if (!memchr(field->name, 0, sizeof field->name) || field->kind < DDX_KIND_INT || field->kind > DDX_KIND_STRUCT)
+    if (!field_name_valid(field->name) || field->kind < DDX_KIND_INT || field->kind > DDX_KIND_STRUCT)
         return false;
     if (field->bytes < 1 || field->count < 1 || bytes > DDX_SIZE_MAX || field->used < 1 || field->used > bytes)
         return false;

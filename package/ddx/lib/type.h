@@ -29,6 +29,13 @@ struct ddx_layout {
     struct ddx_layout_field field[];
 };
 
+/*
+ * What an item or a type may be called: 1 to DDX_NAME_MAX printable ASCII characters, since names are listed and logged
+ * as they are. An item's name has no blank and no '/'.
+ */
+bool ddx_item_name_ok(const char *name);
+bool ddx_type_name_ok(const char *name);
+
 /* Memory of a layout with so many fields, in bytes. */
 static inline size_t ddx_layout_bytes(unsigned fields) {
     return sizeof(struct ddx_layout) + fields * sizeof(struct ddx_layout_field);

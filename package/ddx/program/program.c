@@ -106,8 +106,8 @@ static void check_name(const struct option_entry *entry, const char *text) {
     if ((long)strlen(text) > most)
         bad_usage("-%s %s: a name of at most %ld bytes is needed", entry->name, text, most);
     for (const char *c = text; *c; c++)
-        if ((unsigned char)*c <= ' ' || *c == 127 || *c == '/')
-            bad_usage("-%s %s: a name without blanks and slashes is needed", entry->name, text);
+        if (*c <= ' ' || *c > '~' || *c == '/')
+            bad_usage("-%s %s: a name without blanks and slashes, in ASCII, is needed", entry->name, text);
 }
 
 const char *program_version(void) {

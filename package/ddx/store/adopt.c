@@ -269,7 +269,7 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
         const struct ddx_layout *layout = ddx_packet_layout(packet);
 
         bool awaits = m->flags & DDX_FLAG_AWAIT && !*m->type;
-        if (client->item || !(awaits || (layout && *m->type)) || !*m->name)
+        if (client->item || !(awaits || (layout && ddx_type_name_ok(m->type))) || !ddx_item_name_ok(m->name))
             return;
         struct item *item = item_find(client->store, m->name);
         if (item && !item_is_awaited(item) && !awaits && strcmp(item->type, m->type) != 0) {

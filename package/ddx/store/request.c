@@ -16,6 +16,7 @@
 #include "request.h"
 
 #define LISTED_AT_ONCE 64
+#define ERRNO_MAX 4095 /* of Linux */
 
 static void open_item(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
@@ -24,7 +25,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     struct item *item = item_find(client->store, m->name);
     bool creates = m->flags & DDX_FLAG_CREATE, awaits = m->flags & DDX_FLAG_AWAIT;
 
-    if (client->item || !*m->name)
+    if (client->item || !ddx_item_name_ok(m->name) || (*m->type && !ddx_type_name_ok(m->type)))
         reply.status = -EINVAL;
     else if ((!item || item_is_awaited(item)) && !creates && !awaits)
         reply.status = -ENOENT;
@@ -102,6 +103,10 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
 
     if (client->pid == 0)
         client->pid = m->pid; /* another pid name space cannot be seen from here; its own word has to do */
+    if (m->status > 0 || m->status < -ERRNO_MAX) { /* it is logged as an error */
+        client->gone = true;
+        return;
+    }
     if (!client->item && m->operation != DDX_OPEN && m->operation != DDX_LIST && m->operation != DDX_OFFER) {
         client->gone = true;
         return;
