@@ -18,7 +18,7 @@ C_LAYERS = {
     "package/ddx/lib": [
         {"clock", "error", "expression", "fault", "hot"},
         {"layout", "type", "type_parse"},
-        {"futex", "lock", "memory", "ring", "wire"},
+        {"futex", "lock", "memory", "ring", "trust", "wire"},
         {"queue"},
         {"handle"},
         {"link", "term", "window"},

@@ -82,8 +82,11 @@ void ddx_type_declare_(struct ddx_type_declaration_ *declaration);
 
 /*
  * Connect to the store of this machine; `host` is NULL (other machines are linked by the catalog). `port` 0 means
- * DDX_STORE_PORT. Tries for `timeout` seconds, so programs may start before the store. NULL and errno ECONNREFUSED when
- * there is none. The result is the caller's, until ddx_store_close().
+ * DDX_STORE_PORT. Tries for `timeout` seconds, so programs may start before the store. The store's socket lies in
+ * $DDX_DIR, or else in /run/ddx, $XDG_RUNTIME_DIR/ddx or /tmp/ddx-<uid>. A store is believed only if root, the caller's
+ * user or the folder's owner runs it, and if no other user can have made that folder or can change what is in it.
+ * NULL and errno: ECONNREFUSED, there is none; EPERM, there is only one that is not believed. The result is the
+ * caller's, until ddx_store_close().
  */
 DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout);
 

@@ -10,6 +10,7 @@ const char *ddx_error_text(int error) {
     case 0: return "no error";
     case ECONNREFUSED: return "no store runs here; start one with: store -m 8M";
     case ENOENT: return "the store has no item of this name; see: ddxctl list";
+    case EPERM: return "the store's socket, or the folder that it lies in, may be another user's; see DDX_DIR in ddx.h";
     case EPROTOTYPE: return "the item has another type, or one that the program has not declared";
     case EMSGSIZE: return "wrong size: the item's value does not fit the program's struct";
     case EEXIST: return "another program writes this item already";

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "fault.h"
+#include "trust.h"
 
 union control_buffer {
     char bytes[CMSG_SPACE(DDX_FDS_MAX * sizeof(int))];
@@ -152,17 +153,37 @@ bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes) {
     }
 }
 
+/* A connection to the store of this address. -ENOENT or the like: none is there; -EPERM: it cannot be believed. */
+static int connect_to(const struct sockaddr_un *address) {
+    uid_t owner;
+    int result = ddx_folder_owner(address->sun_path, &owner);
+
+    if (result)
+        return result;
+    int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    if (fd < 0)
+        return -errno;
+    if (connect(fd, (const struct sockaddr *)address, sizeof *address))
+        result = -ECONNREFUSED;
+    else if (!ddx_peer_trusted(fd, owner))
+        result = -EPERM;
+    if (!result)
+        return fd;
+    close(fd);
+    return result;
+}
+
 int ddx_connect(int port) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
+    int result = -ECONNREFUSED;
 
     for (unsigned i = 0; ddx_socket_path(i, port, address.sun_path, sizeof address.sun_path); i++) {
-        int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+        int fd = connect_to(&address);
 
-        if (fd < 0)
-            return -errno;
-        if (!connect(fd, (struct sockaddr *)&address, sizeof address))
+        if (fd >= 0 || fd == -EMFILE || fd == -ENFILE)
             return fd;
-        close(fd);
+        if (fd == -EPERM)
+            result = -EPERM;
     }
-    return -ECONNREFUSED;
+    return result;
 }

@@ -124,7 +124,10 @@ void ddx_packet_close(struct ddx_packet *packet);
 /* Paths that the store's socket may have, best first: false when i is past the last. */
 bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes);
 
-/* Connect to the store. Socket or -ECONNREFUSED. Does not wait. */
+/*
+ * Connect to the store. Does not wait. Socket; -ECONNREFUSED: there is none; -EPERM: there is only what another user
+ * may have put in its place (trust.h); or for want of descriptors.
+ */
 int ddx_connect(int port);
 
 #endif

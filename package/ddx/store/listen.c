@@ -12,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "../lib/trust.h"
 #include "../lib/wire.h"
 
 #define LOCK_TRIES 100
@@ -38,16 +39,17 @@ static int lock_port(const char *path) {
 
 static int make_folder(const char *path) {
     char folder[sizeof(((struct sockaddr_un *)0)->sun_path)];
-    struct stat status;
+    uid_t owner;
 
     snprintf(folder, sizeof folder, "%s", path);
     *strrchr(folder, '/') = 0;
     if (mkdir(folder, 0755) && errno != EEXIST)
         return -errno;
-    if (lstat(folder, &status) || !S_ISDIR(status.st_mode))
-        return -ENOTDIR;
-    /* In a folder that somebody else made for himself, clients would trust the wrong store. */
-    if (!strncmp(folder, "/tmp/", 5) && status.st_uid != getuid())
+    /* In a folder that another user made, or can change, programs believe no store. */
+    int result = ddx_folder_owner(path, &owner);
+    if (result)
+        return result;
+    if (!strncmp(folder, "/tmp/", 5) && owner != getuid())
         return -EPERM;
     return access(folder, W_OK) ? -errno : 0;
 }
