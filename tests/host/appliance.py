@@ -13,6 +13,7 @@ from .programs import TOP
 
 USERS = {"root": 0, "ddxhealth": 901, "ddxlog": 902}
 GROUPS = {"root": 0, "ddx": 900}
+SERVICE = ("finish", "folder", "merge.awk", "mounted", "service", "settings.awk")
 SETUP = 'mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && exec chroot "$0" sh -c "echo ready && exec cat"'
 
 
@@ -36,6 +37,11 @@ class Appliance:
     def install(self, script: str, to: str) -> None:
         """A script of the source tree."""
         self.add(to, (TOP / script).read_text())
+
+    def install_service(self) -> None:
+        """What starts services."""
+        for script in SERVICE:
+            self.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
 
     def add(self, to: str, text: str) -> None:
         path = self.root / to

@@ -19,7 +19,6 @@ from .programs import wait_until
 
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
            for name in ("storage", "recordings-disk", "settings-copy", "disk")}
-SCRIPTS |= {f"package/ddxservice/{name}": f"usr/libexec/ddx/{name}" for name in ("service", "finish", "mounted")}
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
 SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # of several groups, so there is a second superblock
 # As in board/common/disk.cfg.
@@ -33,6 +32,7 @@ class Robot(Appliance):
         super().__init__(folder)
         self.files = folder
         self.devices: dict[str, str] = {}
+        self.install_service()
         for script, to in SCRIPTS.items():
             self.install(script, to)
         modules = f"lib/modules/{os.uname().release}"

@@ -31,8 +31,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
 @pytest.fixture
 def service(appliance: Appliance) -> Appliance:
     """A service that has been started, and that nobody runs yet."""
-    for script in ("service", "finish"):
-        appliance.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
+    appliance.install_service()
     appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
     (appliance.root / "etc/default/thing").write_text("user=root\n")
     assert told(appliance, "start") == "Starting thing: OK\n"

@@ -23,8 +23,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
     if os.geteuid() != 0:
         pytest.skip("a root folder of one's own takes root")
     appliance = Appliance(tmp_path)
-    for script in ("service", "finish"):
-        appliance.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
+    appliance.install_service()
     for folder in FOLDERS:
         (appliance.root / folder).mkdir(parents=True)
     appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
@@ -54,7 +53,7 @@ def test_any_other_word_is_refused_by_file_and_line(appliance: Appliance, folder
     file = appliance.root / folder / "thing.conf"
     file.write_text(f"# mine\n{line}\n")
     code, text = appliance.run(f"{THING} start")
-    told = f"/{folder}/thing.conf: line 2: {line.replace(' ', '')}: "
+    told = f"/{folder}/thing.conf: line 2: {line.replace(' = ', '=')}: "
     assert code == 1 and told in text and text.endswith("FAIL (settings of thing)\n")
     assert not (appliance.root / "run/service/thing").exists()
     assert status(appliance) == (1, {"enabled": "no", "state": "misconfigured", "pid": "-", "restarts": "0"})
@@ -113,3 +112,60 @@ def test_nobody_but_the_image_says_whose_it_is(appliance: Appliance, folder: str
         assert f"/{folder}/thing.conf: line {line}: user= is for the image to say, ignored\n" in text
     wait_until(lambda: appliance.run("pidof sleep")[0] == 0)
     assert appliance.run("stat -c %u /proc/$(pidof sleep)") == (0, f"{USERS['ddxlog']}\n")
+
+
+COMMANDS = ["$(touch /x)", "`touch /x`", "';touch /x;'", '";touch /x;"', "a'\\''touch /x", "\\", "& > /x | * ~ $HOME"]
+
+
+def test_no_value_is_a_command(appliance: Appliance) -> None:
+    """Whatever stands in it: the program gets it as it was written, and root's shell runs nothing of it."""
+    appliance.add("usr/bin/thing", "#!/bin/sh\nprintf '%s\\n' \"$@\" > /tmp/new && mv /tmp/new /tmp/words\n"
+                                   "exec sleep 1000\n")
+    (appliance.root / "tmp").mkdir()
+    (appliance.root / "tmp").chmod(0o777)
+    settings = [f"key{number}={text}\n" for number, text in enumerate(COMMANDS)]
+    (appliance.root / "data/ddx/thing.a.conf").write_text("enabled=yes\nargument=$(touch /x)\n" + "".join(settings))
+    assert appliance.run(f"{THING} start thing.a") == (0, "Starting thing: OK\n")
+    supervise(appliance)
+    words = appliance.root / "tmp/words"
+    wait_until(words.exists)
+    wanted = [word for number, text in enumerate(COMMANDS) for word in (f"-key{number}", text)]
+    assert words.read_text().splitlines() == ["$(touch /x)", "-instance", "thing.a", *wanted]
+    assert not (appliance.root / "x").exists()
+
+
+@pytest.mark.parametrize("folder", ["etc/default", *FOLDERS])
+def test_what_root_uses_has_one_form(appliance: Appliance, folder: str) -> None:
+    """Whoever says it; the service is not started, and root runs nothing of it."""
+    file = appliance.root / folder / ("thing" if folder == "etc/default" else "thing.conf")
+    before = file.read_text() if file.exists() else ""
+    for text in ("mounted=$(touch /x)", 'mounted=/";touch /x;"', "mounted=/rec\\", "mounted=rec", "needs=`touch /x`",
+                 "priority=5 -u root", "priority=20", "realtime=-p", "realtime=0"):
+        file.write_text(f"{before}{text}\n")
+        code, said = appliance.run(f"{THING} start")
+        assert not (appliance.root / "run/service/thing").exists(), text
+        told, result = said.splitlines()
+        assert (code, result) == (1, "FAIL (settings of thing)")
+        assert f"{file.name}: line {before.count(chr(10)) + 1}: {text}: a " in told and told.endswith(" is needed")
+    file.write_text(f"{before}mounted=/rec\nneeds=/dev/null\npriority=-20\nrealtime=99\n")
+    assert appliance.run(f"{THING} start") == (0, "Starting thing: OK\n")
+
+
+def test_a_name_that_is_none_for_an_instance(appliance: Appliance) -> None:
+    for name in ("thing.$(touch /x)", "thing.a b", "thing.", "thing.a.b", "thing/../x", "other", "-x"):
+        code, text = appliance.run(f"{THING} start '{name}'")
+        assert (code, text) == (2, f"/usr/libexec/ddx/service: '{name}' is not a name for an instance of thing\n")
+    assert list((appliance.root / "run/service").iterdir()) == []
+
+
+def test_values_in_a_script_are_quoted(appliance: Appliance) -> None:
+    """What S18network and `service` paste into root's scripts is one word there."""
+    (appliance.root / "text").write_text("\n".join(COMMANDS) + "\n")
+    assert appliance.run("""
+        . /usr/libexec/ddx/folder
+        while read -r text; do
+            quote "$text"
+            echo "echo $quoted"
+        done < /text > /script
+        sh /script""") == (0, "\n".join(COMMANDS) + "\n")
+    assert not (appliance.root / "x").exists()
