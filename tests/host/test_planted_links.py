@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Another user puts a link where root's scripts write or read: root does not follow it."""
+from __future__ import annotations
+
+import os
+import pathlib
+from collections.abc import Iterator
+
+import pytest
+
+from .appliance import USERS, Appliance
+
+SECRET = "root's own\n"
+LIMITS = "s131072\nn3\n"  # of a log, as svlogd reads them
+
+
+@pytest.fixture
+def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
+    """With a file that is root's alone."""
+    if os.geteuid() != 0:
+        pytest.skip("a root folder of one's own takes root")
+    appliance = Appliance(tmp_path)
+    appliance.install_service()
+    (appliance.root / "secret").write_text(SECRET)
+    (appliance.root / "secret").chmod(0o600)
+    yield appliance
+    appliance.end()
+
+
+def plant(appliance: Appliance, path: str) -> None:
+    """In place of a file, a link to root's."""
+    file = appliance.root / path
+    file.unlink()
+    file.symlink_to("/secret")
+    os.lchown(file, USERS["ddxlog"], 0)
+
+
+@pytest.mark.parametrize("command, log", [
+    ("/usr/libexec/ddx/service thing start", "run/log/thing"), ("/etc/init.d/S18network start", "run/log/ntp")])
+def test_a_log_s_folder_is_not_written_to_once_it_is_given_away(appliance: Appliance, command: str, log: str) -> None:
+    appliance.add("usr/bin/thing", "#!/bin/sh\n")
+    (appliance.root / "etc/default/thing").write_text("user=ddxlog\n")
+    appliance.install("overlay/etc/init.d/S18network", "etc/init.d/S18network")
+    (appliance.root / "run/provision").write_text("ntp=10.0.0.1 time.example\n")
+    assert appliance.run(command)[0] == 0
+    folder = appliance.root / log
+    assert (folder.stat().st_uid, (folder / "config").read_text()) == (USERS["ddxlog"], LIMITS)
+    assert [one.name for one in (appliance.root / "run/log").iterdir()] == [folder.name]
+    plant(appliance, f"{log}/config")
+    assert appliance.run(command)[0] == 0
+    assert (appliance.root / "secret").read_text() == SECRET
+
+
+def test_words_of_a_network_service_stay_words(appliance: Appliance) -> None:
+    appliance.install("overlay/etc/init.d/S18network", "etc/init.d/S18network")
+    (appliance.root / "run/provision").write_text("ntp=10.0.0.1 time.example\nnetwork=eth0 10.0.0.2/24 10.0.0.1\n")
+    assert appliance.run("/etc/init.d/S18network start") == (0, "Starting network: OK\n")
+    runs = [(appliance.root / f"run/service/{name}/run").read_text().splitlines()[-1] for name in ("ntp", "network.eth0")]
+    assert runs == [
+        "exec '/usr/libexec/ddx/confine' 'sys_time' 'ntpd' '-n' '-p' '10.0.0.1' '-p' 'time.example'",
+        "exec '/usr/libexec/ddx/confine' 'net_admin,net_raw,net_bind_service' '/usr/libexec/ddx/network' 'eth0' "
+        "'10.0.0.2/24' '10.0.0.1'"]
+
+
+def test_a_technician_reads_a_log_as_its_writer_may(appliance: Appliance) -> None:
+    appliance.install("package/ddxservice/control", "usr/libexec/ddx/ctl-logs")
+    (appliance.root / "etc/default/thing").write_text("user=ddxlog\n")
+    appliance.add("etc/init.d/S50thing", "#!/bin/sh\n")
+    folder = appliance.root / "run/log/thing"
+    folder.mkdir()
+    for name in ("@0.s", "current"):
+        (folder / name).write_text(f"{name}\n")
+        os.chown(folder / name, USERS["ddxlog"], 0)
+        (folder / name).chmod(0o600)
+    assert appliance.run("/usr/libexec/ddx/ctl-logs thing") == (0, "@0.s\ncurrent\n")
+    plant(appliance, "run/log/thing/current")
+    assert SECRET not in appliance.run("/usr/libexec/ddx/ctl-logs thing")[1]
