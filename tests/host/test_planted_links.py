@@ -75,3 +75,12 @@ def test_a_technician_reads_a_log_as_its_writer_may(appliance: Appliance) -> Non
     assert appliance.run("/usr/libexec/ddx/ctl-logs thing") == (0, "@0.s\ncurrent\n")
     plant(appliance, "run/log/thing/current")
     assert SECRET not in appliance.run("/usr/libexec/ddx/ctl-logs thing")[1]
+
+
+def test_the_console_s_shell_reads_nothing_of_others(appliance: Appliance) -> None:
+    """Everybody may write in /tmp."""
+    appliance.install("overlay/usr/libexec/ddx/shell", "usr/libexec/ddx/shell")
+    (appliance.root / "etc/motd").write_text("DDXVIDEO\n")
+    (appliance.root / "tmp").mkdir()
+    (appliance.root / "tmp/.profile").write_text("echo planted\n")
+    assert appliance.run("echo 'stat -c %a $HOME' | /usr/libexec/ddx/shell") == (0, "DDXVIDEO\n700\n")
