@@ -55,8 +55,8 @@ def test_words_of_a_network_service_stay_words(appliance: Appliance) -> None:
     appliance.install("overlay/etc/init.d/S18network", "etc/init.d/S18network")
     (appliance.root / "run/provision").write_text("ntp=10.0.0.1 time.example\nnetwork=eth0 10.0.0.2/24 10.0.0.1\n")
     assert appliance.run("/etc/init.d/S18network start") == (0, "Starting network: OK\n")
-    runs = [(appliance.root / f"run/service/{name}/run").read_text().splitlines()[-1] for name in ("ntp", "network.eth0")]
-    assert runs == [
+    runs = [appliance.root / f"run/service/{name}/run" for name in ("ntp", "network.eth0")]
+    assert [run.read_text().splitlines()[-1] for run in runs] == [
         "exec '/usr/libexec/ddx/confine' 'sys_time' 'ntpd' '-n' '-p' '10.0.0.1' '-p' 'time.example'",
         "exec '/usr/libexec/ddx/confine' 'net_admin,net_raw,net_bind_service' '/usr/libexec/ddx/network' 'eth0' "
         "'10.0.0.2/24' '10.0.0.1'"]
