@@ -154,7 +154,7 @@ def test_a_reset_takes_settings_and_leaves_recordings(boot: Boot, tmp_path: path
         guest.shell().begin("echo everything | ddxctl reset everything recordings")
         guest.process.wait(PATIENCE)
     with boot("reset-everything", keep=tmp_path) as guest:
-        left = guest.sh("ls -A /data /data/ddx /rec | grep -v -e lost+found -e pool -e '^log$' | xargs")
+        left = guest.sh("ls -A /data /data/ddx /rec | grep -v -e lost+found -e pool -e '^log$' -e '^.ddx$' | xargs")
         assert left == "/data: ddx /data/ddx: /rec:"
         assert services(guest)[SAVE]["state"] == "running"
 

@@ -88,14 +88,14 @@ def test_ruined_settings(boot: Boot, image: pathlib.Path, tmp_path: pathlib.Path
 
     with boot("settings", keep=tmp_path) as guest:
         guest.sh("ddxctl disable ddxvideoV4L")
-        guest.wait_until("grep -q ddxvideoV4L.conf /rec/.settings")
+        guest.wait_until("grep -q ddxvideoV4L.conf /rec/.ddx/settings")
         guest.poweroff()
     Disk(image, tmp_path).erase(part.begin, part.end - part.begin)
     with boot("ruined-settings", keep=tmp_path) as guest:
         assert off(guest, "ddxvideoV4L") and not off(guest, LOAD)
         assert "! disk       /data cannot be used" in guest.sh("ddxctl health || true")
         assert "beware: /data cannot be used" in guest.sh(f"ddxctl disable {LOAD} 2>&1")
-        guest.wait_until(f"grep -q {LOAD}.conf /rec/.settings")
+        guest.wait_until(f"grep -q {LOAD}.conf /rec/.ddx/settings")
         guest.poweroff()
     with boot("ruined-settings", keep=tmp_path) as guest:
         assert off(guest, "ddxvideoV4L") and off(guest, LOAD) and not off(guest, SAVE)

@@ -18,7 +18,7 @@ from .appliance import Appliance
 from .programs import wait_until
 
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
-           for name in ("storage", "recordings-disk", "settings-copy", "disk")}
+           for name in ("storage", "recordings-disk", "settings-copy", "restore.awk", "disk")}
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
 SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # of several groups, so there is a second superblock
 # As in board/common/disk.cfg.
@@ -115,12 +115,12 @@ def robot(tmp_path: pathlib.Path) -> Iterator[Robot]:
 
 def test_both_are_there_and_belong_to_whom_they_should(robot: Robot) -> None:
     assert robot.boot() == (0, "Starting storage: OK\n")
-    wait_until(lambda: robot.told() == f"{robot.devices['DDXREC']} is there")
+    wait_until(lambda: robot.run("cat /run/log/ddxgrow")[1] == "ddxgrow: done\n")  # which is the last
+    assert robot.told() == f"{robot.devices['DDXREC']} is there"
     assert robot.run("cat /data/kept /rec/kept; stat -c '%U %a' /rec /rec/log") == (
         0, "kept\nkept\nddxsave 2755\nddxlogger 2755\n")
     assert robot.run("grep -c errors=remount-ro /proc/mounts")[1] == "2\n"
     assert not (robot.root / "run/settings.lost").exists() and not (robot.root / "run/console").read_text()
-    assert robot.run("cat /run/log/ddxgrow")[1] == "ddxgrow: done\n"
 
 
 @pytest.mark.parametrize("begin, length, kept", [(1024, 1024, True), (0, MIB, False)], ids=["superblock", "MiB"])

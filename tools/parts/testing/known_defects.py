@@ -56,4 +56,8 @@ DEFECTS = [
     Defect("the folder that a service waits for may be a command", "package/ddxservice/settings.awk",
            'value ~ "^/[A-Za-z0-9/_-]+$"', 'value ~ "."',
            "tests/host/test_service_settings.py::test_what_root_uses_has_one_form", r"mounted=\$\(touch /x\)"),
+    Defect("root follows a link in the recorder's folder", "overlay/usr/libexec/ddx/settings-copy",
+           """[ "$(pwd -P) $(stat -c '%u %a' .)" = "$1 0 700" ]""", "true",
+           "tests/host/test_settings_copy.py::test_nothing_of_root_s_is_written_through_a_name_of_the_recorder_s",
+           "secret|made by settings-copy"),
 ]
