@@ -44,11 +44,10 @@ static int look_once(const struct folder *folder, struct pooled_list *list) {
     if (!pool)
         return folder->pool < 0 ? 0 : -errno;
     for (struct dirent *entry = readdir(pool); entry && !error; entry = readdir(pool)) {
-        char *end;
         struct stat status;
-        long id = strtol(entry->d_name, &end, 10);
+        long id = pool_data_id(entry->d_name);
 
-        if (end == entry->d_name || id <= 0 || strcmp(end, ".y4m") || fstatat(folder->pool, entry->d_name, &status, 0))
+        if (!id || fstatat(folder->pool, entry->d_name, &status, 0))
             continue;
         struct pooled file = {.inode = status.st_ino, .found = {.id = id}};
         if (find_indexed(folder->pool, status.st_nlink > 1, &file.found) && !add_pooled(list, &file))

@@ -32,6 +32,23 @@ void pool_index_name(char name[POOL_PATH], long id) {
     snprintf(name, POOL_PATH, "%06ld.index", id);
 }
 
+long pool_id(const char *name) {
+    char own[POOL_PATH];
+    const char *point = strchr(name, '.');
+    long id = strtol(name, NULL, 10); /* at worst LONG_MAX, or LONG_MIN */
+
+    if (!point || id < 1 || id > POOL_ID_MAX)
+        return 0;
+    pool_data_name(own, id);
+    return strncmp(name, own, (size_t)(point - name) + 1) ? 0 : id;
+}
+
+long pool_data_id(const char *name) {
+    const char *point = strchr(name, '.');
+
+    return point && !strcmp(point, ".y4m") ? pool_id(name) : 0;
+}
+
 DIR *pool_list(int folder) {
     int fd = openat(folder, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *list = fd < 0 ? NULL : fdopendir(fd);
@@ -47,10 +64,9 @@ int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void 
     if (!folder)
         return -errno;
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
-        char *end;
-        long id = strtol(entry->d_name, &end, 10);
+        long id = pool_data_id(entry->d_name);
 
-        if (end != entry->d_name && id > 0 && !strcmp(end, ".y4m") && !visit(pool, id, argument))
+        if (id && !visit(pool, id, argument))
             break;
     }
     closedir(folder);
@@ -164,13 +180,19 @@ int pool_create(struct pool *pool, struct pool_file *file) {
     if (!folder)
         return -errno;
     for (struct dirent *entry = readdir(folder); entry; entry = readdir(folder)) {
-        long id = strtol(entry->d_name, NULL, 10);
+        long id = pool_id(entry->d_name); /* of a file, or of an index alone */
 
-        if (id > most) /* of a file, or of an index alone */
+        if (id > most)
             most = id;
     }
     closedir(folder);
-    return open_both(pool, most + 1, O_CREAT | O_EXCL, file);
+    /* Where the highest number is taken, the lowest one that is not: there are more numbers than files. */
+    long id = most < POOL_ID_MAX ? most : 0;
+    int error;
+    do
+        error = open_both(pool, ++id, O_CREAT | O_EXCL, file);
+    while (error == -EEXIST && id < POOL_ID_MAX);
+    return error;
 }
 
 int pool_write_header(const struct pool_file *file, struct index_header *header) {

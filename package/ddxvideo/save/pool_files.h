@@ -10,6 +10,7 @@
 #include "pool.h"
 
 #define POOL_PATH 32 /* room for the name of a file in the pool */
+#define POOL_ID_MAX 999999999L /* so many numbers of files: all fit a long, and a name */
 #define POOL_READY 2 /* files that are kept ready */
 #define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs, and what the file system needs for itself */
 
@@ -39,6 +40,13 @@ void pool_unlock(struct pool *pool);
 /* Names in the pool's folder. */
 void pool_data_name(char name[POOL_PATH], long id);
 void pool_index_name(char name[POOL_PATH], long id);
+
+/*
+ * The number of a file, or of its index, from its name there; pool_data_id() takes no index. 0: the name is none that
+ * the pool makes, so the file is not one of the pool's.
+ */
+long pool_id(const char *name);
+long pool_data_id(const char *name);
 
 /* What is in a folder; NULL and errno. */
 DIR *pool_list(int folder);

@@ -43,10 +43,9 @@ int room_look(const char *place, struct room *room) {
     int pool = folder < 0 ? -1 : openat(folder, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     DIR *list = pool < 0 ? NULL : pool_list(pool);
     for (struct dirent *entry = list ? readdir(list) : NULL; entry; entry = readdir(list)) {
-        char *end;
-        long id = strtol(entry->d_name, &end, 10);
+        long id = pool_data_id(entry->d_name);
 
-        if (end != entry->d_name && id > 0 && !strcmp(end, ".y4m"))
+        if (id)
             add_file(pool, id, room);
     }
     if (list)

@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Numbers and names of recordings: no file that lies about makes the recorder stop, and no two recordings share one."""
+from __future__ import annotations
+
+import pathlib
+
+import pytest
+
+from .programs import Desk, lost, make_clip, pictures, start_recorder, stop
+from .test_pool import SEGMENT, recordings
+
+FRAMES = 30  # of CIF: more than one file holds
+
+
+@pytest.fixture
+def clip(desk: Desk) -> pathlib.Path:
+    (desk.folder / "rec/pool").mkdir(parents=True)
+    return make_clip(desk.folder / "clip.y4m", frames=FRAMES)
+
+
+def record(desk: Desk, clip: pathlib.Path, *options: object, name: str = "video") -> str:
+    """All of the clip, into files that are new; what the recorder said."""
+    before = recordings(desk)
+    saver = start_recorder(desk, "-output", "rec", "-segment", SEGMENT >> 20, "-name", name, *options)
+    loader = desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "3", "-name", name)
+    assert loader.returncode == 0, loader.stderr
+    status, saved = stop(saver)
+    assert status == 0 and lost(saved) == 0, desk.errors(saver)
+    new = [file for file in recordings(desk) if file not in before]
+    assert [picture for file in new for picture in pictures(file)] == pictures(clip)
+    return desk.errors(saver)
+
+
+def test_strange_names_in_the_pool(desk: Desk, clip: pathlib.Path) -> None:
+    """Only a name as the pool makes it, up to its highest number, is a file of the pool."""
+    pool = desk.folder / "rec/pool"
+    strays = [pool / name for name in ["9223372036854775807.y4m", "9223372036854775808.index", "2147483647.y4m",
+                                       "1000000000.y4m", "7.y4m", " 7.y4m", "+7.y4m", "-1.y4m", "000000.y4m"]]
+    highest = pool / "999999999.y4m"
+    for file in strays + [highest]:
+        file.touch()
+    record(desk, clip)
+    assert not any(file.stat().st_size for file in strays)
+    own = {one.stem for one in pool.iterdir() if one not in strays}
+    assert own <= {highest.stem, *(f"{number:06}" for number in range(1, 20))}
+    assert desk.run("ddxrecordings", "list", "-folder", "rec").stderr == ""
