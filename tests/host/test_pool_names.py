@@ -2,19 +2,23 @@
 """Numbers and names of recordings: no file that lies about makes the recorder stop, and no two recordings share one."""
 from __future__ import annotations
 
+import json
 import pathlib
 
 import pytest
 
 from .programs import Desk, lost, make_clip, pictures, start_recorder, stop
 from .test_pool import SEGMENT, recordings
+from .test_pool import small_disk as pool_disk
+
+__all__ = ["pool_disk"]  # a fixture
 
 FRAMES = 30  # of CIF: more than one file holds
 
 
 @pytest.fixture
 def clip(desk: Desk) -> pathlib.Path:
-    (desk.folder / "rec/pool").mkdir(parents=True)
+    (desk.folder / "rec/pool").mkdir(parents=True, exist_ok=True)
     return make_clip(desk.folder / "clip.y4m", frames=FRAMES)
 
 
@@ -44,3 +48,29 @@ def test_strange_names_in_the_pool(desk: Desk, clip: pathlib.Path) -> None:
     own = {one.stem for one in pool.iterdir() if one not in strays}
     assert own <= {highest.stem, *(f"{number:06}" for number in range(1, 20))}
     assert desk.run("ddxrecordings", "list", "-folder", "rec").stderr == ""
+
+
+def numbers(desk: Desk) -> list[int]:
+    return [int(file.name.split("-")[-2]) for file in recordings(desk)]
+
+
+def test_an_item_that_is_named_like_a_file(desk: Desk, clip: pathlib.Path) -> None:
+    """Its numbers go on at the next start, and `list` has its recordings as two."""
+    for _ in range(2):
+        record(desk, clip, name="a.y4m")
+    assert numbers(desk) == [1, 2, 3, 4]
+    lines = desk.run("ddxrecordings", "list", "-json", "-folder", "rec").stdout.splitlines()
+    assert [json.loads(line)["recording"] for line in lines] == ["a.y4m-000001", "a.y4m-000003"]
+
+
+def test_recordings_of_such_an_item_are_given_up(desk: Desk, pool_disk: pathlib.Path, clip: pathlib.Path) -> None:
+    """Also beside a file of the same number that is not of the pool."""
+    (pool_disk / "filler").write_bytes(bytes(20 << 20))  # leaves room for two recordings
+    record(desk, clip, name="a.y4m")
+    (pool_disk / "a-000001-20000101T000000Z.y4m").touch()
+    for _ in range(2):
+        saver = start_recorder(desk, "-output", "rec", "-segment", 4, "-name", "a.y4m", "-full", "recycle")
+        desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "3", "-name", "a.y4m")
+        status, saved = stop(saver)
+        assert (status, lost(saved)) == (0, 0), desk.errors(saver)
+    assert sorted(numbers(desk))[0] == 1 and sorted(numbers(desk))[1] > 2

@@ -106,26 +106,18 @@ bool find_indexed(int pool, bool named, struct found *found) {
 
 /* <item>-<number>-<UTC>.y4m; another name is an item without a number. */
 static void read_name(struct found *found) {
-    char item[sizeof found->name];
     struct tm utc = {.tm_year = 0};
+    const char *end = pool_name_number(found->name, &found->number);
 
-    snprintf(item, sizeof item, "%.*s", (int)(strlen(found->name) - strlen(".y4m")), found->name);
-    char *stamp = strrchr(item, '-'), *end = NULL;
-    if (stamp)
-        *stamp = 0;
-    char *number = stamp ? strrchr(item, '-') : NULL;
-    if (number)
-        found->number = (uint32_t)strtoul(number + 1, &end, 10);
-    if (number && found->number && !*end) {
-        *number = 0;
-        if (strptime(stamp + 1, "%Y%m%dT%H%M%SZ", &utc))
-            found->wall = (int64_t)timegm(&utc) * NS;
-    } else {
-        found->number = 0;
-        if (stamp)
-            *stamp = '-';
-    }
-    snprintf(found->item, sizeof found->item, "%.127s", item);
+    if (end && strptime(strrchr(end, '-') + 1, "%Y%m%dT%H%M%SZ", &utc))
+        found->wall = (int64_t)timegm(&utc) * NS;
+    if (!end)
+        end = found->name + strlen(found->name) - strlen(".y4m");
+    size_t length = (size_t)(end - found->name);
+    if (length >= sizeof found->item)
+        length = sizeof found->item - 1;
+    memcpy(found->item, found->name, length);
+    found->item[length] = 0;
     found->session = found->number;
 }
 

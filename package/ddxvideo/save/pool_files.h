@@ -48,6 +48,10 @@ void pool_index_name(char name[POOL_PATH], long id);
 long pool_id(const char *name);
 long pool_data_id(const char *name);
 
+/* The number in a recording's name, <item>-<number>-<UTC>.y4m; returns where the item's name ends. NULL: it has no
+ * number. */
+const char *pool_name_number(const char *name, uint32_t *number);
+
 /* What is in a folder; NULL and errno. */
 DIR *pool_list(int folder);
 

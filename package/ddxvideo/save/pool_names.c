@@ -12,19 +12,19 @@
 
 #include "pool_files.h"
 
-/* The number in <item>-<NNNNNN>-<UTC>.y4m, 0 if it is none of these. */
-static long number_of(const char *name) {
-    const char *end = strstr(name, ".y4m");
+const char *pool_name_number(const char *name, uint32_t *number) {
+    size_t length = strlen(name);
+    const char *stamp = length > 4 && !strcmp(name + length - 4, ".y4m") ? strrchr(name, '-') : NULL;
+    const char *dash = stamp ? memrchr(name, '-', (size_t)(stamp - name)) : NULL;
+    char *end;
 
-    if (!end || end[4])
-        return 0;
-    const char *dash = memrchr(name, '-', (size_t)(end - name));
-    const char *first = dash ? memrchr(name, '-', (size_t)(dash - name)) : NULL;
-    if (!first)
-        return 0;
-    char *digits_end;
-    long number = strtol(first + 1, &digits_end, 10);
-    return digits_end == dash && number > 0 && number < INT32_MAX ? number : 0;
+    if (!dash || dash[1] < '0' || dash[1] > '9')
+        return NULL;
+    unsigned long long value = strtoull(dash + 1, &end, 10);
+    if (end != stamp || !value || value > UINT32_MAX)
+        return NULL;
+    *number = (uint32_t)value;
+    return dash;
 }
 
 static bool highest_in_use(struct pool *pool, long id, void *argument) {
@@ -50,10 +50,10 @@ uint32_t pool_next_number(struct pool *pool) {
     pool_lock(pool);
     DIR *folder = pool_list(pool->outside);
     for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
-        long number = number_of(entry->d_name);
+        uint32_t number;
 
-        if (number > (long)most)
-            most = (uint32_t)number;
+        if (pool_name_number(entry->d_name, &number) && number <= INT32_MAX && number > most)
+            most = number; /* a larger one is not ours: as many numbers are left above */
     }
     if (folder)
         closedir(folder);
@@ -82,7 +82,7 @@ void pool_name(struct index_header *header, const char *item, uint32_t number) {
 /* ---- The oldest ---- */
 
 struct oldest {
-    long number;
+    uint32_t number;
     ino_t inode;
     char name[NAME_MAX + 1];
 };
@@ -107,19 +107,24 @@ static bool claim_inode(struct pool *pool, long id, void *argument) {
     return false;
 }
 
-/* The recording with the lowest number above `above`. */
-static bool next_oldest(struct pool *pool, long above, struct oldest *oldest) {
+/* Whether one recording is older than the other: two that are not of one pool may have the same number. */
+static bool is_before(uint32_t number, const char *name, const struct oldest *other) {
+    return number != other->number ? number < other->number : strcmp(name, other->name) < 0;
+}
+
+/* The oldest recording that is younger than `after`. */
+static bool next_oldest(struct pool *pool, const struct oldest *after, struct oldest *oldest) {
     DIR *folder = pool_list(pool->outside);
+    uint32_t number;
 
     oldest->number = 0;
     for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
-        long number = number_of(entry->d_name);
-
-        if (number > above && (!oldest->number || number < oldest->number)) {
-            oldest->number = number;
-            oldest->inode = entry->d_ino;
-            strcpy(oldest->name, entry->d_name);
-        }
+        if (!pool_name_number(entry->d_name, &number) || is_before(number, entry->d_name, after) ||
+            !strcmp(entry->d_name, after->name) || (oldest->number && !is_before(number, entry->d_name, oldest)))
+            continue;
+        oldest->number = number;
+        oldest->inode = entry->d_ino;
+        strcpy(oldest->name, entry->d_name);
     }
     if (folder)
         closedir(folder);
@@ -127,11 +132,11 @@ static bool next_oldest(struct pool *pool, long above, struct oldest *oldest) {
 }
 
 int pool_recycle(struct pool *pool, struct pool_file *file) {
-    struct oldest oldest = {.number = 0};
+    struct oldest oldest = {.number = 0}, before = oldest;
     struct stat status;
     struct index_header header;
 
-    while (next_oldest(pool, oldest.number, &oldest)) {
+    for (; next_oldest(pool, &before, &oldest); before = oldest) {
         struct wanted wanted = {.inode = oldest.inode, .file = file};
 
         pool_each(pool, claim_inode, &wanted);
