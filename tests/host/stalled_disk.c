@@ -2,7 +2,7 @@
 /*
  * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() does
  * not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While $FAILED_SYNC
- * exists, fdatasync() fails.
+ * exists, fdatasync() fails. With $LOCKED_FIRST the first file that is locked is locked already.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -12,6 +12,7 @@
 #include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/syscall.h>
 #include <unistd.h>
 
@@ -29,6 +30,15 @@ int fdatasync(int fd) {
         return -1;
     }
     return (int)syscall(SYS_fdatasync, fd);
+}
+
+int flock(int fd, int operation) {
+    static atomic_int locked;
+    if (getenv("LOCKED_FIRST") && !locked++) {
+        errno = EWOULDBLOCK;
+        return -1;
+    }
+    return (int)syscall(SYS_flock, fd, operation);
 }
 
 int open(const char *path, int flags, ...) {

@@ -109,3 +109,12 @@ def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: StalledDisk) -
     shown = [picture for file in recorded(desk) for picture in file]
     played = iter(pictures(clip))
     assert len(shown) == saved["out"] and all(picture in played for picture in shown)  # in their order
+
+
+def test_a_new_file_that_another_user_locks_first(desk: Desk, disk: StalledDisk) -> None:
+    """Between its creation and the recorder's own lock: another file is recorded to."""
+    clip = make_clip(desk.folder / "clip.y4m", "64x48")
+    saver = start_recorder(desk, "-output", "rec", wrapper=(*disk.wrapper, "LOCKED_FIRST=yes"))
+    assert desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "8").returncode == 0
+    status, saved = stop(saver)
+    assert status == 0 and lost(saved) == 0 and recorded(desk) == [pictures(clip)]

@@ -199,8 +199,11 @@ int output_open(const struct output *output, char *path) {
                      output->extension) >= PATH_MAX)
             return -ENAMETOOLONG;
         int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0664);
-        if (fd >= 0 || errno != EEXIST)
-            return fd < 0 ? -errno : lock(fd);
+        int error = fd < 0 ? -errno : lock(fd);
+        if (error != -EEXIST && error != -EWOULDBLOCK)
+            return error;
+        if (fd >= 0) /* any user may have locked it in between: that keeps nobody from recording */
+            unlink(path);
     }
     return -EEXIST;
 }

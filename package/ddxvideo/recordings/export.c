@@ -12,6 +12,7 @@
 
 #include "bytes.h"
 #include "crc32c.h"
+#include "pool_files.h"
 #include "program.h"
 #include "verify.h"
 
@@ -123,6 +124,8 @@ static void tell(const struct copy *copy, const char *to, int error) {
 
     if (error == -EINTR)
         say("%s: not exported, %s", copy->found->name, why);
+    else if (error == -EBUSY && !copy->write_error)
+        say("%s: not exported, it was given up for a new recording while it was read", copy->found->name);
     else if (copy->write_error)
         say("%s: not exported: %s: %s%s", copy->found->name, to, why,
             error == -EIO || error == -ENODEV || error == -ENXIO ? "; was the stick pulled out?" : "");
@@ -140,6 +143,10 @@ static int copy_file(const struct folder *folder, const struct found *found, con
     snprintf(unfinished, sizeof unfinished, "%s%s", found->name, UNFINISHED);
     if (opened) {
         error = write_file(&copy, to, unfinished);
+        if (error != -EINTR && verify_is_given_up(&copy.from, found)) {
+            copy.write_error = 0;
+            error = -EBUSY;
+        }
         if (!error)
             error = copy.write_error = give_name(&copy, to, unfinished);
         if (copy.fd >= 0 && close(copy.fd) && !error)
@@ -189,6 +196,8 @@ int export_files(const struct folder *folder, const bool *chosen, const char *pa
     }
     for (unsigned i = 0; i < folder->count; i++)
         count += chosen[i];
+    if (folder->pool >= 0 && !pool_can_hold(folder->pool))
+        say("files may be given up for new recordings while they are copied; copy as root or as the recorder's user");
     if (!has_room(folder, chosen, path, to)) {
         close(to);
         return EXIT_FAILED;

@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -161,7 +160,7 @@ int folder_open(struct folder *folder, const char *path) {
     *folder = (struct folder){.fd = open(path, O_RDONLY | O_DIRECTORY | O_CLOEXEC), .pool = -1};
     if (folder->fd < 0)
         return -errno;
-    folder->pool = openat(folder->fd, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    folder->pool = openat(folder->fd, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
     int error = folder->pool < 0 && errno != ENOENT ? -errno : look_at_pool(folder, &list);
     if (!error)
         error = look_at_names(folder, &list);
@@ -193,24 +192,31 @@ int found_open(const struct folder *folder, const struct found *found, bool *dir
     pool_data_name(name, found->id);
     int from = found->id ? folder->pool : folder->fd;
     const char *path = found->id ? name : found->name;
-    int fd = openat(from, path, O_RDONLY | O_CLOEXEC | O_DIRECT);
+    int fd = openat(from, path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_DIRECT);
     *direct = fd >= 0;
     if (fd < 0 && errno == EINVAL)
-        fd = openat(from, path, O_RDONLY | O_CLOEXEC);
+        fd = openat(from, path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     return fd < 0 ? -errno : fd;
 }
 
-int found_hold(const struct folder *folder, const struct found *found) {
+int found_open_index(const struct folder *folder, const struct found *found) {
     char name[POOL_PATH];
 
     pool_index_name(name, found->id);
-    int fd = openat(folder->pool, name, O_RDONLY | O_CLOEXEC);
-    if (fd < 0)
-        return -errno;
+    int fd = openat(folder->pool, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    return fd < 0 ? -errno : fd;
+}
+
+int found_hold(const struct folder *folder, const struct found *found, int *hold) {
     /* What is being recorded is its recorder's already. */
-    if (found->state < FOUND_INTERRUPTED && flock(fd, LOCK_SH | LOCK_NB)) {
-        close(fd);
-        return -EBUSY;
-    }
-    return fd;
+    int fd = found->state < FOUND_INTERRUPTED ? pool_hold_file(folder->pool, found->id) : -1;
+
+    *hold = fd < 0 ? -1 : fd;
+    return fd == -EAGAIN ? -EBUSY : 0;
+}
+
+bool found_is_given_up(int index_fd, const struct found *found) {
+    struct index_header header;
+
+    return !pool_read_header(index_fd, &header) || header.recording != found->recording;
 }

@@ -26,6 +26,7 @@ struct found {
     uint32_t session; /* number of the first file of its recording */
     enum found_state state;
     long id; /* in the pool; 0: it has no index */
+    uint64_t recording; /* random number in its index: another one is another recording */
     uint64_t frames, bytes;
     uint64_t lost_store, lost_ring; /* as its index says */
     int64_t wall;                   /* of the first frame, ns; 0: unknown */
@@ -49,10 +50,16 @@ const char *found_state_name(enum found_state state);
 /* Open the file past the page cache; *direct: reads have to be aligned. -errno. */
 int found_open(const struct folder *folder, const struct found *found, bool *direct);
 
+/* Open its index. -errno. */
+int found_open_index(const struct folder *folder, const struct found *found);
+
 /*
- * Open its index and keep the file from being given up or used again until the result is closed. -EBUSY: that is
- * happening right now. Other -errno.
+ * Keep the file from being given up or used again until *hold is closed; -1 if there is nothing to be held, or this
+ * user may not hold files (found_is_given_up() notices then). 0, or -EBUSY: it is being given up right now.
  */
-int found_hold(const struct folder *folder, const struct found *found);
+int found_hold(const struct folder *folder, const struct found *found, int *hold);
+
+/* By its index: whether another recording has its place by now, or none. What was read before may be either's. */
+bool found_is_given_up(int index_fd, const struct found *found);
 
 #endif

@@ -2,7 +2,6 @@
 #include "find_file.h"
 
 #include <fcntl.h>
-#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -21,28 +20,6 @@ static int64_t lasts(int64_t first, int64_t last, uint64_t frames) {
 }
 
 /* ---- With an index ---- */
-
-/* Whether somebody has locked the file: a recorder writes it. Asks nobody, so nobody finds it taken. */
-static bool is_locked(int fd) {
-    struct stat status;
-    char line[256];
-    bool found = false;
-    FILE *locks = fopen("/proc/locks", "re");
-
-    if (!locks || fstat(fd, &status)) {
-        if (locks)
-            fclose(locks);
-        return false;
-    }
-    while (!found && fgets(line, sizeof line, locks)) {
-        uintmax_t inode = 0;
-
-        found = sscanf(line, "%*s FLOCK %*s WRITE %*s %*[^:]:%*[^:]:%ju", &inode) == 1 &&
-                inode == (uintmax_t)status.st_ino;
-    }
-    fclose(locks);
-    return found;
-}
 
 /* The header says nothing of its frames yet. */
 static void count_so_far(int fd, struct found *found) {
@@ -76,12 +53,13 @@ bool find_indexed(int pool, bool named, struct found *found) {
     struct index_header header;
 
     pool_index_name(name, found->id);
-    int fd = openat(pool, name, O_RDONLY | O_CLOEXEC);
+    int fd = openat(pool, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     bool good = fd >= 0 && pool_read_header(fd, &header) && header.state >= INDEX_RECORDING &&
                 (named || header.state != INDEX_NAMED);
     if (good) {
         strcpy(found->name, header.name);
         strcpy(found->item, header.item);
+        found->recording = header.recording;
         found->number = header.number;
         found->session = header.session ? header.session : header.number;
         found->wall = header.wall;
@@ -92,7 +70,7 @@ bool find_indexed(int pool, bool named, struct found *found) {
         found->state = header.flags & INDEX_RECOVERED ? FOUND_RECOVERED : FOUND_FINISHED;
     }
     if (good && !named)
-        found->state = is_locked(fd) ? FOUND_RECORDING : FOUND_INTERRUPTED;
+        found->state = pool_is_locked(pool, found->id) ? FOUND_RECORDING : FOUND_INTERRUPTED;
     if (good && header.state == INDEX_RECORDING)
         count_so_far(fd, found);
     else if (good)
@@ -162,7 +140,7 @@ bool find_plain(int folder, struct found *found) {
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     struct y4m_header header;
     struct stat status;
-    int fd = openat(folder, found->name, O_RDONLY | O_CLOEXEC);
+    int fd = openat(folder, found->name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
     size_t length = fd < 0 || fstat(fd, &status) ? 0 : read_line(fd, 0, line);
     bool good = length && y4m_parse_header(line, &header, error);
 

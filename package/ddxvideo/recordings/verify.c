@@ -31,19 +31,21 @@ static int read_index(struct verify *verify, const struct found *found) {
 }
 
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found) {
-    *verify = (struct verify){.fd = -1, .index_fd = -1, .bytes = found->bytes};
-    int error = 0;
-    if (found->id) {
-        verify->index_fd = found_hold(folder, found);
+    *verify = (struct verify){.fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes};
+    int error = found->id ? found_hold(folder, found, &verify->hold) : 0;
+    if (found->id && !error) {
+        verify->index_fd = found_open_index(folder, found);
         error = verify->index_fd < 0 ? verify->index_fd : read_index(verify, found);
     }
+    if (!error && verify_is_given_up(verify, found))
+        error = -EBUSY;
     if (!error) {
         verify->fd = found_open(folder, found, &verify->direct);
         error = verify->fd < 0 ? verify->fd : 0;
     }
     if (error)
         say("%s: %s", found->name,
-            error == -EBUSY     ? "is being given up for a new recording"
+            error == -EBUSY     ? "was given up for a new recording"
             : error == -EBADMSG ? "its index is damaged"
                                 : strerror(-error));
     return error;
@@ -55,6 +57,12 @@ void verify_close(struct verify *verify) {
         close(verify->fd);
     if (verify->index_fd >= 0)
         close(verify->index_fd);
+    if (verify->hold >= 0)
+        close(verify->hold);
+}
+
+bool verify_is_given_up(const struct verify *verify, const struct found *found) {
+    return found->id && found_is_given_up(verify->index_fd, found);
 }
 
 bool verify_judge(struct verify *verify, const struct found *found) {
@@ -89,8 +97,13 @@ bool verify_file(const struct folder *folder, const struct found *found) {
 
     if (good)
         error = bytes_read(verify.fd, verify.direct, verify.bytes, verify_bytes, &verify);
+    if (good && error != -EINTR && verify_is_given_up(&verify, found))
+        error = -EBUSY;
     if (good && error && error != -ENODATA)
-        say("%s: %s", found->name, error == -EINTR ? "not verified, told to stop" : strerror(-error));
+        say("%s: %s", found->name,
+            error == -EINTR   ? "not verified, told to stop"
+            : error == -EBUSY ? "was given up for a new recording while it was read"
+                              : strerror(-error));
     if (!error || error == -ENODATA)
         good = verify_judge(&verify, found);
     good = good && !error && found->state != FOUND_CUT_OFF;

@@ -10,6 +10,7 @@
 /* A file that is read and judged at the same time. */
 struct verify {
     int fd, index_fd;
+    int hold; /* see found_hold() */
     bool direct;
     uint64_t bytes; /* that are to be read */
     struct index_file *index; /* NULL: it has none */
@@ -20,6 +21,9 @@ struct verify {
 /* Open it, hold it, read its index. 0; -errno after a line. verify_close() in any case. */
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found);
 void verify_close(struct verify *verify);
+
+/* Whether the file was given up while it was read: then neither its bytes nor what is wrong with them count. */
+bool verify_is_given_up(const struct verify *verify, const struct found *found);
 
 /* All bytes have been seen: say what is wrong, one line. Whether nothing is. */
 bool verify_judge(struct verify *verify, const struct found *found);

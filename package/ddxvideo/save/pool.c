@@ -24,11 +24,14 @@ static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
     pool->outside = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (pool->outside < 0)
         return -errno;
-    if (mkdirat(pool->outside, POOL_FOLDER, 0775) && errno != EEXIST)
+    if (mkdirat(pool->outside, POOL_FOLDER, 0755) && errno != EEXIST)
         return -errno;
-    pool->folder = openat(pool->outside, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    pool->folder = openat(pool->outside, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);
     if (pool->folder < 0 || fstatvfs(pool->folder, &disk))
         return -errno;
+    pool->lock_fd = pool_lock_create(pool->folder);
+    if (pool->lock_fd < 0)
+        return pool->lock_fd;
     uint64_t fits = (uint64_t)disk.f_blocks * disk.f_frsize / SHARE;
     pool->bytes = (bytes < fits ? bytes : fits) >> 20 << 20;
     if (pool->bytes < SMALLEST)
@@ -41,7 +44,7 @@ int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **re
 
     if (!pool)
         return -ENOMEM;
-    *pool = (struct pool){.outside = -1, .folder = -1, .recycle = recycle};
+    *pool = (struct pool){.outside = -1, .folder = -1, .lock_fd = -1, .recycle = recycle};
     pthread_mutex_init(&pool->lock, NULL);
     program_condition(&pool->changed);
     int error = set_up(pool, folder, bytes);
@@ -62,6 +65,8 @@ void pool_close(struct pool *pool) {
     }
     if (pool->has_next)
         pool_release(&pool->next);
+    if (pool->lock_fd >= 0)
+        close(pool->lock_fd);
     if (pool->folder >= 0)
         close(pool->folder);
     if (pool->outside >= 0)

@@ -4,8 +4,9 @@
  * system changes in the path of the frames, and a power cut finds none half changed.
  *
  * `<folder>/pool/<NNNNNN>.y4m` with its index `<NNNNNN>.index`. Names never change. A finished recording is the same
- * file under a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m`. Several recorders share a pool: whoever has locked an
- * index (flock) has the file, and the folder's lock is held by who looks for one.
+ * file under a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m`. Several recorders of one user share a pool: each file
+ * has a lock, and the pool has one for a program that looks for a file. Locks are bytes of `pool/lock`, which only the
+ * owner of the pool and root can open: no other user can keep a recorder waiting (pool_lock.c).
  */
 #ifndef DDXVIDEO_POOL_H
 #define DDXVIDEO_POOL_H
@@ -23,7 +24,8 @@ struct pool;
 struct pool_file {
     long id;       /* its name */
     int fd;        /* of the file, O_DIRECT if the file system can */
-    int index_fd;  /* of the index; holds the lock */
+    int index_fd;  /* of the index */
+    int lock_fd;   /* locked as long as it is open */
     bool direct;
     bool prepared; /* no metadata is left to be written but what this program changes itself */
     uint64_t written; /* not prepared: up to there it has been written once all the same */

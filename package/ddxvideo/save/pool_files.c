@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The pool's files: names, locks, headers. */
+/* The pool's files: names, headers, which are free. */
 #include "pool_files.h"
 
 #include <dirent.h>
@@ -8,21 +8,9 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
-
-void pool_lock(struct pool *pool) {
-    pthread_mutex_lock(&pool->lock);
-    while (flock(pool->folder, LOCK_EX) && errno == EINTR)
-        continue;
-}
-
-void pool_unlock(struct pool *pool) {
-    flock(pool->folder, LOCK_UN);
-    pthread_mutex_unlock(&pool->lock);
-}
 
 void pool_data_name(char name[POOL_PATH], long id) {
     snprintf(name, POOL_PATH, "%06ld.y4m", id);
@@ -88,11 +76,12 @@ void pool_forget(struct pool_file *file, struct index_header *header, uint64_t b
 
 /* Both files, without what the page cache would add, if the file system can. */
 static int open_file(const struct pool *pool, const char *name, int flags, bool *direct) {
-    int fd = openat(pool->folder, name, O_RDWR | O_CLOEXEC | O_DIRECT | flags, 0664);
+    flags |= O_RDWR | O_CLOEXEC | O_NOFOLLOW;
+    int fd = openat(pool->folder, name, flags | O_DIRECT, 0664);
 
     *direct = fd >= 0;
     if (fd < 0 && errno == EINVAL)
-        fd = openat(pool->folder, name, O_RDWR | O_CLOEXEC | (flags & ~O_EXCL), 0664);
+        fd = openat(pool->folder, name, flags & ~O_EXCL, 0664);
     return fd < 0 ? -errno : fd;
 }
 
@@ -100,14 +89,14 @@ static int open_both(const struct pool *pool, long id, int flags, struct pool_fi
     char name[POOL_PATH];
     bool direct;
 
-    *file = (struct pool_file){.id = id, .fd = -1};
+    *file = (struct pool_file){.id = id, .fd = -1, .index_fd = -1};
+    file->lock_fd = pool_lock_file(pool, id);
+    if (file->lock_fd < 0)
+        return file->lock_fd;
     pool_index_name(name, id);
-    file->index_fd = open_file(pool, name, flags, &direct);
-    if (file->index_fd < 0)
-        return file->index_fd;
-    int error = flock(file->index_fd, LOCK_EX | LOCK_NB) ? -errno : 0;
+    int error = file->index_fd = open_file(pool, name, flags, &direct);
     pool_data_name(name, id);
-    if (!error)
+    if (error >= 0)
         file->fd = error = open_file(pool, name, flags, &file->direct);
     if (error < 0)
         pool_release(file);
@@ -117,8 +106,10 @@ static int open_both(const struct pool *pool, long id, int flags, struct pool_fi
 void pool_release(struct pool_file *file) {
     if (file->fd >= 0)
         close(file->fd);
-    close(file->index_fd);
-    file->fd = file->index_fd = -1;
+    if (file->index_fd >= 0)
+        close(file->index_fd);
+    close(file->lock_fd); /* last: the next owner finds nothing of this one */
+    file->fd = file->index_fd = file->lock_fd = -1;
 }
 
 bool pool_read_header(int fd, struct index_header *header) {

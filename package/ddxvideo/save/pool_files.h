@@ -17,10 +17,11 @@
 struct pool {
     int outside; /* the folder of the recordings */
     int folder;  /* the pool in it */
+    int lock_fd; /* its byte 0 is locked by pool_lock() */
     uint64_t bytes;
     bool recycle;
     uint32_t last_number; /* that we gave, and that may not be on the disk yet */
-    pthread_mutex_t lock; /* of our threads; flock(folder) is that of the programs */
+    pthread_mutex_t lock; /* of our threads; lock_fd has that of the programs */
     struct pool_file next;
     bool has_next; /* `next` is ready, and locked by us */
     /* of the thread that prepares: */
@@ -34,8 +35,27 @@ struct pool {
     void *argument;
 };
 
+/* Open the file of locks, created if there is none: -errno, such as -EACCES where the pool is another user's. */
+int pool_lock_create(int folder);
+
+/* Nobody else looks for a file, in this program or another one. Waits. */
 void pool_lock(struct pool *pool);
 void pool_unlock(struct pool *pool);
+
+/* Lock a file of the pool until the result is closed; -EAGAIN: another one has it. Other -errno. */
+int pool_lock_file(const struct pool *pool, long id);
+
+/*
+ * For programs that read recordings, with the pool's folder: keep a file from being given up or used again until the
+ * result is closed. -EAGAIN: a recorder has it. -EACCES: only the owner of the pool and root can.
+ */
+int pool_hold_file(int folder, long id);
+
+/* Whether this user may hold files. */
+bool pool_can_hold(int folder);
+
+/* Whether a recorder has the file. Locks nothing, and any user may ask. */
+bool pool_is_locked(int folder, long id);
 
 /* Names in the pool's folder. */
 void pool_data_name(char name[POOL_PATH], long id);
@@ -64,7 +84,7 @@ bool pool_is_named(const struct pool *pool, long id);
 /* The header of an index; false if it has none, or a spoilt one. */
 bool pool_read_header(int fd, struct index_header *header);
 
-/* Lock the index and open both; false if somebody else has it, or it cannot be. `header` is what the index says; a
+/* Lock the file and open both; false if somebody else has it, or it cannot be. `header` is what the index says; a
  * spoilt one is INDEX_RAW, and so is that of a recording which somebody has deleted. */
 bool pool_claim(struct pool *pool, long id, struct pool_file *file, struct index_header *header);
 

@@ -458,7 +458,9 @@ static bool open_pool(struct recorder *recorder) {
     int error = pool_open(recorder->place, (uint64_t)recorder->segment << 20, recorder->recycle, &recorder->pool);
     if (!error)
         error = recorder->recover ? pool_recover(recorder->pool) : pool_prepare(recorder->pool, is_busy, recorder);
-    if (error)
+    if (error == -EACCES)
+        say("-output %s: its pool belongs to another user; record as that user, or to another folder", recorder->place);
+    else if (error)
         say("-output %s: no files to record into: %s", recorder->place, strerror(-error));
     return !error;
 }

@@ -1,0 +1,103 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Locks of the pool: bytes of the file `lock`, which only its owner and root can open. Any user can lock a file that
+ * the user can read, so a lock on the files themselves would let each user of the machine stop all recording.
+ */
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "pool_files.h"
+
+#define LOCK "lock"
+
+/* Byte 0 is the pool's, byte N that of file N. A lock belongs to the open file: whoever claims a file opens it again. */
+static int set(int fd, int how, short type, long byte) {
+    struct flock lock = {.l_type = type, .l_whence = SEEK_SET, .l_start = byte, .l_len = 1};
+    int failed;
+
+    do
+        failed = fcntl(fd, how, &lock);
+    while (failed && errno == EINTR);
+    return failed ? -errno : 0;
+}
+
+/* Opened without a wait: what lies there may be no file. */
+static int open_lock(int folder, int flags) {
+    return openat(folder, LOCK, flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
+}
+
+int pool_lock_create(int folder) {
+    struct stat status;
+    int fd = open_lock(folder, O_RDWR | O_CREAT | O_EXCL);
+
+    if (fd < 0 && errno == EEXIST)
+        fd = open_lock(folder, O_RDWR);
+    else if (fd >= 0 && !geteuid() && !fstat(folder, &status) && fchown(fd, status.st_uid, status.st_gid)) {
+        int error = errno; /* else root's first look would keep the owner of the pool out of it */
+
+        close(fd);
+        return -error;
+    }
+    if (fd < 0)
+        return -errno;
+    bool good = !fstat(fd, &status) && S_ISREG(status.st_mode);
+    if (good && status.st_mode & 077 && status.st_uid == geteuid())
+        good = !fchmod(fd, 0600);
+    if (!good)
+        close(fd);
+    return good ? fd : -EBADF;
+}
+
+void pool_lock(struct pool *pool) {
+    pthread_mutex_lock(&pool->lock);
+    set(pool->lock_fd, F_OFD_SETLKW, F_WRLCK, 0);
+}
+
+void pool_unlock(struct pool *pool) {
+    set(pool->lock_fd, F_OFD_SETLK, F_UNLCK, 0);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+/* Lock a file: as long as what is returned is open. */
+static int lock_file(int folder, long id, int flags, short type) {
+    int fd = open_lock(folder, flags);
+    int error = fd < 0 ? -errno : set(fd, F_OFD_SETLK, type, id);
+
+    if (error && fd >= 0)
+        close(fd);
+    return error ? error : fd;
+}
+
+int pool_lock_file(const struct pool *pool, long id) {
+    return lock_file(pool->folder, id, O_RDWR, F_WRLCK);
+}
+
+int pool_hold_file(int folder, long id) {
+    return lock_file(folder, id, O_RDONLY, F_RDLCK);
+}
+
+bool pool_can_hold(int folder) {
+    return !faccessat(folder, LOCK, R_OK, AT_EACCESS) || errno == ENOENT;
+}
+
+/* Who cannot open the lock can read this. */
+bool pool_is_locked(int folder, long id) {
+    struct stat status;
+    char line[256];
+    bool found = false;
+    FILE *locks = fstatat(folder, LOCK, &status, AT_SYMLINK_NOFOLLOW) ? NULL : fopen("/proc/locks", "re");
+
+    while (locks && !found && fgets(line, sizeof line, locks)) {
+        uintmax_t inode, byte;
+
+        found = sscanf(line, "%*s OFDLCK %*s WRITE %*s %*[^:]:%*[^:]:%ju %ju", &inode, &byte) == 2 &&
+                inode == (uintmax_t)status.st_ino && byte == (uintmax_t)id;
+    }
+    if (locks)
+        fclose(locks);
+    return found;
+}

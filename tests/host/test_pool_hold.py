@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A full disk's oldest recordings are given up, whatever other users lock, but not while root copies them."""
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import pathlib
+import stat
+from collections.abc import Iterable, Iterator
+
+import pytest
+
+from .programs import Desk, Process, lost, make_clip, start_recorder, stop
+from .test_pool import recordings, small_disk
+
+__all__ = ["small_disk"]  # a fixture
+FRAMES = 30  # of CIF: more than one file holds
+OTHER = 12345  # a user that does not exist
+# Root as any other user: it can open only what modes and owners let it open.
+PLAIN = ("setpriv", "--bounding-set=-dac_override,-dac_read_search")
+
+
+@pytest.fixture
+def full(desk: Desk, small_disk: pathlib.Path) -> pathlib.Path:
+    """A disk with room for two recordings, one of which is there."""
+    make_clip(desk.folder / "clip.y4m", frames=FRAMES)
+    (small_disk / "filler").write_bytes(bytes(20 << 20))
+    record(desk)
+    return small_disk
+
+
+def record(desk: Desk) -> None:
+    saver = start_recorder(desk, "-output", "rec", "-segment", 4, "-full", "recycle")
+    loader = desk.run("ddxvideoload", "clip.y4m", "-readers", "1", "-rate", "8")
+    status, saved = stop(saver)
+    assert (loader.returncode, status, lost(saved)) == (0, 0, 0), desk.errors(saver)
+
+
+def start_copy(desk: Desk, file: pathlib.Path, *wrapper: str) -> tuple[Process, pathlib.Path]:
+    """A copy that has opened its file waits for the pipe which it writes to."""
+    pipe = desk.folder / "to" / f"{file.name}.part"
+    pipe.parent.mkdir()
+    os.mkfifo(pipe)
+    return desk.start("ddxrecordings", "export", file.name, "to", "-folder", "rec", wrapper=wrapper), pipe
+
+
+@contextlib.contextmanager
+def locked(paths: Iterable[pathlib.Path]) -> Iterator[None]:
+    """As any user can who may read them."""
+    files = [os.open(path, os.O_RDONLY) for path in paths]
+    try:
+        for file in files:
+            fcntl.flock(file, fcntl.LOCK_SH)
+        yield
+    finally:
+        for file in files:
+            os.close(file)
+
+
+def test_root_keeps_what_it_copies_and_other_users_keep_nothing(desk: Desk, full: pathlib.Path) -> None:
+    first, second = recordings(desk)
+    copy, pipe = start_copy(desk, first)
+    with pipe.open("rb"), locked([full / "pool", *full.glob("pool/*.*")]):  # by now the copy has its file
+        for _ in range(2):
+            record(desk)
+        assert first in recordings(desk) and second not in recordings(desk)
+    assert copy.wait(60) != 0  # nobody reads the pipe
+    record(desk)
+    assert first not in recordings(desk)
+    lock = (full / "pool/lock").stat()
+    assert stat.S_IMODE(lock.st_mode) == 0o600 and lock.st_uid == (full / "pool").stat().st_uid
+
+
+def test_a_copy_of_another_user_says_that_its_file_was_given_up(desk: Desk, full: pathlib.Path) -> None:
+    os.chown(full / "pool/lock", OTHER, OTHER)
+    first = recordings(desk)[0]
+    copy, pipe = start_copy(desk, first, *PLAIN)
+    with pipe.open("rb") as data:
+        for _ in range(2):
+            record(desk)
+        assert first not in recordings(desk)
+        data.read()
+    assert copy.wait(60) == 1
+    said = desk.errors(copy)
+    assert "files may be given up for new recordings while they are copied" in said
+    assert f"{first.name}: not exported, it was given up for a new recording while it was read" in said
+    assert not list(pipe.parent.iterdir())
+    saver = start_recorder(desk, "-output", "rec", "-segment", 4, wrapper=PLAIN)
+    assert saver.wait(60) == 1 and "rec: its pool belongs to another user" in desk.errors(saver)
