@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 import pathlib
+import signal
 
 import pytest
 
-from .programs import Desk, lost, make_clip, pictures, start_recorder, stop
+from .programs import Desk, lost, make_clip, pictures, start_recorder, stop, wait_until
 from .test_pool import SEGMENT, recordings
 from .test_pool import small_disk as pool_disk
 
@@ -74,3 +75,39 @@ def test_recordings_of_such_an_item_are_given_up(desk: Desk, pool_disk: pathlib.
         status, saved = stop(saver)
         assert (status, lost(saved)) == (0, 0), desk.errors(saver)
     assert sorted(numbers(desk))[0] == 1 and sorted(numbers(desk))[1] > 2
+
+
+def test_two_recorders_of_one_item_that_start_at_once(desk: Desk, clip: pathlib.Path) -> None:
+    """Both take their numbers with the item's first frame, long before the disk knows of either."""
+    savers = [start_recorder(desk, "-output", "rec", "-segment", 4, "-instance", name) for name in ("one", "two")]
+    assert desk.run("ddxvideoload", clip, "-readers", "2", "-rate", "3").returncode == 0
+    for saver in savers:
+        status, saved = stop(saver)
+        assert status == 0 and saved["out"] == FRAMES and lost(saved) == 0
+        assert "another file" not in desk.errors(saver)
+    assert numbers(desk) == [1, 2, 3, 4]
+    shown = [picture for file in recordings(desk) for picture in pictures(file)]
+    assert sorted(shown) == sorted(2 * pictures(clip))
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: int) -> None:
+    """The recording gets another number, and keeps its time, when it ends or when it is recovered; the other stays."""
+    saver = start_recorder(desk, "-output", "rec", "-segment", 4)
+    loader = desk.start("ddxvideoload", clip, "-readers", "1", "-loop")
+    wait_until(lambda: desk.out("ddxvideosave") > 0)
+    name, = json.loads(desk.run("ddxrecordings", "list", "-json", "-folder", "rec").stdout)["files"]
+    other = desk.folder / "rec" / name
+    other.write_bytes(b"other")
+    stop(loader)
+    saver.send_signal(number)
+    assert saver.wait(60) in (0, -number)
+    recover = desk.run("ddxvideosave", "-output", "rec", "-segment", "4", "-recover")
+    assert f"rec/{name}: another file has this name" in desk.errors(saver) + recover.stderr
+    assert other.read_bytes() == b"other"
+    found = next(file for file in recordings(desk) if file != other)
+    assert found.name.split("-")[1] != "000001" and found.name.split("-")[2] == name.split("-")[2]
+    shown = pictures(found)
+    assert shown and shown == pictures(clip)[:len(shown)]
+    assert f"{found.name}: good" in desk.run("ddxrecordings", "verify", found.name, "-folder", "rec").stdout
+    assert desk.run("ddxvideosave", "-output", "rec", "-segment", "4", "-recover").stderr == ""

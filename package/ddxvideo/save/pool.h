@@ -32,7 +32,7 @@ struct pool_file {
 };
 
 /*
- * Open the pool below `folder`, create it if there is none. Files get `bytes` bytes, or less on a small disk. With
+ * Open the pool below `folder`, whose text has to stay, create it if there is none. Files get `bytes` bytes, or less on a small disk. With
  * `recycle` the oldest recording is given up when the disk is full. Returns 0 or -errno.
  */
 int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **pool);
@@ -70,7 +70,10 @@ unsigned pool_ready(struct pool *pool);
  */
 int pool_take(struct pool *pool, struct pool_file *file);
 
-/* The number of the next recording, whatever item it is of: above all that there are. */
+/*
+ * The number of the next recording, whatever item it is of: above all that there are, and taken from now on for every
+ * recorder of this pool.
+ */
 uint32_t pool_next_number(struct pool *pool);
 
 /* Write item, number and name, which has the present time in it, into the header. */
@@ -78,7 +81,7 @@ void pool_name(struct index_header *header, const char *item, uint32_t number);
 
 /*
  * The recording in the file has header->bytes bytes, which are on the disk, as is its index: cut it, give it its name,
- * close it. 0 or -errno.
+ * close it. Where another file has that name, the recording gets another number, after a line. 0 or -errno.
  */
 int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *header);
 

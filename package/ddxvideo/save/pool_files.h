@@ -15,6 +15,7 @@
 #define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs, and what the file system needs for itself */
 
 struct pool {
+    const char *place; /* as pool_open() was given it */
     int outside; /* the folder of the recordings */
     int folder;  /* the pool in it */
     int lock_fd; /* its byte 0 is locked by pool_lock() */
@@ -41,6 +42,19 @@ int pool_lock_create(int folder);
 /* Nobody else looks for a file, in this program or another one. Waits. */
 void pool_lock(struct pool *pool);
 void pool_unlock(struct pool *pool);
+
+/* The highest number that a recorder of this pool has taken; 0 if that is not known. Between pool_lock() and unlock. */
+uint32_t pool_newest(const struct pool *pool);
+void pool_set_newest(const struct pool *pool, uint32_t number);
+
+/* As pool_next_number(), between pool_lock() and pool_unlock(). */
+uint32_t pool_take_number(struct pool *pool);
+
+/* Another number for a recording whose name another file has: in header->name, too. */
+void pool_renumber(struct index_header *header, uint32_t number);
+
+/* As pool_finish(); `locked`: between pool_lock() and pool_unlock(). */
+int pool_finish_locked(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked);
 
 /* Lock a file of the pool until the result is closed; -EAGAIN: another one has it. Other -errno. */
 int pool_lock_file(const struct pool *pool, long id);

@@ -2,14 +2,18 @@
 /*
  * Locks of the pool: bytes of the file `lock`, which only its owner and root can open. Any user can lock a file that
  * the user can read, so a lock on the files themselves would let each user of the machine stop all recording.
+ *
+ * The file has the number of the newest recording: a recorder's own index has it only with its first flush.
  */
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "crc32c.h"
 #include "pool_files.h"
 
 #define LOCK "lock"
@@ -61,6 +65,38 @@ void pool_unlock(struct pool *pool) {
     set(pool->lock_fd, F_OFD_SETLK, F_UNLCK, 0);
     pthread_mutex_unlock(&pool->lock);
 }
+
+/* ---- The newest number ---- */
+
+#define MAGIC "DDXLOCK1"
+
+struct newest {
+    char magic[8];
+    uint32_t number;
+    uint32_t crc; /* of all before: after a power cut there may be anything */
+};
+
+void pool_set_newest(const struct pool *pool, uint32_t number) {
+    struct newest newest = {.number = number};
+
+    memcpy(newest.magic, MAGIC, sizeof newest.magic);
+    newest.crc = crc32c(0, &newest, offsetof(struct newest, crc));
+    /* On a full disk it cannot be written: then a recorder that finds its name taken takes another number. */
+    ssize_t done = pwrite(pool->lock_fd, &newest, sizeof newest, 0);
+    (void)done;
+}
+
+uint32_t pool_newest(const struct pool *pool) {
+    struct newest newest;
+
+    if (pread(pool->lock_fd, &newest, sizeof newest, 0) != (ssize_t)sizeof newest ||
+        memcmp(newest.magic, MAGIC, sizeof newest.magic) ||
+        newest.crc != crc32c(0, &newest, offsetof(struct newest, crc)))
+        return 0;
+    return newest.number;
+}
+
+/* ---- Files ---- */
 
 /* Lock a file: as long as what is returned is open. */
 static int lock_file(int folder, long id, int flags, short type) {

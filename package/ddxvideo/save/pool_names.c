@@ -43,26 +43,44 @@ static bool highest_in_use(struct pool *pool, long id, void *argument) {
     return true;
 }
 
-uint32_t pool_next_number(struct pool *pool) {
-    uint32_t most = 0;
-
-    pool_wait_for_recovery(pool);
-    pool_lock(pool);
+static void highest_in_names(struct pool *pool, uint32_t *most) {
     DIR *folder = pool_list(pool->outside);
-    for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder)) {
-        uint32_t number;
+    uint32_t number;
 
-        if (pool_name_number(entry->d_name, &number) && number <= INT32_MAX && number > most)
-            most = number; /* a larger one is not ours: as many numbers are left above */
-    }
+    for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder))
+        if (pool_name_number(entry->d_name, &number) && number <= INT32_MAX && number > *most)
+            *most = number; /* a larger one is not ours: as many numbers are left above */
     if (folder)
         closedir(folder);
-    pool_each(pool, highest_in_use, &most);
+}
+
+uint32_t pool_take_number(struct pool *pool) {
+    uint32_t most = pool_newest(pool);
+
     if (pool->last_number > most)
         most = pool->last_number;
+    /* Names come last: a recording that gets its name in between is seen in one of the two. */
+    pool_each(pool, highest_in_use, &most);
+    highest_in_names(pool, &most);
     pool->last_number = most + 1;
-    pool_unlock(pool);
+    pool_set_newest(pool, most + 1);
     return most + 1;
+}
+
+uint32_t pool_next_number(struct pool *pool) {
+    pool_wait_for_recovery(pool);
+    pool_lock(pool);
+    uint32_t number = pool_take_number(pool);
+    pool_unlock(pool);
+    return number;
+}
+
+/* Item and number as the header has them, and when it was begun. */
+static void set_name(struct index_header *header, const char *stamp) {
+    snprintf(header->name, sizeof header->name, "%s-%06u-%s", header->item, (unsigned)header->number, stamp);
+    for (char *c = header->name; *c; c++)
+        if (*c == '/')
+            *c = '_'; /* an item's name may hold one */
 }
 
 void pool_name(struct index_header *header, const char *item, uint32_t number) {
@@ -71,12 +89,20 @@ void pool_name(struct index_header *header, const char *item, uint32_t number) {
     struct tm utc;
 
     snprintf(header->item, sizeof header->item, "%s", item);
-    strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
+    strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ.y4m", gmtime_r(&now, &utc));
     header->number = number;
-    snprintf(header->name, sizeof header->name, "%s-%06u-%s.y4m", header->item, (unsigned)number, stamp);
-    for (char *c = header->name; *c; c++)
-        if (*c == '/')
-            *c = '_'; /* an item's name may hold one */
+    set_name(header, stamp);
+}
+
+void pool_renumber(struct index_header *header, uint32_t number) {
+    char stamp[32];
+    const char *dash = strrchr(header->name, '-');
+
+    snprintf(stamp, sizeof stamp, "%s", dash ? dash + 1 : ".y4m");
+    if (header->session == header->number)
+        header->session = number;
+    header->number = number;
+    set_name(header, stamp);
 }
 
 /* ---- The oldest ---- */

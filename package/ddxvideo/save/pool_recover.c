@@ -57,7 +57,7 @@ static int finish(struct pool *pool, struct pool_file *file, struct index_file *
         pool_release(file);
         return error;
     }
-    return pool_finish(pool, file, header);
+    return pool_finish_locked(pool, file, header, true);
 }
 
 static bool recover(struct pool *pool, long id, void *argument) {
@@ -72,16 +72,15 @@ static bool recover(struct pool *pool, long id, void *argument) {
         return true;
     }
     uint32_t frames = 0;
+    const char *recording = recovering->index->header.name;
     int error = index_read(file.index_fd, recovering->index);
     if (!error)
         frames = whole_frames(&file, recovering->index);
     if (frames) {
-        char name[sizeof header.name];
-
-        strcpy(name, header.name);
         error = finish(pool, &file, recovering->index, frames);
         if (!error)
-            say("%s: not finished when it was last recorded to; it ends after %u whole frames now", name, frames);
+            say("%s: not finished when it was last recorded to; it ends after %u whole frames now",
+                recording, frames);
     } else {
         file.prepared = false; /* whoever prepares it looks at its size */
         pool_give_back(&file);

@@ -60,4 +60,10 @@ DEFECTS = [
            """[ "$(pwd -P) $(stat -c '%u %a' .)" = "$1 0 700" ]""", "true",
            "tests/host/test_settings_copy.py::test_nothing_of_root_s_is_written_through_a_name_of_the_recorder_s",
            "secret|made by settings-copy"),
+    Defect("two recorders that start at once take one number", "package/ddxvideo/save/pool_names.c",
+           "    pool_set_newest(pool, most + 1);\n", "",
+           "tests/host/test_pool_names.py::test_two_recorders_of_one_item_that_start_at_once", "another file"),
+    Defect("a recording whose name another file has gets no name", "package/ddxvideo/save/pool.c",
+           "? 0 : -EEXIST;", "? 0 : 0;",
+           "tests/host/test_pool_names.py::test_a_name_that_another_file_has", "another file"),
 ]
