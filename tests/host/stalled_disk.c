@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() does
- * not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While $FAILED_SYNC
- * exists, fdatasync() fails. With $LOCKED_FIRST the first file that is locked is locked already.
+ * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() and
+ * syncfs() do not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While
+ * $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST the first file that is locked is locked already.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -30,6 +30,11 @@ int fdatasync(int fd) {
         return -1;
     }
     return (int)syscall(SYS_fdatasync, fd);
+}
+
+int syncfs(int fd) {
+    stall("STALLED_SYNC");
+    return (int)syscall(SYS_syncfs, fd);
 }
 
 int flock(int fd, int operation) {

@@ -2,6 +2,7 @@
 """The disk stands still: whoever takes frames from the store goes on, and every frame is recorded, or counted."""
 from __future__ import annotations
 
+import functools
 import pathlib
 import subprocess
 
@@ -39,6 +40,10 @@ def disk(desk: Desk) -> StalledDisk:
 def start(desk: Desk, disk: StalledDisk, clip: pathlib.Path, *options: object) -> tuple[Process, Process]:
     saver = start_recorder(desk, "-output", "rec", *options, wrapper=disk.wrapper)
     return saver, desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+
+
+def is_recording(desk: Desk, saver: Process) -> bool:
+    return "recording video" in desk.errors(saver)
 
 
 def recorded(desk: Desk) -> list[list[bytes]]:
@@ -118,3 +123,26 @@ def test_a_new_file_that_another_user_locks_first(desk: Desk, disk: StalledDisk)
     assert desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "8").returncode == 0
     status, saved = stop(saver)
     assert status == 0 and lost(saved) == 0 and recorded(desk) == [pictures(clip)]
+
+
+def test_two_recorders_are_killed(desk: Desk, disk: StalledDisk) -> None:
+    """The disk has frames of one of them only: these count for that one, whichever is started first."""
+    make_clip(desk.folder / "clip.y4m", "64x48", frames=250)
+    wanted = ("-output", "rec", "-segment", 4, "-instance")
+    disk.stall("sync")
+    savers = [start_recorder(desk, *wanted, "one"), start_recorder(desk, *wanted, "two", wrapper=disk.wrapper)]
+    desk.start("ddxvideoload", "clip.y4m", "-loop", "-readers", "2", "-rate", "3")
+    wait_until(lambda: desk.out("one") > 10 and int(desk.stats("two")["in"]) > 10)
+    for saver in savers:
+        saver.kill()
+        saver.wait()
+    assert desk.out("two") == 0
+    files = 1  # that of the first one
+    for name in "two", "one":
+        saver = start_recorder(desk, *wanted, name)
+        wait_until(functools.partial(is_recording, desk, saver))
+        status, saved = stop(saver)
+        found = recorded(desk)
+        mine = found[files:] if name == "two" else found[:1] + found[files:]
+        assert status == 0 and saved["out"] == sum(map(len, mine)) and saved["in"] == saved["out"] + lost(saved)
+        files = len(found)

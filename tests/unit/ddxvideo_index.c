@@ -72,9 +72,25 @@ static void test_spoilt(void) {
     free(index);
 }
 
+/* Recorders that did not write their instance had 128 bytes for the item, the rest of which was 0. */
+static void test_former_layout(void) {
+    struct index_header header = {.state = INDEX_NAMED, .number = 3};
+    char *item = (char *)&header + 72;
+    memcpy(item, "video", 6);
+    memcpy(item + 128, "video-000003-20261122T155630Z.y4m", 34);
+    index_seal_header(&header);
+    CHECK(index_good_header(&header));
+    CHECK(!strcmp(header.item, "video") && !*header.instance);
+    CHECK(!strcmp(header.name, "video-000003-20261122T155630Z.y4m"));
+    header.instance[sizeof(header.instance) - 1] = 'x';
+    index_seal_header(&header);
+    CHECK(!index_good_header(&header));
+}
+
 int main(void) {
     test_sums();
     test_count();
     test_spoilt();
+    test_former_layout();
     return 0;
 }

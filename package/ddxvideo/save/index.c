@@ -24,7 +24,8 @@ void index_seal_entry(struct index_entry *entry) {
 bool index_good_header(const struct index_header *header) {
     return !memcmp(header->magic, INDEX_MAGIC, sizeof header->magic) &&
            header->crc == crc32c(0, header, offsetof(struct index_header, crc)) && header->state <= INDEX_NAMED &&
-           !header->item[sizeof header->item - 1] && !header->name[sizeof header->name - 1];
+           !header->item[sizeof header->item - 1] && !header->instance[sizeof header->instance - 1] &&
+           !header->name[sizeof header->name - 1];
 }
 
 bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint32_t position) {

@@ -42,8 +42,9 @@ struct index_header {
     uint64_t lost_ring;
     uint32_t number; /* of the segment, among those of the item */
     uint32_t session; /* number of the segment that this one continues, or its own */
-    char item[128];  /* both end with a 0 byte */
-    char name[192];  /* under which the finished recording is found */
+    char item[64];     /* these three end with a 0 byte */
+    char instance[64]; /* of the recorder; "" in an index of a recorder that did not say that yet */
+    char name[192];    /* under which the finished recording is found */
     uint32_t flags; /* INDEX_RECOVERED */
     uint32_t reserved[2];
     uint32_t crc; /* of all before */

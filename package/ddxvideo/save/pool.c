@@ -22,7 +22,6 @@
 static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
     struct statvfs disk;
 
-    pool->place = folder;
     pool->outside = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (pool->outside < 0)
         return -errno;
@@ -41,12 +40,13 @@ static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
     return 0;
 }
 
-int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **result) {
+int pool_open(const char *folder, const char *instance, uint64_t bytes, bool recycle, struct pool **result) {
     struct pool *pool = calloc(1, sizeof *pool);
 
     if (!pool)
         return -ENOMEM;
-    *pool = (struct pool){.outside = -1, .folder = -1, .lock_fd = -1, .recycle = recycle};
+    *pool = (struct pool){
+        .place = folder, .instance = instance, .outside = -1, .folder = -1, .lock_fd = -1, .recycle = recycle};
     pthread_mutex_init(&pool->lock, NULL);
     program_condition(&pool->changed);
     int error = set_up(pool, folder, bytes);

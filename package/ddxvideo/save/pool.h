@@ -32,19 +32,20 @@ struct pool_file {
 };
 
 /*
- * Open the pool below `folder`, whose text has to stay, create it if there is none. Files get `bytes` bytes, or less on a small disk. With
+ * Open the pool below `folder`, create it if there is none, for this instance of the recorder. Both texts stay the
+ * caller's, and have to stay as long as the pool. Files get `bytes` bytes, or less on a small disk. With
  * `recycle` the oldest recording is given up when the disk is full. Returns 0 or -errno.
  */
-int pool_open(const char *folder, uint64_t bytes, bool recycle, struct pool **pool);
+int pool_open(const char *folder, const char *instance, uint64_t bytes, bool recycle, struct pool **pool);
 
 /* Finish what nobody finished; waits for the disk. 0, or -errno for one that cannot be. */
 int pool_recover(struct pool *pool);
 
 /*
- * How many frames of this item with numbers above that are in the newest recordings that were finished by a later
- * recorder, as all are after pool_recover() whose own one was killed.
+ * How many frames with numbers above that are in the newest files of this instance which were finished by a later
+ * recorder, as after pool_recover() all are whose own one was killed.
  */
-uint64_t pool_recovered_frames(struct pool *pool, const char *item, uint64_t above);
+uint64_t pool_recovered_frames(struct pool *pool, uint64_t above);
 
 /*
  * Recover, and then keep files ready, in a thread of its own, which does the latter while `busy` (called from there)
@@ -76,8 +77,8 @@ int pool_take(struct pool *pool, struct pool_file *file);
  */
 uint32_t pool_next_number(struct pool *pool);
 
-/* Write item, number and name, which has the present time in it, into the header. */
-void pool_name(struct index_header *header, const char *item, uint32_t number);
+/* Write instance, item, number and name, which has the present time in it, into the header. */
+void pool_name(const struct pool *pool, struct index_header *header, const char *item, uint32_t number);
 
 /*
  * The recording in the file has header->bytes bytes, which are on the disk, as is its index: cut it, give it its name,

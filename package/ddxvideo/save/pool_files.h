@@ -15,7 +15,7 @@
 #define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs, and what the file system needs for itself */
 
 struct pool {
-    const char *place; /* as pool_open() was given it */
+    const char *place, *instance; /* as pool_open() was given them */
     int outside; /* the folder of the recordings */
     int folder;  /* the pool in it */
     int lock_fd; /* its byte 0 is locked by pool_lock() */

@@ -83,12 +83,13 @@ static void set_name(struct index_header *header, const char *stamp) {
             *c = '_'; /* an item's name may hold one */
 }
 
-void pool_name(struct index_header *header, const char *item, uint32_t number) {
+void pool_name(const struct pool *pool, struct index_header *header, const char *item, uint32_t number) {
     char stamp[32];
     time_t now = time(NULL);
     struct tm utc;
 
     snprintf(header->item, sizeof header->item, "%s", item);
+    snprintf(header->instance, sizeof header->instance, "%s", pool->instance);
     strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ.y4m", gmtime_r(&now, &utc));
     header->number = number;
     set_name(header, stamp);

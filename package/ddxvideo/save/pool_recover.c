@@ -105,39 +105,68 @@ int pool_recover(struct pool *pool) {
 /* ---- Which frames were found ---- */
 
 struct counting {
-    const char *item;
+    const char *instance;
     uint64_t above, frames;
-    uint32_t newest;
-    struct index_file *index; /* NULL: only the newest number is wanted */
+    struct index_header newest, before; /* of its two newest files; number 0: there is none */
+    struct index_file *index;
 };
 
-/* A recording ends in one file, and may just have begun the next. */
-static bool count(struct pool *pool, long id, void *argument) {
-    struct counting *counting = argument;
-    struct index_header header;
+/* A file of this instance: the descriptor of its index, and its header. -1: it is none. */
+static int open_own(struct pool *pool, long id, const char *instance, struct index_header *header) {
     char name[POOL_PATH];
 
     pool_index_name(name, id);
-    int fd = openat(pool->folder, name, O_RDONLY | O_CLOEXEC);
+    int fd = openat(pool->folder, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    if (fd < 0 || (pool_read_header(fd, header) && header->number && !strcmp(header->instance, instance)))
+        return fd;
+    close(fd);
+    return -1;
+}
+
+static bool find_newest(struct pool *pool, long id, void *argument) {
+    struct counting *counting = argument;
+    struct index_header header;
+    int fd = open_own(pool, id, counting->instance, &header);
+
     if (fd < 0)
         return true;
-    bool ours = pool_read_header(fd, &header) && header.flags & INDEX_RECOVERED &&
-                !strncmp(header.item, counting->item, sizeof header.item);
-    if (ours && !counting->index && header.number > counting->newest)
-        counting->newest = header.number;
-    if (ours && counting->index && header.number + 1 >= counting->newest && !index_read(fd, counting->index))
+    close(fd);
+    if (header.number > counting->newest.number) {
+        counting->before = counting->newest;
+        counting->newest = header;
+    } else if (header.number > counting->before.number) {
+        counting->before = header;
+    }
+    return true;
+}
+
+/* A recording ends in one file, and may just have begun the next; in between another recorder may have taken numbers.
+ * Numbers of another item's frames say nothing. */
+static bool is_wanted(const struct counting *counting, const struct index_header *header) {
+    return header->flags & INDEX_RECOVERED && !strcmp(header->item, counting->newest.item) &&
+           (header->number == counting->newest.number || header->number == counting->before.number);
+}
+
+static bool count(struct pool *pool, long id, void *argument) {
+    struct counting *counting = argument;
+    struct index_header header;
+    int fd = open_own(pool, id, counting->instance, &header);
+
+    if (fd < 0)
+        return true;
+    if (is_wanted(counting, &header) && !index_read(fd, counting->index))
         for (uint32_t i = 0; i < header.frames && i < INDEX_ENTRIES; i++)
             counting->frames += counting->index->entry[i].sequence > counting->above;
     close(fd);
     return true;
 }
 
-uint64_t pool_recovered_frames(struct pool *pool, const char *item, uint64_t above) {
-    struct counting counting = {.item = item, .above = above};
+uint64_t pool_recovered_frames(struct pool *pool, uint64_t above) {
+    struct counting counting = {.instance = pool->instance, .above = above};
 
     pool_wait_for_recovery(pool);
     pool_lock(pool);
-    pool_each(pool, count, &counting);
+    pool_each(pool, find_newest, &counting);
     if (!posix_memalign((void **)&counting.index, INDEX_BLOCK, sizeof *counting.index))
         pool_each(pool, count, &counting);
     pool_unlock(pool);

@@ -455,7 +455,8 @@ static bool open_pool(struct recorder *recorder) {
         say("-segment: -output %s is no folder", recorder->place);
         return false;
     }
-    int error = pool_open(recorder->place, (uint64_t)recorder->segment << 20, recorder->recycle, &recorder->pool);
+    int error = pool_open(recorder->place, recorder->program.instance, (uint64_t)recorder->segment << 20,
+                          recorder->recycle, &recorder->pool);
     if (!error)
         error = recorder->recover ? pool_recover(recorder->pool) : pool_prepare(recorder->pool, is_busy, recorder);
     if (error == -EACCES)

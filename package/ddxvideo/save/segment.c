@@ -30,12 +30,12 @@ static int open_plain(const struct output *output, struct segment *segment) {
 }
 
 /* Frames that a killed forerunner made safe, and had no time to count. */
-static void count_found(struct pool *pool, const char *item, DDX_STATS_BOOK *book) {
+static void count_found(struct pool *pool, DDX_STATS_BOOK *book) {
     DDX_STATS stats;
 
     ddx_stats_get(book, &stats);
     if (stats.died)
-        ddx_stats_found(book, pool_recovered_frames(pool, item, stats.out_sequence));
+        ddx_stats_found(book, pool_recovered_frames(pool, stats.out_sequence));
 }
 
 static int open_pooled(const struct output *output, struct pool *pool, uint32_t session, struct segment *segment) {
@@ -44,14 +44,14 @@ static int open_pooled(const struct output *output, struct pool *pool, uint32_t 
         return -ENOMEM;
     memset(segment->index, 0, sizeof *segment->index);
     struct index_header *header = &segment->index->header;
-    count_found(pool, output->name, segment->book);
+    count_found(pool, segment->book);
     uint32_t number = pool_next_number(pool);
     int error = pool_take(pool, &segment->file);
     if (error)
         return error;
     header->recording = program_random();
     header->state = INDEX_RECORDING;
-    pool_name(header, output->name, number);
+    pool_name(pool, header, output->name, number);
     header->session = session ? session : number;
     snprintf(segment->path, sizeof segment->path, "%s/%s", output->place, header->name);
     segment->pool = pool;
