@@ -91,8 +91,9 @@ DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons)
  * Keep the book in the store, as item `<instance>.stats`, and take over what a former program of this instance left
  * there: its totals are added, `starts` goes on, and if it died (no clean stop), what was waiting in it becomes
  * lost "restart". `source`: name of the item that the frames come from, or NULL; see ddx_stats_follow(). The
- * connection stays the caller's and must outlive the book. Errors: -EEXIST (a living program is this instance),
- * else as ddx_store_create(). On failure the book goes on counting, without the store. At most once per book.
+ * connection stays the caller's and must outlive the book. Errors: -EEXIST (a living program is this instance:
+ * it keeps counters there), -EPROTOTYPE or -EMSGSIZE (something else has that name), else as ddx_store_create(). On
+ * failure the book goes on counting, without the store. At most once per book.
  */
 int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
 

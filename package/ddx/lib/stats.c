@@ -58,6 +58,15 @@ static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
     return error;
 }
 
+/* -EEXIST if the living writer of the item keeps counters there; else why the item can hold none. */
+static int refused_by(DDX_STORE_ID *id, const char *name) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, "DDX_STATS", (int)sizeof(DDX_STATS));
+    int error = item ? -EEXIST : -errno;
+
+    ddx_store_done_item(item);
+    return error;
+}
+
 int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
     char name[DDX_NAME_MAX + 1];
     size_t length = strlen(book->instance);
@@ -70,7 +79,7 @@ int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source)
     DDX_STORE_ITEM *item;
     int error = ddx_store_create(id, &spec, &item);
     if (error)
-        return error;
+        return error == -EEXIST ? refused_by(id, name) : error;
     DDX_STATS former;
     int unread = read_former(id, name, &former);
 

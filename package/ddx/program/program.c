@@ -291,12 +291,19 @@ DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK 
     }
 }
 
-bool program_attach(const struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
+bool program_does_without(const char *item, const char *suffix, int error) {
+    bool away = error == -ECONNREFUSED || error == -ETIMEDOUT;
+
+    if (error)
+        say("%s%s: %s%s", item, suffix, ddx_error_text(error), away ? "" : "; going on without it");
+    return !away;
+}
+
+bool program_attach(struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
     int error = ddx_stats_attach(book, id, source);
 
+    program->hidden = error;
     if (error == -EEXIST)
         say("an instance %s runs already; give this one another name with -instance", program->instance);
-    else if (error)
-        say("%s.stats: %s", program->instance, ddx_error_text(error));
-    return !error;
+    return error != -EEXIST && program_does_without(program->instance, ".stats", error);
 }

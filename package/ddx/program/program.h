@@ -41,6 +41,8 @@ struct program {
     const char *instance;
     long port;
     bool check; /* the settings are to be judged, and nothing else done: exit 0 where the program would begin */
+    /* Set by program_attach(): */
+    bool hidden; /* the store does not show the counters, and does not say how the former program ended */
 };
 
 /*
@@ -95,8 +97,18 @@ bool program_try_again(int error, DDX_STATS_BOOK *book);
  */
 DDX_STORE_ID *program_connect(const struct program *program);
 
-/* Attach the book; false, after a line, if the instance runs already or the store refuses. */
-bool program_attach(const struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
+/*
+ * Whether to go on after `error` (0 or -errno) of creating an item that only shows what a program does: `item` and
+ * `suffix` are its name. A line if there was an error. True unless the store is away: any local user can create an
+ * item of that name first, and that must not keep a program from its task.
+ */
+bool program_does_without(const char *item, const char *suffix, int error);
+
+/*
+ * Attach the book; false, after a line, if the instance runs already or the store is away. Where the store refuses the
+ * item for another reason, the book counts without it, after a line: program->hidden.
+ */
+bool program_attach(struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
 
 /*
  * The item, as soon as somebody has created it; says so once when that takes time. NULL and errno: EINTR when told to

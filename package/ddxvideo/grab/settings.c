@@ -3,7 +3,8 @@
 
 #include <errno.h>
 
-#define AGAIN_NS INT64_C(100000000) /* some cameras change a control with each frame */
+#define AGAIN_NS INT64_C(100000000)    /* some cameras change a control with each frame */
+#define REFUSED_NS INT64_C(1000000000) /* between two attempts to create an item that the store refuses */
 
 void settings_begin(struct grabber *grabber) {
     controls_begin(&grabber->controls, grabber->device.fd);
@@ -31,6 +32,23 @@ static void serve(struct grabber *grabber) {
     ddx_requests_answer(grabber->requests, status, text);
 }
 
+/* The two items. Says a new kind of refusal once. 0 or -errno. */
+static int open_items(struct grabber *grabber) {
+    static int said;
+    int error = 0;
+
+    if (!grabber->parameters)
+        error = ddxvideo_parameters_create(grabber->id, grabber->name, &grabber->parameters);
+    bool refused = error;
+    if (!grabber->requests && !(grabber->requests = ddx_requests_open(grabber->id, grabber->name)))
+        error = -errno;
+    if (error && error != said)
+        say("%s%s: %s", grabber->name, refused ? ".parameters" : ": its settings cannot be changed",
+            ddx_error_text(error));
+    said = error;
+    return error;
+}
+
 void settings_tick(struct grabber *grabber) {
     int64_t now = ddx_time_now();
 
@@ -38,11 +56,7 @@ void settings_tick(struct grabber *grabber) {
         serve(grabber);
     if (!grabber->changed || now < grabber->settings)
         return;
-    grabber->settings = now + AGAIN_NS;
-    if (!grabber->parameters)
-        ddxvideo_parameters_create(grabber->id, grabber->name, &grabber->parameters);
-    if (!grabber->requests)
-        grabber->requests = ddx_requests_open(grabber->id, grabber->name);
+    grabber->settings = now + (open_items(grabber) ? REFUSED_NS : AGAIN_NS);
     if (grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
         grabber->changed = grabber->requests == NULL;
 }

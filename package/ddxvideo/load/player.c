@@ -124,7 +124,8 @@ static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t 
         say("%s: %s", player->name, ddx_error_text(error));
         return EXIT_FAILED;
     }
-    ddxvideo_counter_write(player->counter, frame->stamp.frame);
+    if (player->counter)
+        ddxvideo_counter_write(player->counter, frame->stamp.frame);
     ddx_stats_out(player->book, 1, now - (player->speed.num ? due : player->published));
     ddx_stats_write(player->book);
     program_tick(player->book);
@@ -224,15 +225,16 @@ static int open_items(struct player *player, DDX_STORE_ID *id) {
     if (!program_attach(&player->program, player->book, id, NULL))
         return EXIT_FAILED;
     int error = ddxvideo_create(id, player->name, &player->file.header.geometry, &player->video);
-    if (!error) {
-        ddx_stats_published(player->book, ddx_store_written(player->video));
-        error = ddxvideo_counter_create(id, player->name, &player->counter);
-    }
-    if (!error)
-        error = show_parameters(player, id);
-    if (error)
+    if (error) {
         say("%s: %s", player->name, ddx_error_text(error));
-    return error ? EXIT_FAILED : EXIT_OK;
+        return EXIT_FAILED;
+    }
+    ddx_stats_published(player->book, ddx_store_written(player->video));
+    error = ddxvideo_counter_create(id, player->name, &player->counter);
+    if (!program_does_without(player->name, ".frame", error) ||
+        !program_does_without(player->name, ".parameters", show_parameters(player, id)))
+        return EXIT_FAILED;
+    return EXIT_OK;
 }
 
 int player_run(struct player *player) {

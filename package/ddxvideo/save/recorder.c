@@ -488,7 +488,7 @@ static void mend_leftovers(struct recorder *recorder) {
     DDX_STATS stats;
 
     ddx_stats_get(recorder->book, &stats);
-    recorder->output.keep = stats.follows;
+    recorder->output.keep = stats.follows || recorder->program.hidden;
     if (!recorder->pool)
         leftovers_mend(&recorder->output, recorder->book);
 }

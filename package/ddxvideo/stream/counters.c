@@ -1,28 +1,25 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "counters.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <string.h>
 
+#include "program.h"
+
 #define SUFFIX ".packets"
 
-int counters_open(struct counters *counters, DDX_STORE_ID *id) {
+void counters_open(struct counters *counters, DDX_STORE_ID *id) {
     char name[DDX_NAME_MAX + 1], text[1024];
     struct ddx_item_spec spec = {.name = name, .type = "DDX_PACKETS", .declaration = text};
 
-    if (!id)
-        return 0;
-    if (snprintf(name, sizeof name, "%s" SUFFIX, counters->instance) >= (int)sizeof name)
-        return -EINVAL;
+    if (!id || snprintf(name, sizeof name, "%s" SUFFIX, counters->instance) >= (int)sizeof name)
+        return;
     int length = snprintf(text, sizeof text, "struct { ");
     for (unsigned i = 0; i < counters->count; i++)
         length += snprintf(text + length, sizeof text - (size_t)length, "uint64_t %s; ", counters->names[i]);
     strcpy(text + length, "}");
-    int error = ddx_store_create(id, &spec, &counters->item);
-    if (!error)
-        counters_write(counters);
-    return error;
+    program_does_without(counters->instance, SUFFIX, ddx_store_create(id, &spec, &counters->item));
+    counters_write(counters);
 }
 
 void counters_write(struct counters *counters) {

@@ -14,8 +14,8 @@ struct counters {
     DDX_STORE_ITEM *item; /* NULL without a store */
 };
 
-/* Begin to show the values; `id` may be NULL. Errors as ddx_store_create(); then they are only printed. */
-int counters_open(struct counters *counters, DDX_STORE_ID *id);
+/* Begin to show the values; `id` may be NULL. Where the store refuses the item, they are only printed, after a line. */
+void counters_open(struct counters *counters, DDX_STORE_ID *id);
 
 /* Write the values into the store. */
 void counters_write(struct counters *counters);
