@@ -111,6 +111,7 @@ static void hostile(void) {
                 for (int j = 0; j < view.stride[i] * view.rows[i]; j++)
                     sum += view.plane[i][j];
             CHECK(error || view.geometry.width * view.geometry.height <= 64 * 48);
+            CHECK(error || view.geometry.rate_num <= DDX_VIDEO_RATE * (int64_t)view.geometry.rate_den);
             CHECK(sum < 1 << 30);
             CHECK(!ddx_store_release(reader));
         }

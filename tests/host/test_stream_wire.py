@@ -2,6 +2,7 @@
 """What goes over the wire, and how good it looks: judged from packets and pictures, not from what the programs say."""
 from __future__ import annotations
 
+import json
 import pathlib
 import subprocess
 
@@ -12,7 +13,7 @@ from parts.media.footage import footage
 
 from .programs import pictures, result, wait_until
 from .rtp_rules import broken_rules, captured, parse
-from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, printed, stop_recording
+from .stream import PORT, RELAYED, TO_RELAY, Stream, find_numbers, finish, printed, stop_recording
 
 FRAMES = 150
 BITRATE = 200  # kbit/s
@@ -87,12 +88,16 @@ def test_packets_cut_anywhere_are_seen(stream: Stream) -> None:
 
 
 def test_other_senders(stream: Stream) -> None:
-    """A stream that is not ours is shown as well; nothing is known of its frames' numbers."""
+    """A stream that is not ours is shown as well; nothing is known of its frames' numbers. It claims 3,000,000 frames
+    a second: that rate does not reach the item."""
     decode = stream.decode("-group", "none")
     command = ["ffmpeg", "-v", "error", "-nostdin", "-re", "-f", "lavfi", "-i", "testsrc2=size=352x288:rate=25",
-               "-frames:v", "50", "-c:v", "libx264", "-tune", "zerolatency", "-payload_type", "96", "-f", "rtp",
+               "-frames:v", "50", "-c:v", "libx264", "-tune", "zerolatency", "-bsf:v",
+               "h264_metadata=tick_rate=6000000:fixed_frame_rate_flag=1", "-payload_type", "96", "-f", "rtp",
                f"rtp://127.0.0.1:{PORT}?pkt_size=1200"]
     subprocess.run([*stream.network.inside, *command], check=True, timeout=60, stdout=subprocess.DEVNULL)
     wait_until(lambda: int(stream.desk.stats("decode")["out"]) == 50)
+    picture = find_numbers(json.loads(stream.desk.run("ddxctl", "show", "--json", "seen").stdout))
+    assert (picture["width"], picture["rate_num"], picture["rate_den"]) == (352, 0, 0)
     (_, packets, shown), = finish(decode)
     assert shown["in"] == 50 and packets["lost"] == 0

@@ -45,6 +45,17 @@ static void test_geometry(void) {
     CHECK(!ddxvideo_same_layout(&good, &other));
 }
 
+static void test_rates(void) {
+    static const struct {
+        int num, den, known;
+    } table[] = {{25, 1, 1},         {30000, 1001, 1},       {1, INT32_MAX, 1},        {INT32_MAX, INT32_MAX, 1},
+                 {10000, 1, 1},      {10001, 1, 0},          {3000000, 1, 0},          {INT32_MAX, 1, 0},
+                 {INT32_MAX, 300000, 1}, {INT32_MAX, 200000, 0}, {0, 0, 0},            {25, 0, 0},
+                 {0, 1, 0},          {-25, 1, 0},            {-25, -1, 0},             {25, -1, 0}};
+    for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++)
+        CHECK_EQUAL(ddxvideo_rate_known(table[i].num, table[i].den), table[i].known);
+}
+
 static void test_names(void) {
     char name[DDX_NAME_MAX + 1];
     DDX_STORE_ITEM *item;
@@ -56,6 +67,7 @@ static void test_names(void) {
 
 int main(void) {
     test_geometry();
+    test_rates();
     test_names();
     return 0;
 }

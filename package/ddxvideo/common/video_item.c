@@ -48,6 +48,10 @@ const char *ddxvideo_geometry_error(const struct ddxvideo_geometry *g) {
     return NULL;
 }
 
+int ddxvideo_rate_known(int rate_num, int rate_den) {
+    return rate_num > 0 && rate_den > 0 && rate_num <= (int64_t)rate_den * DDX_VIDEO_RATE;
+}
+
 int ddxvideo_same_layout(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b) {
     return a->width == b->width && a->height == b->height && a->fields == b->fields && a->format == b->format &&
            a->interlacing == b->interlacing && a->range == b->range;
@@ -203,6 +207,8 @@ int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_
         return -EPROTOTYPE;
     if (ddxvideo_geometry_error(&view->geometry))
         return -EBADMSG;
+    if (!ddxvideo_rate_known(view->geometry.rate_num, view->geometry.rate_den))
+        view->geometry.rate_num = view->geometry.rate_den = 0;
     int error = find_planes(item, &view->geometry, offset, view->stride, view->rows);
     if (error)
         return error == -EMSGSIZE ? -EBADMSG : error;

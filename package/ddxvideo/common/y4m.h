@@ -46,8 +46,8 @@ bool y4m_is_plain(const struct y4m_layout *layout);
 size_t y4m_plane_bytes(const struct y4m_header *header, int plane);
 
 /*
- * Parse a header line without its line feed. False and one clear text in error[Y4M_ERROR_MAX] ("what, what to do")
- * when it cannot be played.
+ * Parse a header line without its line feed; a frame rate that cannot be is unknown (0/0). False and one clear text in
+ * error[Y4M_ERROR_MAX] ("what, what to do") when it cannot be played.
  */
 bool y4m_parse_header(const char *line, struct y4m_header *header, char *error);
 

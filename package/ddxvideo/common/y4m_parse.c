@@ -156,6 +156,8 @@ bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) 
     if (geometry->width % 2 || geometry->height % 2)
         return fail(error, "odd size %dx%d: 4:2:0 needs even sides; crop it: ffmpeg -i FILE -vf crop=%d:%d OUT.y4m",
                     geometry->width, geometry->height, geometry->width & ~1, geometry->height & ~1);
+    if (!ddxvideo_rate_known(geometry->rate_num, geometry->rate_den))
+        geometry->rate_num = geometry->rate_den = 0;
     const char *wrong = ddxvideo_geometry_error(geometry);
     return wrong ? fail(error, "bad header: %s; the file is damaged", wrong) : true;
 }
@@ -193,7 +195,7 @@ bool y4m_parse_frame(const char *line, int64_t *time, char *error) {
 
 size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geometry *g) {
     /* Players want a frame rate. Where none is known the times on the FRAME lines still tell the truth. */
-    bool known = g->rate_num > 0 && g->rate_den > 0;
+    bool known = ddxvideo_rate_known(g->rate_num, g->rate_den);
     const char *ranges[] = {"", " XCOLORRANGE=LIMITED", " XCOLORRANGE=FULL"};
     char main_part[Y4M_HEADER_WRITTEN], fields[24] = "";
     if (g->fields != 1)

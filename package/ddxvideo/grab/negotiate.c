@@ -136,10 +136,12 @@ static void take_rate(struct device *device, const struct device_wish *wish) {
     if (device_ioctl(device->fd, VIDIOC_G_PARM, &parameters) || !capture->timeperframe.numerator ||
         !capture->timeperframe.denominator)
         return;
-    device->geometry.rate_num = (int)capture->timeperframe.denominator;
-    device->geometry.rate_den = (int)capture->timeperframe.numerator;
-    fraction_set(&device->geometry.rate_num, &device->geometry.rate_den, device->geometry.rate_num,
-                 device->geometry.rate_den);
+    int num, den;
+    fraction_set(&num, &den, capture->timeperframe.denominator, capture->timeperframe.numerator);
+    if (!ddxvideo_rate_known(num, den))
+        return;
+    device->geometry.rate_num = num;
+    device->geometry.rate_den = den;
 }
 
 static int range_of(const struct v4l2_pix_format *pix) {

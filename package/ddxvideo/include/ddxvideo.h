@@ -50,6 +50,7 @@ extern "C" {
 #define DDX_VIDEO_MAX 2073600 /* luma samples in DDX_VIDEO: 1920 * 1080. Items of larger pictures have larger bounds */
 #define DDX_VIDEO_SIDE 8192   /* largest width, and largest height */
 #define DDX_VIDEO_FIELDS 16   /* most fields stacked in one frame */
+#define DDX_VIDEO_RATE 10000  /* largest frame rate, a second; a larger one is taken for unknown */
 
 /*
  * 4:2:0 planes without padding: y has width * height bytes, u and v a quarter of that. Several synchronised fields (a
@@ -116,6 +117,12 @@ struct ddxvideo_stamp {
 /* NULL if pictures of this geometry can be in the store, else what is wrong with it, as a static text. */
 const char *ddxvideo_geometry_error(const struct ddxvideo_geometry *geometry);
 
+/*
+ * 1 if this frame rate is known and can be: above 0, at most DDX_VIDEO_RATE. Else 0. A program that sizes memory or a
+ * clock by a rate from a file, a network or another program checks the rate with this first.
+ */
+int ddxvideo_rate_known(int rate_num, int rate_den);
+
 /* Whether two geometries have the same planes with the same meaning; rate and aspect may differ. */
 int ddxvideo_same_layout(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b);
 
@@ -159,7 +166,8 @@ struct ddxvideo_picture {
 /*
  * Look at a frame that ddx_store_acquire() or ddx_store_read_direct() gave: `data`. Works with any bounds of the
  * arrays, and for items that have the paper's seven fields only (the rest is 0 then). The item is not trusted: each
- * number is read once and checked, and the planes lie within the item's memory. On failure *view is undefined.
+ * number is read once and checked, and the planes lie within the item's memory. A frame rate above DDX_VIDEO_RATE is
+ * 0/0, unknown. On failure *view is undefined.
  * Errors: -EPROTOTYPE, -EBADMSG.
  */
 int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view);

@@ -180,7 +180,7 @@ static int play(struct player *player) {
     const struct ddxvideo_geometry *geometry = &player->file.header.geometry;
 
     if (!geometry->rate_num)
-        say("%s: no frame rate in the header, 25 is taken", player->program.argument);
+        say("%s: no usable frame rate in the header, 25 is taken", player->program.argument);
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
                   geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
     player->patient = !player->speed.num && player->readers;

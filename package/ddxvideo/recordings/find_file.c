@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "pool_files.h"
+#include "schedule.h"
 #include "y4m.h"
 
 #define NS INT64_C(1000000000)
@@ -133,7 +134,8 @@ static void walk(int fd, const struct y4m_header *header, uint64_t at, struct fo
     if (last >= 0)
         found->duration = lasts(0, last, found->frames);
     else if (header->geometry.rate_num)
-        found->duration = (int64_t)found->frames * NS / header->geometry.rate_num * header->geometry.rate_den;
+        found->duration = schedule_offset(found->frames, (uint32_t)header->geometry.rate_num,
+                                          (uint32_t)header->geometry.rate_den);
 }
 
 bool find_plain(int folder, struct found *found) {

@@ -86,8 +86,10 @@ static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry 
  */
 static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     unsigned frames = recorder_ring_frames(recorder);
-    uint64_t bytes = (uint64_t)frames * recording_frame_bytes(&view->geometry);
+    uint64_t bytes = frames * recording_frame_memory(&view->geometry);
 
+    if (recorder->queue_frames > frames)
+        say("-ring %ld: a quarter of the memory has room for %u frames like these", recorder->queue_frames, frames);
     finish_former(recorder, false);
     bool room = backlog_has_room(&recorder->backlog, recorder->recording, bytes);
     recorder_end_file(recorder);
@@ -349,7 +351,7 @@ void recorder_set_paused(struct recorder *recorder, bool paused) {
 }
 
 unsigned recorder_ring_frames(const struct recorder *recorder) {
-    return recorder->queue_frames ? (unsigned)recorder->queue_frames : recording_queue_frames(&recorder->geometry);
+    return recording_queue_frames(&recorder->geometry, (unsigned)recorder->queue_frames);
 }
 
 static void say_kept(const struct recorder *recorder) {

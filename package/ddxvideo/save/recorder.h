@@ -17,7 +17,7 @@ struct recorder {
     struct program program;
     const char *name;  /* of the video item */
     const char *place; /* file or folder */
-    long queue_frames; /* 0: as recording_queue_frames() says */
+    long queue_frames; /* that were asked for, see recording_queue_frames() */
     long keep_frames;  /* that the store is to keep for us; 0: as recorder_run() sees fit */
     long segment;      /* MB of a file of the pool; 0: no pool */
     bool recover;      /* what was left unfinished, and nothing else */

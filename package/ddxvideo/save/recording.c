@@ -18,26 +18,35 @@ static size_t picture_bytes(const struct ddxvideo_geometry *geometry) {
     return (size_t)geometry->width * (size_t)geometry->height / 2 * 3;
 }
 
-uint64_t recording_queue_bytes_max(void) {
-    uint64_t memory = (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
-
-    return memory < QUEUE_BYTES_MAX ? memory : QUEUE_BYTES_MAX;
+static uint64_t memory_share(void) {
+    return (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
 }
 
-unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry) {
-    uint64_t frames = QUEUE_FRAMES;
+uint64_t recording_queue_bytes_max(void) {
+    return memory_share() < QUEUE_BYTES_MAX ? memory_share() : QUEUE_BYTES_MAX;
+}
 
-    if (geometry->rate_num && geometry->rate_den) {
-        uint64_t wanted = (UINT64_C(5) * (uint64_t)geometry->rate_num / 2 + (uint64_t)geometry->rate_den - 1) /
-                          (uint64_t)geometry->rate_den;
+uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry) {
+    return picture_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct byte_queue_frame);
+}
 
-        if (wanted > frames)
-            frames = wanted;
-    }
-    uint64_t fits = recording_queue_bytes_max() / picture_bytes(geometry);
+/* For 2.5 s. */
+static uint64_t usual_frames(const struct ddxvideo_geometry *geometry) {
+    if (!ddxvideo_rate_known(geometry->rate_num, geometry->rate_den))
+        return QUEUE_FRAMES;
+    uint64_t num = (uint64_t)geometry->rate_num, den = (uint64_t)geometry->rate_den;
+    uint64_t frames = (UINT64_C(5) * num / 2 + den - 1) / den;
+    return frames > QUEUE_FRAMES ? frames : QUEUE_FRAMES;
+}
+
+unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsigned asked) {
+    uint64_t frames = asked ? asked : usual_frames(geometry);
+    uint64_t fits = (asked ? memory_share() : recording_queue_bytes_max()) / recording_frame_memory(geometry);
+    uint64_t least = asked && asked < QUEUE_FRAMES_MIN ? asked : QUEUE_FRAMES_MIN;
+
     if (fits < frames)
         frames = fits;
-    return frames < QUEUE_FRAMES_MIN ? QUEUE_FRAMES_MIN : (unsigned)frames;
+    return (unsigned)(frames < least ? least : frames);
 }
 
 unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry) {
@@ -194,7 +203,7 @@ const struct ddxvideo_geometry *recording_geometry(const struct recording *recor
 }
 
 uint64_t recording_queue_bytes(const struct recording *recording) {
-    return recording->queue.size;
+    return recording->queue.size + recording->queue.frame_limit * sizeof *recording->queue.frames;
 }
 
 unsigned recording_level(struct recording *recording) {

@@ -23,11 +23,18 @@ struct recording_turn {
     unsigned begun, written; /* recordings so far */
 };
 
-/* Size of the queue for pictures like these: 2.5 s and at least 64 frames, as far as memory allows. */
-unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry);
+/*
+ * Size of the queue for pictures like these, in frames: 2.5 s, at least 64 frames, and at most
+ * recording_queue_bytes_max(); or `asked` frames, where that is not 0, in at most a quarter of the machine's memory.
+ * Never fewer than 8, or `asked`.
+ */
+unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsigned asked);
 
-/* No queue of that size has more bytes than this. */
+/* 256 MiB, on a small machine a quarter of its memory. */
 uint64_t recording_queue_bytes_max(void);
+
+/* Memory of a frame in the queue: its bytes, and what the queue's list has of it. */
+uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
 
 /* Bytes of a picture like these in a file. */
 unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry);
@@ -74,7 +81,7 @@ void recording_missed(struct recording *recording, uint64_t frames);
 
 const struct ddxvideo_geometry *recording_geometry(const struct recording *recording);
 
-/* Memory of its queue. */
+/* Memory of its queue, the list of frames included. */
 uint64_t recording_queue_bytes(const struct recording *recording);
 
 /* How full the queue is: 0 to 100. */

@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "ddxvideo.h"
 #include "decoder.h"
 
 #ifdef WITH_AVFORMAT
@@ -59,7 +60,7 @@ static int set_stream(struct movie *movie, const struct intake_frame *frame, con
         return AVERROR(ENOMEM);
     AVCodecParameters *parameters = stream->codecpar;
     AVRational rate = decoder->framerate;
-    if (rate.num <= 0 || rate.den <= 0)
+    if (!ddxvideo_rate_known(rate.num, rate.den))
         rate = (AVRational){RATE_DEFAULT, 1};
     parameters->codec_type = AVMEDIA_TYPE_VIDEO;
     parameters->codec_id = decoder->codec_id;

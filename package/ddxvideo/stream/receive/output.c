@@ -6,7 +6,7 @@
 #include <string.h>
 
 struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate) {
-    bool known = rate.num > 0 && rate.den > 0;
+    bool known = ddxvideo_rate_known(rate.num, rate.den); /* the sender may say anything */
 
     return (struct ddxvideo_geometry){
         .width = picture->width,
