@@ -86,7 +86,9 @@ static int run_recover(const struct program *program, const char *path) {
     else
         say("%s: %llu messages, %llu bytes left over%s", path, (unsigned long long)recovery.messages,
             (unsigned long long)recovery.state.left_over,
-            recovery.kept ? "; chunks in its midst are damaged, so the old file is kept as .damaged" : "");
+            recovery.kept ? "; chunks in its midst are damaged or left out, so the old file is kept as .damaged" : "");
+    if (!result && mcap_refused_text(&recovery.state, error))
+        say("%s: %s", path, error);
     return !result || result == -EALREADY ? EXIT_OK : result == -EBADMSG ? EXIT_USAGE : EXIT_FAILED;
 }
 

@@ -5,6 +5,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <stdlib.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
@@ -99,6 +100,46 @@ static void test_whole(void) {
     close(fd);
 }
 
+#define LARGE ((size_t)30 << 20)
+
+/* Large chunks that all overlap in time: not all of them are unpacked at once, and the order is the same. */
+static void test_overlap(void) {
+    int fd = memfd_create("overlap", MFD_CLOEXEC);
+    char error[MCAP_ERROR_MAX], name[64];
+    struct mcap_writer *writer = mcap_writer_new(fd);
+    const struct mcap_channel channel = {1, 0, "t", "cdr", NULL};
+    unsigned char *large = calloc(1, LARGE);
+    CHECK(fd >= 0 && writer && large);
+    mcap_put_channel(writer, &channel);
+    for (uint32_t chunk = 0; chunk < 3; chunk++) {
+        for (uint32_t part = 0; part < 3; part++) {
+            const uint32_t number = part * 3 + chunk;
+            const struct mcap_message message = {1, number, number, chunk, large, part == 1 ? LARGE : 9};
+            mcap_put_message(writer, &message);
+        }
+        CHECK_EQUAL(mcap_flush(writer), 0);
+    }
+    CHECK_EQUAL(mcap_finish(writer), 0);
+    mcap_writer_free(writer);
+    free(large);
+    snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
+    struct mcap_reader *reader = mcap_open(name, error);
+    CHECK(reader);
+    for (uint32_t pass = 0; pass < 2; pass++, mcap_rewind(reader)) {
+        struct mcap_message message;
+        for (uint32_t number = 0; number < 9; number++) {
+            CHECK_EQUAL(mcap_next(reader, &message), 1);
+            CHECK_EQUAL(message.sequence, number);
+            CHECK_EQUAL(message.publish_time, number % 3);
+            CHECK_EQUAL(message.data[message.size - 1], 0);
+        }
+        CHECK_EQUAL(mcap_next(reader, &message), 0);
+    }
+    CHECK(!mcap_state(reader).damaged && !mcap_state(reader).refused);
+    mcap_close(reader);
+    close(fd);
+}
+
 /* Cut at each byte: what is in whole chunks is there, and never less with more bytes. */
 static void test_cut(void) {
     char error[MCAP_ERROR_MAX];
@@ -172,6 +213,7 @@ static void test_checksum(void) {
 int main(void) {
     test_checksum();
     test_whole();
+    test_overlap();
     test_cut();
     test_damaged();
     test_failed_write();

@@ -9,7 +9,6 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#define CHUNK (1u << 20)
 #define FLUSH_NS INT64_C(1000000000) /* at most so much is lost in a power cut */
 #define LAST_MAX (64u << 10)         /* larger values are not said again in the next file */
 
@@ -94,6 +93,8 @@ static void remember(struct item *item, const struct queue_entry *entry) {
 }
 
 static void take(struct disk *disk, const struct queue_entry *entry) {
+    if (disk->writer && mcap_pending(disk->writer) + entry->size > MCAP_MESSAGE_MAX)
+        flush(disk); /* a chunk stays so small that every reader takes it */
     bool noted = note(disk, entry->item, entry->logged);
     int error = atomic_load(&disk->error);
 
@@ -108,7 +109,7 @@ static void take(struct disk *disk, const struct queue_entry *entry) {
         ddx_stats_lost(disk->logger->book, LOST_WRITE, 1);
     }
     remember(entry->item, entry);
-    if (disk->writer && mcap_pending(disk->writer) >= CHUNK) {
+    if (disk->writer && mcap_pending(disk->writer) >= MCAP_CHUNK_USUAL) {
         flush(disk);
         turn_page(disk);
     }

@@ -78,6 +78,8 @@ static void put_last_values(struct disk *disk) {
     for (unsigned i = 0; i < count; i++) {
         const struct item *item = disk->logger->items[i];
 
+        if (mcap_pending(disk->writer) >= MCAP_CHUNK_USUAL)
+            mcap_flush(disk->writer); /* an error stays, and is found at the end */
         if (item->last.size)
             file_put(disk, item->last.channel, item->last.sequence, item->last.time, disk->begin, item->last.data,
                      item->last.size);

@@ -41,7 +41,9 @@ void *mender_run(void *argument) {
         int result = recover(path, &logger->stopping, &recovery, error);
         if (!result)
             say("%s: was cut off, and has its end now: %llu messages", path, (unsigned long long)recovery.messages);
-        else if (result != -EALREADY && result != -EBUSY && result != -ECANCELED)
+        if (!result && mcap_refused_text(&recovery.state, error))
+            say("%s: %s; the old file is kept as .damaged", path, error);
+        if (result && result != -EALREADY && result != -EBUSY && result != -ECANCELED)
             say("%s: %s", path, error);
     }
     if (folder)

@@ -2,6 +2,7 @@
 /* Out of the store, into the queue: one item after the other, a few microseconds each. */
 #include <errno.h>
 #include <inttypes.h>
+#include <mcap.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -78,11 +79,13 @@ static void take_value(struct logger *logger, struct item *item, const struct dd
         return;
     }
     const struct form *form = item->channel->form;
-    struct queue_entry *entry = queue_place(&logger->queue, form->message_size);
+    bool large = form->message_size > MCAP_MESSAGE_MAX;
+    struct queue_entry *entry = large ? NULL : queue_place(&logger->queue, form->message_size);
     if (!entry) {
         if (!item->refused)
             say("losing values of %s from %" PRIu64 " on: %s", item->name, frame->sequence,
-                form->message_size > logger->queue.size ? "one is larger than the queue (queue SIZE in logger.conf)"
+                large ? "one is larger than what a log can hold (63 MiB)"
+                : form->message_size > logger->queue.size ? "one is larger than the queue (queue SIZE in logger.conf)"
                                                         : "the queue is full, the disk is too slow");
         item->refused = true;
         count_lost(logger, item, LOST_QUEUE, 1);

@@ -56,6 +56,28 @@ static uint16_t new_channel(struct copy *copy, uint16_t id) {
     return channel.id;
 }
 
+/* Messages of a chunk; written as they come, so that a large chunk is not in memory twice. */
+static int copy_messages(struct copy *copy, const struct mcap_message *messages, long count,
+                         struct recovery *recovery) {
+    for (long k = 0; k < count; k++) {
+        struct mcap_message message = messages[k];
+        size_t pending = mcap_pending(copy->writer);
+
+        message.channel = new_channel(copy, message.channel);
+        if (!message.channel)
+            continue;
+        if (pending >= MCAP_CHUNK_USUAL || pending + message.size > MCAP_MESSAGE_MAX) {
+            int error = mcap_flush(copy->writer);
+
+            if (error)
+                return error;
+        }
+        mcap_put_message(copy->writer, &message);
+        recovery->messages++;
+    }
+    return mcap_flush(copy->writer);
+}
+
 static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recovery *recovery) {
     bool damaged = false;
 
@@ -70,16 +92,7 @@ static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recove
         damaged |= count < 0;
         if (*stop)
             return -ECANCELED;
-        for (long k = 0; k < count; k++) {
-            struct mcap_message message = messages[k];
-
-            message.channel = new_channel(copy, message.channel);
-            if (!message.channel)
-                continue;
-            mcap_put_message(copy->writer, &message);
-            recovery->messages++;
-        }
-        int error = mcap_flush(copy->writer);
+        int error = copy_messages(copy, messages, count, recovery);
         if (error)
             return error;
     }
@@ -93,6 +106,7 @@ static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery 
     copy->schema = copy->channel + 65536;
     int error = copy_chunks(copy, stop, recovery);
     recovery->state = mcap_state(copy->reader);
+    copy->damaged_within |= recovery->state.refused; /* no power cut's doing: another program may read it */
     copy_metadata(copy, recovery);
     return error ? error : mcap_finish(copy->writer);
 }

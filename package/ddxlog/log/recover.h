@@ -12,7 +12,7 @@
 struct recovery {
     uint64_t messages;
     struct mcap_state state; /* of the old file */
-    bool kept;               /* chunks in its midst are damaged: it is kept as FILE.damaged */
+    bool kept; /* chunks in its midst are damaged, or records are refused: it is kept as FILE.damaged */
 };
 
 /*

@@ -122,15 +122,27 @@ static int define_metadata(struct mcap_reader *reader, struct cursor cursor) {
     return 0;
 }
 
+static bool is_defined(const struct mcap_reader *reader, enum mcap_opcode opcode, struct cursor cursor) {
+    uint16_t id = (uint16_t)cursor_number(&cursor, 2);
+
+    return opcode == MCAP_SCHEMA ? reader->schemas[id] != NULL : opcode == MCAP_CHANNEL && reader->channels[id];
+}
+
 int reader_define(struct mcap_reader *reader, enum mcap_opcode opcode, const unsigned char *content, size_t size) {
     struct cursor cursor = {content, content + size, false};
+    size_t bytes = is_defined(reader, opcode, cursor) ? 0 : size + sizeof(struct own_channel);
+    int error = -EBADMSG;
 
+    if (bytes > MCAP_DEFINED_MAX - reader->defined)
+        return -E2BIG;
     switch (opcode) {
-    case MCAP_SCHEMA: return define_schema(reader, cursor);
-    case MCAP_CHANNEL: return define_channel(reader, cursor);
-    case MCAP_METADATA: return define_metadata(reader, cursor);
-    default: return -EBADMSG;
+    case MCAP_SCHEMA: error = define_schema(reader, cursor); break;
+    case MCAP_CHANNEL: error = define_channel(reader, cursor); break;
+    case MCAP_METADATA: error = define_metadata(reader, cursor); break;
+    default: break;
     }
+    reader->defined += error ? 0 : bytes;
+    return error;
 }
 
 const struct mcap_schema *mcap_schema(const struct mcap_reader *reader, uint16_t id) {

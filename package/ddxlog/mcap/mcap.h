@@ -22,6 +22,16 @@ struct mcap_pair {
 
 #define MCAP_PAIRS_MAX 16 /* of a channel, or of a metadata record, that our reader keeps */
 
+/*
+ * Limits, in bytes. A few megabytes of LZ4 may declare gigabytes, so the reader refuses a chunk of more than
+ * MCAP_CHUNK_MAX; a message of up to MCAP_MESSAGE_MAX fits into a chunk, packed or not.
+ */
+#define MCAP_CHUNK_USUAL ((size_t)1 << 20) /* a writer flushes a chunk of this size */
+#define MCAP_CHUNK_MAX ((uint64_t)64 << 20) /* of one chunk, unpacked */
+#define MCAP_MESSAGE_MAX ((size_t)63 << 20) /* of one message */
+#define MCAP_OPEN_MAX ((size_t)64 << 20)    /* of all chunks that mcap_next() keeps unpacked */
+#define MCAP_DEFINED_MAX ((size_t)32 << 20) /* of all schemas, channels and metadata of a file */
+
 struct mcap_schema {
     uint16_t id; /* 0: none */
     const char *name, *encoding;
@@ -87,6 +97,8 @@ struct mcap_state {
     bool complete;      /* it has its end; else it was cut off, or is still being written */
     unsigned chunks;    /* found */
     unsigned damaged;   /* of those looked at, could not be unpacked: their messages are missing */
+    unsigned refused;   /* records that exceed a limit: the chunks among them are damaged, the others passed over */
+    uint64_t refused_at; /* where in the file the first of them begins */
     uint64_t left_over; /* bytes behind the last whole record of a file that was cut off */
 };
 
@@ -97,6 +109,8 @@ struct mcap_state {
 struct mcap_reader *mcap_open(const char *path, char *error);
 void mcap_close(struct mcap_reader *reader);
 struct mcap_state mcap_state(const struct mcap_reader *reader);
+/* A text about refused records, for people, in text[MCAP_ERROR_MAX]. False: there are none. */
+bool mcap_refused_text(const struct mcap_state *state, char *text);
 
 /* By id; NULL if the file has none (so far). Valid until mcap_close(). */
 const struct mcap_schema *mcap_schema(const struct mcap_reader *reader, uint16_t id);
@@ -112,7 +126,8 @@ void mcap_times(const struct mcap_reader *reader, uint64_t *first, uint64_t *las
 
 /*
  * The next message in the order of log times; those of one time in the order of the file. 1, 0 at the end, -errno. A
- * damaged chunk is passed over and counted. The data are valid until the next call.
+ * damaged chunk is passed over and counted. The data are valid until the next call. Where more chunks overlap in time
+ * than MCAP_OPEN_MAX allows, some are unpacked more than once: such a file takes time, not memory.
  */
 int mcap_next(struct mcap_reader *reader, struct mcap_message *message);
 /* From the first one again. */

@@ -46,88 +46,139 @@ static int make_order(struct mcap_reader *reader) {
 
 /* The place's messages; a damaged one has none, and is counted once. */
 static int load(struct mcap_reader *reader, struct place *place, struct loaded *loaded) {
-    int error = place->damaged ? -EBADMSG : reader_load(reader, place, loaded);
-
-    if (error == -EBADMSG && !place->damaged) {
-        place->damaged = true;
-        reader->state.damaged++;
-    }
-    return error;
+    if (place->damaged)
+        return -EBADMSG;
+    int error = reader_load(reader, place, loaded);
+    if (error == -E2BIG)
+        reader_refuse(reader, place->offset - MCAP_RECORD_HEAD);
+    if (error != -EBADMSG && error != -E2BIG)
+        return error;
+    place->damaged = true;
+    reader->state.damaged++;
+    return -EBADMSG;
 }
 
+/* The next chunk takes part from now on; it is unpacked when its turn comes. */
 static int activate(struct mcap_reader *reader) {
-    struct loaded loaded, *more;
-    int error = load(reader, &reader->places[reader->order[reader->next]], &loaded);
+    const struct place *place = &reader->places[reader->order[reader->next]];
 
-    if (error && error != -EBADMSG)
-        return error;
+    if (!(reader->active_count & (reader->active_count - 1))) { /* a power of two: full */
+        size_t room = reader->active_count ? reader->active_count * 2 : 1;
+        struct loaded *more = realloc(reader->active, room * sizeof *more);
+
+        if (!more)
+            return -ENOMEM;
+        reader->active = more;
+    }
+    reader->active[reader->active_count++] = (struct loaded){.time = place->first, .number = place->number};
     reader->next++;
-    if (error)
-        return 0;
-    if (!loaded.count) {
-        reader_unload(&loaded);
-        return 0;
-    }
-    qsort(loaded.messages, loaded.count, sizeof *loaded.messages, by_time);
-    more = realloc(reader->active, (reader->active_count + 1) * sizeof *more);
-    if (!more) {
-        reader_unload(&loaded);
-        return -ENOMEM;
-    }
-    reader->active = more;
-    more[reader->active_count++] = loaded;
     return 0;
+}
+
+static bool is_before(const struct loaded *a, const struct loaded *b) {
+    return a->time < b->time || (a->time == b->time && a->number < b->number);
 }
 
 /* The chunk with the earliest message, or NULL. */
 static struct loaded *earliest(struct mcap_reader *reader) {
     struct loaded *found = NULL;
 
-    for (unsigned i = 0; i < reader->active_count; i++) {
-        struct loaded *one = &reader->active[i];
-        uint64_t time = one->messages[one->next].log_time;
-        uint64_t best = found ? found->messages[found->next].log_time : 0;
-
-        if (!found || time < best || (time == best && one->number < found->number))
-            found = one;
-    }
+    for (unsigned i = 0; i < reader->active_count; i++)
+        if (!found || is_before(&reader->active[i], found))
+            found = &reader->active[i];
     return found;
 }
 
-/* What was delivered to its end goes now, that nobody looks at it any more. */
-static void drop_finished(struct mcap_reader *reader) {
-    for (unsigned i = 0; i < reader->active_count;) {
-        if (reader->active[i].next < reader->active[i].count) {
-            i++;
-            continue;
-        }
-        reader_unload(&reader->active[i]);
-        reader->active[i] = reader->active[--reader->active_count];
+static void drop(struct mcap_reader *reader, struct loaded *loaded) {
+    reader->active_bytes -= loaded->bytes;
+    reader_unload(loaded);
+    *loaded = reader->active[--reader->active_count];
+}
+
+/* Give up memory, so that `bytes` more fit: chunks that are needed last go first, and are unpacked again then. */
+static void make_room(struct mcap_reader *reader, uint64_t bytes) {
+    while (reader->active_bytes && reader->active_bytes + bytes > MCAP_OPEN_MAX) {
+        struct loaded *last = NULL;
+
+        for (unsigned i = 0; i < reader->active_count; i++)
+            if (reader->active[i].data && (!last || is_before(last, &reader->active[i])))
+                last = &reader->active[i];
+        reader->active_bytes -= last->bytes;
+        reader_unload(last);
     }
+}
+
+/* Unpack the chunk, and go on where it was left; a damaged one is dropped. */
+static int unpack_one(struct mcap_reader *reader, struct loaded *chunk) {
+    struct loaded fresh;
+
+    make_room(reader, reader->places[chunk->number].unpacked);
+    int error = load(reader, &reader->places[chunk->number], &fresh);
+    if (error && error != -EBADMSG)
+        return error;
+    if (error) {
+        drop(reader, chunk);
+        return 0;
+    }
+    qsort(fresh.messages, fresh.count, sizeof *fresh.messages, by_time);
+    fresh.next = chunk->next;
+    *chunk = fresh;
+    reader->active_bytes += fresh.bytes;
+    if (fresh.next < fresh.count)
+        chunk->time = fresh.messages[fresh.next].log_time;
+    else
+        drop(reader, chunk);
+    return 0;
+}
+
+/* The chunk of the message that was delivered last goes on to its next one. */
+static void step(struct mcap_reader *reader) {
+    struct loaded *chunk = reader->delivered ? earliest(reader) : NULL;
+
+    reader->delivered = false;
+    if (!chunk)
+        return;
+    if (++chunk->next < chunk->count)
+        chunk->time = chunk->messages[chunk->next].log_time;
+    else
+        drop(reader, chunk);
+}
+
+/* Whether the next place in order may hold a message that comes before all others. */
+static bool is_due(const struct mcap_reader *reader, const struct loaded *found) {
+    if (reader->next >= reader->place_count)
+        return false;
+    const struct place *place = &reader->places[reader->order[reader->next]];
+    const struct loaded next = {.time = place->first, .number = place->number};
+    return !found || is_before(&next, found);
 }
 
 int mcap_next(struct mcap_reader *reader, struct mcap_message *message) {
     int error = reader->order ? 0 : make_order(reader);
 
-    drop_finished(reader);
-    struct loaded *found = earliest(reader);
-    while (!error && reader->next < reader->place_count &&
-           (!found || reader->places[reader->order[reader->next]].first <= found->messages[found->next].log_time)) {
-        error = activate(reader);
-        found = earliest(reader);
+    step(reader);
+    while (!error) {
+        struct loaded *found = earliest(reader);
+
+        if (is_due(reader, found)) {
+            error = activate(reader);
+        } else if (!found) {
+            return 0;
+        } else if (!found->data) {
+            error = unpack_one(reader, found);
+        } else {
+            *message = found->messages[found->next];
+            reader->delivered = true;
+            return 1;
+        }
     }
-    if (error)
-        return error;
-    if (!found)
-        return 0;
-    *message = found->messages[found->next++];
-    return 1;
+    return error;
 }
 
 void mcap_rewind(struct mcap_reader *reader) {
-    for (unsigned i = 0; i < reader->active_count; i++)
-        reader_unload(&reader->active[i]);
-    reader->active_count = 0;
+    while (reader->active_count)
+        drop(reader, &reader->active[0]);
+    reader->delivered = false;
     reader->next = 0;
 }
 

@@ -2,6 +2,7 @@
 /* Reading MCAP: from the first record to the last whole one; the summary is not needed, so its lack does no harm. */
 #include <errno.h>
 #include <fcntl.h>
+#include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -52,8 +53,24 @@ static int add_place(struct mcap_reader *reader, struct place place) {
     return 0;
 }
 
+void reader_refuse(struct mcap_reader *reader, uint64_t offset) {
+    if (!reader->state.refused++)
+        reader->state.refused_at = offset;
+}
+
+bool mcap_refused_text(const struct mcap_state *state, char *text) {
+    char others[40] = "";
+
+    if (state->refused > 1)
+        snprintf(others, sizeof others, ", and %u others", state->refused - 1);
+    snprintf(text, MCAP_ERROR_MAX,
+             "the record at byte %" PRIu64 "%s exceeds what is taken into memory (a chunk: %u MiB) and is left out",
+             state->refused_at, others, (unsigned)(MCAP_CHUNK_MAX >> 20));
+    return state->refused;
+}
+
 static int take_chunk(struct mcap_reader *reader, uint64_t at, uint64_t length) {
-    unsigned char head[16];
+    unsigned char head[24];
 
     if (length < MCAP_CHUNK_HEAD)
         return -EBADMSG;
@@ -63,12 +80,20 @@ static int take_chunk(struct mcap_reader *reader, uint64_t at, uint64_t length) 
     struct cursor cursor = {head, head + sizeof head, false};
     struct place place = {.offset = at, .length = length, .first = cursor_number(&cursor, 8)};
     place.last = cursor_number(&cursor, 8);
+    place.unpacked = cursor_number(&cursor, 8);
+    place.damaged = length > MCAP_PACKED_MAX || place.unpacked > MCAP_CHUNK_MAX;
+    if (place.damaged) {
+        reader_refuse(reader, at - MCAP_RECORD_HEAD);
+        reader->state.damaged++;
+    }
     return add_place(reader, place);
 }
 
 static int take_definition(struct mcap_reader *reader, enum mcap_opcode opcode, uint64_t at, uint64_t length) {
-    if (length > MCAP_RECORD_MAX)
-        return -EBADMSG;
+    if (length > MCAP_RECORD_MAX) {
+        reader_refuse(reader, at - MCAP_RECORD_HEAD);
+        return 0;
+    }
     unsigned char *content = malloc((size_t)length + 1);
     if (!content)
         return -ENOMEM;
@@ -76,7 +101,10 @@ static int take_definition(struct mcap_reader *reader, enum mcap_opcode opcode, 
     if (!error)
         error = reader_define(reader, opcode, content, (size_t)length);
     free(content);
-    return error;
+    if (error != -E2BIG)
+        return error;
+    reader_refuse(reader, at - MCAP_RECORD_HEAD);
+    return 0;
 }
 
 /* One record at `at`; *next is where the one behind it begins. -EBADMSG: this is no whole record. */

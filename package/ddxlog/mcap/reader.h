@@ -6,22 +6,25 @@
 #include "record.h"
 
 #define MCAP_IDS 65536
-#define MCAP_CHUNK_MAX ((uint64_t)1 << 30) /* bytes of a chunk, packed or unpacked, that we take into memory */
-#define MCAP_RECORD_MAX ((uint64_t)1 << 24) /* of any other record */
+#define MCAP_PACKED_MAX (MCAP_CHUNK_MAX + (1 << 20)) /* bytes of a chunk's record: what cannot be packed grows a bit */
+#define MCAP_RECORD_MAX ((uint64_t)1 << 24)          /* of any other record */
 
 /* Where a chunk is. */
 struct place {
     uint64_t offset, length; /* of the record's content in the file */
     uint64_t first, last;    /* log times */
+    uint64_t unpacked;       /* bytes that it declares */
     unsigned number;         /* in the file */
     bool damaged;
 };
 
-/* A chunk in memory. */
+/* A chunk in memory; or, with data NULL, one that has to be unpacked when its next message is due. */
 struct loaded {
     unsigned char *data;
     struct mcap_message *messages;
+    size_t bytes; /* of both */
     size_t count, next;
+    uint64_t time;   /* of message `next`; of the first one, as the chunk declares, before it was unpacked */
     unsigned number; /* of its place */
 };
 
@@ -43,12 +46,15 @@ struct mcap_reader {
     unsigned place_count;
     struct own_metadata *metadata;
     unsigned metadata_count;
+    size_t defined; /* bytes of schemas, channels and metadata */
     struct loaded one; /* of mcap_chunk() */
     /* order.c */
     unsigned *order; /* places by their first time */
     unsigned next;   /* in it */
     struct loaded *active;
     unsigned active_count;
+    size_t active_bytes;
+    bool delivered; /* the earliest message, at the last call */
     unsigned ids; /* all below this one */
     /* by id */
     struct mcap_schema *schemas[MCAP_IDS];
@@ -58,13 +64,16 @@ struct mcap_reader {
 /* All `size` bytes at this place of the file. 0, -EBADMSG: there are not so many; -errno. */
 int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size);
 
-/* Take in a Schema, Channel or Metadata record. -EBADMSG if it is none, -ENOMEM. */
+/* Take in a Schema, Channel or Metadata record. -EBADMSG if it is none, -E2BIG beyond MCAP_DEFINED_MAX, -ENOMEM. */
 int reader_define(struct mcap_reader *reader, enum mcap_opcode opcode, const unsigned char *content, size_t size);
 
 /* Free all that was defined. */
 void reader_forget(struct mcap_reader *reader);
 
-/* Read and unpack. 0, -EBADMSG, -ENOMEM, -errno. */
+/* The record at this offset exceeds a limit. */
+void reader_refuse(struct mcap_reader *reader, uint64_t offset);
+
+/* Read and unpack. 0, -EBADMSG, -E2BIG, -ENOMEM, -errno. */
 int reader_load(struct mcap_reader *reader, const struct place *place, struct loaded *loaded);
 void reader_unload(struct loaded *loaded);
 

@@ -58,14 +58,6 @@ static int unpack(const unsigned char *content, size_t length, unsigned char **d
 static int add_message(struct loaded *loaded, const unsigned char *content, size_t size) {
     struct cursor cursor = {content, content + size, false};
 
-    if (!(loaded->count & (loaded->count - 1))) {
-        size_t room = loaded->count ? loaded->count * 2 : 1;
-        struct mcap_message *more = realloc(loaded->messages, room * sizeof *more);
-
-        if (!more)
-            return -ENOMEM;
-        loaded->messages = more;
-    }
     struct mcap_message *message = &loaded->messages[loaded->count];
     message->channel = (uint16_t)cursor_number(&cursor, 2);
     message->sequence = (uint32_t)cursor_number(&cursor, 4);
@@ -79,9 +71,25 @@ static int add_message(struct loaded *loaded, const unsigned char *content, size
     return 0;
 }
 
+/* So that their array is as large as it has to be: doubling it would cost more than the chunk itself. */
+static size_t count_messages(struct cursor cursor) {
+    size_t count = 0;
+
+    while (cursor_left(&cursor) && !cursor.failed) {
+        count += cursor_number(&cursor, 1) == MCAP_MESSAGE;
+        cursor_bytes(&cursor, cursor_number(&cursor, 8));
+    }
+    return count;
+}
+
 static int take_apart(struct mcap_reader *reader, struct loaded *loaded, size_t size) {
     struct cursor cursor = {loaded->data, loaded->data + size, false};
+    size_t count = count_messages(cursor);
 
+    loaded->messages = calloc(count + 1, sizeof *loaded->messages);
+    if (!loaded->messages)
+        return -ENOMEM;
+    loaded->bytes = size + count * sizeof *loaded->messages;
     while (cursor_left(&cursor)) {
         enum mcap_opcode opcode = (enum mcap_opcode)cursor_number(&cursor, 1);
         uint64_t length = cursor_number(&cursor, 8);
@@ -103,7 +111,7 @@ static int take_apart(struct mcap_reader *reader, struct loaded *loaded, size_t 
 int reader_load(struct mcap_reader *reader, const struct place *place, struct loaded *loaded) {
     memset(loaded, 0, sizeof *loaded);
     loaded->number = place->number;
-    if (place->length > MCAP_CHUNK_MAX)
+    if (place->length > MCAP_PACKED_MAX)
         return -EBADMSG;
     unsigned char *content = malloc((size_t)place->length + 1);
     if (!content)
@@ -123,5 +131,7 @@ int reader_load(struct mcap_reader *reader, const struct place *place, struct lo
 void reader_unload(struct loaded *loaded) {
     free(loaded->data);
     free(loaded->messages);
-    *loaded = (struct loaded){.data = NULL};
+    loaded->data = NULL;
+    loaded->messages = NULL;
+    loaded->bytes = 0;
 }

@@ -25,8 +25,11 @@ struct exporter {
     struct mcap_reader *reader;
     int64_t wall_offset;
     struct table tables[65536];
+    size_t leaves; /* of all tables: each may have many with a short declaration */
     uint64_t rows, odd;
 };
+
+#define LEAVES_MAX ((size_t)4 * FORM_LEAVES_MAX)
 
 /* <item>.csv, or where its layout changed <item>.2.csv; a slash in the name becomes an underscore. */
 static FILE *create(const struct exporter *exporter, const char *topic, char path[PATH_MAX]) {
@@ -69,6 +72,14 @@ static int open_table(struct exporter *exporter, struct table *table, const stru
     table->foreign = !type || !declaration || form_of_text(type, declaration, extents ? extents : "", &table->form);
     if (table->foreign)
         return EXIT_OK;
+    if (table->form->leaf_count > LEAVES_MAX - exporter->leaves) {
+        say("%s: left out: with it, the tables of this log have more than %zu columns", channel->topic, LEAVES_MAX);
+        form_free(table->form);
+        table->form = NULL;
+        table->foreign = true;
+        return EXIT_OK;
+    }
+    exporter->leaves += table->form->leaf_count;
     table->file = create(exporter, channel->topic, path);
     if (!table->file) {
         say("%s: %s; name a new or an empty folder", path, strerror(errno));
@@ -160,6 +171,8 @@ int export_run(const char *path, const char *folder) {
         if (!state.complete || state.damaged || exporter->odd)
             say("%s: %s%u of %u chunks damaged, %" PRIu64 " messages of the wrong size left out", path,
                 state.complete ? "" : "was cut off; ", state.damaged, state.chunks, exporter->odd);
+        if (mcap_refused_text(&state, error))
+            say("%s: %s", path, error);
         if (!status)
             say("%" PRIu64 " rows written to %s", exporter->rows, folder);
     }

@@ -158,10 +158,13 @@ static int open_items(struct replay *replay) {
 
 static void say_state(const struct replay *replay) {
     struct mcap_state state = mcap_state(replay->reader);
+    char error[MCAP_ERROR_MAX];
 
     if (!state.complete)
         say("%s: was cut off, or is still being written: %u whole chunks, %" PRIu64 " bytes behind them", replay->path,
             state.chunks, state.left_over);
+    if (mcap_refused_text(&state, error))
+        say("%s: %s", replay->path, error);
 }
 
 int replay_run(struct replay *replay) {
