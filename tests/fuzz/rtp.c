@@ -20,7 +20,10 @@ static unsigned look_at(const struct intake_frame *frame) {
     assert(!frame->size || frame->data);
     for (size_t i = 0; frame->size && i < frame->size + CHUNK_PADDING; i++)
         sum += frame->data[i];
-    return sum;
+    struct mpeg4_vol vol;
+    for (const uint8_t *at = frame->data; frame->size && mpeg4_next_vol(&at, frame->data + frame->size, &vol);)
+        sum += vol.width + vol.height;
+    return sum + (frame->size && mpeg4_is_studio(frame->data, frame->size));
 }
 
 static void take_all(struct intake *intake, int64_t now) {

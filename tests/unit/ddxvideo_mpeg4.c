@@ -6,6 +6,8 @@
 
 #define ROOM 1160
 #define STARTS_MAX 200
+#define WIDTH 5000
+#define HEIGHT 3001
 
 /* Writes bits; the frames of this test are made of them by ISO 14496-2, not by the code that is tested. */
 struct writer {
@@ -42,6 +44,8 @@ static void start_code(unsigned code) {
     put(32, 0x100 + code);
 }
 
+static unsigned fixed_bits; /* of fixed_vop_time_increment; 0: the frame rate is not fixed */
+
 static void vol(unsigned resolution, bool control, bool vbv) {
     start_code(0x00); /* video object */
     start_code(0x20);
@@ -60,6 +64,13 @@ static void vol(unsigned resolution, bool control, bool vbv) {
     put(2, 0);
     put(1, 1);
     put(16, resolution);
+    put(1, 1);
+    put(1, fixed_bits > 0);
+    put(fixed_bits, 0);
+    put(1, 1);
+    put(13, WIDTH);
+    put(1, 1);
+    put(13, HEIGHT);
     put(1, 1);
     align();
 }
@@ -223,7 +234,37 @@ static void test_headers(void) {
     CHECK_EQUAL(mpeg4_headers(frame.data, frame.bits / 8), 0);
 }
 
+/* Sizes are known before anything is decoded, however the header is made, and wherever it is cut off. */
+static void test_sizes(void) {
+    static const uint8_t studio[] = {0, 0, 1, 0xb0, 0xe4, 0}, simple[] = {0, 0, 1, 0xb0, 0x01, 0};
+    struct mpeg4_vol found;
+    const uint8_t *at;
+    for (int round = 0; round < 12; round++) {
+        begin_frame();
+        fixed_bits = round % 2 ? 5 : 0;
+        vol(25, round % 3, round % 3 == 2);
+        vol(25, round % 4 > 1, false);
+        vop(false, 0, 5, 0, 2, 100);
+        at = frame.data;
+        const uint8_t *end = frame.data + frame.bits / 8;
+        for (int i = 0; i < 2; i++) {
+            CHECK(mpeg4_next_vol(&at, end, &found));
+            CHECK_EQUAL(found.width, WIDTH);
+            CHECK_EQUAL(found.height, HEIGHT);
+            CHECK_EQUAL(found.time_bits, 5);
+        }
+        CHECK(!mpeg4_next_vol(&at, end, &found));
+        for (const uint8_t *cut = frame.data; cut < end; cut++)
+            for (at = frame.data; mpeg4_next_vol(&at, cut, &found);)
+                CHECK(at <= cut && found.width <= WIDTH && found.height <= HEIGHT);
+    }
+    fixed_bits = 0;
+    CHECK(mpeg4_is_studio(studio, sizeof studio) && !mpeg4_is_studio(simple, sizeof simple));
+    CHECK(!mpeg4_is_studio(studio, 4) && !mpeg4_is_studio(studio, 0));
+}
+
 int main(void) {
+    test_sizes();
     test_begins();
     test_too_large();
     test_gaps();

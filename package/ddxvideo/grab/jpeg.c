@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "jpeg.h"
 
+#include <ddxvideo.h>
 #include <errno.h>
 #include <libavcodec/avcodec.h>
 #include <limits.h>
@@ -26,6 +27,7 @@ struct jpeg *jpeg_open(void) {
     jpeg->frame = av_frame_alloc();
     if (jpeg->context) {
         jpeg->context->thread_count = 1; /* more of them keep frames back */
+        jpeg->context->max_pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE; /* whatever the picture claims to be */
         if (jpeg->packet && jpeg->frame && !avcodec_open2(jpeg->context, codec, NULL))
             return jpeg;
     }

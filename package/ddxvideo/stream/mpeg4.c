@@ -5,7 +5,8 @@
 
 #include "bits.h"
 
-enum { VOL_FIRST = 0x20, VOL_LAST = 0x2f, GOV = 0xb3, VOP = 0xb6 }; /* the byte behind 00 00 01 */
+enum { VOL_FIRST = 0x20, VOL_LAST = 0x2f, VOS = 0xb0, GOV = 0xb3, VOP = 0xb6 }; /* the byte behind 00 00 01 */
+enum { STUDIO_FIRST = 0xe1, STUDIO_LAST = 0xe8 };                               /* profile_and_level_indication */
 enum { CODING_I, CODING_P };
 
 #define MARKER_LEAST 16 /* zeros of a resync marker in an I-VOP; the most are 22 */
@@ -18,9 +19,10 @@ static unsigned bits_for(unsigned values) {
     return bits;
 }
 
-/* A VOL header, behind its start code: how many bits vop_time_increment has. ISO 14496-2, 6.2.3 */
-static unsigned vol_time_bits(const uint8_t *data, size_t size) {
+/* A VOL header, behind its start code. ISO 14496-2, 6.2.3 */
+static struct mpeg4_vol parse_vol(const uint8_t *data, size_t size) {
     struct bits bits = {data, size, 0};
+    struct mpeg4_vol vol = {0};
 
     bits_get(&bits, 1 + 8); /* random_accessible_vol, video_object_type_indication */
     if (bits_get(&bits, 1)) /* is_object_layer_identifier */
@@ -35,8 +37,40 @@ static unsigned vol_time_bits(const uint8_t *data, size_t size) {
             bits_get(&bits, 15);
         }
     }
-    bits_get(&bits, 2 + 1); /* video_object_layer_shape, marker_bit */
-    return bits_for(bits_get(&bits, 16));
+    unsigned shape = bits_get(&bits, 2);
+    bits_get(&bits, 1); /* marker_bit */
+    vol.time_bits = bits_for(bits_get(&bits, 16));
+    bits_get(&bits, 1);
+    if (bits_get(&bits, 1)) /* fixed_vop_rate */
+        bits_get(&bits, vol.time_bits);
+    if (shape) /* not rectangular */
+        return vol;
+    bits_get(&bits, 1);
+    vol.width = bits_get(&bits, 13);
+    bits_get(&bits, 1);
+    vol.height = bits_get(&bits, 13);
+    return vol;
+}
+
+bool mpeg4_next_vol(const uint8_t **at, const uint8_t *end, struct mpeg4_vol *vol) {
+    for (; end - *at >= 4; ++*at) {
+        const uint8_t *code = *at;
+
+        if (code[0] || code[1] || code[2] != 1 || code[3] < VOL_FIRST || code[3] > VOL_LAST)
+            continue;
+        *at += 4;
+        *vol = parse_vol(*at, (size_t)(end - *at));
+        return true;
+    }
+    return false;
+}
+
+bool mpeg4_is_studio(const uint8_t *frame, size_t size) {
+    for (size_t at = 0; at + 5 <= size; at++)
+        if (!frame[at] && !frame[at + 1] && frame[at + 2] == 1 && frame[at + 3] == VOS &&
+            frame[at + 4] >= STUDIO_FIRST && frame[at + 4] <= STUDIO_LAST)
+            return true;
+    return false;
 }
 
 /* A VOP header, behind its start code: how many zeros a resync marker of this VOP begins with. 6.2.5, 6.3.5.2 */
@@ -66,7 +100,7 @@ static const uint8_t *find_vop(struct mpeg4_packer *packer) {
         if (at[0] || at[1] || at[2] != 1)
             continue;
         if (at[3] >= VOL_FIRST && at[3] <= VOL_LAST)
-            packer->time_bits = vol_time_bits(at + 4, (size_t)(packer->end - at - 4));
+            packer->time_bits = parse_vol(at + 4, (size_t)(packer->end - at - 4)).time_bits;
         if (at[3] == VOP)
             return at + 4;
     }

@@ -20,6 +20,18 @@ void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size);
 /* As h264_pack_next(). */
 size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, size_t room, bool *last);
 
+/* What a stream says of its pictures before one of them is decoded. */
+struct mpeg4_vol {
+    unsigned width, height; /* 0: no rectangle */
+    unsigned time_bits;     /* of vop_time_increment */
+};
+
+/* The next VOL header from *at on, which moves behind its start code. False at the end. */
+bool mpeg4_next_vol(const uint8_t **at, const uint8_t *end, struct mpeg4_vol *vol);
+
+/* Whether the frame begins a stream of a studio profile: 4:2:2 or more, with more than 8 bits. */
+bool mpeg4_is_studio(const uint8_t *frame, size_t size);
+
 /* Bytes of the headers before the first picture of a frame; 0 if it has none, or no picture. */
 size_t mpeg4_headers(const uint8_t *frame, size_t size);
 

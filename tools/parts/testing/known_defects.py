@@ -66,4 +66,9 @@ DEFECTS = [
     Defect("a recording whose name another file has gets no name", "package/ddxvideo/save/pool.c",
            "? 0 : -EEXIST;", "? 0 : 0;",
            "tests/host/test_pool_names.py::test_a_name_that_another_file_has", "another file"),
+    Defect("the network says how much memory decode takes", "package/ddxvideo/stream/receive/decoder.c",
+           "    decoder->context->get_format = choose_format;\n"
+           "    decoder->context->max_pixels = limits->pixels + ROUNDED;\n",
+           "    (void)choose_format;\n",
+           "tests/host/test_stream_refused.py::test_a_window_has_a_bound_of_its_own", "assert .*lost|memory_mib"),
 ]

@@ -3,16 +3,77 @@
 
 #include "chunk.h"
 #include "h264.h"
+#include "mpeg4.h"
 
 _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads so far");
 
-int decoder_open(struct decoder *decoder, enum rtp_type type) {
+/* libavcodec checks a size that it has rounded up, to at most so much more. */
+#define ROUNDED (INT64_C(63) * 16384)
+/* All pictures in use may have so many times the pixels of the largest one, or so many, if that is more. */
+#define PICTURES 8
+#define PICTURES_LEAST (INT64_C(32) << 20)
+#define PICTURES_BESIDE 4 /* in use beside the reference frames */
+
+static bool is_shown(enum AVPixelFormat format) {
+    return format == AV_PIX_FMT_YUV420P || format == AV_PIX_FMT_YUVJ420P;
+}
+
+/* False: pictures of this size are refused. */
+static bool take_size(struct decoder *decoder, int width, int height, int references) {
+    const struct decoder_limits *limits = &decoder->limits;
+    int64_t pixels = (int64_t)width * height, all = limits->pixels * PICTURES;
+
+    if (pixels > limits->pixels)
+        decoder->refusal = DECODER_SIZE;
+    else if (pixels * (references + PICTURES_BESIDE) > (all > PICTURES_LEAST ? all : PICTURES_LEAST))
+        decoder->refusal = DECODER_FRAMES;
+    else if (limits->even && (width % 2 || height % 2))
+        decoder->refusal = DECODER_ODD;
+    else
+        return true;
+    decoder->width = width;
+    decoder->height = height;
+    return false;
+}
+
+static bool refuse_format(struct decoder *decoder) {
+    decoder->refusal = DECODER_FORMAT;
+    return false;
+}
+
+/* libavcodec asks for this with each new parameter set of H.264, before it takes memory for pictures. */
+static enum AVPixelFormat choose_format(AVCodecContext *context, const enum AVPixelFormat *formats) {
+    struct decoder *decoder = context->opaque;
+
+    if (context->width > 0 && !take_size(decoder, context->width, context->height, context->refs))
+        return AV_PIX_FMT_NONE;
+    for (; *formats != AV_PIX_FMT_NONE; formats++)
+        if (is_shown(*formats))
+            return *formats;
+    refuse_format(decoder);
+    return AV_PIX_FMT_NONE;
+}
+
+/* With MPEG-4 it takes memory first. */
+static bool take_mpeg4(struct decoder *decoder, const uint8_t *data, size_t size) {
+    struct mpeg4_vol vol;
+
+    if (mpeg4_is_studio(data, size))
+        return refuse_format(decoder);
+    for (const uint8_t *at = data; mpeg4_next_vol(&at, data + size, &vol);)
+        if (!take_size(decoder, (int)vol.width, (int)vol.height, 1))
+            return false;
+    return true;
+}
+
+int decoder_open(struct decoder *decoder, enum rtp_type type, const struct decoder_limits *limits) {
     const AVCodec *codec = avcodec_find_decoder(type == RTP_H264 ? AV_CODEC_ID_H264 : AV_CODEC_ID_MPEG4);
 
     decoder_close(decoder);
     if (!codec)
         return AVERROR_DECODER_NOT_FOUND;
     decoder->type = type;
+    decoder->limits = *limits;
     decoder->context = avcodec_alloc_context3(codec);
     decoder->picture = av_frame_alloc();
     decoder->next = av_frame_alloc();
@@ -21,6 +82,9 @@ int decoder_open(struct decoder *decoder, enum rtp_type type) {
         return AVERROR(ENOMEM);
     decoder->context->thread_count = 1; /* each thread more would keep a frame back */
     decoder->context->flags |= AV_CODEC_FLAG_LOW_DELAY;
+    decoder->context->opaque = decoder;
+    decoder->context->get_format = choose_format;
+    decoder->context->max_pixels = limits->pixels + ROUNDED;
     return avcodec_open2(decoder->context, codec, NULL);
 }
 
@@ -41,26 +105,49 @@ bool decoder_can_begin(enum rtp_type type, const uint8_t *data, size_t size) {
     return false;
 }
 
-const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged) {
-    if (!decoder->joined)
-        decoder->joined = decoder_can_begin(decoder->type, data, size);
-    if (!decoder->joined || !size)
-        return NULL;
+/* The last picture that the frame gives, should there be several; NULL if none. */
+static const AVFrame *decode(struct decoder *decoder, const uint8_t *data, size_t size) {
+    AVFrame *picture = decoder->picture;
+    bool found = false;
+
     decoder->packet->data = (uint8_t *)(uintptr_t)data;
     decoder->packet->size = (int)size;
     int error = avcodec_send_packet(decoder->context, decoder->packet);
     if (error && error != AVERROR(EAGAIN))
         return NULL;
-    bool found = false;
-    AVFrame *picture = decoder->picture;
     av_frame_unref(picture);
-    while (!avcodec_receive_frame(decoder->context, decoder->next)) { /* the last one, should there be several */
+    while (!avcodec_receive_frame(decoder->context, decoder->next)) {
         av_frame_unref(picture);
         av_frame_move_ref(picture, decoder->next);
         found = true;
     }
-    if (!found || picture->format < 0 || !picture->data[0])
+    return found && picture->format >= 0 && picture->data[0] ? picture : NULL;
+}
+
+/* Whether what libavcodec made of the frame can be shown; it is asked again, since others may have told otherwise. */
+static bool take_picture(struct decoder *decoder, const AVFrame *picture) {
+    return is_shown(picture->format) ? take_size(decoder, picture->width, picture->height, 1) : refuse_format(decoder);
+}
+
+const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged) {
+    const AVFrame *picture = NULL;
+    enum decoder_refusal before = decoder->refusal;
+
+    if (!decoder->joined)
+        decoder->joined = decoder_can_begin(decoder->type, data, size);
+    if (!decoder->joined || !size)
         return NULL;
+    decoder->refusal = DECODER_SHOWS;
+    if (decoder->type == RTP_H264 || take_mpeg4(decoder, data, size))
+        picture = decode(decoder, data, size);
+    if (picture && !take_picture(decoder, picture))
+        picture = NULL;
+    if (decoder->refusal) /* what follows belongs to it, up to the next place where one can begin */
+        decoder->joined = false;
+    if (!picture) {
+        decoder->refusal = decoder->refusal ? decoder->refusal : before;
+        return NULL;
+    }
     *damaged = picture->decode_error_flags || picture->flags & AV_FRAME_FLAG_CORRUPT;
     return picture;
 }

@@ -8,21 +8,40 @@
 
 #include "rtp.h"
 
+/* Larger pictures, and those of other formats, are not even begun: memory is not taken because the network says so. */
+struct decoder_limits {
+    int64_t pixels; /* of a picture */
+    bool even;      /* both sides have to be */
+};
+
+/* Why the stream cannot be shown. */
+enum decoder_refusal {
+    DECODER_SHOWS,
+    DECODER_SIZE,   /* more pixels than the limit */
+    DECODER_FRAMES, /* so many reference frames, and so large, that they would take several times the limit */
+    DECODER_ODD,    /* a width or height that is not even */
+    DECODER_FORMAT, /* not 8-bit 4:2:0 */
+};
+
 struct decoder {
     AVCodecContext *context; /* NULL: none yet */
     AVFrame *picture, *next;
     AVPacket *packet;
     enum rtp_type type;
     bool joined; /* it has begun at a place where one can begin */
+    struct decoder_limits limits;
+    enum decoder_refusal refusal; /* why no picture was given lately */
+    int width, height;            /* that were refused */
 };
 
 /* For a new source. 0, or a negative AVERROR. */
-int decoder_open(struct decoder *decoder, enum rtp_type type);
+int decoder_open(struct decoder *decoder, enum rtp_type type, const struct decoder_limits *limits);
 void decoder_close(struct decoder *decoder);
 
 /*
  * The picture of a frame, until the next call; NULL if it gives none. CHUNK_PADDING readable bytes are behind the data.
- * A picture with missing parts is patched up from the ones before; *damaged says so.
+ * A picture with missing parts is patched up from the ones before; *damaged says so. A stream that cannot be shown
+ * gives no picture, and decoder->refusal says why, until it, or another one from the same source, can be shown.
  */
 const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged);
 

@@ -30,7 +30,7 @@ int main(int argc, char **argv) {
         .notes =
             "The latency is from the capture to the picture; between two machines it is as right as their clocks\n"
             "agree. Counters: lost.network = no packet of the frame came, lost.join = before the first frame that\n"
-            "can be shown, lost.decode = nothing to show in what came. Packets: item `<instance>.packets`.\n"
+            "can be shown, lost.decode = nothing in what came that can be shown. Packets: item `<instance>.packets`.\n"
             "The window closes on q and Escape.",
         .options = options,
     };

@@ -2,11 +2,12 @@
 #include "output.h"
 
 #include <errno.h>
-#include <stdbool.h>
 #include <string.h>
 
 struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate) {
     bool known = ddxvideo_rate_known(rate.num, rate.den); /* the sender may say anything */
+    AVRational aspect = picture->sample_aspect_ratio;
+    bool has_aspect = aspect.num > 0 && aspect.den > 0;
 
     return (struct ddxvideo_geometry){
         .width = picture->width,
@@ -14,8 +15,8 @@ struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate
         .fields = 1,
         .rate_num = known ? rate.num : 0,
         .rate_den = known ? rate.den : 0,
-        .aspect_num = picture->sample_aspect_ratio.num,
-        .aspect_den = picture->sample_aspect_ratio.num ? picture->sample_aspect_ratio.den : 0,
+        .aspect_num = has_aspect ? aspect.num : 0,
+        .aspect_den = has_aspect ? aspect.den : 0,
         .format = DDX_VIDEO_420_MPEG2,
         .interlacing = 'p',
         .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
@@ -23,17 +24,23 @@ struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate
 
 #define CREATE_AGAIN 500000000 /* ns; a store that hangs keeps whoever asks waiting for seconds */
 
+bool output_is_refused(int error) {
+    return error && error != -ECONNREFUSED && error != -ENOBUFS && error != -EMFILE;
+}
+
 /* An item for pictures like this one. */
 static int choose_item(struct output_item *output, DDX_STORE_ID *id, const struct ddxvideo_geometry *geometry) {
-    if (output->item && ddxvideo_same_layout(&output->geometry, geometry))
+    bool same = ddxvideo_same_layout(&output->geometry, geometry);
+
+    if (output->item && same)
         return 0;
-    if (ddx_time_now() < output->create)
-        return -ECONNREFUSED;
+    if (ddx_time_now() < output->create && (same || output->error == -ECONNREFUSED))
+        return output->error;
     output_close(output);
     output->geometry = *geometry;
-    int error = ddxvideo_create(id, output->name, geometry, &output->item);
-    output->create = error == -ECONNREFUSED ? ddx_time_now() + CREATE_AGAIN : 0;
-    return error;
+    output->error = ddxvideo_create(id, output->name, geometry, &output->item);
+    output->create = output->error ? ddx_time_now() + CREATE_AGAIN : 0;
+    return output->error;
 }
 
 static void copy_planes(struct ddxvideo_frame *frame, const AVFrame *picture) {
@@ -53,13 +60,17 @@ int output_write(struct output_item *output, DDX_STORE_ID *id, const AVFrame *pi
     if (picture->format != AV_PIX_FMT_YUV420P && picture->format != AV_PIX_FMT_YUVJ420P)
         return -EINVAL;
     int error = choose_item(output, id, &geometry);
-    if (!error)
-        error = ddxvideo_loan(output->item, &geometry, &frame);
     if (error)
         return error;
-    copy_planes(&frame, picture);
-    frame.stamp = *stamp;
-    return ddxvideo_publish(output->item, &frame);
+    error = ddxvideo_loan(output->item, &geometry, &frame);
+    if (!error) {
+        copy_planes(&frame, picture);
+        frame.stamp = *stamp;
+        error = ddxvideo_publish(output->item, &frame);
+    }
+    if (output_is_refused(error)) /* another program writes it now */
+        output_close(output);
+    return error;
 }
 
 void output_close(struct output_item *output) {

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <poll.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { LOST_NETWORK, LOST_JOIN, LOST_DECODE, LOST_STORE };
@@ -15,6 +16,8 @@ static const char *const names[] = {INTAKE_NAMES};
 #define NS INT64_C(1000000000)
 #define IDLE (100 * MS)  /* look up at least so often, */
 #define WINDOW (10 * MS) /* with a window */
+#define PIXELS_MAX (INT64_C(4096) * 4096) /* of a picture that no store has to hold */
+#define SAID_STORE 31                     /* a bit beside those of enum decoder_refusal */
 #define BATCH 1024       /* packets, more than the socket holds: who floods us does not keep us from the rest */
 
 static void fail(struct viewer *viewer, const char *what, const char *why) {
@@ -41,21 +44,55 @@ static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct 
     return stamp;
 }
 
+/* Once a source: the network must not fill the log. */
+static bool says_first(struct viewer *viewer, unsigned bit) {
+    bool first = !(viewer->said & 1u << bit);
+
+    viewer->said |= 1u << bit;
+    return first;
+}
+
+static void say_refusal(struct viewer *viewer) {
+    const struct decoder *decoder = &viewer->decoder;
+    char limit[80] = "";
+
+    if (!decoder->refusal || !says_first(viewer, decoder->refusal))
+        return;
+    snprintf(limit, sizeof limit, "more than %" PRId64 " pixels%s", viewer->limits.pixels,
+             viewer->output.name ? ", what the store can hold" : "");
+    const char *why = decoder->refusal == DECODER_SIZE     ? limit
+                      : decoder->refusal == DECODER_FRAMES ? "it wants too many reference frames of this size"
+                      : decoder->refusal == DECODER_ODD    ? "the store needs an even width and height"
+                                                           : "it is not 8-bit 4:2:0";
+    if (decoder->refusal == DECODER_FORMAT)
+        say("a stream that cannot be shown: %s; its frames count as lost.decode", why);
+    else
+        say("a stream of %dx%d that cannot be shown: %s; its frames count as lost.decode", decoder->width,
+            decoder->height, why);
+}
+
+static void say_store(struct viewer *viewer, int error) {
+    if (output_is_refused(error)) {
+        if (says_first(viewer, SAID_STORE))
+            say("%s: the store refuses the pictures: %s; trying again", viewer->output.name, ddx_error_text(error));
+        return;
+    }
+    if (error && !viewer->said_store) /* it hangs, or is started anew: it will be back */
+        say("%s: the store does not answer; trying again", viewer->output.name);
+    viewer->said_store = error != 0;
+}
+
 static void show(struct viewer *viewer, const struct intake_frame *frame, const AVFrame *picture, bool damaged) {
     struct ddxvideo_stamp stamp = stamp_of(viewer, frame);
     int error = output_write(&viewer->output, viewer->id, picture, viewer->decoder.context->framerate, &stamp);
 
-    if (error == -ECONNREFUSED && !viewer->said_store) /* it hangs, or is started anew: it will be back */
-        say("%s: the store does not answer; trying again", viewer->output.name);
-    else if (error && error != -ECONNREFUSED)
-        fail(viewer, viewer->output.name, ddx_error_text(error));
-    viewer->said_store = error != 0;
+    say_store(viewer, error);
     const char *wrong = viewer->display ? display_show(viewer->display, picture) : NULL;
     if (wrong)
         fail(viewer, "window", wrong);
     int64_t latency = ddx_time_now() - stamp.time;
     if (error && !viewer->display) {
-        ddx_stats_lost(viewer->book, LOST_STORE, 1);
+        ddx_stats_lost(viewer->book, output_is_refused(error) ? LOST_DECODE : LOST_STORE, 1);
         return;
     }
     ddx_stats_out(viewer->book, 1, latency);
@@ -77,11 +114,12 @@ static void record(struct viewer *viewer, const struct intake_frame *frame) {
 }
 
 static void begin_source(struct viewer *viewer, const struct intake_frame *frame) {
-    int error = decoder_open(&viewer->decoder, frame->type);
+    int error = decoder_open(&viewer->decoder, frame->type, &viewer->limits);
 
     if (error)
         fail(viewer, "decoder", av_err2str(error));
     viewer->shown = false;
+    viewer->said = 0;
     say("receiving %s, SSRC %08" PRIx32, frame->type == RTP_H264 ? "H.264" : "MPEG-4", viewer->intake.ssrc);
 }
 
@@ -99,7 +137,10 @@ static void handle(struct viewer *viewer, const struct intake_frame *frame) {
         viewer->shown = true;
         show(viewer, frame, picture, damaged || frame->damaged);
     } else {
-        ddx_stats_lost(viewer->book, !frame->size ? LOST_NETWORK : viewer->shown ? LOST_DECODE : LOST_JOIN, 1);
+        bool begun = viewer->shown || viewer->decoder.refusal;
+
+        ddx_stats_lost(viewer->book, !frame->size ? LOST_NETWORK : begun ? LOST_DECODE : LOST_JOIN, 1);
+        say_refusal(viewer);
     }
     ddx_stats_write(viewer->book);
     counters_write(&viewer->counters);
@@ -166,6 +207,21 @@ static void view(struct viewer *viewer) {
 
 /* ---- Start and end ---- */
 
+/* An item needs four frames of memory: one that is read, one that is written, and as much for a change of writer. */
+static void find_limits(struct viewer *viewer) {
+    struct ddx_item_info *items;
+    struct ddx_store_info store;
+    unsigned count;
+
+    viewer->limits = (struct decoder_limits){.pixels = PIXELS_MAX, .even = viewer->output.name};
+    if (!viewer->output.name || !viewer->id || ddx_store_list(viewer->id, &store, &items, &count))
+        return;
+    free(items);
+    viewer->limits.pixels = (int64_t)(store.budget / 4 / 3 * 2);
+    if (viewer->limits.pixels > (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE)
+        viewer->limits.pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE;
+}
+
 /* A store shows our counters, and takes the pictures if that is wanted; only then it has to be there. */
 static bool attach(struct viewer *viewer) {
     if (viewer->output.name)
@@ -193,7 +249,10 @@ static bool prepare(struct viewer *viewer) {
     }
     if (!viewer->headless && !(viewer->display = display_open(viewer->program.instance, &wrong)))
         say("no window: %s; going on without one, as with -headless", wrong);
-    return attach(viewer);
+    if (!attach(viewer))
+        return false;
+    find_limits(viewer);
+    return true;
 }
 
 int viewer_run(struct viewer *viewer) {

@@ -29,8 +29,10 @@ struct viewer {
     struct movie movie;
     bool shown;      /* a picture of the present source was */
     int64_t joining; /* when to try to join the group again */
+    struct decoder_limits limits;
     bool said_store;
     bool said_join;
+    unsigned said; /* of the present source: bits of enum decoder_refusal; SAID_STORE */
     int status;
     bool done;
 };
