@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "check.h"
 
+#include <string.h>
+
 #include "crc32c.h"
 
 static void judge(struct check *check, bool good) {
@@ -12,6 +14,15 @@ static void judge(struct check *check, bool good) {
     check->sum = 0;
 }
 
+static void take_head(struct check *check, const unsigned char *bytes, size_t size) {
+    check->head = crc32c(check->head, bytes, size);
+    if (check->position < sizeof check->line) {
+        size_t room = sizeof check->line - (size_t)check->position;
+
+        memcpy(check->line + check->position, bytes, size < room ? size : room);
+    }
+}
+
 void check_bytes(struct check *check, const unsigned char *bytes, size_t size) {
     while (size && check->frame < check->frames) {
         const struct index_entry *entry = &check->index->entry[check->frame];
@@ -21,6 +32,8 @@ void check_bytes(struct check *check, const unsigned char *bytes, size_t size) {
 
         if (inside)
             check->sum = crc32c(check->sum, bytes, part);
+        else
+            take_head(check, bytes, part);
         bytes += part;
         size -= part;
         check->position += part;
@@ -28,9 +41,35 @@ void check_bytes(struct check *check, const unsigned char *bytes, size_t size) {
             judge(check, check->sum == entry->sum);
     }
     check->position += size;
+    check->behind += size;
 }
 
 void check_end(struct check *check) {
     while (check->frame < check->frames)
         judge(check, false);
+}
+
+/* The line, whose length is known, makes pictures of the size that the first frame has. */
+static bool fits(const struct check *check) {
+    const struct index_entry *first = &check->index->entry[0];
+    struct y4m_header header;
+    char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
+    size_t length = (size_t)first->offset;
+
+    if (!length || first->offset > sizeof line || check->line[length - 1] != '\n')
+        return false;
+    memcpy(line, check->line, length);
+    line[length - 1] = 0;
+    if (strlen(line) != length - 1 || !y4m_parse_header(line, &header, error) || !y4m_is_plain(header.layout))
+        return false;
+    uint64_t picture = (uint64_t)header.geometry.width * (uint64_t)header.geometry.height / 2 * 3;
+    return first->bytes > picture && first->bytes - picture < Y4M_FRAME_LINE_WRITTEN;
+}
+
+bool check_head(const struct check *check) {
+    const struct index_header *header = &check->index->header;
+
+    if (!check->frames)
+        return true; /* nothing says how long it is */
+    return header->flags & INDEX_HEAD ? check->head == header->head : fits(check);
 }

@@ -1,9 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Whether a file's bytes are those that were recorded: each frame's against its sum in the index. */
+/*
+ * Whether a file's bytes are those that were recorded, all of them: the first line and each frame against their sums in
+ * the index, and nothing after the last frame.
+ */
 #ifndef DDXVIDEO_CHECK_H
 #define DDXVIDEO_CHECK_H
 
 #include "index.h"
+#include "y4m.h"
 
 struct check {
     const struct index_file *index;
@@ -14,6 +18,9 @@ struct check {
     uint32_t bad;      /* frames so far */
     uint32_t first;    /* of these, and the last one of those that follow it without a gap */
     uint32_t last;
+    uint64_t behind;   /* bytes after the last frame */
+    uint32_t head;     /* sum of what was before the first frame, and its beginning */
+    char line[Y4M_HEADER_MAX];
 };
 
 /* The next bytes of the file. */
@@ -21,5 +28,11 @@ void check_bytes(struct check *check, const unsigned char *bytes, size_t size);
 
 /* So many of its frames were not there. */
 void check_end(struct check *check);
+
+/*
+ * Whether the first line is the one that was recorded. An index of an older recorder has no sum of it: then whether it
+ * is a line of Y4M whose pictures have the size that the index says.
+ */
+bool check_head(const struct check *check);
 
 #endif

@@ -49,7 +49,10 @@ static int look_once(const struct folder *folder, struct pooled_list *list) {
         if (!id || fstatat(folder->pool, entry->d_name, &status, 0))
             continue;
         struct pooled file = {.inode = status.st_ino, .found = {.id = id}};
-        if (find_indexed(folder->pool, status.st_nlink > 1, &file.found) && !add_pooled(list, &file))
+        bool named = status.st_nlink > 1, indexed = find_indexed(folder->pool, named, &file.found);
+        if (!indexed)
+            file.found = (struct found){.spoilt = true};
+        if ((indexed || named) && !add_pooled(list, &file))
             error = -ENOMEM;
     }
     closedir(pool);
@@ -120,7 +123,7 @@ static int add_named(struct folder *folder, const char *name, const struct poole
     snprintf(found.name, sizeof found.name, "%s", name);
     if (found.id)
         found.bytes = (uint64_t)status.st_size;
-    else if (!find_plain(folder->fd, &found))
+    else if (!find_plain(folder->fd, &found) && !found.spoilt)
         return 0;
     return add(folder, &found);
 }

@@ -25,7 +25,8 @@ struct found {
     uint32_t number;  /* of the file */
     uint32_t session; /* number of the first file of its recording */
     enum found_state state;
-    long id; /* in the pool; 0: it has no index */
+    long id;     /* in the pool; 0: it has no index */
+    bool spoilt; /* it had one */
     uint64_t recording; /* random number in its index: another one is another recording */
     uint64_t frames, bytes;
     uint64_t lost_store, lost_ring; /* as its index says */

@@ -143,16 +143,21 @@ bool find_plain(int folder, struct found *found) {
     struct y4m_header header;
     struct stat status;
     int fd = openat(folder, found->name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-    size_t length = fd < 0 || fstat(fd, &status) ? 0 : read_line(fd, 0, line);
-    bool good = length && y4m_parse_header(line, &header, error);
 
-    if (good) {
-        posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* not all that lies between the lines */
-        read_name(found);
-        found->bytes = (uint64_t)status.st_size;
-        walk(fd, &header, length, found);
+    if (fd < 0 || fstat(fd, &status)) {
+        if (fd >= 0)
+            close(fd);
+        return false;
     }
-    if (fd >= 0)
-        close(fd);
-    return good;
+    size_t length = read_line(fd, 0, line);
+    bool good = length && y4m_parse_header(line, &header, error);
+    read_name(found);
+    found->bytes = (uint64_t)status.st_size;
+    posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* not all that lies between the lines */
+    if (good)
+        walk(fd, &header, length, found);
+    else
+        found->state = FOUND_CUT_OFF;
+    close(fd);
+    return good || (found->number && found->bytes); /* a recorder's name is no accident */
 }

@@ -11,7 +11,7 @@
  */
 bool find_indexed(int pool, bool named, struct found *found);
 
-/* All from the file found->name itself. False: it is no Y4M file. */
+/* All from the file found->name itself. False: it is no Y4M file, and does not have the name of a recording either. */
 bool find_plain(int folder, struct found *found);
 
 #endif

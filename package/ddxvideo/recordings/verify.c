@@ -18,12 +18,16 @@ static int read_index(struct verify *verify, const struct found *found) {
     int error = index_read(verify->index_fd, verify->index);
     if (error)
         return error;
+    const struct index_header *header = &verify->index->header;
     verify->check = (struct check){.index = verify->index, .frames = index_count(verify->index, UINT64_MAX)};
-    if (found->state < FOUND_INTERRUPTED && verify->check.frames < verify->index->header.frames) {
+    if (header->state != INDEX_RECORDING && verify->check.frames < header->frames) {
         say("%s: its index is damaged: %u of %u frames have their sums", found->name, verify->check.frames,
-            verify->index->header.frames);
+            header->frames);
         verify->damaged = true;
     }
+    /* The index may have more entries: of frames that were given up when the file was finished. */
+    if (header->state != INDEX_RECORDING && verify->check.frames > header->frames)
+        verify->check.frames = header->frames;
     const struct index_entry *last = verify->check.frames ? &verify->index->entry[verify->check.frames - 1] : NULL;
     if (found->state >= FOUND_INTERRUPTED) /* what the index promises by now */
         verify->bytes = last ? last->offset + last->bytes : 0;
@@ -31,8 +35,11 @@ static int read_index(struct verify *verify, const struct found *found) {
 }
 
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found) {
-    *verify = (struct verify){.fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes};
+    *verify = (struct verify){
+        .fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes, .damaged = found->spoilt};
     int error = found->id ? found_hold(folder, found, &verify->hold) : 0;
+    if (found->spoilt)
+        say("%s: its index is damaged: no frame has its sum", found->name);
     if (found->id && !error) {
         verify->index_fd = found_open_index(folder, found);
         error = verify->index_fd < 0 ? verify->index_fd : read_index(verify, found);
@@ -65,12 +72,9 @@ bool verify_is_given_up(const struct verify *verify, const struct found *found) 
     return found->id && found_is_given_up(verify->index_fd, found);
 }
 
-bool verify_judge(struct verify *verify, const struct found *found) {
-    struct check *check = &verify->check;
-
-    check_end(check);
-    if (!check->bad)
-        return !verify->damaged;
+/* The line about frames, of which at least one is bad. */
+static void say_bad(const struct verify *verify, const struct found *found) {
+    const struct check *check = &verify->check;
     const struct index_entry *entry = &verify->index->entry[check->first];
     if (check->bad == 1)
         say("%s: frame %u is not what was recorded (number %" PRIu64 " of the item)", found->name, check->first,
@@ -79,7 +83,22 @@ bool verify_judge(struct verify *verify, const struct found *found) {
         say("%s: frames %u to %u are not what was recorded", found->name, check->first, check->last);
     else
         say("%s: %u frames are not what was recorded, the first is frame %u", found->name, check->bad, check->first);
-    return false;
+}
+
+bool verify_judge(struct verify *verify, const struct found *found) {
+    struct check *check = &verify->check;
+
+    if (!verify->index)
+        return !verify->damaged;
+    check_end(check);
+    bool head = check_head(check), behind = check->behind && !verify->damaged;
+    if (!head)
+        say("%s: its first line, the Y4M header, is not what was recorded", found->name);
+    if (check->bad)
+        say_bad(verify, found);
+    if (behind)
+        say("%s: bytes that were not recorded follow its last frame: %" PRIu64, found->name, check->behind);
+    return head && !check->bad && !behind && !verify->damaged;
 }
 
 int verify_bytes(void *to, const unsigned char *bytes, size_t size) {

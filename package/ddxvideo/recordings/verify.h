@@ -25,7 +25,7 @@ void verify_close(struct verify *verify);
 /* Whether the file was given up while it was read: then neither its bytes nor what is wrong with them count. */
 bool verify_is_given_up(const struct verify *verify, const struct found *found);
 
-/* All bytes have been seen: say what is wrong, one line. Whether nothing is. */
+/* All bytes have been seen: say what is wrong, a line each. Whether nothing is. */
 bool verify_judge(struct verify *verify, const struct found *found);
 
 /* The next bytes, as bytes_read() gives them; `to` is the struct verify. */

@@ -28,6 +28,7 @@ enum index_state {
 };
 
 #define INDEX_RECOVERED 1u /* finished by a later recorder: its own was killed, or the power went */
+#define INDEX_HEAD 2u      /* `head` is there: not in what older recorders wrote */
 
 /* Offset 0 of the index. */
 struct index_header {
@@ -45,8 +46,9 @@ struct index_header {
     char item[64];     /* these three end with a 0 byte */
     char instance[64]; /* of the recorder; "" in an index of a recorder that did not say that yet */
     char name[192];    /* under which the finished recording is found */
-    uint32_t flags; /* INDEX_RECOVERED */
-    uint32_t reserved[2];
+    uint32_t flags;    /* INDEX_RECOVERED, INDEX_HEAD */
+    uint32_t reserved;
+    uint32_t head; /* CRC-32C of the file's first line, which lies before its first frame */
     uint32_t crc; /* of all before */
 };
 

@@ -29,7 +29,7 @@ struct recording {
     struct segment *segment; /* NULL: before the first one, or after an error */
     uint64_t position;       /* of what is written next, in the queue's count */
     char path[PATH_MAX];     /* of the present file, the last one, or none yet */
-    uint32_t sum;            /* of the frame that is being written */
+    uint32_t sum;            /* of the frame that is being written, or of the file's first line */
 };
 
 /* The writing thread; the argument is the recording, whose queue begins with a cut. */

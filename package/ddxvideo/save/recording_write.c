@@ -26,6 +26,13 @@ static void frame_is_out(struct recording *recording, const struct byte_queue_fr
     ddx_stats_write(recording->plan.book);
 }
 
+/* So is the last byte before the file's first frame. */
+static void head_is_out(struct recording *recording) {
+    if (recording->segment)
+        recording->segment->head = recording->sum;
+    recording->sum = 0;
+}
+
 /* These bytes are written, or given up: which frames do they belong to? */
 static void account(struct recording *recording, const unsigned char *bytes, size_t size) {
     struct byte_queue_frame frame;
@@ -35,11 +42,13 @@ static void account(struct recording *recording, const unsigned char *bytes, siz
         uint64_t left = (inside ? frame.end : frame.begin) - recording->position;
         size_t part = left < size ? (size_t)left : size;
 
-        if (inside && recording->plan.pool)
+        if (recording->plan.pool)
             recording->sum = crc32c(recording->sum, bytes, part);
         bytes += part;
         size -= part;
         recording->position += part;
+        if (!inside && recording->position == frame.begin)
+            head_is_out(recording);
         if (recording->position == frame.end)
             frame_is_out(recording, &frame);
     }

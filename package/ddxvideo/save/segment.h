@@ -21,6 +21,7 @@ enum { LOST_STORE, LOST_RING, LOST_WRITE };
 struct segment {
     uint64_t begin;            /* in the queue's count of bytes; the writer's */
     uint64_t written;          /* bytes; the writer's */
+    uint32_t head;             /* sum of the bytes before the first frame; the writer's */
     _Atomic uint64_t whole;    /* bytes up to the end of the last whole frame */
     _Atomic uint32_t frames;   /* whole ones: what stands in `index` of these stays */
     atomic_uint adding;        /* odd while `whole` and `frames` do not belong together */

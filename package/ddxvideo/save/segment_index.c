@@ -14,6 +14,8 @@ void segment_index_add(struct segment *segment, const struct byte_queue_frame *f
     if (!position) {
         header->start = frame->facts.time;
         header->wall = frame->facts.wall;
+        header->head = segment->head;
+        header->flags |= INDEX_HEAD;
     }
     struct index_entry *entry = &segment->index->entry[position];
     *entry = (struct index_entry){.recording = header->recording,
