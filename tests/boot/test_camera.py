@@ -16,8 +16,15 @@ SECONDS = 1  # of the clip: 25 frames
 SHOWN_MS = 200
 
 
+@pytest.fixture(scope="module")
+def guest(camera_guest: Guest) -> Guest:
+    camera.configure(camera_guest, "input=S-Video standard=PAL size=CIF format=YU12")
+    camera.wait_for_frames(camera_guest)
+    return camera_guest
+
+
 @pytest.fixture
-def clip(camera_guest: Guest, work: pathlib.Path) -> pathlib.Path:
+def clip(guest: Guest, work: pathlib.Path) -> pathlib.Path:
     return work / "feed.y4m"
 
 
@@ -36,10 +43,11 @@ def pictures(path: pathlib.Path) -> list[bytes]:
     return [frame.data for frame in y4m.read(path)[1]]
 
 
-def test_looped_clip_comes_out_bit_exact(camera_guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
-    guest = camera_guest
-    camera.configure(guest, "input=S-Video standard=PAL size=CIF format=YU12")
-    camera.wait_for_frames(guest)
+def test_a_camera_that_appears_gives_frames(guest: Guest) -> None:
+    assert camera.wait_for_frames(guest, 5).out >= 5
+
+
+def test_looped_clip_comes_out_bit_exact(guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
     camera.loop(guest, SHOWN_MS)
     recorded = pictures(record(guest, work, "looped.y4m", SECONDS * 25 * SHOWN_MS // 1000))
     shown = pictures(clip)
@@ -49,9 +57,8 @@ def test_looped_clip_comes_out_bit_exact(camera_guest: Guest, clip: pathlib.Path
     assert len(changes) >= len(shown) // 2  # the far side takes a picture away in time, seen or not: a host may stall
 
 
-def test_text_in_the_picture_is_noticed(camera_guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
+def test_text_in_the_picture_is_noticed(guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
     """The check itself: the driver writes its text into the same loop."""
-    guest = camera_guest
     camera.loop(guest, SHOWN_MS)
     camera.control(guest, "OSD Text Mode=Counters Only")
     recorded = pictures(record(guest, work, "spoilt.y4m", SECONDS * 25 * SHOWN_MS // 1000))

@@ -5,6 +5,7 @@ import pathlib
 import subprocess
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -55,6 +56,15 @@ def on_stick(stick: pathlib.Path) -> list[str]:
     return sorted(run(["mdir", "-b", "-i", stick]).replace("::/", "").split())
 
 
+def listed(guest: Guest) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in ctl(guest, "list --json")[1].splitlines()]
+
+
+def test_what_is_recorded_now_is_one_recording(recorder: Guest) -> None:
+    found = listed(recorder)
+    assert [one["state"] for one in found] == ["recording"] and len(found[0]["files"]) > 1
+
+
 def test_an_export_while_recording(recorder: Guest, stick: pathlib.Path, work: pathlib.Path) -> None:
     before = book(recorder)
     begin = time.monotonic()
@@ -67,8 +77,7 @@ def test_an_export_while_recording(recorder: Guest, stick: pathlib.Path, work: p
     assert recorder.shell().run("grep -q export /proc/mounts")[0] == 1
     names = on_stick(stick)
     assert len(names) >= 3
-    listed = [json.loads(line) for line in ctl(recorder, "list --json")[1].splitlines()]
-    assert [one["state"] for one in listed] == ["recording"] and listed[0]["files"][:len(names)] == names
+    assert listed(recorder)[0]["files"][:len(names)] == names
     recorder.sh("sync")
     disk = FileSystem(recorder.snapshot())
     for name in names:
@@ -104,7 +113,7 @@ def test_a_full_stick_is_refused_before(recorder: Guest, stick: pathlib.Path) ->
 def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
     """In the recording on the machine; where its frames are, its bytes tell."""
     before = book(recorder)
-    name = json.loads(ctl(recorder, "list --json")[1].splitlines()[0])["files"][0]
+    name = listed(recorder)[0]["files"][0]
     assert ctl(recorder, f"verify {name}")[0] == 0
     recorder.sh("sync")
     data = FileSystem(recorder.snapshot()).take(name, work / "original.y4m").read_bytes()
@@ -127,7 +136,7 @@ def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
 def test_a_stick_that_is_pulled_out(recorder: Guest, stick: pathlib.Path) -> None:
     """One clear line; what has its name on the stick is whole."""
     recorder.sh("mkdir -p /run/old && mount /dev/sda /run/old && rm -f /run/old/* && umount /run/old")
-    newest = json.loads(ctl(recorder, "list --json")[1].splitlines()[0])["files"][:4]
+    newest = listed(recorder)[0]["files"][:4]
     recorder.sh(f"(ddxctl recordings export {' '.join(newest)} usb; echo status $?) > /run/said 2>&1 &")
     recorder.wait_until(f"grep -q {newest[0]}: /run/said")
     time.sleep(1)
