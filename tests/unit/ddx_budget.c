@@ -9,6 +9,8 @@
 #include "store_process.h"
 
 #define READERS 30
+#define FIELDS 200 /* as many as a type may have */
+#define WIDE 300   /* items, more than one program gets */
 
 static DDX_STORE_ID *id;
 
@@ -62,6 +64,66 @@ static void test_too_much(void) {
     ddx_store_done_item(item);
     item = create("large", 200000, 0); /* this one can be met */
     CHECK(item);
+    end();
+}
+
+/* Its declaration is as long as can be. */
+static DDX_STORE_ITEM *create_wide(unsigned number) {
+    static char declaration[FIELDS * 16 + 16];
+    struct ddx_item_spec spec = {.type = "WIDE", .declaration = declaration};
+    char name[16];
+    DDX_STORE_ITEM *item;
+
+    size_t end = (size_t)sprintf(declaration, "struct {");
+    for (unsigned i = 0; i < FIELDS; i++)
+        end += (size_t)sprintf(declaration + end, " int f%u;", i);
+    strcpy(declaration + end, " }");
+    snprintf(name, sizeof name, "wide%u", number);
+    spec.name = name;
+    int result = ddx_store_create(id, &spec, &item);
+    errno = -result;
+    return result ? NULL : item;
+}
+
+static void write_one(DDX_STORE_ITEM *item) {
+    void *data;
+
+    CHECK_EQUAL(ddx_store_loan(item, &data), 0);
+    CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
+}
+
+static void another_program_creates_one(void) {
+    int status;
+    pid_t child = fork();
+
+    if (child == 0) {
+        id = ddx_store_open(NULL, 0, 10);
+        _exit(id && create_wide(WIDE) ? 0 : 1);
+    }
+    CHECK_EQUAL(waitpid(child, &status, 0), child);
+    CHECK_EQUAL(status, 0);
+}
+
+/* One program gets a share of what the store keeps of names and types, and is told so; what it has left makes room. */
+static void test_one_program(void) {
+    static DDX_STORE_ITEM *item[WIDE];
+    unsigned count = 0;
+
+    begin("64M");
+    while (count < WIDE && (item[count] = create_wide(count)))
+        count++;
+    CHECK_EQUAL(errno, EDQUOT);
+    CHECK(count >= 100 && count < WIDE);
+    CHECK(strstr(ddx_error_text(EDQUOT), "close some of them"));
+    CHECK(!create_wide(count) && errno == EDQUOT);
+    another_program_creates_one();
+    for (unsigned i = 0; i < 10; i++) {
+        write_one(item[i]);
+        ddx_store_done_item(item[i]);
+    }
+    CHECK(create_wide(count));
+    for (unsigned i = 10; i < count; i++)
+        write_one(item[i]);
     end();
 }
 
@@ -162,7 +224,8 @@ static void test_less_than_before(void) {
 }
 
 int main(void) {
-    static void (*const tests[])(void) = {test_too_much, test_getting_ready, test_pages, test_less_than_before};
+    static void (*const tests[])(void) = {test_too_much, test_one_program, test_getting_ready, test_pages,
+                                          test_less_than_before};
 
     store_folder_make();
     for (unsigned i = 0; i < sizeof tests / sizeof *tests; i++)

@@ -1,20 +1,31 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * What the store's workers keep: each finds the heap as the one before committed it last, at the same addresses,
- * whatever that one did afterwards.
+ * whatever that one did afterwards and whenever it died. Only what has changed is copied; what is free is given back.
  */
 #include "../../package/ddx/store/kept.h"
 
+#include <errno.h>
+#include <signal.h>
+#include <stdatomic.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "check.h"
 
 #define PIECES 1000
 #define LARGEST 5000
+#define GENERATIONS 20
+#define KILLS 60
+#define CHANGES 40    /* pieces in one commit */
+#define SMALL 2000
+#define LARGE 20000   /* bytes: the declaration of a large type */
+#define MANY 400      /* of these: 8 MB, and as much in either copy */
 
 struct root {
     unsigned generation;
@@ -61,14 +72,13 @@ static void work(unsigned generation) {
         kept_free(root->piece[i]);
     }
     CHECK(!kept_allocate(SIZE_MAX / 2));
-    while (kept_allocate(1 << 20)) /* all that there is */
+    while (generation == GENERATIONS - 1 && kept_allocate(1 << 20)) /* all that there is */
         continue;
     _exit(0);
 }
 
-int main(void) {
-    CHECK_EQUAL(kept_begin(), 0);
-    for (unsigned generation = 0; generation < 20; generation++) {
+static void each_goes_on_where_the_one_before_committed(void) {
+    for (unsigned generation = 0; generation < GENERATIONS; generation++) {
         int status;
         pid_t pid = fork();
 
@@ -78,5 +88,162 @@ int main(void) {
         CHECK_EQUAL(waitpid(pid, &status, 0), pid);
         CHECK_EQUAL(status, 0);
     }
+}
+
+/* Every piece has one content from end to end, and the sum of all of them stands in the root. */
+struct balance {
+    uint32_t commits, sum;
+    uint32_t *piece[PIECES];
+    size_t words[PIECES];
+};
+
+static void change(struct balance *balance, unsigned i, uint32_t content) {
+    if (balance->piece[i]) {
+        balance->sum -= *balance->piece[i];
+        kept_free(balance->piece[i]);
+    }
+    balance->words[i] = 1 + content % (SMALL / sizeof content);
+    balance->piece[i] = kept_allocate(balance->words[i] * sizeof content);
+    CHECK(balance->piece[i]);
+    for (size_t k = 0; k < balance->words[i]; k++)
+        balance->piece[i][k] = content;
+    balance->sum += content;
+}
+
+static void check_balance(const struct balance *balance) {
+    uint32_t sum = 0;
+
+    for (unsigned i = 0; i < PIECES; i++) {
+        for (size_t k = 0; k < balance->words[i]; k++)
+            CHECK_EQUAL(balance->piece[i][k], *balance->piece[i]);
+        sum += balance->piece[i] ? *balance->piece[i] : 0;
+    }
+    CHECK_EQUAL(sum, balance->sum);
+}
+
+/* Commits until it is killed; *told: how many commits others may have heard of. */
+static void commit_on(_Atomic(uint32_t) *told) {
+    struct balance *balance = kept_restore() ? kept_root() : kept_allocate(sizeof *balance);
+    uint32_t random = balance->commits + 1;
+
+    CHECK(balance->commits >= atomic_load(told));
+    check_balance(balance);
+    for (;;) {
+        for (unsigned i = 0; i < CHANGES; i++) {
+            random = random * 1664525 + 1013904223;
+            change(balance, (random >> 8) % PIECES, random >> 4);
+        }
+        balance->commits++;
+        kept_commit();
+        atomic_store(told, balance->commits);
+    }
+}
+
+static void killed_at_any_moment(void) {
+    _Atomic(uint32_t) *told = mmap(NULL, sizeof *told, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    int status;
+
+    CHECK(told != MAP_FAILED);
+    for (unsigned i = 0; i < KILLS; i++) {
+        uint32_t before = atomic_load(told);
+        pid_t pid = fork();
+
+        CHECK(pid >= 0);
+        if (pid == 0)
+            commit_on(told);
+        while (atomic_load(told) < before + 3) {
+            CHECK_EQUAL(waitpid(pid, &status, WNOHANG), 0);
+            nanosleep(&(struct timespec){0, 10000}, NULL);
+        }
+        nanosleep(&(struct timespec){0, (long)(i * 7919 % 97) * 3000}, NULL);
+        kill(pid, SIGKILL);
+        CHECK_EQUAL(waitpid(pid, &status, 0), pid);
+        CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
+    }
+}
+
+/* KiB of this process, the copies included. */
+static unsigned long resident(void) {
+    unsigned long size, pages = 0;
+    FILE *file = fopen("/proc/self/statm", "re");
+
+    CHECK(file && fscanf(file, "%lu %lu", &size, &pages) == 2);
+    fclose(file);
+    return pages * ((unsigned long)sysconf(_SC_PAGESIZE) >> 10);
+}
+
+static void copies_what_has_changed_and_gives_back(void) {
+    static char *piece[MANY];
+
+    CHECK(!kept_restore());
+    char *root = kept_allocate(1);
+    unsigned long before = resident();
+    for (unsigned i = 0; i < MANY; i++)
+        CHECK((piece[i] = kept_allocate(LARGE)));
+    kept_commit();
+    CHECK(kept_copied() >= (size_t)MANY * LARGE);
+    for (unsigned i = 0; i < 3; i++) {
+        kept_commit();
+        *piece[i] = *root = 1;
+    }
+    kept_commit();
+    CHECK(kept_copied() < (size_t)MANY * LARGE / 20);
+    /* Some pieces stay, the topmost among them. */
+    unsigned long full = resident();
+    CHECK(full > before + 3 * MANY * (LARGE >> 10) / 2);
+    for (unsigned i = 0; i < MANY; i++)
+        if (i % 100 != 99)
+            kept_free(piece[i]);
+    for (unsigned i = 0; i < 3; i++)
+        kept_commit();
+    CHECK(resident() < before + (full - before) / 5);
+    for (unsigned i = 99; i < MANY; i += 100)
+        kept_free(piece[i]);
+    CHECK(kept_allocate((size_t)MANY * LARGE)); /* the free pieces have become one */
+}
+
+static void each_account_has_a_share(void) {
+    char *piece, *last = NULL;
+    size_t count = 0;
+
+    CHECK(!kept_restore());
+    struct kept_account *greedy = kept_allocate(sizeof *greedy);
+    CHECK(greedy);
+    kept_charge(greedy, KEPT_SHARE);
+    while ((piece = kept_allocate(LARGE))) {
+        last = piece;
+        count++;
+    }
+    CHECK_EQUAL(errno, EDQUOT);
+    CHECK(greedy->refused && greedy->bytes <= KEPT_SHARE && count > KEPT_SHARE / LARGE - 10);
+    CHECK(kept_account(last) == greedy);
+    kept_charge(NULL, 0);
+    CHECK(kept_allocate(LARGE));
+    kept_free(last);
+    CHECK(greedy->bytes < KEPT_SHARE - LARGE + 1000);
+    kept_charge(greedy, KEPT_SHARE);
+    CHECK(kept_allocate(LARGE - 1000));
+}
+
+/* With memory of their own. */
+static void apart(void (*test)(void)) {
+    int status;
+    pid_t pid = fork();
+
+    CHECK(pid >= 0);
+    if (pid == 0) {
+        CHECK_EQUAL(kept_begin(), 0);
+        test();
+        exit(0);
+    }
+    CHECK_EQUAL(waitpid(pid, &status, 0), pid);
+    CHECK_EQUAL(status, 0);
+}
+
+int main(void) {
+    apart(each_goes_on_where_the_one_before_committed);
+    apart(killed_at_any_moment);
+    apart(copies_what_has_changed_and_gives_back);
+    apart(each_account_has_a_share);
     return 0;
 }

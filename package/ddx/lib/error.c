@@ -22,6 +22,7 @@ const char *ddx_error_text(int error) {
     case EINVAL: return "bad argument, or a type that cannot be shared";
     case EOPNOTSUPP: return "only the store of this machine can be opened";
     case ENOMEM: return "out of memory";
+    case EDQUOT: return "this program has more items open than the store keeps for one program; close some of them";
     default: return strerror(abs(error));
     }
 }

@@ -148,14 +148,9 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     if (!affordable(item, epoch))
         return -ENOSPC;
     supersede(item);
-    struct epoch *former = item->epoch;
-    item->epoch = epoch;
-    epoch_retire(item, former);
-    item->epochs = epoch->number;
+    item_begin_epoch(item, epoch);
     item->adopted = item->foreign = true;
     client->offered = NULL;
-    kept_free(item->layout);
-    item->layout = store_layout(epoch->layout);
     DDX_PASS(STORE_ADOPTED);
     note("%s: taken back from %d", item->name, (int)client->pid);
     return true;

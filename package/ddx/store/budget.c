@@ -8,6 +8,7 @@
 #include "retired.h"
 
 #define BOOK "DDX_STATS" /* see ddx_stats.h */
+#define REQUEST 65536u   /* bytes of kept memory that one request may take */
 
 uint64_t budget_used(struct store *store) {
     uint64_t sum = 0;
@@ -26,12 +27,17 @@ uint64_t budget_reserved(const struct store *store) {
     return sum + retired_bytes(store, NULL);
 }
 
+/* Whether this account, NULL: any, pays for it. */
+static bool is_paid_by(const struct item *item, const struct kept_account *account) {
+    return !account || kept_account(item) == account || (item->epoch && kept_account(item->epoch) == account);
+}
+
 /*
  * The item that was written longest ago among those that nobody has open; a book only when nothing else is left: with
  * it goes what a dead program has lost, and nobody could tell any more.
  */
-static struct item *least_wanted(const struct item *except) {
-    const struct store *store = except->store;
+static struct item *least_wanted(const struct store *store, const struct item *except,
+                                 const struct kept_account *account) {
     struct item *found = NULL;
     int64_t oldest = INT64_MAX;
     bool found_book = false;
@@ -39,7 +45,7 @@ static struct item *least_wanted(const struct item *except) {
     for (struct item *item = store->items; item; item = item->next) {
         struct ddx_ring_frame frame = {.time = 0};
 
-        if (item->handles || item == except)
+        if (item->handles || item == except || !is_paid_by(item, account))
             continue;
         if (item->epoch)
             ddx_ring_peek(item->epoch->control, &frame);
@@ -63,6 +69,13 @@ static uint64_t droppable(const struct item *except) {
     return sum;
 }
 
+static void drop(struct item *victim) {
+    epoch_retire(victim, victim->epoch);
+    victim->epoch = NULL;
+    item_drop_if_unused(victim);
+    files_commit(); /* only then are its files closed, and do not count any more */
+}
+
 bool budget_allows(struct item *item, uint64_t reserved) {
     struct store *store = item->store;
 
@@ -74,13 +87,21 @@ bool budget_allows(struct item *item, uint64_t reserved) {
             return true;
         if (others - droppable(item) + reserved > store->settings->budget)
             return false; /* nothing is dropped in vain */
-        struct item *victim = least_wanted(item);
+        struct item *victim = least_wanted(store, item, NULL);
         if (!victim)
             return false;
         note("%s: dropped, nobody has it open and its memory is needed for %s", victim->name, item->name);
-        epoch_retire(victim, victim->epoch);
-        victim->epoch = NULL;
-        item_drop_if_unused(victim);
-        files_commit(); /* only then are its files closed, and do not count any more */
+        drop(victim);
+    }
+}
+
+void budget_make_room(struct store *store, const struct process *process) {
+    struct item *victim;
+
+    while (process->account.bytes > KEPT_SHARE - REQUEST &&
+           (victim = least_wanted(store, NULL, &process->account))) {
+        note("%s: dropped, nobody has it open and %d needs memory for other names and types", victim->name,
+             (int)process->pid);
+        drop(victim);
     }
 }

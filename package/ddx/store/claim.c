@@ -30,7 +30,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
     if (item->away && item->epoch && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST;
     if (item->readers)
-        return ddx_layout_may_become(item->epoch ? item->epoch->layout : item->layout, layout);
+        return ddx_layout_may_become(item_layout(item), layout);
     return 0;
 }
 
@@ -85,7 +85,7 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
     int result;
 
     if (!epoch)
-        return -ENOMEM;
+        return -errno;
     unsigned wanted = item->kept;
     while (!budget_allows(item, most_of(item, epoch->runs.file_bytes)) && keep_less(item))
         continue;
@@ -142,14 +142,9 @@ void writer_claim(struct client *client, const struct ddx_layout *layout) {
 static void go_live(struct item *item) {
     if (item->epoch)
         item->ended[item->epoch->number % ENDED] = (struct ended){item->epoch->number, item->sequence};
-    struct epoch *former = item->epoch;
-    item->epoch = item->pending;
+    item_begin_epoch(item, item->pending);
     item->pending = NULL;
-    epoch_retire(item, former);
-    item->epochs = item->epoch->number;
     item->foreign = false;
-    kept_free(item->layout);
-    item->layout = store_layout(item->epoch->layout);
     DDX_PASS(STORE_LIVE);
     news_of_epoch_to_all(item);
     readers_count(item);

@@ -33,8 +33,10 @@ static struct file *file_at(int fd) {
 int file_use(int fd) {
     if ((unsigned)fd >= files->count) {
         unsigned count = ((unsigned)fd + 1) * 2;
+        struct kept_payer client = kept_charge(NULL, 0); /* the table is for all clients */
         struct file *more = kept_allocate(count * sizeof *more);
 
+        kept_charge(client.account, client.most);
         if (!more)
             return -ENOMEM;
         if (files->count)

@@ -36,6 +36,20 @@ struct item *item_add(struct store *store, const char *name, const char *type, c
     return item;
 }
 
+const struct ddx_layout *item_layout(const struct item *item) {
+    return item->epoch ? item->epoch->layout : item->layout;
+}
+
+void item_begin_epoch(struct item *item, struct epoch *epoch) {
+    struct epoch *former = item->epoch;
+
+    item->epoch = epoch;
+    item->epochs = epoch->number;
+    epoch_retire(item, former);
+    kept_free(item->layout);
+    item->layout = NULL;
+}
+
 bool item_is_awaited(const struct item *item) {
     return !*item->type;
 }
@@ -44,7 +58,7 @@ int item_define(struct item *item, const char *type, const struct ddx_layout *la
     kept_free(item->layout);
     item->layout = store_layout(layout);
     if (!item->layout)
-        return -ENOMEM;
+        return -errno;
     strcpy(item->type, type);
     DDX_PASS(STORE_ITEM);
     return 0;

@@ -6,13 +6,19 @@
 #include "state.h"
 
 struct item *item_find(const struct store *store, const char *name);
-/* NULL: no memory. */
+/* NULL and errno: ENOMEM, EDQUOT. */
 struct item *item_add(struct store *store, const char *name, const char *type, const struct ddx_layout *layout);
+
+/* As it is written, or as it was declared while there is no epoch; NULL: it is awaited. */
+const struct ddx_layout *item_layout(const struct item *item);
+
+/* The item's memory from now on; the former epoch has ended. */
+void item_begin_epoch(struct item *item, struct epoch *epoch);
 
 /* Whether readers wait for an item that nobody has created yet: it has no type and no layout. */
 bool item_is_awaited(const struct item *item);
 
-/* Somebody creates it. 0 or -ENOMEM. */
+/* Somebody creates it. 0, -ENOMEM or -EDQUOT. */
 int item_define(struct item *item, const char *type, const struct ddx_layout *layout);
 void item_drop_if_unused(struct item *item);
 int item_set_notice(struct item *item, int fd); /* takes fd, also on failure */

@@ -2,26 +2,19 @@
 #include "kept.h"
 
 #include <errno.h>
+#include <signal.h>
 #include <stdatomic.h>
 #include <stdint.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <unistd.h>
+
+#include "heap.h"
 
 #define ROOM ((size_t)64 << 20) /* address space; only what is used takes memory */
-#define CLASSES 20              /* of pieces: 64 bytes, 128, ... */
-#define SMALLEST 64
-
-/* In front of each piece. What is free is in a list of its class. */
-struct piece {
-    _Alignas(16) struct piece *next;
-    uint32_t class;
-};
-
-struct heap {
-    _Alignas(16) size_t used; /* bytes from here on */
-    struct piece *free[CLASSES];
-    void *root;
-};
+#define PAGES (ROOM / 4096)     /* at most; pages may be larger */
+#define OPEN 32                 /* pages that stay open: with so few, copying is cheaper than page faults */
+#define RANGES 64               /* to be given back by one commit, at most; the next one takes more */
 
 /* Seen by all workers: which copy counts. */
 static struct kept {
@@ -29,6 +22,17 @@ static struct kept {
 } *kept;
 static char *copy[2];
 static struct heap *heap;
+static struct kept_payer payer;
+
+/* Numbers of pages. */
+struct pages {
+    unsigned count;
+    uint32_t page[PAGES];
+};
+static struct pages open;  /* writable; in the order in which they became so */
+static struct pages stale; /* closed by the last commit, and not in the older copy as they are */
+static size_t page_bytes, copied;
+static struct sigaction former;
 
 static void *room(int kind) {
     void *memory = mmap(NULL, ROOM, PROT_READ | PROT_WRITE, kind | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
@@ -37,69 +41,162 @@ static void *room(int kind) {
 }
 
 int kept_begin(void) {
+    page_bytes = (size_t)sysconf(_SC_PAGESIZE);
     kept = mmap(NULL, sizeof *kept, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     copy[0] = room(MAP_SHARED);
     copy[1] = room(MAP_SHARED);
     heap = room(MAP_PRIVATE); /* each worker finds it empty, and at the same address */
-    return kept == MAP_FAILED || !copy[0] || !copy[1] || !heap ? -ENOMEM : 0;
+    if (kept == MAP_FAILED || !copy[0] || !copy[1] || !heap)
+        return -ENOMEM;
+    madvise(heap, ROOM, MADV_NOHUGEPAGE); /* its pages are opened one by one */
+    return 0;
 }
 
+static bool protect(size_t page, size_t count, int how) {
+    return !mprotect((char *)heap + page * page_bytes, count * page_bytes, how);
+}
+
+static void add(struct pages *list, size_t page) {
+    list->page[list->count++] = (uint32_t)page;
+}
+
+/* The worker writes to a page that is not open; or this is an error like any other, and kills it. */
+static void on_fault(int number, siginfo_t *info, void *context) {
+    size_t place = (uintptr_t)info->si_addr - (uintptr_t)heap;
+
+    (void)number, (void)context;
+    if (place < ROOM && info->si_code == SEGV_ACCERR && open.count < PAGES &&
+        protect(place / page_bytes, 1, PROT_READ | PROT_WRITE))
+        add(&open, place / page_bytes);
+    else
+        sigaction(SIGSEGV, &former, NULL);
+}
+
+static void close_all(void) {
+    struct sigaction action = {.sa_sigaction = on_fault, .sa_flags = SA_SIGINFO};
+
+    open.count = stale.count = 0;
+    protect(0, ROOM / page_bytes, PROT_READ);
+    sigaction(SIGSEGV, &action, &former);
+}
+
+/* Both copies become what the newest one is: the worker that died may have left anything in the other. */
 bool kept_restore(void) {
     uint32_t newest = atomic_load(&kept->newest);
 
-    if (!newest) {
-        heap->used = sizeof *heap;
-        return false;
+    if (newest) {
+        const struct heap *from = (const void *)copy[newest - 1];
+
+        heap_copy((char *)heap, from);
+        madvise(copy[2 - newest], ROOM, MADV_REMOVE);
+        heap_copy(copy[2 - newest], from);
     }
-    const char *from = copy[newest - 1];
-    memcpy(heap, from, ((const struct heap *)(const void *)from)->used);
-    return true;
+    close_all();
+    if (!newest)
+        heap_begin(heap, ROOM);
+    return newest;
+}
+
+static void copy_pages(char *to, const struct pages *list) {
+    for (unsigned i = 0; i < list->count; i++)
+        memcpy(to + list->page[i] * page_bytes, (char *)heap + list->page[i] * page_bytes, page_bytes);
+    copied += list->count * page_bytes;
+}
+
+/* Those that were opened first. */
+static void close_some(void) {
+    unsigned some = open.count > OPEN ? open.count - OPEN : 0;
+
+    for (stale.count = 0; stale.count < some;) {
+        protect(open.page[stale.count], 1, PROT_READ);
+        add(&stale, open.page[stale.count]);
+    }
+    open.count -= some;
+    memmove(open.page, open.page + some, open.count * sizeof *open.page);
+}
+
+static void leave_out(struct pages *list, size_t first, size_t end) {
+    unsigned count = 0;
+
+    for (unsigned i = 0; i < list->count; i++)
+        if (list->page[i] < first || list->page[i] >= end)
+            list->page[count++] = list->page[i];
+    list->count = count;
+}
+
+/* Heap and copies may differ there afterwards: what is free has no content. */
+static void give_back(size_t from, size_t to) {
+    size_t first = (from + page_bytes - 1) / page_bytes, end = to / page_bytes;
+
+    if (first >= end)
+        return;
+    size_t place = first * page_bytes, bytes = (end - first) * page_bytes;
+    leave_out(&open, first, end);
+    leave_out(&stale, first, end);
+    protect(first, end - first, PROT_READ);
+    madvise((char *)heap + place, bytes, MADV_DONTNEED);
+    for (unsigned i = 0; i < 2; i++)
+        madvise(copy[i] + place, bytes, MADV_REMOVE);
 }
 
 void kept_commit(void) {
     uint32_t next = atomic_load(&kept->newest) == 1 ? 2 : 1;
+    size_t from[RANGES], to[RANGES];
+    unsigned ranges = 0;
 
-    memcpy(copy[next - 1], heap, heap->used);
-    /* Last, and after all of the copy: who dies before this leaves the former one. */
+    while (ranges < RANGES && heap_spare(heap, &from[ranges], &to[ranges]))
+        ranges++;
+    copied = 0;
+    copy_pages(copy[next - 1], &stale);
+    copy_pages(copy[next - 1], &open);
+    /* Last, and after all of the copy: a worker that dies before this leaves the former one. */
     atomic_store(&kept->newest, next);
+    close_some();
+    /* Only now: until then the former copy counted, in which these ranges may be in use. */
+    for (unsigned i = 0; i < ranges; i++)
+        give_back(from[i], to[i]);
+}
+
+size_t kept_copied(void) {
+    return copied;
+}
+
+struct kept_payer kept_charge(struct kept_account *account, size_t most) {
+    struct kept_payer before = payer;
+
+    payer = (struct kept_payer){account, most};
+    return before;
 }
 
 void *kept_allocate(size_t bytes) {
-    uint32_t class = 0;
-    size_t size = SMALLEST;
+    struct kept_account *account = payer.account;
 
-    while (size < bytes && class < CLASSES) {
-        size <<= 1;
-        class++;
-    }
-    if (class == CLASSES)
+    if (account && (bytes > payer.most || account->bytes > payer.most - bytes)) {
+        account->refused = true;
+        errno = EDQUOT;
         return NULL;
-    struct piece *piece = heap->free[class];
-    if (piece)
-        heap->free[class] = piece->next;
-    else if (heap->used + sizeof *piece + size > ROOM)
-        return NULL;
-    else {
-        piece = (void *)((char *)heap + heap->used);
-        heap->used += sizeof *piece + size;
     }
-    piece->class = class;
-    memset(piece + 1, 0, size);
-    if (!heap->root)
-        heap->root = piece + 1;
-    return piece + 1;
+    void *memory = heap_allocate(heap, bytes, account);
+    if (!memory)
+        errno = ENOMEM;
+    else if (account)
+        account->bytes += heap_bytes(memory);
+    return memory;
 }
 
 void *kept_root(void) {
-    return heap->root;
+    return heap_first(heap);
+}
+
+struct kept_account *kept_account(const void *memory) {
+    return heap_owner(memory);
 }
 
 void kept_free(void *memory) {
-    struct piece *piece = memory;
-
     if (!memory)
         return;
-    piece--;
-    piece->next = heap->free[piece->class];
-    heap->free[piece->class] = piece;
+    struct kept_account *account = kept_account(memory);
+    if (account)
+        account->bytes -= heap_bytes(memory);
+    heap_free(heap, memory);
 }

@@ -3,6 +3,7 @@
 #include <sys/resource.h>
 
 #include "../lib/fault.h"
+#include "kept.h"
 #include "link.h"
 #include "note.h"
 
@@ -15,7 +16,7 @@ bool client_holds_too_much(const struct client *client) {
     if (getrlimit(RLIMIT_NOFILE, &limit))
         return false;
     for (const struct client *c = client->store->clients; c; c = c->next)
-        if (c->pid == client->pid)
+        if (c->process == client->process)
             its += c->queue.files + (c->offered ? c->offered->slots + 1 : 0) + (c->offered_notice_fd >= 0) +
                    (c->offered_pin_fd >= 0);
     return its >= limit.rlim_cur / 4 && its > DDX_SLOTS_MAX + DDX_FDS_MAX + 1;
@@ -27,7 +28,10 @@ void client_send(struct client *client, const struct ddx_message *message, const
         return;
     if (message->operation == DDX_EPOCH)
         ddx_queue_drop_epoch(&client->queue);
+    struct kept_payer before = kept_charge(&client->process->account, KEPT_SHARE + KEPT_ANSWERS);
     int result = ddx_queue_put(&client->queue, message, layout, fds, count);
+
+    kept_charge(before.account, before.most);
     if (client->queue.count > QUEUED_MAX)
         note("%d asks and does not listen; closing its connection", (int)client->pid);
     else if (result)

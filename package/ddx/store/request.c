@@ -32,7 +32,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     else if ((!item || item_is_awaited(item)) && creates && (!layout || !*m->type))
         reply.status = -EINVAL;
     else if (!item && !(item = item_add(client->store, m->name, creates ? m->type : "", creates ? layout : NULL)))
-        reply.status = -ENOMEM;
+        reply.status = -errno;
     else if (item_is_awaited(item) && creates)
         reply.status = item_define(item, m->type, layout);
     if (reply.status) {
@@ -41,21 +41,23 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
     }
     /* Another type than before: allowed to who wants to write, when nobody has the item open. */
     if (m->flags & DDX_FLAG_WRITER && !item->handles && layout &&
-        (strcmp(item->type, m->type) || ddx_layout_may_become(item->layout, layout))) {
-        epoch_free(item->epoch);
-        item->epoch = NULL;
-        item_drop_if_unused(item);
+        (strcmp(item->type, m->type) || ddx_layout_may_become(item_layout(item), layout))) {
+        struct item *former = item;
+
         if (!(item = item_add(client->store, m->name, m->type, layout))) {
-            client_reply(client, DDX_OPENED, -ENOMEM);
+            client_reply(client, DDX_OPENED, -errno);
             return;
         }
+        epoch_free(former->epoch);
+        former->epoch = NULL;
+        item_drop_if_unused(former);
     }
     client->item = item;
     item->handles++;
     DDX_PASS(STORE_OPENED);
     strcpy(reply.name, item->name);
     strcpy(reply.type, item->type);
-    client_send(client, &reply, item->layout, NULL, 0);
+    client_send(client, &reply, item_layout(item), NULL, 0);
 }
 
 void list_continue(struct client *client) {

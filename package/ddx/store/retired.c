@@ -18,7 +18,10 @@ static bool known(const struct store *store, int watch) {
 
 void epoch_retire(struct item *item, struct epoch *epoch) {
     struct store *store = item->store;
+    struct kept_payer client = kept_charge(NULL, 0); /* not its readers, which have not left the epoch yet */
     struct retired *retired = epoch && epoch->control_fd >= 0 ? kept_allocate(sizeof *retired) : NULL;
+
+    kept_charge(client.account, client.most);
     int watch = retired ? ddx_memory_watch(epoch->control_fd) : -1;
 
     if (watch >= 0) {

@@ -8,6 +8,7 @@
 
 #include "../lib/fault.h"
 #include "adopt.h"
+#include "budget.h"
 #include "claim.h"
 #include "files.h"
 #include "holder.h"
@@ -16,6 +17,7 @@
 #include "link.h"
 #include "news.h"
 #include "note.h"
+#include "process.h"
 #include "readers.h"
 #include "request.h"
 #include "session.h"
@@ -26,30 +28,38 @@
  * One process gets a quarter of our descriptors at most, and all connections together three quarters: the rest is for
  * memory files. Descriptors are given out from below, so the newest one tells how many there are.
  */
-static bool too_many(const struct store *store, int socket, int32_t pid) {
+static bool too_many(const struct process *process, int socket) {
     struct rlimit limit;
-    rlim_t its = 0;
 
     if (getrlimit(RLIMIT_NOFILE, &limit))
         return false;
-    for (const struct client *client = store->clients; client; client = client->next)
-        its += client->pid == pid;
-    return its >= limit.rlim_cur / 4 || (rlim_t)socket >= limit.rlim_cur / 4 * 3;
+    return process->clients > limit.rlim_cur / 4 || (rlim_t)socket >= limit.rlim_cur / 4 * 3;
+}
+
+static struct client *allocate(struct process *process) {
+    kept_charge(&process->account, KEPT_SHARE);
+    struct client *client = kept_allocate(sizeof *client);
+    kept_charge(NULL, 0);
+    return client;
 }
 
 struct client *client_add(struct store *store, int socket) {
-    struct client *client = kept_allocate(sizeof *client);
     struct ucred who = {0};
     socklen_t length = sizeof who;
 
     getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
-    if (!client || too_many(store, socket, who.pid)) {
-        note("%d is refused: too many connections", (int)who.pid);
-        kept_free(client);
+    struct process *process = process_join(store, who.pid);
+    bool many = process && too_many(process, socket);
+    struct client *client = process && !many ? allocate(process) : NULL;
+    if (!client) {
+        note("%d is refused: %s", (int)who.pid, many ? "too many connections" : "no memory for one connection more");
+        if (process)
+            process_leave(process);
         close(socket);
         return NULL;
     }
     client->store = store;
+    client->process = process;
     client->pid = who.pid;
     client->socket = socket;
     client->pin_fd = client->offered_notice_fd = client->offered_pin_fd = -1;
@@ -97,6 +107,17 @@ static void reap(const struct client *asking) {
     }
 }
 
+/* Its process pays for what comes of it. */
+static void handle(struct client *client, struct ddx_packet *packet) {
+    struct process *process = client->process;
+
+    budget_make_room(client->store, process);
+    kept_charge(&process->account, KEPT_SHARE);
+    request_handle(client, packet);
+    kept_charge(NULL, 0);
+    process_report(process);
+}
+
 void client_receive(struct client *client) {
     static struct ddx_packet packet;
 
@@ -118,7 +139,7 @@ void client_receive(struct client *client) {
             holder_serving(client->socket);
             if (request_counts(&packet))
                 reap(client);
-            request_handle(client, &packet);
+            handle(client, &packet);
             client->handled = packet.message.number ? packet.message.number : client->handled;
             DDX_PASS(STORE_HANDLED);
             files_commit();
@@ -145,11 +166,13 @@ void clients_sweep(struct store *store) {
             offer_abandon(client);
             ddx_queue_clear(&client->queue);
             file_close(client->socket);
+            process_leave(client->process);
             kept_free(client);
             link = &store->clients; /* forgetting one may have found out that another is gone, too */
         } else
             link = &client->next;
     }
+    processes_sweep(store);
 }
 
 /* Not before it is committed: what was said is true whoever dies. */

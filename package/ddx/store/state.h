@@ -2,9 +2,10 @@
 /*
  * What the store knows: who has which item, and the memory files of it. One thread, nothing here is on the frame path.
  *
- * Who calls whom, from below (tests/host/test_layers.py looks): what is said to a client, kept and logged (link, kept,
- * files, holder, note) - epochs and items - the budget, and what holders are told (news) - terms of reading and writing
- * (readers, claim, adopt) - requests and sessions - the worker, and the succession of workers.
+ * Who calls whom, from below (tests/host/test_layers.py looks): what is said to a client, kept and logged (link, heap,
+ * kept, files, holder, note) - epochs and items - the budget, what one process gets (process), and what holders are
+ * told (news) - terms of reading and writing (readers, claim, adopt) - requests and sessions - the worker, and the
+ * succession of workers.
  */
 #ifndef STORE_STATE_H
 #define STORE_STATE_H
@@ -13,6 +14,7 @@
 #include "../lib/queue.h"
 #include "../lib/ring.h"
 #include "files.h"
+#include "kept.h"
 
 /* The memory files of one writer's term. */
 struct epoch {
@@ -30,9 +32,19 @@ struct epoch {
     bool slot_ready[DDX_SLOTS_MAX]; /* and has mapped and sealed it */
 };
 
+/* A process that is a client, or was one and has left items: see process.h. */
+struct process {
+    struct process *next;
+    int32_t pid; /* 0: all those of other pid name spaces together */
+    unsigned clients;
+    struct kept_account account;
+    bool told; /* a line in the log says that it got no more memory */
+};
+
 struct client {
     struct store *store;
     struct client *next;
+    struct process *process;
     int socket;
     uint64_t handled;       /* number of its last request that was handled */
     struct ddx_queue queue; /* what is to be sent when all is committed, and it has read more */
@@ -74,7 +86,7 @@ struct item {
     struct store *store;
     struct item *next; /* sorted by name */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
-    struct ddx_layout *layout; /* as wanted by whoever asked first, then as written */
+    struct ddx_layout *layout; /* as wanted by the first that asked; NULL: see item_layout() */
     struct epoch *epoch;       /* readers see this one */
     struct epoch *pending;     /* a new writer prepares this one */
     struct client *writer;
@@ -113,6 +125,7 @@ struct store {
     const struct settings *settings;
     struct item *items;
     struct client *clients;
+    struct process *processes;
     struct retired *retired;
     struct files files;
     uint32_t next_reader;

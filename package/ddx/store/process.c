@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "process.h"
+
+#include "kept.h"
+#include "note.h"
+
+struct process *process_join(struct store *store, int32_t pid) {
+    struct process *process = store->processes;
+
+    while (process && (process->pid != pid || !process->clients)) /* a process that is gone had that number, too */
+        process = process->next;
+    if (!process) {
+        if (!(process = kept_allocate(sizeof *process)))
+            return NULL;
+        process->pid = pid;
+        process->next = store->processes;
+        store->processes = process;
+    }
+    process->clients++;
+    return process;
+}
+
+void process_leave(struct process *process) {
+    process->clients--;
+}
+
+void processes_sweep(struct store *store) {
+    struct process **link = &store->processes;
+
+    while (*link) {
+        struct process *process = *link;
+
+        if (process->clients || process->account.bytes) {
+            link = &process->next;
+            continue;
+        }
+        *link = process->next;
+        kept_free(process);
+    }
+}
+
+void process_report(struct process *process) {
+    if (!process->account.refused || process->told)
+        return;
+    process->told = true;
+    note("%d is refused: the names, types and messages that the store keeps for it take %zu KiB, and one program "
+         "gets no more; it has to close some of its items",
+         (int)process->pid, KEPT_SHARE >> 10);
+}

@@ -1,0 +1,18 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Processes that are clients, as the kernel tells them apart: what each gets, on all of its connections together. */
+#ifndef STORE_PROCESS_H
+#define STORE_PROCESS_H
+
+#include "state.h"
+
+/* One connection more. NULL: no memory. */
+struct process *process_join(struct store *store, int32_t pid);
+
+/* One less. It is forgotten when it has none left, and no kept memory. */
+void process_leave(struct process *process);
+void processes_sweep(struct store *store);
+
+/* Say once in the log that it has all the kept memory that one process gets, if it was to get more. */
+void process_report(struct process *process);
+
+#endif
