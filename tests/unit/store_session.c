@@ -44,7 +44,7 @@ static void ask(struct party *party, struct ddx_message message, uint64_t size) 
     strcpy(message.type, "BYTES");
     CHECK_EQUAL(ddx_send(party->socket, &message, layout, NULL, 0), 0);
     free(layout);
-    client_receive(party->client);
+    client_receive(party->client, 1);
 }
 
 /* The next thing that it hears. */

@@ -4,6 +4,8 @@
 #include "kept.h"
 #include "note.h"
 
+#define SHARE 16 /* messages of one process in a turn; then the others are heard */
+
 struct process *process_join(struct store *store, int32_t pid) {
     struct process *process = store->processes;
 
@@ -46,4 +48,17 @@ void process_report(struct process *process) {
     note("%d is refused: the names, types and messages that the store keeps for it take %zu KiB, and one program "
          "gets no more; it has to close some of its items",
          (int)process->pid, KEPT_SHARE >> 10);
+}
+
+unsigned process_share(const struct process *process, uint32_t turn) {
+    unsigned heard = process->turn == turn ? process->heard : 0;
+
+    return heard < SHARE ? SHARE - heard : 0;
+}
+
+void process_heard(struct process *process, uint32_t turn) {
+    if (process->turn != turn)
+        process->heard = 0;
+    process->turn = turn;
+    process->heard++;
 }

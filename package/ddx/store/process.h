@@ -15,4 +15,8 @@ void processes_sweep(struct store *store);
 /* Say once in the log that it has all the kept memory that one process gets, if it was to get more. */
 void process_report(struct process *process);
 
+/* How many of its messages may still be handled in this turn of the worker; then that it was one. */
+unsigned process_share(const struct process *process, uint32_t turn);
+void process_heard(struct process *process, uint32_t turn);
+
 #endif

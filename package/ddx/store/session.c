@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <errno.h>
 #include <poll.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
@@ -22,7 +23,7 @@
 #include "request.h"
 #include "session.h"
 
-#define MESSAGES_AT_ONCE 64 /* then the others get their turn */
+static uint32_t turn; /* of this worker */
 
 /*
  * One process gets a quarter of our descriptors at most, and all connections together three quarters: the rest is for
@@ -94,17 +95,38 @@ static void detach(struct client *client) {
     item_drop_if_unused(item);
 }
 
+/* What poll() knows of all clients, in the order of their list; NULL: no memory. */
+static const struct pollfd *look(const struct store *store) {
+    static struct pollfd *list;
+    static size_t room;
+    size_t count = 0;
+
+    for (const struct client *client = store->clients; client; client = client->next) {
+        if (count == room) {
+            struct pollfd *more = realloc(list, (2 * room + 64) * sizeof *list);
+
+            if (!more)
+                return NULL;
+            list = more;
+            room = 2 * room + 64;
+        }
+        list[count++] = (struct pollfd){.fd = client->socket};
+    }
+    if (poll(list, count, 0) < 0)
+        return NULL;
+    return list;
+}
+
 /*
  * Take back what those hold who hung up but whose last messages were not read yet: who asks for a thing after another
  * gave it back must get it.
  */
 static void reap(const struct client *asking) {
-    for (struct client *client = asking->store->clients; client; client = client->next) {
-        struct pollfd look = {.fd = client->socket};
+    const struct pollfd *found = look(asking->store);
 
-        if (client != asking && (client->gone || (poll(&look, 1, 0) > 0 && look.revents & (POLLHUP | POLLERR))))
+    for (struct client *client = asking->store->clients; client && found; client = client->next, found++)
+        if (client != asking && (client->gone || found->revents & (POLLHUP | POLLERR)))
             detach(client);
-    }
 }
 
 /* Its process pays for what comes of it. */
@@ -118,10 +140,10 @@ static void handle(struct client *client, struct ddx_packet *packet) {
     process_report(process);
 }
 
-void client_receive(struct client *client) {
+void client_receive(struct client *client, unsigned most) {
     static struct ddx_packet packet;
 
-    for (int i = 0; i < MESSAGES_AT_ONCE && !client->gone; i++) {
+    for (unsigned i = 0; i < most && !client->gone; i++) {
         client->early = too_early(client);
         if (client->early)
             return;
@@ -134,6 +156,8 @@ void client_receive(struct client *client) {
             client->gone = true;
             return;
         }
+        holder_beat(); /* a turn with many messages is no sign of a worker that hangs */
+        process_heard(client->process, turn);
         /* A worker may have done this, and died before it took it off. */
         if (!packet.message.number || packet.message.number > client->handled) {
             holder_serving(client->socket);
@@ -153,6 +177,44 @@ void client_receive(struct client *client) {
     }
 }
 
+static void hear(struct client *client, short found) {
+    if (found & POLLOUT && client->listing && !client->gone) {
+        process_heard(client->process, turn);
+        list_continue(client);
+    }
+    if (client->early && found & (POLLHUP | POLLERR))
+        client->gone = true; /* what it asked for it wants no more */
+    else if (found & ~POLLOUT)
+        client_receive(client, process_share(client->process, turn));
+}
+
+/* Clients `from` to `to` of the list. The first one whose process had no share left; `to`: each was heard. */
+static size_t hear_some(struct store *store, const struct pollfd *found, size_t from, size_t to) {
+    size_t i = 0, first = to;
+
+    for (struct client *client = store->clients; client && i < to; client = client->next, i++) {
+        if (i < from || !found[i].revents)
+            continue;
+        if (process_share(client->process, turn))
+            hear(client, found[i].revents);
+        else if (first == to)
+            first = i;
+    }
+    return first;
+}
+
+void clients_hear(struct store *store, const struct pollfd *found) {
+    static size_t first; /* of those whose turn it is before the others */
+    size_t count = 0;
+
+    for (const struct client *client = store->clients; client; client = client->next)
+        count++;
+    turn++;
+    size_t begun = first < count ? first : 0;
+    size_t late = hear_some(store, found, begun, count), early = hear_some(store, found, 0, begun);
+    first = late < count ? late : early;
+}
+
 void clients_sweep(struct store *store) {
     struct client **link = &store->clients;
 
@@ -168,6 +230,7 @@ void clients_sweep(struct store *store) {
             file_close(client->socket);
             process_leave(client->process);
             kept_free(client);
+            holder_beat();
             link = &store->clients; /* forgetting one may have found out that another is gone, too */
         } else
             link = &client->next;

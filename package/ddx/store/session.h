@@ -3,11 +3,19 @@
 #ifndef STORE_SESSION_H
 #define STORE_SESSION_H
 
+#include <poll.h>
+
 #include "state.h"
 
 struct client *client_add(struct store *store, int socket); /* takes the socket, also on failure (NULL) */
-/* Its requests, one after the other; each is committed before anybody hears what came of it. */
-void client_receive(struct client *client);
+/* At most so many of its requests, one after the other; each is committed before anybody hears what came of it. */
+void client_receive(struct client *client, unsigned most);
+
+/*
+ * A turn of the worker: what poll() found for each client, in the order of their list. No process has more than its
+ * share of messages handled, and its other clients come first in the next turn.
+ */
+void clients_hear(struct store *store, const struct pollfd *found);
 void clients_sweep(struct store *store); /* forget those who are gone */
 /* Now that it is committed, what is to be said: to this client (or NULL) after all others. */
 void clients_tell(struct store *store, struct client *last);

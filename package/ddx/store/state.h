@@ -39,6 +39,8 @@ struct process {
     unsigned clients;
     struct kept_account account;
     bool told; /* a line in the log says that it got no more memory */
+    uint32_t turn; /* of the worker, in which it was heard last */
+    unsigned heard; /* messages in that turn */
 };
 
 struct client {

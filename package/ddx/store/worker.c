@@ -17,7 +17,6 @@
 #include "link.h"
 #include "note.h"
 #include "readers.h"
-#include "request.h"
 #include "session.h"
 #include "succession.h"
 #include "worker.h"
@@ -124,17 +123,8 @@ static struct timespec patience(const struct store *store, bool young, bool wait
     return (struct timespec){0, waits ? DDX_QUEUE_PAUSE * 1000000 : BEAT};
 }
 
-static void hear(struct store *store, const struct pollfd *list, nfds_t count) {
-    nfds_t i = 1;
-
-    for (struct client *c = store->clients; c && i < count; c = c->next, i++) {
-        if (list[i].revents & POLLOUT && c->listing && !c->gone)
-            list_continue(c);
-        if (c->early && list[i].revents & (POLLHUP | POLLERR))
-            c->gone = true; /* what it asked for it wants no more */
-        else if (list[i].revents & ~POLLOUT)
-            client_receive(c);
-    }
+static void hear(struct store *store, const struct pollfd *list) {
+    clients_hear(store, list + 1);
     if (list[0].revents) {
         int fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
 
@@ -157,7 +147,7 @@ static void turn(struct store *store, const sigset_t *waiting) {
     if (young)
         count_time(store, ready == 0);
     if (ready)
-        hear(store, list, count);
+        hear(store, list);
     clients_sweep(store);
     settle(store);
     files_commit();
