@@ -182,7 +182,7 @@ int pool_create(struct pool *pool, struct pool_file *file) {
     int error;
     do
         error = open_both(pool, ++id, O_CREAT | O_EXCL, file);
-    while (error == -EEXIST && id < POOL_ID_MAX);
+    while ((error == -EEXIST || error == -EAGAIN) && id < POOL_ID_MAX);
     return error;
 }
 
