@@ -596,20 +596,6 @@ static void test_restart_and_stop(void) {
     ddx_store_done_item(out);
 }
 
-/* How often the store has gone to sleep. */
-static unsigned long store_sleeps(void) {
-    char path[64], line[128];
-    unsigned long found = 0;
-
-    snprintf(path, sizeof path, "/proc/%d/status", (int)store_worker());
-    FILE *file = fopen(path, "re");
-    CHECK(file);
-    while (fgets(line, sizeof line, file) && sscanf(line, "voluntary_ctxt_switches: %lu", &found) != 1)
-        continue;
-    fclose(file);
-    return found;
-}
-
 /*
  * Newcomers wait while holders report to a store that was restarted. It sleeps meanwhile: 250 ms of listening are a
  * dozen sleeps of 20 ms, however slow the machine; one that runs instead does not sleep, or does so hundreds of times.

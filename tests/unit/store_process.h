@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/file.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -24,8 +25,8 @@ static inline void store_folder_make(void) {
     CHECK_EQUAL(setenv("DDX_DIR", scratch_folder, 1), 0);
 }
 
-/* The program under test is named by the environment, as meson sets it. */
-static inline void store_start(const char *budget) {
+/* With so many descriptors at most; 0: as many as this program may have. */
+static inline void store_start_with(const char *budget, rlim_t descriptors) {
     const char *program = getenv("DDX_STORE_PROGRAM");
 
     CHECK(program);
@@ -33,9 +34,16 @@ static inline void store_start(const char *budget) {
     CHECK(store_pid >= 0);
     if (store_pid == 0) {
         prctl(PR_SET_PDEATHSIG, SIGKILL); /* also when a check fails */
+        if (descriptors && setrlimit(RLIMIT_NOFILE, &(struct rlimit){descriptors, descriptors}))
+            _exit(127);
         execl(program, program, "-m", budget, (char *)NULL);
         _exit(127);
     }
+}
+
+/* The program under test is named by the environment, as meson sets it. */
+static inline void store_start(const char *budget) {
+    store_start_with(budget, 0);
 }
 
 /* Its worker dies with it, but a moment later: the port's lock is free when both are gone. */
@@ -54,6 +62,20 @@ static inline void store_stop(int number) {
 /* 0: there is none just now. */
 static inline pid_t store_worker(void) {
     return worker_of(store_pid);
+}
+
+/* How often its worker has gone to sleep. */
+static inline unsigned long store_sleeps(void) {
+    char path[64], line[128];
+    unsigned long found = 0;
+
+    snprintf(path, sizeof path, "/proc/%d/status", (int)store_worker());
+    FILE *file = fopen(path, "re");
+    CHECK(file);
+    while (fgets(line, sizeof line, file) && sscanf(line, "voluntary_ctxt_switches: %lu", &found) != 1)
+        continue;
+    fclose(file);
+    return found;
 }
 
 /* To both of its processes. */

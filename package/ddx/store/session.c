@@ -23,6 +23,8 @@
 #include "request.h"
 #include "session.h"
 
+#define FULL 100000000      /* ns without a look at the listening socket when there is no descriptor for a connection */
+
 static uint32_t turn; /* of this worker */
 
 /*
@@ -68,6 +70,30 @@ struct client *client_add(struct store *store, int socket) {
     store->clients = client;
     DDX_PASS(STORE_CLIENT);
     return client;
+}
+
+/* For the next look at the listening socket; a client that leaves brings it forward. */
+static int64_t full_until;
+
+void client_accept(struct store *store) {
+    static bool said;
+    int fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+
+    if (fd >= 0) {
+        said = false;
+        client_add(store, fd);
+        return;
+    }
+    if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED)
+        return; /* it did not wait */
+    if (!said)
+        note("programs that come have to wait: %s", strerror(errno));
+    said = true;
+    full_until = ddx_time_now() + FULL;
+}
+
+bool clients_must_wait(void) {
+    return full_until && ddx_time_now() < full_until;
 }
 
 /* After a restart, newcomers wait until living holders have reported, or they would find items missing. */
@@ -231,6 +257,7 @@ void clients_sweep(struct store *store) {
             process_leave(client->process);
             kept_free(client);
             holder_beat();
+            full_until = 0;
             link = &store->clients; /* forgetting one may have found out that another is gone, too */
         } else
             link = &client->next;

@@ -8,6 +8,10 @@
 #include "state.h"
 
 struct client *client_add(struct store *store, int socket); /* takes the socket, also on failure (NULL) */
+/* Takes in one that has come, if there is a descriptor for it. */
+void client_accept(struct store *store);
+/* There was none a moment ago: poll() would report the same again and again. */
+bool clients_must_wait(void);
 /* At most so many of its requests, one after the other; each is committed before anybody hears what came of it. */
 void client_receive(struct client *client, unsigned most);
 

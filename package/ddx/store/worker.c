@@ -6,7 +6,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 #include <time.h>
 
 #include "../lib/fault.h"
@@ -89,7 +88,7 @@ static struct pollfd *poll_list(struct store *store, nfds_t *count, bool *waits)
     }
     bool grace = store->settings->restarted && !store->open;
     *waits = readers_wait(store);
-    list[0] = (struct pollfd){.fd = store->settings->listener, .events = POLLIN};
+    list[0] = (struct pollfd){.fd = clients_must_wait() ? -1 : store->settings->listener, .events = POLLIN};
     *count = 1;
     for (struct client *c = store->clients; c; c = c->next) {
         short out = c->listing && !c->queue.count ? POLLOUT : ddx_queue_events(&c->queue);
@@ -125,12 +124,8 @@ static struct timespec patience(const struct store *store, bool young, bool wait
 
 static void hear(struct store *store, const struct pollfd *list) {
     clients_hear(store, list + 1);
-    if (list[0].revents) {
-        int fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
-
-        if (fd >= 0)
-            client_add(store, fd);
-    }
+    if (list[0].revents)
+        client_accept(store);
 }
 
 static void turn(struct store *store, const sigset_t *waiting) {

@@ -1,0 +1,85 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A store whose descriptors run short: programs that come wait quietly until there are some. */
+#include <errno.h>
+#include <poll.h>
+
+#include "../../package/ddx/lib/wire.h"
+#include "store_process.h"
+
+#define LIMIT 256
+#define PATIENCE 10000 /* ms, and steps of one of them: for a machine that hangs */
+
+DDX_STORE_TYPE(
+    SMALL, struct { unsigned word[16]; });
+
+static DDX_STORE_ID *id;
+
+static void begin(void) {
+    store_start_with("16M", LIMIT);
+    id = ddx_store_open(NULL, 0, 10);
+    CHECK(id);
+}
+
+static void end(void) {
+    ddx_store_close(id);
+    store_stop(SIGKILL);
+    scratch_clear(); /* the next one is no successor */
+}
+
+/* Written once, by this handle. */
+static DDX_STORE_ITEM *create(const char *name) {
+    static const SMALL value;
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, "SMALL", sizeof value);
+
+    CHECK(item);
+    CHECK_EQUAL(ddx_store_write(item, &value, NULL), 0);
+    return item;
+}
+
+/* A reader for which so many frames are kept, or as many as there are descriptors for; a frame is a descriptor. */
+static DDX_STORE_ITEM *reader_of(const char *name, unsigned frames) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+    SMALL value;
+
+    CHECK(item);
+    CHECK_EQUAL(ddx_store_read(item, &value, NULL, 0, DDX_CURRENT), 0);
+    for (unsigned step = 128; step; step /= 2)
+        while (ddx_store_kept(item) + step <= frames && !ddx_store_keep(item, ddx_store_kept(item) + step))
+            continue;
+    return item;
+}
+
+/* None is left, not even for a connection. */
+static void test_newcomers_wait(void) {
+    static struct ddx_packet packet;
+    struct ddx_message message = {.operation = DDX_LIST};
+
+    begin();
+    DDX_STORE_ITEM *out = create("all"), *in = reader_of("all", LIMIT);
+    CHECK(out && ddx_store_kept(in) < LIMIT - 10);
+    int newcomer = ddx_connect(DDX_STORE_PORT);
+    CHECK(newcomer >= 0);
+    CHECK_EQUAL(ddx_send(newcomer, &message, NULL, NULL, 0), 0);
+    unsigned long before = store_sleeps();
+    for (int i = 0; store_sleeps() < before + 2; i++) { /* one that runs without a pause never does */
+        CHECK(i < PATIENCE);
+        poll(NULL, 0, 1);
+    }
+    ddx_store_done_item(in);
+    struct pollfd answer = {.fd = newcomer, .events = POLLIN};
+    CHECK_EQUAL(poll(&answer, 1, PATIENCE), 1);
+    CHECK_EQUAL(ddx_receive(newcomer, &packet), 1);
+    close(newcomer);
+    end();
+}
+
+int main(void) {
+    struct rlimit limit;
+
+    CHECK_EQUAL(getrlimit(RLIMIT_NOFILE, &limit), 0);
+    limit.rlim_cur = limit.rlim_max; /* writer and reader have a descriptor for each frame, too */
+    CHECK_EQUAL(setrlimit(RLIMIT_NOFILE, &limit), 0);
+    store_folder_make();
+    test_newcomers_wait();
+    return 0;
+}
