@@ -1,12 +1,17 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A store whose descriptors run short: programs that come wait quietly until there are some. */
+/*
+ * A store whose descriptors run short: items that no client has open are dropped for a connection, a writer or a
+ * reader, counters last; and where that does not help, programs that come wait quietly until there are some.
+ */
 #include <errno.h>
 #include <poll.h>
+#include <stdbool.h>
 
 #include "../../package/ddx/lib/wire.h"
 #include "store_process.h"
 
 #define LIMIT 256
+#define NEWCOMERS 10
 #define PATIENCE 10000 /* ms, and steps of one of them: for a machine that hangs */
 
 DDX_STORE_TYPE(
@@ -49,6 +54,92 @@ static DDX_STORE_ITEM *reader_of(const char *name, unsigned frames) {
     return item;
 }
 
+static bool exists(const char *name) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+
+    ddx_store_done_item(item);
+    return item != NULL;
+}
+
+/* With so many frames; no client has it open any more. */
+static void leave(const char *name, unsigned frames) {
+    DDX_STORE_ITEM *out = create(name), *in = reader_of(name, frames);
+
+    CHECK_EQUAL(ddx_store_kept(in), frames);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+}
+
+/* The counters of a program that is gone, older than all else. */
+static void leave_counters(void) {
+    const struct ddx_item_spec spec = {.name = "gone.stats", .type = "DDX_STATS", .declaration = "struct { int in; }"};
+    DDX_STORE_ITEM *item;
+    void *data;
+
+    CHECK_EQUAL(ddx_store_create(id, &spec, &item), 0);
+    CHECK_EQUAL(ddx_store_loan(item, &data), 0);
+    memset(data, 0, sizeof(int));
+    CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
+    ddx_store_done_item(item);
+}
+
+/* More than three quarters of the descriptors are in use, so that no connection would be taken. */
+static void test_dropped_for_a_connection(void) {
+    begin();
+    leave_counters();
+    leave("left", LIMIT / 4 * 3);
+    for (unsigned i = 0; i < NEWCOMERS; i++) { /* some take the places of those that left */
+        char name[16];
+
+        snprintf(name, sizeof name, "newcomer%u", i);
+        create(name);
+    }
+    CHECK(!exists("left"));
+    CHECK(exists("gone.stats"));
+    end();
+}
+
+static void test_dropped_for_a_reader(void) {
+    begin();
+    leave_counters();
+    DDX_STORE_ITEM *out = create("read");
+    leave("left", 110);
+    leave("later", 10);
+    DDX_STORE_ITEM *in = reader_of("read", 130);
+    CHECK_EQUAL(ddx_store_kept(in), 130);
+    CHECK(!exists("left"));
+    CHECK(exists("later")); /* one is enough */
+    CHECK(exists("gone.stats"));
+    ddx_store_done_item(out);
+    end();
+}
+
+static void test_dropped_for_a_writer(void) {
+    begin();
+    leave("left", 120);
+    DDX_STORE_ITEM *in = ddx_store_await_item(id, "awaited");
+    SMALL value;
+    CHECK_EQUAL(ddx_store_keep(in, 150), 0);
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_NEXT), -ETIMEDOUT);
+    CHECK(exists("left"));
+    DDX_STORE_ITEM *out = create("awaited");
+    CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_NEXT), 0);
+    CHECK(!exists("left"));
+    ddx_store_done_item(out);
+    end();
+}
+
+/* What cannot be had at all costs no item its last value. */
+static void test_nothing_is_dropped_in_vain(void) {
+    begin();
+    leave("left", 20);
+    DDX_STORE_ITEM *out = create("read"), *in = reader_of("read", 100);
+    CHECK_EQUAL(ddx_store_keep(in, 250), -EBUSY);
+    CHECK(exists("left"));
+    ddx_store_done_item(out);
+    end();
+}
+
 /* None is left, not even for a connection. */
 static void test_newcomers_wait(void) {
     static struct ddx_packet packet;
@@ -80,6 +171,10 @@ int main(void) {
     limit.rlim_cur = limit.rlim_max; /* writer and reader have a descriptor for each frame, too */
     CHECK_EQUAL(setrlimit(RLIMIT_NOFILE, &limit), 0);
     store_folder_make();
+    test_dropped_for_a_connection();
+    test_dropped_for_a_reader();
+    test_dropped_for_a_writer();
+    test_nothing_is_dropped_in_vain();
     test_newcomers_wait();
     return 0;
 }

@@ -119,11 +119,11 @@ static int opens_as(uint32_t operation, const char *name, const char *type, cons
     memcpy(message.name, name, strlen(name));
     memcpy(message.type, type, strlen(type));
     CHECK_EQUAL(ddx_send(party.socket, &message, layout, NULL, 0), 0);
-    client_receive(party.client);
+    client_receive(party.client, 16);
     free(layout);
     int status = operation == DDX_OPEN ? hears(&party, DDX_OPENED)->status : 0;
     close(party.socket);
-    client_receive(party.client);
+    client_receive(party.client, 16);
     clients_sweep(store);
     return status;
 }

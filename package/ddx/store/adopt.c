@@ -5,6 +5,7 @@
 #include "../lib/fault.h"
 #include "adopt.h"
 #include "budget.h"
+#include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
@@ -16,6 +17,7 @@
 #include "readers.h"
 #include "retired.h"
 
+#define OFFERED 16 /* descriptors that are looked for when an offer did not get all of its own: it comes again */
 #define NOT_OURS "no store has made it, or for something else"
 #define NO_MEMORY "no memory"
 #define NO_DESCRIPTOR "no descriptor is left"
@@ -256,6 +258,7 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 
     if (packet->cut && client->item) { /* with a part of it the item would not be what it was */
+        descriptors_for_item(client->item, OFFERED);
         refuse(client, NO_DESCRIPTOR);
         return;
     }

@@ -6,6 +6,7 @@
 #include "../lib/futex.h"
 #include "budget.h"
 #include "claim.h"
+#include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
@@ -16,6 +17,8 @@
 #include "note.h"
 #include "readers.h"
 #include "retired.h"
+
+#define BESIDE 4 /* descriptors of an epoch besides its frames: control page, notice, for readers, to watch its end */
 
 /* May this client write this layout? */
 static int permitted(struct client *client, const struct ddx_layout *layout) {
@@ -80,6 +83,19 @@ static uint32_t next_number(const struct item *item) {
     return last + (DDX_EPOCH_OK(last + 1) ? 1 : 2);
 }
 
+static int make_files(struct item *item, struct epoch *epoch, unsigned slots) {
+    descriptors_for_item(item, slots + BESIDE);
+    int result = epoch_create_control(epoch, item->name);
+    if (!result)
+        result = epoch_add_slots(epoch, item->name, slots);
+    if (result)
+        return result;
+    DDX_PASS(STORE_PREPARED);
+    result = new_notice(item);
+    DDX_PASS(STORE_NOTICE);
+    return result;
+}
+
 static int prepare(struct item *item, const struct ddx_layout *layout) {
     struct epoch *epoch = epoch_new(layout, next_number(item));
     int result;
@@ -95,12 +111,8 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
     unsigned slots = 2 + item->kept;
     if (slots > DDX_SLOTS_MAX || !budget_allows(item, most_of(item, epoch->runs.file_bytes)))
         result = -ENOSPC;
-    else if (!(result = epoch_create_control(epoch, item->name)) &&
-             !(result = epoch_add_slots(epoch, item->name, slots))) {
-        DDX_PASS(STORE_PREPARED);
-        result = new_notice(item);
-        DDX_PASS(STORE_NOTICE);
-    }
+    else
+        result = make_files(item, epoch, slots);
     if (result) {
         epoch_free(epoch);
         return result;

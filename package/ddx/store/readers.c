@@ -5,6 +5,7 @@
 
 #include "../lib/fault.h"
 #include "budget.h"
+#include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
@@ -31,6 +32,7 @@ int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
     uint64_t cost = (more + keep) * epoch->runs.file_bytes + pages * ddx_page_round(1);
     if (!budget_allows(item, item_reserved(item) + cost))
         return -EBUSY;
+    descriptors_for_item(item, more + pages);
     if (!more)
         return 0;
     if (epoch_add_slots(epoch, item->name, more))

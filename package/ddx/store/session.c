@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +13,7 @@
 #include "adopt.h"
 #include "budget.h"
 #include "claim.h"
+#include "descriptors.h"
 #include "files.h"
 #include "holder.h"
 #include "items.h"
@@ -27,16 +30,33 @@
 
 static uint32_t turn; /* of this worker */
 
-/*
- * One process gets a quarter of our descriptors at most, and all connections together three quarters: the rest is for
- * memory files. Descriptors are given out from below, so the newest one tells how many there are.
- */
-static bool too_many(const struct process *process, int socket) {
+/* A quarter of our descriptors. */
+static int quarter(void) {
     struct rlimit limit;
 
-    if (getrlimit(RLIMIT_NOFILE, &limit))
-        return false;
-    return process->clients > limit.rlim_cur / 4 || (rlim_t)socket >= limit.rlim_cur / 4 * 3;
+    return getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur > INT_MAX ? INT_MAX / 4 : (int)(limit.rlim_cur / 4);
+}
+
+/* One process gets a quarter of our descriptors at most. */
+static bool too_many(const struct process *process) {
+    return process->clients > (unsigned)quarter();
+}
+
+/*
+ * All connections together get three quarters: the rest is for memory files. Descriptors are given out from below, so
+ * the newest one tells how many there are, and it takes the place of a file that is dropped for it. -1: there is no
+ * place; the socket stays open.
+ */
+static int place_of(struct store *store, int socket) {
+    int lower;
+
+    while (socket >= quarter() * 3) {
+        if (!descriptors_below(store, quarter() * 3) || (lower = fcntl(socket, F_DUPFD_CLOEXEC, 0)) < 0)
+            return -1;
+        close(socket);
+        socket = lower;
+    }
+    return socket;
 }
 
 static struct client *allocate(struct process *process) {
@@ -52,10 +72,12 @@ struct client *client_add(struct store *store, int socket) {
 
     getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
     struct process *process = process_join(store, who.pid);
-    bool many = process && too_many(process, socket);
-    struct client *client = process && !many ? allocate(process) : NULL;
+    int place = !process || too_many(process) ? -1 : place_of(store, socket);
+    struct client *client = place < 0 ? NULL : allocate(process);
+    socket = place < 0 ? socket : place;
     if (!client) {
-        note("%d is refused: %s", (int)who.pid, many ? "too many connections" : "no memory for one connection more");
+        note("%d is refused: %s", (int)who.pid,
+             process && place < 0 ? "too many connections" : "no memory for one connection more");
         if (process)
             process_leave(process);
         close(socket);
@@ -77,8 +99,12 @@ static int64_t full_until;
 
 void client_accept(struct store *store) {
     static bool said;
-    int fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    int fd;
 
+    clients_sweep(store); /* what those had open that are gone may be dropped */
+    do
+        fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
+    while (fd < 0 && errno == EMFILE && descriptors_below(store, INT_MAX));
     if (fd >= 0) {
         said = false;
         client_add(store, fd);

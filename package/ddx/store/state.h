@@ -3,9 +3,9 @@
  * What the store knows: who has which item, and the memory files of it. One thread, nothing here is on the frame path.
  *
  * Who calls whom, from below (tests/host/test_layers.py looks): what is said to a client, kept and logged (link, heap,
- * kept, files, holder, note) - epochs and items - the budget, what one process gets (process), and what holders are
- * told (news) - terms of reading and writing (readers, claim, adopt) - requests and sessions - the worker, and the
- * succession of workers.
+ * kept, files, holder, note) - epochs and items - items that may be dropped (leftover) - the budget, descriptors, what
+ * one process gets (process), and what holders are told (news) - terms of reading and writing (readers, claim, adopt) -
+ * requests and sessions - the worker, and the succession of workers.
  */
 #ifndef STORE_STATE_H
 #define STORE_STATE_H
