@@ -70,6 +70,7 @@ static void hangs(void) {
     while (store_worker() == worker || !store_worker()) {
         if (ddx_time_now() > since + HANGS)
             fail("hang: nobody takes the worker's place");
+        kill(store_process, SIGUSR1); /* a program that asks for the store's counters all the time changes nothing */
         nap(0.01);
     }
     printf("another worker after %.1f s\n", (double)(ddx_time_now() - since) / 1e9);

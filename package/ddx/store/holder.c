@@ -22,11 +22,13 @@
 #include "note.h"
 
 /*
- * Seconds without a beat, as the holder counts them: it must have run in each. Clients give up what they ask after
- * five, and then ddxhealth starts the whole store anew; the next worker has to answer before that.
+ * ns without a beat, by the clock; between two looks at most LOOK counts, since a holder that was stopped cannot know
+ * whether its worker was, too. Clients give up what they ask after five seconds, and then ddxhealth starts the whole
+ * store again; the next worker has to answer before that.
  */
-#define HUNG 3
-#define PATIENCE 2       /* seconds that a worker gets to end */
+#define HUNG INT64_C(3000000000)
+#define LOOK INT64_C(1000000000)
+#define PATIENCE INT64_C(2000000000) /* ns that a worker gets to end */
 #define STRIKES 3        /* workers that one client may cost */
 #define HASTE 20         /* workers within a second; then it takes its time */
 #define REST 100000000   /* ns */
@@ -102,10 +104,11 @@ static void end(pid_t worker) {
     sigaddset(&child, SIGCHLD);
     kill(worker, SIGTERM);
     kill(worker, SIGCONT);
-    for (int i = 0; i < PATIENCE; i++) {
+    for (int64_t now, deadline = ddx_time_now() + PATIENCE; (now = ddx_time_now()) < deadline;) {
         if (waitpid(worker, NULL, WNOHANG) == worker)
             return;
-        sigtimedwait(&child, NULL, &(struct timespec){1, 0});
+        /* It may be reported first that it goes on. */
+        sigtimedwait(&child, NULL, &(struct timespec){(deadline - now) / 1000000000, (deadline - now) % 1000000000});
     }
     kill(worker, SIGKILL);
     waitpid(worker, NULL, 0);
@@ -124,9 +127,27 @@ static bool still_there(pid_t worker) {
     return false;
 }
 
+struct silence {
+    uint32_t beats; /* at the last look */
+    int64_t looked, lasted;
+};
+
+/* However often signals wake the holder. True once for each silence. */
+static bool hangs(struct silence *silence) {
+    int64_t now = ddx_time_now(), passed = now - silence->looked;
+    uint32_t beats = watch->beats;
+
+    silence->lasted = beats == silence->beats ? silence->lasted + (passed < LOOK ? passed : LOOK) : 0;
+    silence->beats = beats;
+    silence->looked = now;
+    if (silence->lasted < HUNG)
+        return false;
+    silence->lasted = 0;
+    return true;
+}
+
 int holder_run(int (*work)(void)) {
     sigset_t signals;
-    unsigned silent = 0;
     pid_t worker;
 
     watch = mmap(NULL, sizeof *watch, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
@@ -141,9 +162,9 @@ int holder_run(int (*work)(void)) {
     sigaddset(&signals, SIGUSR1);
     sigprocmask(SIG_BLOCK, &signals, NULL);
     while ((worker = start(work)) >= 0) {
-        uint32_t beats = watch->beats;
+        struct silence silence = {.beats = watch->beats, .looked = ddx_time_now()};
 
-        for (silent = 0; still_there(worker);) {
+        while (still_there(worker)) {
             int signal = sigtimedwait(&signals, NULL, &(struct timespec){1, 0});
 
             if (signal == SIGTERM || signal == SIGINT) {
@@ -152,11 +173,7 @@ int holder_run(int (*work)(void)) {
             }
             if (signal == SIGUSR1)
                 kill(worker, SIGUSR1);
-            if (signal >= 0 || errno != EAGAIN)
-                continue;
-            silent = watch->beats == beats ? silent + 1 : 0;
-            beats = watch->beats;
-            if (silent == HUNG) {
+            if (hangs(&silence)) {
                 note("the worker hangs");
                 kill(worker, SIGKILL);
             }
