@@ -3,13 +3,19 @@
  * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() and
  * syncfs() do not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While
  * $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST the first file that is locked is locked already.
+ *
+ * Linux reports a failed write to the disk once: where the file $FAILED_FLUSH exists the next fdatasync() or syncfs()
+ * of a file whose path ends with $FAILED_OF removes it and fails, and with $FAILED_FSYNC the next fsync(). $FLUSHED gets
+ * a byte for each fdatasync() that succeeds.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdarg.h>
 #include <stdatomic.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
@@ -22,6 +28,36 @@ static void stall(const char *name) {
         usleep(1000);
 }
 
+static int fails_once(const char *name, int fd) {
+    const char *file = getenv(name), *end = getenv("FAILED_OF");
+    char link[32], path[PATH_MAX];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    const ssize_t length = readlink(link, path, sizeof path);
+    if (!file || !end || length < (ssize_t)strlen(end) || strncmp(path + length - strlen(end), end, strlen(end)) != 0 ||
+        unlink(file))
+        return 0;
+    errno = EIO;
+    return 1;
+}
+
+int fsync(int fd) {
+    return fails_once("FAILED_FSYNC", fd) ? -1 : (int)syscall(SYS_fsync, fd);
+}
+
+int syncfs(int fd) {
+    stall("STALLED_SYNC");
+    return fails_once("FAILED_FLUSH", fd) ? -1 : (int)syscall(SYS_syncfs, fd);
+}
+
+static void note_flush(void) {
+    const char *file = getenv("FLUSHED");
+    const int fd = file ? (int)syscall(SYS_openat, AT_FDCWD, file, O_WRONLY | O_CREAT | O_APPEND, 0644) : -1;
+    if (fd < 0)
+        return;
+    (void)!write(fd, ".", 1);
+    close(fd);
+}
+
 int fdatasync(int fd) {
     stall("STALLED_SYNC");
     const char *failed = getenv("FAILED_SYNC");
@@ -29,12 +65,12 @@ int fdatasync(int fd) {
         errno = EIO;
         return -1;
     }
-    return (int)syscall(SYS_fdatasync, fd);
-}
-
-int syncfs(int fd) {
-    stall("STALLED_SYNC");
-    return (int)syscall(SYS_syncfs, fd);
+    if (fails_once("FAILED_FLUSH", fd))
+        return -1;
+    const int result = (int)syscall(SYS_fdatasync, fd);
+    if (!result)
+        note_flush();
+    return result;
 }
 
 int flock(int fd, int operation) {

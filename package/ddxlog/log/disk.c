@@ -24,6 +24,7 @@ static void account(struct disk *disk, int error) {
             ddx_stats_lost(disk->logger->book, LOST_WRITE, 1);
         } else {
             atomic_fetch_add(&item->out, 1);
+            item->unsafe++;
             ddx_stats_out(disk->logger->book, 1, now - disk->pending[i].time);
         }
     }
@@ -121,8 +122,9 @@ static void settle(struct disk *disk) {
         return;
     file_put_losses(disk, false);
     flush(disk);
-    if (disk->writer && fdatasync(disk->fd))
-        fail(disk, -errno);
+    int error = disk->writer ? file_sync(disk) : 0;
+    if (error)
+        fail(disk, error);
     turn_page(disk);
 }
 

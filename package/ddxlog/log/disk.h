@@ -28,6 +28,8 @@ struct disk {
     char path[PATH_MAX];
     int fd;
     struct mcap_writer *writer; /* NULL: there is none */
+    uint64_t safe;              /* bytes that the disk has for certain */
+    bool unsafe;                /* a flush has failed; no later one proves what was written since the last good one */
     int64_t begin;              /* CLOCK_MONOTONIC */
     int64_t wall_offset;        /* wall time less CLOCK_MONOTONIC, when it began */
     uint16_t channels, schemas, losses; /* ids in use; of the channel for losses */
@@ -44,9 +46,11 @@ bool file_put(struct disk *disk, struct channel *channel, uint64_t sequence, int
               const void *data, size_t size);
 /* A message for each item of which something was lost since the last time, or for each item. */
 void file_put_losses(struct disk *disk, bool all);
+/* All that was written is on the disk. */
+int file_sync(struct disk *disk);
 /* Counters, summary, end. There is no file then. */
 int file_end(struct disk *disk);
-/* Cut it behind what is whole, and leave it so. */
+/* What the disk may not have is lost: values that were counted as logged, too. The file is cut there, and left so. */
 void file_give_up(struct disk *disk);
 
 #endif

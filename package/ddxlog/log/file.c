@@ -86,13 +86,14 @@ static void put_last_values(struct disk *disk) {
     }
 }
 
-static void sync_folder(const char *folder) {
+/* So that the file's name is on the disk. 0 or -EIO; not each file system can do it. */
+static int sync_folder(const char *folder) {
     int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    int error = fd >= 0 && fsync(fd) && errno == EIO ? -EIO : 0;
 
-    if (fd >= 0) {
-        fsync(fd);
+    if (fd >= 0)
         close(fd);
-    }
+    return error;
 }
 
 /* Room for the next file among those that are kept. */
@@ -116,15 +117,14 @@ int file_begin(struct disk *disk, int64_t begin) {
     disk->file++;
     disk->channels = disk->schemas = 0;
     disk->begin = begin;
+    disk->safe = 0;
     disk->wall_offset = wall_now() - ddx_time_now();
     put_times(disk);
     put_losses_channel(disk);
     put_last_values(disk);
     say("logging to %s", disk->path);
     int error = mcap_flush(disk->writer);
-    if (!error)
-        sync_folder(disk->output.place);
-    return error;
+    return error ? error : sync_folder(disk->output.place);
 }
 
 static void put_schema(struct disk *disk, struct channel *channel) {
@@ -228,20 +228,50 @@ static void close_file(struct disk *disk) {
     disk->fd = -1;
 }
 
+int file_sync(struct disk *disk) {
+    unsigned count = atomic_load(&disk->logger->item_count);
+
+    if (fdatasync(disk->fd)) {
+        disk->unsafe = true;
+        return -errno;
+    }
+    disk->safe = mcap_written(disk->writer);
+    for (unsigned i = 0; i < count; i++)
+        disk->logger->items[i]->unsafe = 0;
+    return 0;
+}
+
 int file_end(struct disk *disk) {
     file_put_losses(disk, true);
     int error = mcap_finish(disk->writer);
-    if (!error && fdatasync(disk->fd))
-        error = -errno;
+    if (!error)
+        error = file_sync(disk);
     if (!error)
         close_file(disk);
     return error;
 }
 
+/* What was counted as logged since the last good flush. */
+static void take_back(struct disk *disk) {
+    unsigned count = atomic_load(&disk->logger->item_count);
+
+    for (unsigned i = 0; i < count; i++) {
+        struct item *item = disk->logger->items[i];
+
+        atomic_fetch_sub(&item->out, item->unsafe);
+        atomic_fetch_add(&item->lost[LOST_WRITE], item->unsafe);
+        ddx_stats_take_back(disk->logger->book, LOST_WRITE, item->unsafe);
+        item->unsafe = 0;
+    }
+}
+
 void file_give_up(struct disk *disk) {
-    if (disk->fd >= 0 && (!disk->writer || !mcap_written(disk->writer)))
+    if (disk->fd >= 0 && disk->writer && !disk->unsafe)
+        file_sync(disk); /* a write failed: what was whole before may be safe yet */
+    take_back(disk);
+    if (disk->fd >= 0 && !disk->safe)
         unlink(disk->path); /* not one record: an empty file would only be in the way */
-    else if (disk->fd >= 0 && ftruncate(disk->fd, (off_t)mcap_written(disk->writer)))
+    else if (disk->fd >= 0 && (ftruncate(disk->fd, (off_t)disk->safe) || fdatasync(disk->fd)))
         say("%s: cannot be cut behind its last whole record: %s", disk->path, strerror(errno));
     close_file(disk);
 }

@@ -63,6 +63,7 @@ struct item {
         int64_t time;
     } last;
     uint64_t told; /* losses, when they were last written to the file */
+    uint64_t unsafe; /* of `out`, since the file was last flushed to the disk */
     /* the finder's: */
     int64_t alone;             /* since when nobody writes it; 0: somebody does */
     uint64_t listed;           /* its sequence when we last looked */

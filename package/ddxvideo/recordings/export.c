@@ -109,9 +109,14 @@ static int write_file(struct copy *copy, int to, const char *name) {
 }
 
 /* FAT keeps a file's size beside its name, and writes it with the file only: until then there is a name with nothing
- * behind it. */
+ * behind it. Where that fails the medium may have the name without its bytes: no file of that name is left. */
 static int give_name(const struct copy *copy, int to, const char *from) {
-    return renameat(to, from, to, copy->found->name) || fsync(copy->fd) || fsync(to) ? -errno : 0;
+    if (renameat(to, from, to, copy->found->name))
+        return -errno;
+    int error = fsync(copy->fd) || fsync(to) ? -errno : 0;
+    if (error)
+        unlinkat(to, copy->found->name, 0);
+    return error;
 }
 
 static void tell(const struct copy *copy, const char *to, int error) {

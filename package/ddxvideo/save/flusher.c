@@ -91,6 +91,7 @@ int flusher_start(struct flusher *flusher, int64_t period, atomic_int *error) {
 }
 
 void flusher_add(struct flusher *flusher, struct segment *segment) {
+    segment->unsafe = &flusher->unsafe;
     pthread_mutex_lock(&flusher->lock);
     struct segment **end = &flusher->oldest;
     while (*end)

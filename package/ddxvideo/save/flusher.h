@@ -17,6 +17,7 @@ struct flusher {
     bool stop;
     int64_t period;    /* ns */
     atomic_int *error; /* 0, or what went wrong first, here or in the writer */
+    atomic_bool unsafe; /* see struct segment */
 };
 
 /* Start; flush every `period` ns. 0 or -errno. */

@@ -59,6 +59,18 @@ static int fill(struct pool *pool, const struct pool_file *file) {
     return error;
 }
 
+/* What was just created may have no name on the disk, and a later flush of the folder would not say so. */
+static void remove_file(struct pool *pool, const struct pool_file *file) {
+    char name[POOL_PATH];
+
+    pool_lock(pool); /* else another program could be about to take it */
+    pool_data_name(name, file->id);
+    unlinkat(pool->folder, name, 0);
+    pool_index_name(name, file->id);
+    unlinkat(pool->folder, name, 0);
+    pool_unlock(pool);
+}
+
 /* Make a file of ours ready. */
 static int prepare(struct pool *pool, struct pool_file *file) {
     struct index_header header = {.state = INDEX_FREE};
@@ -70,8 +82,10 @@ static int prepare(struct pool *pool, struct pool_file *file) {
         error = -errno;
     if (!error)
         error = pool_write_header(file, &header);
-    if (!error && (fsync(file->index_fd) || fsync(pool->folder)))
+    if (!error && (fsync(file->index_fd) || fsync(pool->folder))) {
         error = -errno;
+        remove_file(pool, file);
+    }
     file->prepared = !error;
     return error;
 }

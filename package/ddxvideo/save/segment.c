@@ -113,6 +113,21 @@ static ssize_t write_pipe(struct segment *segment, const unsigned char *bytes, s
     }
 }
 
+/* Begin to write what is in memory, so that the disk works steadily instead of in bursts. */
+static int order(struct segment *segment) {
+    uint64_t from = segment->ordered, size = segment->written - from;
+
+    if (size < CHUNK)
+        return 0;
+    segment->ordered = segment->written;
+    if (!sync_file_range(segment->fd, (off_t)from, (off_t)size, SYNC_FILE_RANGE_WRITE) ||
+        (errno != EIO && errno != ENOSPC && errno != EDQUOT)) /* else the file system cannot do it */
+        return 0;
+    int error = -errno;
+    *segment->unsafe = true;
+    return error;
+}
+
 ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_t size) {
     ssize_t done;
 
@@ -131,13 +146,8 @@ ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_
     if (done < 0)
         return done;
     segment->written += (uint64_t)done;
-    if (segment->regular && !segment->file.direct && segment->written - segment->ordered >= CHUNK) {
-        /* So that the disk works steadily instead of in bursts. */
-        sync_file_range(segment->fd, (off_t)segment->ordered, (off_t)(segment->written - segment->ordered),
-                        SYNC_FILE_RANGE_WRITE);
-        segment->ordered = segment->written;
-    }
-    return done;
+    int error = segment->regular && !segment->file.direct ? order(segment) : 0;
+    return error ? error : done;
 }
 
 void segment_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum) {
@@ -180,8 +190,11 @@ static int flush_plain(struct segment *segment) {
     }
     if (frames == segment->safe_frames)
         return 0;
-    if (fdatasync(segment->fd))
-        return -errno;
+    int error = *segment->unsafe ? -EIO : fdatasync(segment->fd) ? -errno : 0;
+    if (error) {
+        *segment->unsafe = true;
+        return error;
+    }
     segment->safe_frames = frames;
     segment->safe = whole;
     return 0;
@@ -219,7 +232,7 @@ static void cut(struct segment *segment) {
 }
 
 static int finish_plain(struct segment *segment, bool failed) {
-    int error = segment_flush(segment); /* after an error as well: what is whole by now may be safe yet */
+    int error = segment_flush(segment); /* after a failed write as well: what is whole by now may be safe yet */
 
     if (segment->regular && (failed || error))
         cut(segment);

@@ -29,6 +29,8 @@ struct segment {
     char path[PATH_MAX];       /* as people know it */
     int fd;
     bool regular;     /* a file that can be cut and synced, not a pipe or device */
+    atomic_bool *unsafe; /* the recording's: a flush has failed. The system reports a failed write once: no later flush
+                            proves what was written since the last good one */
     uint64_t safe;    /* bytes that the disk has for certain, ... */
     uint32_t safe_frames; /* ... and the frames in them; of a file with a name of its own */
     uint64_t ordered; /* bytes that the disk has been told to write */

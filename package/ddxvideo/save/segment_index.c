@@ -35,9 +35,11 @@ void segment_index_add(struct segment *segment, const struct byte_queue_frame *f
 /* To the disk, from what was written before. Files that were not prepared have metadata to be written as well, and not
  * all of it is theirs. */
 static int sync_fd(const struct segment *segment, int fd) {
-    int failed = segment->file.prepared ? fdatasync(fd) : syncfs(fd);
+    int error = (segment->file.prepared ? fdatasync(fd) : syncfs(fd)) ? -errno : 0;
 
-    return failed ? -errno : 0;
+    if (error)
+        *segment->unsafe = true;
+    return error;
 }
 
 /* Entries from `first` on, before `end`: the blocks that they are in. What is younger in these is not written, since
@@ -61,6 +63,8 @@ int segment_index_flush(struct segment *segment) {
 
     if (frames == segment->promised)
         return 0;
+    if (*segment->unsafe)
+        return -EIO;
     /* Frames first: an index that promised what is not there would be worse than none. */
     int error = sync_fd(segment, segment->fd);
     if (!error && !segment->promised)
@@ -78,7 +82,7 @@ int segment_index_flush(struct segment *segment) {
 
 int segment_index_finish(struct segment *segment, bool failed) {
     struct index_header *header = &segment->index->header;
-    int error = segment_index_flush(segment); /* after an error as well: the disk may be back */
+    int error = segment_index_flush(segment); /* after a failed write as well: what is whole by now may be safe yet */
 
     if (failed)
         error = 0; /* has been told */
@@ -90,7 +94,10 @@ int segment_index_finish(struct segment *segment, bool failed) {
     index_end(segment->index, segment->promised);
     header->lost_store += segment->lost_store; /* behind the last frame: no entry has these */
     header->lost_ring += segment->lost_ring;
-    int other = pool_write_header(&segment->file, header);
+    /* Entries that were given up may stand beside the last one that holds: written again, without them. */
+    int other = write_entries(segment, segment->promised - 1, segment->promised);
+    if (!other)
+        other = pool_write_header(&segment->file, header);
     if (!other)
         other = sync_fd(segment, segment->file.index_fd);
     if (!other)
