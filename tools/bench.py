@@ -2,10 +2,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make bench: the store beside other ways to pass frames, in one run.
 
-bench.py [-rounds N] [-cases WORD,...] [-before COMMIT]
+bench.py [-rounds N] [-cases WORD,...] [-before COMMIT] [-short]
 
 A round is a slice of each peer in each case; the order changes from round to round, so that whatever else the machine
-does meets everybody alike. docs/bench.md says what is measured and how to read it.
+does meets everybody alike. docs/bench.md says what is measured and how to read it. -short: a few frames, and of the
+peers those that are built already, for the gate: no file is written.
 """
 from __future__ import annotations
 
@@ -24,7 +25,7 @@ import tempfile
 from typing import Any
 
 from parts.bench import plot as bench_plot
-from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, run_slice
+from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice
 from parts.common import OUTPUT, TOP, Failed, run, say
 from parts.image import native
 
@@ -167,6 +168,16 @@ def table(rows: list[dict[str, Any]]) -> None:
         say(line)
 
 
+def write(result: dict[str, Any], name: str) -> None:
+    file = OUTPUT / f"bench/{name}.json"
+    file.write_text(json.dumps(result, indent=1) + "\n")
+    say(f"bench: {file.relative_to(TOP)}")
+    if name == "store":
+        page = file.with_suffix(".html")
+        page.write_text(bench_plot.page(result))
+        say(f"bench: {page.relative_to(TOP)}")
+
+
 def own_network() -> None:
     """LCM talks UDP multicast: over a loopback of our own, so nothing leaves the machine and no route is changed."""
     if not os.environ.get(INSIDE):
@@ -176,21 +187,28 @@ def own_network() -> None:
         run(["ip", *words.split()])
 
 
+def shorten(case: Case) -> Case:
+    return dataclasses.replace(case, frames=20, peers=tuple(peer for peer in case.peers if place(peer)[1].exists()))
+
+
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-rounds", type=int, default=10)
     parser.add_argument("-cases", default="", help="only cases with one of these words, separated by commas")
     parser.add_argument("-before", metavar="COMMIT", help="only ours, beside the store of that commit")
+    parser.add_argument("-short", action="store_true")
     options = parser.parse_args()
     wanted = [case for case in cases() if any(word in case.name for word in options.cases.split(","))]
     if options.before:
         wanted = [dataclasses.replace(case, peers=("ddx", "before")) for case in wanted]
     try:
         if not os.environ.get(INSIDE):
-            build(peers=not options.before)
+            build(peers=not options.before and not options.short)
             if options.before:
                 build_before(options.before)
         own_network()
+        if options.short:
+            wanted = [shorten(case) for case in wanted]
         about = machine()
         found, failed = measure(wanted, options.rounds)
     except (Failed, subprocess.SubprocessError) as error:
@@ -203,13 +221,8 @@ def main() -> int:
     table(result["cases"])
     for (case, peer), why in failed.items():
         say(f"bench: {case}: {peer} failed in a slice: {why}")
-    file = OUTPUT / f"bench/{'before' if options.before else 'store'}.json"
-    file.write_text(json.dumps(result, indent=1) + "\n")
-    say(f"bench: {file.relative_to(TOP)}")
-    if not options.before:
-        page = file.with_suffix(".html")
-        page.write_text(bench_plot.page(result))
-        say(f"bench: {page.relative_to(TOP)}")
+    if not options.short:
+        write(result, "before" if options.before else "store")
     torn = [one for one in result["cases"] if one["peer"] == "ddx" and one["torn"]]
     return 1 if torn else 0
 

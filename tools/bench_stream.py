@@ -2,16 +2,19 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The stream's part of make bench: from a frame that is ready to its decoded pixels, and what the sender costs.
 
-bench_stream.py [-rounds N] in a network of its own. Prints a table, writes output/bench/stream.json. A round is 15 s of
-the real clip at CIF 25 for each codec, and as much of the sender's encoder alone (bench/encode.c); the figures come
-from the pictures' numbers, the store's times and the kernel's CPU accounting, not from what the programs say.
+bench_stream.py [-rounds N] [-short] in a network of its own. Prints a table, writes output/bench/stream.json. A round
+is 15 s of the real clip at CIF 25 for each codec, and as much of the sender's encoder alone (bench/encode.c); the
+figures come from the pictures' numbers, the store's times and the kernel's CPU accounting, not from what the programs
+say. -short: a second of a made-up clip, for the gate: no file is written, and no time is judged.
 """
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import pathlib
+import signal
 import statistics
 import subprocess
 import sys
@@ -22,8 +25,9 @@ from typing import Any
 import numpy
 
 from parts.bench.measure import cpus, percentile
-from parts.common import MORTAL, OUTPUT, TOP, Failed, finish, say
+from parts.common import MORTAL, OUTPUT, TOP, Failed, finish, say, wait_until
 from parts.image import native
+from parts.media import clip as made_up
 from parts.media.clip import draw_number, frame_number
 from parts.media.footage import footage
 
@@ -34,6 +38,23 @@ LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 2.0
 CODECS = ["h264", "mpeg4"]
 CLIP = OUTPUT / "bench/stream.y4m"
 ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """What a slice plays, and for how long it is measured."""
+    clip: pathlib.Path
+    warm_up: float
+    seconds: float
+    least: int  # frames that have to arrive
+
+
+WHOLE = Plan(CLIP, WARM_UP, SECONDS - WARM_UP - 2, SECONDS * RATE // 2)
+
+
+def short(folder: pathlib.Path) -> Plan:
+    """Long enough to go through all of it once."""
+    return Plan(made_up.write(folder / "short.y4m", 1), 0.1, 0.5, 1)
 
 
 def numbered_clip() -> pathlib.Path:
@@ -73,6 +94,12 @@ class Programs:
         self.running.append(process)
         return process
 
+    def count(self, instance: str, what: str) -> int:
+        """One of a program's counters; 0 before it has begun."""
+        done = subprocess.run([self.bin / "ddxctl", "stats", "-json"], env=self.environment, stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True, check=False)
+        return sum(int(one[what]) for one in map(json.loads, done.stdout.splitlines()) if one["instance"] == instance)
+
     def end(self) -> None:
         for process in reversed(self.running):
             process.terminate()
@@ -88,59 +115,68 @@ def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
     return max(exact, ticks)
 
 
-def watch(item: str, seconds: float) -> None:
-    """In a process of its own: a JSON list of [number in the picture, when it was there, time of the write]."""
+def watch(item: str) -> None:
+    """In a process of its own, until it is told to stop: a JSON list of [number in the picture, when it was there, time
+    of the write]."""
     import ddx  # found by PYTHONPATH
-    found = []
-    deadline = time.monotonic() + seconds
+    found: list[tuple[int | None, int, int]] = []
+    stopped: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
     with ddx.Store() as store:
-        while time.monotonic() < deadline:
+        while not stopped:
             try:
                 with store.item(item) as video:
-                    for frame in video.frames(timeout=1.0):
-                        number = frame_number(frame["y"].tobytes(), *SIZE)
-                        found.append([number, time.monotonic_ns(), frame.time])
+                    while not stopped:
+                        with video.acquire(0.2, ddx.NEXT) as frame:
+                            number = frame_number(frame["y"].tobytes(), *SIZE)
+                            found.append((number, time.monotonic_ns(), frame.time))
             except (ddx.Error, TimeoutError):
                 time.sleep(0.01)
     print(json.dumps(found))
 
 
-def slice_of(codec: str, folder: pathlib.Path) -> dict[str, Any]:
+def stop(watcher: subprocess.Popen[str]) -> list[tuple[int | None, int, int]]:
+    watcher.terminate()
+    return list(json.loads(watcher.communicate(timeout=60)[0]))
+
+
+def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
     programs = Programs(folder)
     me = [sys.executable, "-B", __file__, "-watch"]
     environment = {**programs.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools"}
     try:
         decode = programs.start("decode", "-headless", "-name", "seen")
         sender = programs.start("ddxvideosend", "-codec", codec, "-bitrate", str(BITRATE))
-        watchers = [subprocess.Popen([*me, item, str(SECONDS)], env=environment, stdout=subprocess.PIPE, text=True)
+        watchers = [subprocess.Popen([*me, item], env=environment, stdout=subprocess.PIPE, text=True)
                     for item in ("video", "seen")]
-        time.sleep(1)
-        loader = programs.start("ddxvideoload", str(CLIP), "-readers", "2")
-        time.sleep(WARM_UP)
+        loader = programs.start("ddxvideoload", str(plan.clip), "-readers", "2")
+        wait_until(lambda: programs.count("ddxvideoload", "out") > 0, "the clip is not played")
+        time.sleep(plan.warm_up)
         before, begin = cpu_seconds(sender), time.monotonic()
         decode_before = cpu_seconds(decode)
-        time.sleep(SECONDS - WARM_UP - 2)
+        time.sleep(plan.seconds)
         seconds = time.monotonic() - begin
         sender_percent = 100 * (cpu_seconds(sender) - before) / seconds
         decode_percent = 100 * (cpu_seconds(decode) - decode_before) / seconds
         loader.wait(30)
-        video, seen = (json.loads(watcher.communicate(timeout=60)[0]) for watcher in watchers)
+        time.sleep(0.5)  # the last frames are on their way
+        video, seen = map(stop, watchers)
     finally:
         programs.end()
     ready = {number: written for number, _, written in video if number is not None}
     latency = [(written - ready[number]) / 1e6 for number, _, written in seen if number in ready]
-    if len(latency) < SECONDS * RATE / 2:
+    if len(latency) < plan.least:
         raise Failed(f"{codec}: only {len(latency)} frames arrived")
     return {"codec": codec, "latency_ms": latency, "sender_percent": sender_percent, "decode_percent": decode_percent}
 
 
-def alone(codec: str) -> float:
+def alone(codec: str, plan: Plan) -> float:
     """The encoder without a sender: percent of a core, for as long as the sender was measured."""
-    encoder = subprocess.Popen([*MORTAL, ENCODE, CLIP, codec, str(BITRATE)])
+    encoder = subprocess.Popen([*MORTAL, ENCODE, plan.clip, codec, str(BITRATE)])
     try:
-        time.sleep(WARM_UP)
+        time.sleep(plan.warm_up)
         before, begin = cpu_seconds(encoder), time.monotonic()
-        time.sleep(SECONDS - WARM_UP - 2)
+        time.sleep(plan.seconds)
         if encoder.poll() is not None:
             raise Failed(f"{ENCODE.name} ended with status {encoder.returncode}")
         return 100 * (cpu_seconds(encoder) - before) / (time.monotonic() - begin)
@@ -178,34 +214,39 @@ def table(rows: list[dict[str, Any]]) -> None:
             + (f"   over the limit: {', '.join(over)}" if over else ""))
 
 
-def measure(rounds: int) -> list[dict[str, Any]]:
+def measure(rounds: int, plan: Plan) -> list[dict[str, Any]]:
     """In a network where multicast goes over the loopback."""
-    numbered_clip()
     slices = []
     for _ in range(rounds):
         for codec in CODECS:
             with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-                slices.append({**slice_of(codec, pathlib.Path(name)), "encoder_percent": alone(codec)})
+                slices.append({**slice_of(codec, pathlib.Path(name), plan), "encoder_percent": alone(codec, plan)})
     rows = report(slices)
     table(rows)
-    (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), "stream": rows}, indent=1) + "\n")
     return rows
 
 
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-rounds", type=int, default=2)
-    parser.add_argument("-watch", nargs=2, metavar=("ITEM", "SECONDS"), help=argparse.SUPPRESS)
+    parser.add_argument("-short", action="store_true")
+    parser.add_argument("-watch", metavar="ITEM", help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.watch:
-        watch(options.watch[0], float(options.watch[1]))
+        watch(options.watch)
         return 0
     from bench import own_network
     if not os.environ.get("DDX_BENCH_INSIDE"):
         native.build()
-        numbered_clip()
+        if not options.short:
+            numbered_clip()
     own_network()
-    measure(options.rounds)
+    if options.short:
+        with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
+            measure(1, short(pathlib.Path(name)))
+        return 0
+    rows = measure(options.rounds, WHOLE)
+    (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), "stream": rows}, indent=1) + "\n")
     return 0
 
 

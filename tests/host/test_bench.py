@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import threading
@@ -17,7 +18,7 @@ import pytest
 import bench
 from parts.bench import plot as bench_plot
 from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
-from parts.common import MORTAL
+from parts.common import MORTAL, TOP
 
 Run = Callable[..., Slice]
 CASE = Case("cif-1x2-zerocopy", 152064, 2, "zerocopy", 15000, 40, ("ddx", "futex"))  # slowly: others are busy here
@@ -95,3 +96,15 @@ def test_report_and_picture(measured: Run, tmp_path: pathlib.Path) -> None:
     assert result["cases"][1]["ddx_ratio"]["p50"] > 0
     page = bench_plot.page(result)
     assert page.count("<rect") == 6 and "src=" not in page and "href=" not in page
+
+
+@pytest.mark.parametrize("words", [("bench.py", "-rounds", "1", "-cases", "cif-1x1-zero,direct"), ("bench_stream.py",),
+                                   ("bench_replay.py",)], ids=lambda words: str(words[0]))
+def test_each_part_runs(words: tuple[str, ...]) -> None:
+    """`make bench` in short: what it starts and reads still fits the programs. Figures are not judged."""
+    done = subprocess.run([*MORTAL, sys.executable, "-B", TOP / "tools" / words[0], *words[1:], "-short"], timeout=120,
+                          stdin=subprocess.DEVNULL, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    found = {"bench.py": r"cif-1x1-zerocopy +ddx ", "bench_stream.py": r"h264 (.|\n)*mpeg4 ",
+             "bench_replay.py": r"replay: [1-9]\d* values"}[words[0]]
+    assert re.search(found, done.stdout), done.stdout
