@@ -2,20 +2,24 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make test: the gate. test.py [-long] [WORDS]   WORDS: only tests that match (pytest -k), without lint and C tests
 
-Order: the C tests of each build (meson) with lint beside them, pytest (tests/host, tests/model, and tests/boot with the
-development image), then tests/boot with each image of the product that was built here. With BOARD= only tests/boot
-with that board's image. -long runs the tests that take minutes, instead of the others.
+Order: the C tests (meson) of the desk's build with lint beside them; pytest with tests/model and tests/host, and the C
+tests of the other builds beside them; tests/boot with the development image, then with each image of the product that
+was built here. With BOARD= only tests/boot with that board's image. -long runs the tests that take minutes, instead of
+the others.
 
 A test that fails is run once more, alone; if it passes then, it counts as passed and is told of at the end (FLAKY).
 There is no second chance with STRICT=1, nor for a test whose failure speaks of a torn or lost frame or comes from a
 sanitizer. What failing tests left behind is in output/test/failed, the outcome of all in output/test/results.
 """
+import contextlib
 import os
+import pathlib
 import shutil
 import subprocess
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 
 import build
 import buildroot
@@ -26,8 +30,9 @@ from parts.testing import suite
 from parts.testing.suite import Test
 
 SANITIZE = "-Db_lundef=false"  # the sanitizers' run time is found when a program starts
-# Builds whose C tests are run: name, options for meson, packages. The first one goes into the image.
-BUILDS: list[tuple[str, list[str], list[str]]] = [
+Build = tuple[str, list[str], list[str]]  # name, options for meson, packages
+# Builds whose C tests are run. The first one goes into the image.
+BUILDS: list[Build] = [
     ("desk", [], native.PACKAGES),
     ("address", ["-Db_sanitize=address,undefined", SANITIZE], native.PACKAGES),
     ("thread", ["-Db_sanitize=thread", SANITIZE], ["ddx"]),
@@ -52,17 +57,34 @@ def lint(run: suite.Suite) -> bool:
     return done.returncode != 0
 
 
-def lint_and_c_tests(run: suite.Suite) -> None:
-    """C tests mostly wait for each other's processes, so lint and the builds that follow run at the same time."""
-    with ThreadPoolExecutor(2) as others:
+def c_tests(run: suite.Suite, build: Build, made: "Future[pathlib.Path]") -> None:
+    """Those of a build, once it is there."""
+    name, _, packages = build
+    with run.part(f"build: {name}"):
+        root = made.result()
+    for package in packages:
+        with run.part(f"C tests: {name}"):
+            run.meson(name, package, native.environment(root), shown=build is BUILDS[0])
+
+
+@contextlib.contextmanager
+def lint_and_c_tests(run: suite.Suite) -> Iterator[None]:
+    """C tests mostly wait for each other's processes. So lint and the next builds run beside those of the first build,
+    and the C tests of these builds run beside what the caller does."""
+    with ThreadPoolExecutor(2) as others, ThreadPoolExecutor(1) as tester:
         bad = others.submit(lint, run)
-        builds = [others.submit(native.build, *build) for build in BUILDS]
-        for (name, _, packages), build in zip(BUILDS, builds):
-            with run.part(f"build: {name}"):
-                root = build.result()
-            for package in packages:
-                with run.part(f"C tests: {name}"):
-                    run.meson(name, package, native.environment(root))
+        made = [others.submit(native.build, *build) for build in BUILDS]
+        tested = [tester.submit(c_tests, run, *pair) for pair in zip(BUILDS, made)]
+        foreign = subprocess.Popen([sys.executable, "-B", TOP / "tools/build.py", "foreign"], stdin=subprocess.DEVNULL)
+        try:
+            tested[0].result()
+            with run.part("build: development image"):
+                foreign.wait()
+        finally:
+            foreign.terminate()
+        yield
+        for one in tested:
+            one.result()
         if bad.result():
             run.tests.append(Test("lint", "failed", 0, "see above"))
 
@@ -91,22 +113,16 @@ def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
         with run.part(f"boot tests: {board}"):
             run.pytest(words, BOOT, board)
         return
-    if not words and not run.long:
-        foreign = subprocess.Popen([sys.executable, "-B", TOP / "tools/build.py", "foreign"], stdin=subprocess.DEVNULL)
-        try:
-            lint_and_c_tests(run)
-            with run.part("build: development image"):
-                foreign.wait()
-        finally:
-            foreign.terminate()
-    with run.part("build: development image"):
-        build.dev([native.build()])
-    if run.long:
-        with run.part("long tests"):
-            run.pytest(words, [])
-    else:
-        with run.part("tests on the desk"):
-            run.pytest(words, DESK)
+    with lint_and_c_tests(run) if not words and not run.long else contextlib.nullcontext():
+        with run.part("build: development image"):
+            build.dev([native.build()])
+        if run.long:
+            with run.part("long tests"):
+                run.pytest(words, [])
+        else:
+            with run.part("tests on the desk"):
+                run.pytest(words, DESK)
+    if not run.long:
         with run.part("boot tests"):
             run.pytest(words, BOOT)
     if not words or run.long:

@@ -83,13 +83,14 @@ def test_none_when_it_is_strict(places: pathlib.Path) -> None:
     assert outcomes(run_python(places, "it came too late", strict=True)) == ["failed"]
 
 
-def test_tests_in_c(places: pathlib.Path) -> None:
+def test_tests_in_c(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, build = places / "source", places / "desk/x"
     source.mkdir()
     (source / "meson.build").write_text(MESON.replace("@folder@", str(places)))
     run(["meson", "setup", build, source])
     result = Suite()
-    result.meson("desk", "x", {})
+    result.meson("desk", "x", {}, shown=False)
+    assert "torn: frame 7" in capsys.readouterr().out  # what a test says is shown also where other parts run meanwhile
     assert {test.name.rsplit(": ")[-1]: test.outcome for test in result.tests} == {
         "sleeps": "flaky", "tears": "failed", "always": "passed"}
     assert result.verdict(places / "flaky.txt") == 1

@@ -7,6 +7,7 @@ import os
 import pathlib
 import re
 import subprocess
+import threading
 import time
 from collections.abc import Iterator, Sequence
 
@@ -60,6 +61,7 @@ class Suite:
         self.long, self.strict = long, strict
         self.tests: list[Test] = []
         self.begin = time.monotonic()
+        self.lock = threading.Lock()  # of `tests` and their file: two parts may end at the same time
         self.parts: dict[str, float] = {}
         self.guests = 0
         self.broken: list[str] = []  # parts that ended without telling of their tests
@@ -86,9 +88,9 @@ class Suite:
                 (FAILED / f"{slug(test.name)}.txt").write_text(test.failure)
             if test.name in again and again[test.name].outcome == "passed":
                 test.outcome = "flaky"
-            self.tests.append(test)
-            with RESULTS.open("a") as file:
-                file.write(json.dumps(dataclasses.asdict(test)) + "\n")
+        with self.lock, RESULTS.open("a") as file:
+            self.tests += tests
+            file.writelines(json.dumps(dataclasses.asdict(test)) + "\n" for test in tests)
 
     def meson_named(self, only: str) -> None:
         """One C test, in the packages of the desk's build that have it."""
@@ -100,8 +102,8 @@ class Suite:
             if only in listed.splitlines():
                 self.meson("desk", package, native.environment(root), only)
 
-    def meson(self, name: str, package: str, environment: dict[str, str], *chosen: str) -> None:
-        """The C tests of a package in output/<name>, or the chosen ones."""
+    def meson(self, name: str, package: str, environment: dict[str, str], *chosen: str, shown: bool = True) -> None:
+        """The C tests of a package in output/<name>, or the chosen ones. `shown`: as they run, else in one piece."""
         folder = OUTPUT / name / package
 
         def run(processes: int, *only: str) -> list[Test]:
@@ -109,7 +111,10 @@ class Suite:
             log.unlink(missing_ok=True)
             command = ["meson", "test", "--no-rebuild", "--print-errorlogs", f"--num-processes={processes}",
                        f"--timeout-multiplier={PATIENT}", "-C", str(folder), *only]
-            done = subprocess.run(command, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, check=False)
+            done = subprocess.run(command, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, text=True,
+                                  stdout=None if shown else subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
+            if not shown:
+                say(done.stdout.rstrip())
             lines = log.read_text().splitlines() if log.exists() else []
             if done.returncode and not lines:
                 self.broken.append(f"C tests: {name}: {package}")
