@@ -88,7 +88,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
     unsigned frames = recorder_ring_frames(recorder);
     uint64_t bytes = frames * recording_frame_memory(&view->geometry);
 
-    if (recorder->queue_frames > frames)
+    if ((unsigned)recorder->queue_frames > frames)
         say("-ring %ld: a quarter of the memory has room for %u frames like these", recorder->queue_frames, frames);
     finish_former(recorder, false);
     bool room = backlog_has_room(&recorder->backlog, recorder->recording, bytes);
