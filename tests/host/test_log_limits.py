@@ -10,7 +10,8 @@ import subprocess
 import lz4.frame  # type: ignore[import]
 import pytest
 
-from .programs import ROOT, library_folder
+from . import log_rules
+from .programs import ROOT, TOP, Desk, library_folder, stop, wait_until
 
 MIB = 1 << 20
 LIMIT = 200 * MIB  # address space of the process; these logs once took 3 to 10 times as much
@@ -54,6 +55,11 @@ def log(*records: bytes) -> bytes:
     return MAGIC + record(1, text("") + text("")) + b"".join(records)
 
 
+WRITE = """
+import ddx
+with ddx.Store() as store, store.create("large", "LARGE", "struct { char x[%d]; }") as item, item.loan():
+    pass
+"""
 END = record(15, bytes(4)) + record(2, bytes(20)) + MAGIC
 
 
@@ -130,3 +136,17 @@ def test_columns_of_many_channels(tmp_path: pathlib.Path) -> None:
     status, said = ddxlog("-export", tmp_path / "out", path)
     assert status == 0 and table(tmp_path / "out") == [1]
     assert "wide41: left out" in said
+
+
+def test_a_value_that_no_reader_would_take(tmp_path: pathlib.Path) -> None:
+    """The logger writes nothing that replay and tables would refuse."""
+    desk = Desk(tmp_path, "512M")
+    try:
+        logger = log_rules.begin(desk, "output log\nqueue 1M\nitem large\n")
+        subprocess.run(["/usr/bin/python3", "-B", "-c", WRITE % (64 * MIB)], check=True,
+                       env={**desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")})
+        wait_until(lambda: int(desk.stats("ddxlog")["lost"]["queue"]) == 1)
+        assert stop(logger)[0] == 0
+        assert "losing values of large from 1 on: one is larger than what a log can hold" in desk.errors(logger)
+    finally:
+        desk.end()

@@ -100,7 +100,7 @@ static void test_whole(void) {
     close(fd);
 }
 
-#define LARGE ((size_t)30 << 20)
+#define LARGE ((size_t)33 << 20) /* two of them are more than what is unpacked at once */
 
 /* Large chunks that all overlap in time: not all of them are unpacked at once, and the order is the same. */
 static void test_overlap(void) {
@@ -111,10 +111,10 @@ static void test_overlap(void) {
     unsigned char *large = calloc(1, LARGE);
     CHECK(fd >= 0 && writer && large);
     mcap_put_channel(writer, &channel);
-    for (uint32_t chunk = 0; chunk < 3; chunk++) {
-        for (uint32_t part = 0; part < 3; part++) {
-            const uint32_t number = part * 3 + chunk;
-            const struct mcap_message message = {1, number, number, chunk, large, part == 1 ? LARGE : 9};
+    for (uint32_t chunk = 0; chunk < 2; chunk++) {
+        for (uint32_t part = 0; part < 2; part++) {
+            const uint32_t number = part * 2 + chunk;
+            const struct mcap_message message = {1, number, number, chunk, large, part ? LARGE : 9};
             mcap_put_message(writer, &message);
         }
         CHECK_EQUAL(mcap_flush(writer), 0);
@@ -125,16 +125,17 @@ static void test_overlap(void) {
     snprintf(name, sizeof name, "/proc/self/fd/%d", fd);
     struct mcap_reader *reader = mcap_open(name, error);
     CHECK(reader);
-    for (uint32_t pass = 0; pass < 2; pass++, mcap_rewind(reader)) {
-        struct mcap_message message;
-        for (uint32_t number = 0; number < 9; number++) {
-            CHECK_EQUAL(mcap_next(reader, &message), 1);
-            CHECK_EQUAL(message.sequence, number);
-            CHECK_EQUAL(message.publish_time, number % 3);
-            CHECK_EQUAL(message.data[message.size - 1], 0);
-        }
-        CHECK_EQUAL(mcap_next(reader, &message), 0);
+    struct mcap_message message;
+    for (uint32_t number = 0; number < 4; number++) {
+        CHECK_EQUAL(mcap_next(reader, &message), 1);
+        CHECK_EQUAL(message.sequence, number);
+        CHECK_EQUAL(message.publish_time, number % 2);
+        CHECK_EQUAL(message.data[message.size - 1], 0);
     }
+    CHECK_EQUAL(mcap_next(reader, &message), 0);
+    mcap_rewind(reader);
+    CHECK_EQUAL(mcap_next(reader, &message), 1);
+    CHECK_EQUAL(message.sequence, 0);
     CHECK(!mcap_state(reader).damaged && !mcap_state(reader).refused);
     mcap_close(reader);
     close(fd);

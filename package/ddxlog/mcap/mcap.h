@@ -26,7 +26,7 @@ struct mcap_pair {
  * Limits, in bytes. A few megabytes of LZ4 may declare gigabytes, so the reader refuses a chunk of more than
  * MCAP_CHUNK_MAX; a message of up to MCAP_MESSAGE_MAX fits into a chunk, packed or not.
  */
-#define MCAP_CHUNK_USUAL ((size_t)1 << 20) /* a writer flushes a chunk of this size */
+#define MCAP_CHUNK_USUAL ((size_t)1 << 20)  /* a writer flushes a chunk of this size */
 #define MCAP_CHUNK_MAX ((uint64_t)64 << 20) /* of one chunk, unpacked */
 #define MCAP_MESSAGE_MAX ((size_t)63 << 20) /* of one message */
 #define MCAP_OPEN_MAX ((size_t)64 << 20)    /* of all chunks that mcap_next() keeps unpacked */
@@ -94,12 +94,12 @@ struct mcap_reader;
 
 /* What is the matter with a file. */
 struct mcap_state {
-    bool complete;      /* it has its end; else it was cut off, or is still being written */
-    unsigned chunks;    /* found */
-    unsigned damaged;   /* of those looked at, could not be unpacked: their messages are missing */
-    unsigned refused;   /* records that exceed a limit: the chunks among them are damaged, the others passed over */
+    bool complete;       /* it has its end; else it was cut off, or is still being written */
+    unsigned chunks;     /* found */
+    unsigned damaged;    /* of those looked at, could not be unpacked: their messages are missing */
+    unsigned refused;    /* records that exceed a limit: the chunks among them are damaged, the others passed over */
     uint64_t refused_at; /* where in the file the first of them begins */
-    uint64_t left_over; /* bytes behind the last whole record of a file that was cut off */
+    uint64_t left_over;  /* bytes behind the last whole record of a file that was cut off */
 };
 
 /*

@@ -22,7 +22,7 @@ struct place {
 struct loaded {
     unsigned char *data;
     struct mcap_message *messages;
-    size_t bytes; /* of both */
+    size_t bytes;    /* of both */
     size_t count, next;
     uint64_t time;   /* of message `next`; of the first one, as the chunk declares, before it was unpacked */
     unsigned number; /* of its place */
