@@ -49,7 +49,7 @@ LONGEST = 30     # s; what a test of the gate may take
 
 def lint(run: suite.Suite) -> bool:
     """Whether it complains; all that it says is shown in one piece."""
-    command = ["nice", "-n", "10", sys.executable, "-B", str(TOP / "tools/lint.py")]
+    command = [*suite.NICE, sys.executable, "-B", str(TOP / "tools/lint.py")]
     with run.part("lint"):
         done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               text=True, check=False)
@@ -64,7 +64,7 @@ def c_tests(run: suite.Suite, build: Build, made: "Future[pathlib.Path]") -> Non
         root = made.result()
     for package in packages:
         with run.part(f"C tests: {name}"):
-            run.meson(name, package, native.environment(root), shown=build is BUILDS[0])
+            run.meson(name, package, native.environment(root), beside=build is not BUILDS[0])
 
 
 @contextlib.contextmanager

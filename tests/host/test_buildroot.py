@@ -13,6 +13,8 @@ import pytest
 from parts.common import TOP
 from parts.guest import machine
 
+pytestmark = pytest.mark.computes
+
 PYTHON = "/usr/bin/python3"
 
 

@@ -8,6 +8,8 @@ from parts.common import Failed, entries, run
 from parts.image import busybox
 from parts.image.archive import Archive
 
+pytestmark = pytest.mark.computes
+
 
 @pytest.fixture(scope="module")
 def listed() -> set[str]:

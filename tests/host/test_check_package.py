@@ -7,8 +7,8 @@ import lint
 import pytest
 from parts.common import TOP, Failed
 
-pytestmark = pytest.mark.skipif(not buildroot.present(), reason=(
-    "no checkout of Buildroot, neither BUILDROOT= nor one made by `make image`: check-package judged nothing of ours"))
+pytestmark = [pytest.mark.computes, pytest.mark.skipif(not buildroot.present(), reason=(
+    "no checkout of Buildroot, neither BUILDROOT= nor one made by `make image`: check-package judged nothing of ours"))]
 
 FAULTS = {
     "package/libdc1394/libdc1394.mk": ("CONF_OPTS = ", "CONF_OPTS = \\\n    "),

@@ -9,6 +9,8 @@ import pytest
 import fuzz
 from parts.common import TOP
 
+pytestmark = pytest.mark.computes
+
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
 SEED = 1     # what is new is looked for by `make fuzz`, not by whoever tests something else
 

@@ -2,6 +2,7 @@
 """The run of the tests itself: who gets a second chance, what is said at the end, and that nobody passes by silence."""
 from __future__ import annotations
 
+import os
 import pathlib
 import shutil
 import tempfile
@@ -20,6 +21,14 @@ def test_it():
     again = mark.exists()
     mark.touch()
     assert again, {words!r}
+"""
+PRIORITIES = """\
+import os, pytest
+@pytest.mark.computes
+def test_one():
+    assert os.nice(0) == 13
+def test_another():
+    assert os.nice(0) == 3
 """
 MESON = """\
 project('x')
@@ -89,11 +98,20 @@ def test_tests_in_c(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) ->
     (source / "meson.build").write_text(MESON.replace("@folder@", str(places)))
     run(["meson", "setup", build, source])
     result = Suite()
-    result.meson("desk", "x", {}, shown=False)
+    result.meson("desk", "x", {}, beside=True)
     assert "torn: frame 7" in capsys.readouterr().out  # what a test says is shown also where other parts run meanwhile
     assert {test.name.rsplit(": ")[-1]: test.outcome for test in result.tests} == {
         "sleeps": "flaky", "tears": "failed", "always": "passed"}
     assert result.verdict(places / "flaky.txt") == 1
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root gets a priority back")
+def test_what_computes_has_less_priority() -> None:
+    with tempfile.TemporaryDirectory(prefix="suite-", dir=TOP / "output") as name:
+        folder = pathlib.Path(name)
+        shutil.copy(TOP / "tests/conftest.py", folder)
+        (folder / "test_it.py").write_text(PRIORITIES)
+        run(["nice", "-n", "3", "/usr/bin/python3", "-B", "-m", "pytest", folder], cwd=TOP)
 
 
 def test_a_group_is_no_part_of_a_name() -> None:

@@ -8,6 +8,8 @@ import subprocess
 
 import pytest
 
+pytestmark = pytest.mark.computes
+
 HERE = pathlib.Path(__file__).parent
 RING, WORKER = HERE / "ring.pml", HERE / "worker.pml"
 SOURCES = HERE.parents[1] / "package/ddx"

@@ -19,6 +19,7 @@ FAILED = TEST / "failed"
 RESULTS = TEST / "results"
 LOCK = OUTPUT / "test.lock"  # two runs in one clone would build, and judge, each other's programs
 SLOWEST = 15
+NICE = ("nice", "-n", "10")
 C_TESTS = 4  # at a time: they mostly wait for each other's processes
 PATIENT = 4  # times what meson.build allows a C test: it may have to wait for a processor
 # Nobody is lucky with these: a frame that was torn or lost, memory or threads that a sanitizer saw go wrong. Counters
@@ -102,18 +103,20 @@ class Suite:
             if only in listed.splitlines():
                 self.meson("desk", package, native.environment(root), only)
 
-    def meson(self, name: str, package: str, environment: dict[str, str], *chosen: str, shown: bool = True) -> None:
-        """The C tests of a package in output/<name>, or the chosen ones. `shown`: as they run, else in one piece."""
+    def meson(self, name: str, package: str, environment: dict[str, str], *chosen: str, beside: bool = False) -> None:
+        """The C tests of a package in output/<name>, or the chosen ones. `beside` another part, whose tests may wait
+        for frames: with less priority, and what they say is shown in one piece."""
         folder = OUTPUT / name / package
 
         def run(processes: int, *only: str) -> list[Test]:
             log = folder / "meson-logs/testlog.json"
             log.unlink(missing_ok=True)
-            command = ["meson", "test", "--no-rebuild", "--print-errorlogs", f"--num-processes={processes}",
-                       f"--timeout-multiplier={PATIENT}", "-C", str(folder), *only]
+            command = [*(NICE if beside else ()), "meson", "test", "--no-rebuild", "--print-errorlogs",
+                       f"--num-processes={processes}", f"--timeout-multiplier={PATIENT}", "-C", str(folder), *only]
             done = subprocess.run(command, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, text=True,
-                                  stdout=None if shown else subprocess.PIPE, stderr=subprocess.STDOUT, check=False)
-            if not shown:
+                                  errors="replace", stdout=subprocess.PIPE if beside else None,
+                                  stderr=subprocess.STDOUT, check=False)
+            if beside:
                 say(done.stdout.rstrip())
             lines = log.read_text().splitlines() if log.exists() else []
             if done.returncode and not lines:
