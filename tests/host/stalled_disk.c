@@ -5,8 +5,8 @@
  * $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST the first file that is locked is locked already.
  *
  * Linux reports a failed write to the disk once: where the file $FAILED_FLUSH exists the next fdatasync() or syncfs()
- * of a file whose path ends with $FAILED_OF removes it and fails, and with $FAILED_FSYNC the next fsync(). $FLUSHED gets
- * a byte for each fdatasync() that succeeds.
+ * of a file whose path ends with $FAILED_OF removes it and fails, and with $FAILED_FSYNC the next fsync(). $FLUSHED
+ * gets a byte for each fdatasync() that succeeds.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>

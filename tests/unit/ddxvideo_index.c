@@ -87,8 +87,26 @@ static void test_former_layout(void) {
     CHECK(!index_good_header(&header));
 }
 
+/* Root lists and copies recordings by the names in their indexes, which another user may have written. */
+static void test_names(void) {
+    static const char *const bad[] = {"../escape.y4m", "a/b.y4m", ".hidden", "line\nbreak", "\033[31mred", "\377"};
+    struct index_header header = {.state = INDEX_FINISHED, .name = "video-000003-20261122T155630Z.y4m"};
+    index_seal_header(&header);
+    CHECK(index_good_header(&header));
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        strcpy(header.name, bad[i]);
+        index_seal_header(&header);
+        CHECK(!index_good_header(&header));
+    }
+    strcpy(header.name, "video");
+    strcpy(header.item, "\033[2J");
+    index_seal_header(&header);
+    CHECK(!index_good_header(&header));
+}
+
 int main(void) {
     test_sums();
+    test_names();
     test_count();
     test_spoilt();
     test_former_layout();

@@ -96,7 +96,7 @@ static int read_back(const struct copy *copy, int to, const char *name) {
 
 /* All but the name. */
 static int write_file(struct copy *copy, int to, const char *name) {
-    copy->fd = openat(to, name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    copy->fd = openat(to, name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0644);
     if (copy->fd < 0)
         return copy->write_error = -errno;
     int error = bytes_read(copy->from.fd, copy->from.direct, copy->from.bytes, take, copy);

@@ -195,19 +195,16 @@ int found_open(const struct folder *folder, const struct found *found, bool *dir
     pool_data_name(name, found->id);
     int from = found->id ? folder->pool : folder->fd;
     const char *path = found->id ? name : found->name;
-    int fd = openat(from, path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_DIRECT);
+    int fd = find_open(from, path, O_DIRECT);
     *direct = fd >= 0;
-    if (fd < 0 && errno == EINVAL)
-        fd = openat(from, path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-    return fd < 0 ? -errno : fd;
+    return fd == -EINVAL ? find_open(from, path, 0) : fd;
 }
 
 int found_open_index(const struct folder *folder, const struct found *found) {
     char name[POOL_PATH];
 
     pool_index_name(name, found->id);
-    int fd = openat(folder->pool, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
-    return fd < 0 ? -errno : fd;
+    return find_open(folder->pool, name, 0);
 }
 
 int found_hold(const struct folder *folder, const struct found *found, int *hold) {

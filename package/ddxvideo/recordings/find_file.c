@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "find_file.h"
 
+#include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +19,18 @@
 /* A frame lasts until the next one, the last one as long as the others. */
 static int64_t lasts(int64_t first, int64_t last, uint64_t frames) {
     return frames < 2 || last < first ? 0 : (last - first) / (int64_t)(frames - 1) * (int64_t)frames;
+}
+
+int find_open(int folder, const char *name, int flags) {
+    struct stat status;
+    int fd = openat(folder, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK | flags);
+
+    if (fd < 0)
+        return -errno;
+    if (!fstat(fd, &status) && S_ISREG(status.st_mode))
+        return fd;
+    close(fd);
+    return -EBADF;
 }
 
 /* ---- With an index ---- */
@@ -54,7 +67,7 @@ bool find_indexed(int pool, bool named, struct found *found) {
     struct index_header header;
 
     pool_index_name(name, found->id);
-    int fd = openat(pool, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    int fd = find_open(pool, name, 0);
     bool good = fd >= 0 && pool_read_header(fd, &header) && header.state >= INDEX_RECORDING &&
                 (named || header.state != INDEX_NAMED);
     if (good) {
@@ -142,7 +155,7 @@ bool find_plain(int folder, struct found *found) {
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     struct y4m_header header;
     struct stat status;
-    int fd = openat(folder, found->name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW);
+    int fd = find_open(folder, found->name, 0);
 
     if (fd < 0 || fstat(fd, &status)) {
         if (fd >= 0)

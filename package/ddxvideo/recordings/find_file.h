@@ -6,6 +6,12 @@
 #include "find.h"
 
 /*
+ * Open a file of this folder for reading, with more flags: no link, and no device or pipe that might be waited for. The
+ * folder's owner is another user where root lists or copies recordings. -errno; -EBADF: it is no file.
+ */
+int find_open(int folder, const char *name, int flags);
+
+/*
  * All but the name that people gave it, from the index of found->id. False: it is no recording, but free, or somebody
  * has deleted it (`named`: it has a name).
  */

@@ -21,11 +21,21 @@ void index_seal_entry(struct index_entry *entry) {
     entry->crc = crc32c(0, entry, offsetof(struct index_entry, crc));
 }
 
+/* Ends within its bytes, and has neither control characters, for it is listed, nor one of these. */
+static bool is_text(const char *text, size_t bytes, const char *without) {
+    size_t length = strnlen(text, bytes);
+
+    for (size_t i = 0; i < length; i++)
+        if (text[i] < ' ' || text[i] > '~' || strchr(without, text[i]))
+            return false;
+    return !text[bytes - 1];
+}
+
 bool index_good_header(const struct index_header *header) {
     return !memcmp(header->magic, INDEX_MAGIC, sizeof header->magic) &&
            header->crc == crc32c(0, header, offsetof(struct index_header, crc)) && header->state <= INDEX_NAMED &&
-           !header->item[sizeof header->item - 1] && !header->instance[sizeof header->instance - 1] &&
-           !header->name[sizeof header->name - 1];
+           is_text(header->item, sizeof header->item, "") && is_text(header->instance, sizeof header->instance, "") &&
+           is_text(header->name, sizeof header->name, "/") && header->name[0] != '.';
 }
 
 bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint32_t position) {

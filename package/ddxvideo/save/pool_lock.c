@@ -18,7 +18,7 @@
 
 #define LOCK "lock"
 
-/* Byte 0 is the pool's, byte N that of file N. A lock belongs to the open file, so each claim of a file opens its own. */
+/* Byte 0 is the pool's, byte N that of file N. A lock belongs to the open file: each claim of a file opens its own. */
 static int set(int fd, int how, short type, long byte) {
     struct flock lock = {.l_type = type, .l_whence = SEEK_SET, .l_start = byte, .l_len = 1};
     int failed;
