@@ -44,19 +44,18 @@ static bool too_many(const struct process *process) {
 
 /*
  * All connections together get three quarters: the rest is for memory files. Descriptors are given out from below, so
- * the newest one tells how many there are, and it takes the place of a file that is dropped for it. -1: there is no
- * place; the socket stays open.
+ * the newest one tells how many there are, and it takes the place of a file dropped for it. False: no place.
  */
-static int place_of(struct store *store, int socket) {
-    int lower;
+static bool find_place(struct store *store, int *socket) {
+    while (*socket >= quarter() * 3) {
+        int lower = descriptors_below(store, quarter() * 3) ? fcntl(*socket, F_DUPFD_CLOEXEC, 0) : -1;
 
-    while (socket >= quarter() * 3) {
-        if (!descriptors_below(store, quarter() * 3) || (lower = fcntl(socket, F_DUPFD_CLOEXEC, 0)) < 0)
-            return -1;
-        close(socket);
-        socket = lower;
+        if (lower < 0)
+            return false;
+        close(*socket);
+        *socket = lower;
     }
-    return socket;
+    return true;
 }
 
 static struct client *allocate(struct process *process) {
@@ -72,12 +71,11 @@ struct client *client_add(struct store *store, int socket) {
 
     getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
     struct process *process = process_join(store, who.pid);
-    int place = !process || too_many(process) ? -1 : place_of(store, socket);
-    struct client *client = place < 0 ? NULL : allocate(process);
-    socket = place < 0 ? socket : place;
+    bool has_place = process && !too_many(process) && find_place(store, &socket);
+    struct client *client = has_place ? allocate(process) : NULL;
     if (!client) {
         note("%d is refused: %s", (int)who.pid,
-             process && place < 0 ? "too many connections" : "no memory for one connection more");
+             process && !has_place ? "too many connections" : "no memory for one connection more");
         if (process)
             process_leave(process);
         close(socket);
