@@ -2,6 +2,7 @@
 """The store's tools, its example, and programs of two word sizes around one store."""
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
@@ -9,6 +10,7 @@ import pathlib
 import random
 import re
 import shutil
+import signal
 import socket
 import struct
 import subprocess
@@ -16,7 +18,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .programs import ROOT, TOP, Compiler, Desk, library_folder, stop, wait_until
+from .programs import ROOT, TOP, Compiler, Desk, library_folder, send_signal, stop, wait_until
 
 BUILT = TOP / "output"
 
@@ -206,3 +208,16 @@ def test_nonsense_from_clients(guarded: Desk) -> None:
     assert desk.run("ddxctl", "list").returncode == 0
     assert writer.wait(60) == 0
     wait_until(lambda: bool(json.loads(desk.run("ddxctl", "list", "--json").stdout)["clients"] == 0))
+
+
+def test_a_crowd_that_comes_at_once_waits(desk: Desk) -> None:
+    """600 programs connect while the store does not run: none is told that there is no store, and each is heard."""
+    address = str(next((desk.folder / "run").glob("store-*[0-9]")))
+    send_signal(desk.store, signal.SIGSTOP)
+    with contextlib.ExitStack() as stack:
+        for _ in range(600):
+            client = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET))
+            client.setblocking(False)
+            client.connect(address)
+        send_signal(desk.store, signal.SIGCONT)
+        assert desk.run("ddxctl", "list").returncode == 0

@@ -16,6 +16,7 @@
 #include "../lib/wire.h"
 
 #define LOCK_TRIES 100
+#define BACKLOG 1024 /* connections that wait; to one more it looks as if no store ran */
 #define LOCK_STEP 10000000 /* ns */
 
 /* One store per port: the lock is held as long as this process lives, however it ends. */
@@ -73,7 +74,7 @@ int listen_on(int port, char *path, size_t bytes, bool *restarted) {
         return -errno;
     /* Group and owner only; on the appliance the folder hands its group, ddx, down. */
     mode_t before = umask(0117);
-    result = bind(fd, (struct sockaddr *)&address, sizeof address) || listen(fd, 128) ? -errno : 0;
+    result = bind(fd, (struct sockaddr *)&address, sizeof address) || listen(fd, BACKLOG) ? -errno : 0;
     umask(before);
     if (result) {
         close(fd);
