@@ -129,6 +129,24 @@ static void test_dropped_for_a_writer(void) {
     end();
 }
 
+/* A writer gives its frames any time that it likes: its item goes all the same. */
+static void test_dropped_whatever_its_time(void) {
+    static const SMALL value;
+    const DDX_TIME never = INT64_MAX;
+
+    begin();
+    DDX_STORE_ITEM *out = create("left"), *in = reader_of("left", 120);
+    CHECK_EQUAL(ddx_store_write(out, &value, &never), 0);
+    ddx_store_done_item(in);
+    ddx_store_done_item(out);
+    out = create("read");
+    in = reader_of("read", 130);
+    CHECK_EQUAL(ddx_store_kept(in), 130);
+    CHECK(!exists("left"));
+    ddx_store_done_item(out);
+    end();
+}
+
 /* What cannot be had at all costs no item its last value. */
 static void test_nothing_is_dropped_in_vain(void) {
     begin();
@@ -174,6 +192,7 @@ int main(void) {
     test_dropped_for_a_connection();
     test_dropped_for_a_reader();
     test_dropped_for_a_writer();
+    test_dropped_whatever_its_time();
     test_nothing_is_dropped_in_vain();
     test_newcomers_wait();
     return 0;

@@ -45,7 +45,8 @@ struct item *leftover_first(const struct store *store, const struct item *except
         if (item->epoch)
             ddx_ring_peek(item->epoch->control, &frame);
         bool book = !strcmp(item->type, BOOK);
-        if (found && book != found_book ? found_book : frame.time < oldest) {
+        /* The first one in any case: a writer may have given its frame the latest time that there is. */
+        if (!found || (book != found_book ? found_book : frame.time < oldest)) {
             oldest = frame.time;
             found = item;
             found_book = book;
