@@ -124,6 +124,20 @@ def test_without_an_index(desk: Desk, clip: pathlib.Path) -> None:
     assert bad.returncode == 1 and f"cut.y4m: after {COUNT - 1} whole frames" in bad.stderr
 
 
+def test_a_file_s_name_steers_no_terminal(desk: Desk, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """The recorder's user can give a file any name, and root lists, verifies and copies it."""
+    stick = tmp_path / "stick"
+    stick.mkdir()
+    for name in ("\x1b]0;evil\x07-000007-20260101T000000Z.y4m", "two\nlines\x7f.y4m", "cut\x1b[2J-000008-x.y4m"):
+        (desk.folder / "rec" / name).write_bytes(clip.read_bytes()[:-1 if "cut" in name else None])
+    for words in (["list"], ["verify"], ["export", "all", stick]):
+        done = run(desk, *words)
+        said = done.stdout + done.stderr
+        assert [c for c in said if not c.isprintable() and c != "\n"] == [], words
+        assert "two?lines?.y4m" in said and "?]0;evil?" in said, words
+    assert {file.name for file in stick.iterdir()} == {file.name for file in (desk.folder / "rec").iterdir()}
+
+
 def test_one_flipped_bit_is_found_and_its_frame_named(desk: Desk, recorded: list[pathlib.Path]) -> None:
     good = run(desk, "verify")
     assert good.returncode == 0 and good.stderr == ""

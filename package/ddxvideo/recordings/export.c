@@ -37,7 +37,7 @@ static void show_progress(struct copy *copy) {
     if (percent == copy->percent || !isatty(STDOUT_FILENO))
         return;
     copy->percent = percent;
-    printf("\r%s: %d %%", copy->found->name, percent);
+    printf("\r%s: %d %%", copy->found->shown, percent);
     fflush(stdout);
 }
 
@@ -128,14 +128,14 @@ static void tell(const struct copy *copy, const char *to, int error) {
                                          : strerror(-error);
 
     if (error == -EINTR)
-        say("%s: not exported, %s", copy->found->name, why);
+        say("%s: not exported, %s", copy->found->shown, why);
     else if (error == -EBUSY && !copy->write_error)
-        say("%s: not exported, it was given up for a new recording while it was read", copy->found->name);
+        say("%s: not exported, it was given up for a new recording while it was read", copy->found->shown);
     else if (copy->write_error)
-        say("%s: not exported: %s: %s%s", copy->found->name, to, why,
+        say("%s: not exported: %s: %s%s", copy->found->shown, to, why,
             error == -EIO || error == -ENODEV || error == -ENXIO ? "; was the stick pulled out?" : "");
     else
-        say("%s: not exported, it cannot be read: %s", copy->found->name, strerror(-error));
+        say("%s: not exported, it cannot be read: %s", copy->found->shown, strerror(-error));
 }
 
 /* 0; 1: copied, but it is not what was recorded; -errno after a line. */
@@ -215,7 +215,7 @@ int export_files(const struct folder *folder, const bool *chosen, const char *pa
         copied += error >= 0;
         doubtful += error > 0;
         if (error >= 0) {
-            printf("%s: %" PRIu64 " MB, %u of %u\n", folder->file[i].name,
+            printf("%s: %" PRIu64 " MB, %u of %u\n", folder->file[i].shown,
                    (folder->file[i].bytes + (1 << 20) - 1) >> 20, done, count);
             error = 0;
         }

@@ -92,13 +92,21 @@ static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
 
 /* ---- What people see ---- */
 
+void found_clean(char *text) {
+    for (; *text; text++)
+        if (*text < ' ' || *text > '~')
+            *text = '?';
+}
+
 static int add(struct folder *folder, const struct found *found) {
     struct found *more = realloc(folder->file, (folder->count + 1) * sizeof *more);
 
     if (!more)
         return -ENOMEM;
     folder->file = more;
-    more[folder->count++] = *found;
+    more[folder->count] = *found;
+    strcpy(more[folder->count].shown, found->name);
+    found_clean(more[folder->count++].shown);
     return 0;
 }
 

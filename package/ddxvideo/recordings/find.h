@@ -20,7 +20,8 @@ enum found_state {
 
 /* A file of a recording. */
 struct found {
-    char name[NAME_MAX + 1]; /* the one that it has, or will have */
+    char name[NAME_MAX + 1];  /* the one that it has, or will have */
+    char shown[NAME_MAX + 1]; /* the same as found_clean() leaves it, for lines that people read */
     char item[128];
     uint32_t number;  /* of the file */
     uint32_t session; /* number of the first file of its recording */
@@ -44,6 +45,9 @@ struct folder {
 /* Look into a folder: its files in the order in which they were recorded. 0 or -errno. folder_close() in any case. */
 int folder_open(struct folder *folder, const char *path);
 void folder_close(struct folder *folder);
+
+/* A name as a line may have it: the recorder's user chooses names, and none of them may steer the terminal of root. */
+void found_clean(char *text);
 
 /* "finished" and so on. */
 const char *found_state_name(enum found_state state);

@@ -59,7 +59,7 @@ static int export(const struct folder *folder, bool *chosen, const char *to) {
 
     for (unsigned i = 0; i < folder->count; i++) {
         if (chosen[i] && folder->file[i].state >= FOUND_INTERRUPTED) {
-            say("%s: is not finished, left out", folder->file[i].name);
+            say("%s: is not finished, left out", folder->file[i].shown);
             chosen[i] = false;
         }
         any |= chosen[i];

@@ -57,7 +57,7 @@ static void quoted(const char *text) {
 
         if (c == '"' || c == '\\')
             printf("\\%c", c);
-        else if (c < 0x20)
+        else if (c < 0x20 || c == 0x7f)
             printf("\\u%04x", c);
         else
             putchar(c);
@@ -132,9 +132,11 @@ void show_recordings(const struct folder *folder, bool json) {
         const struct found sum = sum_up(file, count);
         show_name(file, name);
         utc(file->wall, begin);
-        if (json)
+        if (json) {
             show_json(file, count, &sum, name, begin);
-        else
+        } else {
+            found_clean(name);
             show_line(count, &sum, name, begin);
+        }
     }
 }

@@ -21,7 +21,7 @@ static int read_index(struct verify *verify, const struct found *found) {
     const struct index_header *header = &verify->index->header;
     verify->check = (struct check){.index = verify->index, .frames = index_count(verify->index, UINT64_MAX)};
     if (header->state != INDEX_RECORDING && verify->check.frames < header->frames) {
-        say("%s: its index is damaged: %u of %u frames have their sums", found->name, verify->check.frames,
+        say("%s: its index is damaged: %u of %u frames have their sums", found->shown, verify->check.frames,
             header->frames);
         verify->damaged = true;
     }
@@ -39,7 +39,7 @@ int verify_open(struct verify *verify, const struct folder *folder, const struct
         .fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes, .damaged = found->spoilt};
     int error = found->id ? found_hold(folder, found, &verify->hold) : 0;
     if (found->spoilt)
-        say("%s: its index is damaged: no frame has its sum", found->name);
+        say("%s: its index is damaged: no frame has its sum", found->shown);
     if (found->id && !error) {
         verify->index_fd = found_open_index(folder, found);
         error = verify->index_fd < 0 ? verify->index_fd : read_index(verify, found);
@@ -51,7 +51,7 @@ int verify_open(struct verify *verify, const struct folder *folder, const struct
         error = verify->fd < 0 ? verify->fd : 0;
     }
     if (error)
-        say("%s: %s", found->name,
+        say("%s: %s", found->shown,
             error == -EBUSY     ? "was given up for a new recording"
             : error == -EBADMSG ? "its index is damaged"
                                 : strerror(-error));
@@ -77,12 +77,12 @@ static void say_bad(const struct verify *verify, const struct found *found) {
     const struct check *check = &verify->check;
     const struct index_entry *entry = &verify->index->entry[check->first];
     if (check->bad == 1)
-        say("%s: frame %u is not what was recorded (number %" PRIu64 " of the item)", found->name, check->first,
+        say("%s: frame %u is not what was recorded (number %" PRIu64 " of the item)", found->shown, check->first,
             entry->sequence);
     else if (check->last - check->first + 1 == check->bad)
-        say("%s: frames %u to %u are not what was recorded", found->name, check->first, check->last);
+        say("%s: frames %u to %u are not what was recorded", found->shown, check->first, check->last);
     else
-        say("%s: %u frames are not what was recorded, the first is frame %u", found->name, check->bad, check->first);
+        say("%s: %u frames are not what was recorded, the first is frame %u", found->shown, check->bad, check->first);
 }
 
 bool verify_judge(struct verify *verify, const struct found *found) {
@@ -93,11 +93,11 @@ bool verify_judge(struct verify *verify, const struct found *found) {
     check_end(check);
     bool head = check_head(check), behind = check->behind && !verify->damaged;
     if (!head)
-        say("%s: its first line, the Y4M header, is not what was recorded", found->name);
+        say("%s: its first line, the Y4M header, is not what was recorded", found->shown);
     if (check->bad)
         say_bad(verify, found);
     if (behind)
-        say("%s: bytes that were not recorded follow its last frame: %" PRIu64, found->name, check->behind);
+        say("%s: bytes that were not recorded follow its last frame: %" PRIu64, found->shown, check->behind);
     return head && !check->bad && !behind && !verify->damaged;
 }
 
@@ -119,7 +119,7 @@ bool verify_file(const struct folder *folder, const struct found *found) {
     if (good && error != -EINTR && verify_is_given_up(&verify, found))
         error = -EBUSY;
     if (good && error && error != -ENODATA)
-        say("%s: %s", found->name,
+        say("%s: %s", found->shown,
             error == -EINTR   ? "not verified, told to stop"
             : error == -EBUSY ? "was given up for a new recording while it was read"
                               : strerror(-error));
@@ -127,12 +127,12 @@ bool verify_file(const struct folder *folder, const struct found *found) {
         good = verify_judge(&verify, found);
     good = good && !error && found->state != FOUND_CUT_OFF;
     if (good && found->id)
-        printf("%s: good, %u frames\n", found->name, verify.check.frames);
+        printf("%s: good, %u frames\n", found->shown, verify.check.frames);
     else if (good)
-        printf("%s: readable, %" PRIu64 " frames; without an index nothing more is known\n", found->name,
+        printf("%s: readable, %" PRIu64 " frames; without an index nothing more is known\n", found->shown,
                found->frames);
     else if (found->state == FOUND_CUT_OFF)
-        say("%s: after %" PRIu64 " whole frames comes something else", found->name, found->frames);
+        say("%s: after %" PRIu64 " whole frames comes something else", found->shown, found->frames);
     fflush(stdout);
     verify_close(&verify);
     return good;
