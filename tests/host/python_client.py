@@ -2,6 +2,7 @@
 """What a program in Python may do with a store: python_client.py FUNCTION; test_python.py runs each."""
 from __future__ import annotations
 
+import fractions
 import sys
 import time
 from collections.abc import Callable
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 import ddx
+import ddxvideo
 
 SENSOR = """struct { char name[12]; struct { struct { float x, y; } accel[2]; double bias[3]; int8_t temperature; } imu;
     uint8_t id; int64_t ticks; }"""
@@ -148,6 +150,65 @@ def errors(store: ddx.Store) -> None:
     out.close()
     assert refused(ValueError, lambda: out.write(2)) and refused(ValueError, frame.value)
     assert "no store runs" in refused(ddx.Error, lambda: ddx.Store(port=7, timeout=0))
+
+
+def unknown_field(store: ddx.Store) -> None:
+    with store.create("picture", "PICTURE", PICTURE) as out, out.loan() as loan:
+        for use in (lambda: loan["nope"], lambda: loan.__setitem__("nope", 1)):
+            assert "picture has no field 'nope'; its fields are width, y" in refused(KeyError, use)
+
+
+def video_planes(store: ddx.Store) -> None:
+    """Views without a copy: rows and columns of each plane, with the header that every video program reads."""
+    ntsc = fractions.Fraction(30000, 1001)
+    with ddxvideo.create_video(store, "video", 64, 48, ntsc, fields=2) as out, store.item("video") as item:
+        with out.loan() as loan:
+            planes = ddxvideo.picture(loan)
+            assert [plane.shape for plane in planes] == [(48, 64), (24, 32), (24, 32)]
+            planes.y[:], planes.u[:], planes.v[:] = np.arange(48)[:, None], 90, 240
+            kept = planes.y
+        assert "released" in refused(ValueError, lambda: kept[0, 0])
+        with item.acquire(0, ddx.CURRENT) as frame:
+            assert [frame[name] for name in ("width", "height", "fields", "rate_num", "rate_den", "frame")] == [
+                64, 48, 2, 30000, 1001, 0]
+            y, u, v = ddxvideo.picture(frame)
+            assert (y[:, 5] == np.arange(48)).all() and (u == 90).all() and v.shape == (24, 32)
+            assert not y.flags.owndata and not y.flags.writeable
+            source = frame["time"], frame["wall_offset"]
+            assert 0 <= ddx.time_now() - source[0] < 10**9 * 60 and abs(sum(source) - time.time_ns()) < 10**9 * 60
+            with ddxvideo.create_video(store, "edges", 64, 48) as edges:
+                with edges.loan(like=frame) as made:
+                    ddxvideo.picture(made).y[:] = 255 - y
+                copied = edges.acquire(0, ddx.CURRENT)
+                assert (copied["time"], copied["wall_offset"]) == source and copied["y"][0] == 255
+                assert (copied["rate_num"], copied["rate_den"]) == (0, 0)
+        with out.loan():
+            pass
+        assert item.read()["frame"] == 1
+
+
+def video_colours(store: ddx.Store) -> None:
+    """The eight corners of the colour cube, in both ranges, with whichever converter is installed."""
+    with ddxvideo.create_video(store, "video", 16, 8) as out:
+        for full, corners in ((1, ((16, 128, 128, 0, 0, 0), (235, 128, 128, 255, 255, 255), (81, 90, 240, 0, 0, 255),
+                                   (41, 240, 110, 255, 0, 0), (145, 54, 34, 0, 255, 0))),
+                              (2, ((0, 128, 128, 0, 0, 0), (255, 128, 128, 255, 255, 255), (76, 85, 255, 0, 0, 254)))):
+            for y, u, v, *colour in corners:
+                with out.loan() as loan:
+                    planes = ddxvideo.picture(loan)
+                    planes.y[:], planes.u[:], planes.v[:], loan["range"] = y, u, v, full
+                image = ddxvideo.bgr(out.acquire(0, ddx.CURRENT))
+                out._held.release()  # type: ignore[union-attr]
+                assert image.shape == (8, 16, 3) and (abs(image.astype(int) - colour) <= 3).all(), (colour, image[0, 0])
+
+
+def video_refused(store: ddx.Store) -> None:
+    for width, height, fields in ((63, 48, 1), (64, 46, 2), (0, 2, 1), (8194, 2, 1), (64, 48, 0)):
+        assert f"{width}x{height}" in refused(
+            ValueError, lambda w=width, h=height, f=fields: ddxvideo.create_video(store, "v", w, h, 25, f))  # type: ignore[misc]
+    with ddxvideo.create_video(store, "video", 64, 48) as out, out.loan() as loan:
+        loan["height"] = 480
+        assert "y holds 3072 bytes, 30720 are needed" in refused(ValueError, lambda: ddxvideo.picture(loan))
 
 
 def gone_with_its_exception(store: ddx.Store) -> None:

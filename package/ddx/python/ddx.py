@@ -13,20 +13,33 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import pathlib
+import sysconfig
 import time
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any, TypeVar
 
 import numpy as np
 
 CURRENT, NEXT, IN_ORDER = 0, 1, -1  # enum ddx_tail
 INT, UNSIGNED, FLOAT, CHAR, STRUCT = range(1, 6)  # enum ddx_kind
+AnyItem = TypeVar("AnyItem", bound="Item")
 _TEXT_MAX = 4096  # longer arrays of char are pictures
 _SLICE = 0.2  # s; a wait is cut into these, so that Ctrl-C works
 
 
 class Error(OSError):
     """What libddx refused."""
+
+
+def _library_file() -> str:
+    """With a prefix that the dynamic linker does not search, libddx lies in a library folder above this module."""
+    name, system = "libddx.so.0", sysconfig.get_config_var("MULTIARCH") or "."
+    for folder in pathlib.Path(__file__).resolve().parents:
+        for found in (folder / system / name, folder / name):
+            if found.exists():
+                return str(found)
+    return name
 
 
 @dataclasses.dataclass(frozen=True)
@@ -61,7 +74,7 @@ class _CSpec(ctypes.Structure):
                 ("size", ctypes.c_size_t), ("extents", ctypes.POINTER(_CExtent)), ("extent_count", ctypes.c_uint)]
 
 
-_library = ctypes.CDLL("libddx.so.0", use_errno=True)
+_library = ctypes.CDLL(_library_file(), use_errno=True)
 
 
 def _function(name: str, result: Any, *arguments: Any) -> Any:
@@ -117,12 +130,17 @@ class Store:
 
     def create(self, name: str, type: str, declaration: str, extents: Mapping[str, int] | None = None) -> Item:
         """Create an item, or take it over from a writer that is gone: "struct { int a; char b[64]; }"."""
+        return self.create_as(Item, name, type, declaration, extents)
+
+    def create_as(self, handle_class: Callable[[Store, str, int], AnyItem], name: str, type: str, declaration: str,
+                  extents: Mapping[str, int] | None = None) -> AnyItem:
+        """As create(), for a handle of a class derived from Item."""
         used = [_CExtent(field.encode(), count) for field, count in (extents or {}).items()]
         spec = _CSpec(name.encode(), type.encode(), declaration.encode(), 0, (_CExtent * len(used))(*used), len(used))
         handle = _P()
         _check(_create(self._open_handle(), ctypes.byref(spec), ctypes.byref(handle)))
         assert handle.value
-        return Item(self, name, handle.value)
+        return handle_class(self, name, handle.value)
 
     def _open_handle(self) -> int:
         if not self._handle:
@@ -225,7 +243,7 @@ class _Memory:
         """Of a field, also of a single number."""
         if not self.address:
             raise ValueError("a frame that was released")
-        field = self.outer[name]
+        field = self._field(name)
         dtype, _ = _dtype(self.fields, self.fields.index(field))
         memory = (ctypes.c_char * field.used).from_address(self.address + field.offset)
         buffer = memoryview(memory) if self.writable else memoryview(memory).toreadonly()
@@ -233,6 +251,11 @@ class _Memory:
         array = np.frombuffer(buffer, dtype).reshape(shape).view(View)
         array._memory = self
         return array
+
+    def _field(self, name: str) -> Field:
+        if name not in self.outer:
+            raise KeyError(f"{self.item.name} has no field {name!r}; its fields are {', '.join(self.outer)}")
+        return self.outer[name]
 
     def __getitem__(self, name: str) -> Any:
         array = self.view(name)
@@ -281,7 +304,7 @@ class Loan(_Memory):
     time: int | None = None
 
     def __setitem__(self, name: str, value: Any) -> None:
-        _assign(self.view(name), self.outer[name], value, self.fields)
+        _assign(self.view(name), self._field(name), value, self.fields)
 
     def publish(self) -> None:
         self._end()

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""`make desktop`, and the examples built and run with what it installs."""
+from __future__ import annotations
+
+import json
+import pathlib
+import re
+import subprocess
+from typing import Any
+
+import numpy as np
+import pytest
+
+from parts.common import MORTAL
+
+from .programs import (TOP, Desk, make_clip, pictures, read_y4m, result, start_recorder, stop, times, wait_until)
+
+PYTHON = ["/usr/bin/python3", "-B"]
+
+
+@pytest.fixture(scope="module")
+def installed(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    folder = tmp_path_factory.mktemp("desktop")
+    subprocess.run(["make", "-s", "desktop", "PREFIX=/opt/ddx", f"DESTDIR={folder}"], cwd=TOP, check=True, timeout=600)
+    return folder
+
+
+def test_desktop_stays_below_its_prefix(installed: pathlib.Path) -> None:
+    files = {str(path.relative_to(installed)) for path in installed.rglob("*") if path.is_file()}
+    assert all(name.startswith("opt/ddx/") for name in files)
+    names = {pathlib.Path(name).name for name in files}
+    assert {"store", "ddxctl", "ddxvideosave", "ddx.h", "ddxvideo.h", "libddx.so", "ddx.pc", "ddxvideo.pc", "ddx.py",
+            "ddxvideo.py"} <= names
+    assert not [name for name in files if "init.d" in name or "default" in name]
+
+
+@pytest.fixture
+def environment(desk: Desk, installed: pathlib.Path) -> dict[str, str]:
+    """Of a developer with that prefix; Python finds the library by itself."""
+    prefix = installed / "opt/ddx"
+    library = next(prefix.glob("lib/**/libddx.so")).parent
+    return {**{name: value for name, value in desk.environment.items() if name != "LD_LIBRARY_PATH"},
+            "PKG_CONFIG_SYSROOT_DIR": str(installed), "PKG_CONFIG_PATH": str(library / "pkgconfig"),
+            "PYTHONPATH": str(next(prefix.glob("lib/python*/**/ddx.py")).parent)}
+
+
+def libraries(installed: pathlib.Path) -> dict[str, str]:
+    """For a compiled program: it looks for its library where the prefix says, without the test's DESTDIR."""
+    return {"LD_LIBRARY_PATH": str(next((installed / "opt/ddx").glob("lib/**/libddx.so")).parent)}
+
+
+def test_examples_of_the_manual(desk: Desk, installed: pathlib.Path, environment: dict[str, str],
+                                tmp_path: pathlib.Path) -> None:
+    """Beside a clip whose pictures are known."""
+    flags = subprocess.run(["pkg-config", "--cflags", "--libs", "ddx"], env=environment, capture_output=True, text=True,
+                           check=True).stdout.split()
+    program = tmp_path / "reader"
+    subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", TOP / "examples/reader.c", "-o", program, *flags], check=True)
+    clip = make_clip(tmp_path / "clip.y4m", frames=10)
+    sums = [sum(picture[:352 * 288]) for picture in pictures(clip)]
+
+    # The item exists from its first writer on, so that both readers find it.
+    assert desk.run("ddxvideoload", clip).returncode == 0
+    # Each ends when there was no frame for a second, and keeps one frame: the slow starter first, and a slow clip.
+    readers = []
+    for command in [*PYTHON, str(TOP / "examples/reader.py")], [str(program)]:
+        readers.append(subprocess.Popen([*MORTAL, *command], env={**environment, **libraries(installed)}, stdout=subprocess.PIPE, text=True))
+        wait_until(lambda: f'"readers":{len(readers)},' in desk.run("ddxctl", "list", "--json").stdout)
+    loader = desk.run("ddxvideoload", clip, "-readers", "2", "-rate", "0.2")
+    assert loader.returncode == 0, loader.stderr
+    for reader in readers:
+        out, _ = reader.communicate(timeout=60)
+        lines = [[int(word) for word in line.split()] for line in out.splitlines()]
+        assert reader.returncode == 0
+        assert [line[3] for line in lines] == sums
+        assert [line[0] for line in lines] == list(range(11, 21)) and [line[2] for line in lines] == [0] * 10
+        assert [line[1] for line in lines] == sorted({line[1] for line in lines})
+
+
+@pytest.mark.parametrize("name, language", [("reader.c", "c"), ("reader.py", "python")])
+def test_the_manual_shows_the_examples(name: str, language: str) -> None:
+    _, text = (TOP / "examples" / name).read_text().split("\n", 1)  # without the licence line
+    assert f"```{language}\n{text}```\n" in (TOP / "docs/store.md").read_text()
+    assert len(text.splitlines()) <= 20
+
+
+def newest(desk: Desk, item: str) -> dict[str, Any]:
+    """The newest value of an item with its time; empty if there is none."""
+    shown = desk.run("ddxctl", "show", item, "--json")
+    return dict(json.loads(shown.stdout)) if shown.returncode == 0 else {}
+
+
+def play(desk: Desk, clip: pathlib.Path, command: list[str], environment: dict[str, str], item: str) -> None:
+    """Show a clip to an example until the newest value of the item that it writes is that of the clip's last picture."""
+    last = len(pictures(clip)) - 1
+    loader = desk.start("ddxvideoload", clip, "-readers", "2")
+    original = start_recorder(desk, "-output", desk.folder / "video.y4m")
+    example = subprocess.Popen([*MORTAL, *command], env=environment, stderr=subprocess.PIPE, text=True)
+
+    def seen() -> bool:
+        value = newest(desk, item)
+        return bool(value) and value["value"]["frame"] == last
+
+    wait_until(lambda: seen() or example.poll() is not None)
+    example.terminate()
+    said = example.communicate()[1]
+    assert seen(), said
+    assert result(loader)[0] == 0 and stop(original)[0] == 0
+
+
+def stamps(path: pathlib.Path) -> list[int]:
+    """The capture time of each picture, ns: that of the first one, and its distance to each."""
+    first = next(line for line, picture in read_y4m(path) if picture)
+    start = re.search(r"XDDX_START=(\d+)", first)
+    assert start, first
+    return [int(start[1]) + passed for passed in times(path)]
+
+
+def test_edges(desk: Desk, installed: pathlib.Path, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
+    """C++ with OpenCV, built by CMake: each picture out has the capture time of the picture that it was made from."""
+    build = tmp_path / "build"
+    for command in ["cmake", "-S", TOP / "examples/edges", "-B", build, "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror"], \
+                   ["cmake", "--build", build]:
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    made = start_recorder(desk, "-instance", "made", "-name", "edges", "-output", tmp_path / "edges.y4m")
+    play(desk, make_clip(tmp_path / "clip.y4m", frames=10), [str(build / "edges")],
+         {**environment, **libraries(installed)}, "edges")
+    status, counters = stop(made)
+    assert status == 0 and counters["lost"] == dict.fromkeys(counters["lost"], 0)
+    sources = dict(zip(stamps(tmp_path / "video.y4m"), pictures(tmp_path / "video.y4m"), strict=True))
+    drawn_at = stamps(tmp_path / "edges.y4m")
+    assert drawn_at and set(drawn_at) <= set(sources) and max(drawn_at) == max(sources)
+    for stamp, drawn in zip(drawn_at, pictures(tmp_path / "edges.y4m"), strict=True):
+        luma, chroma = np.frombuffer(drawn, np.uint8)[:352 * 288].reshape(288, 352), drawn[352 * 288:]
+        assert set(np.unique(luma)) == {0, 255} and set(chroma) == {128}
+        grey = np.frombuffer(sources[stamp], np.uint8)[:352 * 288].reshape(288, 352).astype(int)
+        slope = np.hypot(*np.gradient(grey))
+        assert slope[luma == 255].mean() > 5 * slope[luma == 0].mean()
+
+
+def test_blob(desk: Desk, installed: pathlib.Path, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
+    """Python: where the red square was, as a value of the picture's own time."""
+    clip = tmp_path / "clip.y4m"
+    with clip.open("wb") as file:
+        file.write(b"YUV4MPEG2 W64 H48 F25:1 Ip A1:1 C420jpeg\n")
+        for i in range(8):
+            y, u, v = np.full((48, 64), 126, np.uint8), np.full((24, 32), 128, np.uint8), np.full((24, 32), 128, np.uint8)
+            y[10:20, 4 * i:4 * i + 10], u[5:10, 2 * i:2 * i + 5], v[5:10, 2 * i:2 * i + 5] = 81, 90, 240
+            file.write(b"FRAME\n" + y.tobytes() + u.tobytes() + v.tobytes())
+    assert len(list(read_y4m(clip))) == 9
+    play(desk, clip, [*PYTHON, str(TOP / "examples/blob.py")], environment, "blob")
+    blob, video = newest(desk, "blob"), newest(desk, "video")
+    assert blob["value"] == {"frame": 7, "pixels": 100, "x": 32.5, "y": 14.5}, blob
+    assert blob["time_ns"] == video["value"]["time"]
