@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pathlib
 import re
+import shutil
 import subprocess
 from typing import Any
 
@@ -12,6 +13,7 @@ import numpy as np
 import pytest
 
 from parts.common import MORTAL
+from parts.image import native
 
 from .programs import (TOP, Desk, make_clip, pictures, read_y4m, result, start_recorder, stop, times, wait_until)
 
@@ -47,6 +49,27 @@ def environment(desk: Desk, installed: pathlib.Path) -> dict[str, str]:
 def libraries(installed: pathlib.Path) -> dict[str, str]:
     """For a compiled program: it looks for its library where the prefix says, without the test's DESTDIR."""
     return {"LD_LIBRARY_PATH": str(next((installed / "opt/ddx").glob("lib/**/libddx.so")).parent)}
+
+
+def test_a_program_finds_its_library_below_the_prefix(installed: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """By its RUNPATH; below /usr/local the dynamic linker looks by itself, and an rpath would only be in the way."""
+    folder = next((installed / "opt/ddx").glob("lib/**/ddx.pc")).parent
+    environment = {"PATH": "/usr/bin:/bin", "PKG_CONFIG_PATH": str(folder)}
+    flags = subprocess.run(["pkg-config", "--libs", "ddx"], env=environment, capture_output=True, text=True, check=True)
+    assert f"-Wl,-rpath,/opt/ddx/{folder.parent.relative_to(installed / 'opt/ddx')}" in flags.stdout.split()
+    usual = subprocess.run(["pkg-config", "--libs", "ddx"], capture_output=True, text=True, check=True, env={
+        **environment, "PKG_CONFIG_PATH": str(native.build() / native.LIBRARIES / "pkgconfig")})
+    assert "rpath" not in usual.stdout
+
+
+def test_pip_installs_the_modules(tmp_path: pathlib.Path) -> None:
+    """From a copy: setuptools builds where the sources are."""
+    shutil.copytree(TOP / "package/ddx/python", tmp_path / "source")
+    subprocess.run(["/usr/bin/python3", "-m", "pip", "install", "-q", "--no-index", "--no-deps", "--no-build-isolation",
+                    "--root-user-action=ignore", "--target", tmp_path / "site", tmp_path / "source"], check=True)
+    assert {"ddx.py", "ddxvideo.py"} <= {path.name for path in (tmp_path / "site").iterdir()}
+    about = next((tmp_path / "site").glob("ddx-*.dist-info/METADATA")).read_text()
+    assert "Requires-Dist: numpy" in about
 
 
 def test_examples_of_the_manual(desk: Desk, installed: pathlib.Path, environment: dict[str, str],
