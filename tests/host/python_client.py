@@ -141,7 +141,12 @@ def awaited(store: ddx.Store) -> None:
 
 def errors(store: ddx.Store) -> None:
     assert "no item of this name" in refused(ddx.Error, lambda: store.item("nothing"))
-    assert "bad argument" in refused(ddx.Error, lambda: store.create("p", "P", "struct { int *p; }"))
+    for declaration, word in (("struct { int *p; }", "`*p`"), ("struct { int a; enum colour c; }", "`enum colour`"),
+                              ("struct { struct point p; }", "`struct point`"), ("struct { int a : 3; }", "`: 3`"),
+                              ("struct { std::int32_t a; }", "`std::int32_t`"), ("struct { int a;", "not complete"),
+                              ("struct { long double d; }", "`long double`"), ("struct { string s; }", "`string`")):
+        assert f"p: {word}" in refused(ddx.Error, lambda d=declaration: store.create("p", "P", d)).replace(  # type: ignore[misc]
+            "the declaration of the type is ", ""), declaration
     out = store.create("count", "int", "int")
     assert "another program writes" in refused(ddx.Error, lambda: store.create("count", "int", "int"))
     out.write(1)

@@ -17,7 +17,7 @@ LAYERS = [{"common"}, {"image", "disk"}, {"media"}, {"guest"}, {"bench", "flash"
 C_LAYERS = {
     "package/ddx/lib": [
         {"clock", "error", "expression", "fault", "hot"},
-        {"layout", "type", "type_parse"},
+        {"layout", "type", "type_parse", "type_problem"},
         {"futex", "lock", "memory", "ring", "trust", "wire"},
         {"queue"},
         {"handle"},

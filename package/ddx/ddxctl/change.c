@@ -16,7 +16,7 @@ struct place {
     uint64_t offset, count; /* elements from there on that the value may set */
 };
 
-static char problem[256];
+static char problem[1024];
 static char asked[2 * DDX_NAME_MAX]; /* the path as it was typed */
 
 static const char *wrong(const char *format, ...) __attribute__((format(printf, 1, 2)));
@@ -49,6 +49,19 @@ static const char *index_at(const char **at, const struct ddx_field *field, bool
     return NULL;
 }
 
+/* What can be named instead: the outermost fields. */
+static const char *no_such_field(const DDX_STORE_ITEM *item, int length, const char *path) {
+    const struct ddx_field *field;
+    const char *text = wrong("%.*s: no such field; there are", length, path);
+
+    for (unsigned i = 0; (field = ddx_store_field(item, i)); i += 1 + field->children) {
+        size_t used = strlen(problem);
+
+        snprintf(problem + used, sizeof problem - used, "%s %s", i ? "," : "", *field->name ? field->name : "value");
+    }
+    return text;
+}
+
 /* Field by field along "a[1].b.c[2]"; `end` is behind it. */
 static const char *find(const DDX_STORE_ITEM *item, const char *path, const char *end, struct place *place) {
     char name[DDX_NAME_MAX + 1] = "";
@@ -60,12 +73,12 @@ static const char *find(const DDX_STORE_ITEM *item, const char *path, const char
         bool there;
 
         if (before + length + 2 > sizeof name)
-            return wrong("%.*s: no such field", (int)(end - path), path);
+            return no_such_field(item, (int)(end - path), path);
         snprintf(name + before, sizeof name - before, "%s%.*s", before ? "." : "", (int)length, at);
         at += length;
         place->field = ddx_store_field_named(item, name);
         if (!place->field)
-            return wrong("%.*s: no such field", (int)(at - path), path);
+            return no_such_field(item, (int)(at - path), path);
         const char *bad = index_at(&at, place->field, &there, &index);
         if (bad)
             return bad;
@@ -80,7 +93,7 @@ static const char *find(const DDX_STORE_ITEM *item, const char *path, const char
         if (at == end)
             return NULL;
         if (!nested || *at != '.')
-            return wrong("%.*s: no such field", (int)(end - path), path);
+            return no_such_field(item, (int)(end - path), path);
         at++;
     }
 }

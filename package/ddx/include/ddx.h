@@ -26,7 +26,8 @@
  *                -EDQUOT        the program has more items open than the store keeps for one program: of those that
  *                               it writes some 140 with types of 200 fields, some 400 with small ones
  *                -ETIMEDOUT     nothing was written within the timeout
- *                -EINVAL        a bad argument, or a type that cannot be shared (pointer, union, bit field)
+ *                -EINVAL        a bad argument, or a type that cannot be shared (pointer, union, enum, bit field):
+ *                               ddx_type_problem()
  *   time       int64_t nanoseconds of CLOCK_MONOTONIC.
  *   timeout    seconds as a double; 0 does not wait; negative waits without limit.
  *   tail       which write a read waits for, see enum ddx_tail.
@@ -355,6 +356,13 @@ DDX_TIME ddx_time_now(void);
 
 /* One clear line for a -errno of this library (or the negated errno), without a full stop. Never NULL. */
 const char *ddx_error_text(int error);
+
+/*
+ * What is wrong with a type, as one line in text[bytes] (200 are enough for it) that names the word at fault. `type` is
+ * the name of a type that this program has declared (DDX_STORE_TYPE), or a declaration as in struct ddx_item_spec.
+ * 0: nothing, it can be shared, and the text is empty; -EINVAL; -ENOMEM. Does not wait.
+ */
+int ddx_type_problem(const char *type, char *text, size_t bytes);
 
 #ifdef __cplusplus
 }

@@ -12,14 +12,16 @@ const char *ddx_error_text(int error) {
     case ENOENT: return "the store has no item of this name; see: ddxctl list";
     case EPERM: return "the store's socket, or the folder that it lies in, may be another user's; see DDX_DIR in ddx.h";
     case EPROTOTYPE: return "the item has another type, or one that the program has not declared";
-    case EMSGSIZE: return "wrong size: the item's value does not fit the program's struct";
+    case EMSGSIZE:
+        return "wrong size: the item's value does not fit the program's struct; if the struct has changed, first stop the "
+               "programs that have the item open";
     case EEXIST: return "another program writes this item already";
     case ENOSPC: return "the store's memory budget is used up; give it more with: store -m";
     case EBUSY: return "no memory left for one reader more, or a frame is still held";
     case ENOBUFS: return "every frame of the item is held, nothing was written";
     case EMFILE: return "too few descriptors: one is needed for each frame and each reader of an item; see ulimit -n";
     case ETIMEDOUT: return "nothing was written within the timeout";
-    case EINVAL: return "bad argument, or a type that cannot be shared";
+    case EINVAL: return "bad argument, or a type that cannot be shared (ddx_type_problem() names the word)";
     case EOPNOTSUPP: return "only the store of this machine can be opened";
     case ENOMEM: return "out of memory";
     case EDQUOT: return "this program has more items open than the store keeps for one program; close some of them";

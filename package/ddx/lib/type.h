@@ -47,6 +47,12 @@ static inline size_t ddx_layout_bytes(unsigned fields) {
  */
 int ddx_layout_parse(const char *text, struct ddx_layout **layout);
 
+/* The same; on -EINVAL *bad is where the text is not understood. */
+int ddx_layout_parse_until(const char *text, struct ddx_layout **layout, const char **bad);
+
+/* The first declaration of this name by DDX_STORE_TYPE, or NULL. */
+const struct ddx_type_declaration_ *ddx_type_declared(const char *name);
+
 /*
  * The layout of the type that this program knows by `name`: declared by DDX_STORE_TYPE, or a plain C type ("int").
  * -ENOENT: neither; -EPROTOTYPE: declared twice and differently; else as ddx_layout_parse().

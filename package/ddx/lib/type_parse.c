@@ -18,6 +18,7 @@ struct parser {
     const char *at;
     struct ddx_layout *layout; /* room for DDX_FIELDS_MAX */
     int depth;
+    const char *bad; /* the word that is no type; NULL: the parser stopped at `at` */
 };
 
 /* A type as it stands before a declarator. */
@@ -137,14 +138,20 @@ static int declared(struct parser *p, const char *name, const char *prefix, uint
 
 static int type(struct parser *p, const char *prefix, uint64_t start, struct base *base) {
     char name[DDX_NAME_MAX + 1];
+    const char *first;
 
     do {
+        skip_space(p);
+        first = p->at;
         if (!word(p, name))
             return -EINVAL;
     } while (!strcmp(name, "const") || !strcmp(name, "volatile"));
     if (!strcmp(name, "struct")) {
         word(p, name); /* its tag, if any */
-        return accept(p, '{') ? members(p, prefix, start, base) : -EINVAL;
+        if (accept(p, '{'))
+            return members(p, prefix, start, base);
+        p->bad = first;
+        return -EINVAL;
     }
     for (size_t i = 0; i < sizeof named / sizeof named[0]; i++)
         if (!strcmp(name, named[i].name)) {
@@ -152,7 +159,11 @@ static int type(struct parser *p, const char *prefix, uint64_t start, struct bas
             return 0;
         }
     int result = arithmetic(p, name, base);
-    return result == -EINVAL ? declared(p, name, prefix, start, base) : result;
+    if (result == -EINVAL)
+        result = declared(p, name, prefix, start, base);
+    if (result == -EINVAL && !p->bad)
+        p->bad = first;
+    return result;
 }
 
 /* All of "[4][MAX/2]" after a name, as one count. */
@@ -290,7 +301,13 @@ static int declared(struct parser *p, const char *name, const char *prefix, uint
 }
 
 int ddx_layout_parse(const char *text, struct ddx_layout **layout) {
-    struct parser p = {text, calloc(1, ddx_layout_bytes(DDX_FIELDS_MAX)), 0};
+    const char *bad;
+
+    return ddx_layout_parse_until(text, layout, &bad);
+}
+
+int ddx_layout_parse_until(const char *text, struct ddx_layout **layout, const char **bad) {
+    struct parser p = {text, calloc(1, ddx_layout_bytes(DDX_FIELDS_MAX)), 0, NULL};
     struct base base;
 
     if (!p.layout)
@@ -300,6 +317,7 @@ int ddx_layout_parse(const char *text, struct ddx_layout **layout) {
     if (!result && *p.at)
         result = -EINVAL;
     if (result) {
+        *bad = p.bad ? p.bad : p.at;
         free(p.layout);
         return result;
     }
@@ -311,6 +329,14 @@ int ddx_layout_parse(const char *text, struct ddx_layout **layout) {
     }
     *layout = p.layout;
     return 0;
+}
+
+const struct ddx_type_declaration_ *ddx_type_declared(const char *name) {
+    const struct ddx_type_declaration_ *d = declarations;
+
+    while (d && strcmp(d->name, name))
+        d = d->next;
+    return d;
 }
 
 int ddx_layout_of(const char *name, struct ddx_layout **layout) {

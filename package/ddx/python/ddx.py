@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import ctypes
 import dataclasses
+import errno
 import pathlib
 import sysconfig
 import time
@@ -101,6 +102,7 @@ _field = _function("ddx_store_field", ctypes.POINTER(_CField), _P, ctypes.c_uint
 _type = _function("ddx_store_item_type", _S, _P)
 _missed = _function("ddx_store_missed", ctypes.c_uint64, _P)
 _text = _function("ddx_error_text", _S, _I)
+_problem = _function("ddx_type_problem", _I, _S, ctypes.c_char_p, ctypes.c_size_t)
 time_now = _function("ddx_time_now", ctypes.c_int64)
 
 
@@ -137,6 +139,9 @@ class Store:
         """As create(), for a handle of a class derived from Item."""
         used = [_CExtent(field.encode(), count) for field, count in (extents or {}).items()]
         spec = _CSpec(name.encode(), type.encode(), declaration.encode(), 0, (_CExtent * len(used))(*used), len(used))
+        problem = ctypes.create_string_buffer(256)
+        if _problem(declaration.encode(), problem, len(problem)) == -errno.EINVAL:
+            raise Error(errno.EINVAL, f"{name}: {problem.value.decode()}")
         handle = _P()
         _check(_create(self._open_handle(), ctypes.byref(spec), ctypes.byref(handle)))
         assert handle.value
