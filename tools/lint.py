@@ -1,7 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Checks without running anything: scripts (shellcheck), tools (mypy --strict), length of lines, licence lines."""
+"""Checks without running anything: scripts (shellcheck), tools (mypy --strict), length of lines, licence lines,
+links of pages."""
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -38,9 +40,21 @@ def complaints(paths: list[pathlib.Path]) -> list[str]:
     return found
 
 
+def dead_links(paths: list[pathlib.Path]) -> list[str]:
+    """Links of pages to files that are not there."""
+    found = []
+    for path in paths:
+        if path.suffix != ".md":
+            continue
+        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text()):
+            if not (path.parent / target).exists():
+                found.append(f"{path.relative_to(TOP)}: the link to {target} leads nowhere")
+    return found
+
+
 def main() -> int:
     paths = files()
-    bad = complaints(paths)
+    bad = complaints(paths) + dead_links(paths)
     for text in bad:
         say(text)
     failed = bool(bad)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import fractions
+import functools
 import sys
 import time
 from collections.abc import Callable
@@ -145,8 +146,8 @@ def errors(store: ddx.Store) -> None:
                               ("struct { struct point p; }", "`struct point`"), ("struct { int a : 3; }", "`: 3`"),
                               ("struct { std::int32_t a; }", "`std::int32_t`"), ("struct { int a;", "not complete"),
                               ("struct { long double d; }", "`long double`"), ("struct { string s; }", "`string`")):
-        assert f"p: {word}" in refused(ddx.Error, lambda d=declaration: store.create("p", "P", d)).replace(  # type: ignore[misc]
-            "the declaration of the type is ", ""), declaration
+        said = refused(ddx.Error, functools.partial(store.create, "p", "P", declaration))
+        assert f"p: {word}" in said.replace("the declaration of the type is ", ""), said
     out = store.create("count", "int", "int")
     assert "another program writes" in refused(ddx.Error, lambda: store.create("count", "int", "int"))
     out.write(1)
@@ -210,7 +211,7 @@ def video_colours(store: ddx.Store) -> None:
 def video_refused(store: ddx.Store) -> None:
     for width, height, fields in ((63, 48, 1), (64, 46, 2), (0, 2, 1), (8194, 2, 1), (64, 48, 0)):
         assert f"{width}x{height}" in refused(
-            ValueError, lambda w=width, h=height, f=fields: ddxvideo.create_video(store, "v", w, h, 25, f))  # type: ignore[misc]
+            ValueError, functools.partial(ddxvideo.create_video, store, "v", width, height, 25, fields))
     with ddxvideo.create_video(store, "video", 64, 48) as out, out.loan() as loan:
         loan["height"] = 480
         assert "y holds 3072 bytes, 30720 are needed" in refused(ValueError, lambda: ddxvideo.picture(loan))

@@ -87,7 +87,8 @@ def test_examples_of_the_manual(desk: Desk, installed: pathlib.Path, environment
     # Each ends when there was no frame for a second, and keeps one frame: the slow starter first, and a slow clip.
     readers = []
     for command in [*PYTHON, str(TOP / "examples/reader.py")], [str(program)]:
-        readers.append(subprocess.Popen([*MORTAL, *command], env={**environment, **libraries(installed)}, stdout=subprocess.PIPE, text=True))
+        readers.append(subprocess.Popen([*MORTAL, *command], env={**environment, **libraries(installed)},
+                                        stdout=subprocess.PIPE, text=True))
         wait_until(lambda: f'"readers":{len(readers)},' in desk.run("ddxctl", "list", "--json").stdout)
     loader = desk.run("ddxvideoload", clip, "-readers", "2", "-rate", "0.2")
     assert loader.returncode == 0, loader.stderr
@@ -114,7 +115,7 @@ def newest(desk: Desk, item: str) -> dict[str, Any]:
 
 
 def play(desk: Desk, clip: pathlib.Path, command: list[str], environment: dict[str, str], item: str) -> None:
-    """Show a clip to an example until the newest value of the item that it writes is that of the clip's last picture."""
+    """Show a clip to an example until the newest value that it has written is that of the clip's last picture."""
     last = len(pictures(clip)) - 1
     loader = desk.start("ddxvideoload", clip, "-readers", "2")
     original = start_recorder(desk, "-output", desk.folder / "video.y4m")
@@ -139,11 +140,29 @@ def stamps(path: pathlib.Path) -> list[int]:
     return [int(start[1]) + passed for passed in times(path)]
 
 
+def test_the_program_of_the_front_page(desk: Desk, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
+    """The README's first lines of code, beside a clip; each frame's mean luminance is that of the clip's picture."""
+    block = re.search(r"```python\n(.*?)```", (TOP / "README.md").read_text(), re.S)
+    assert block
+    clip = make_clip(tmp_path / "clip.y4m", frames=5)
+    means = [np.frombuffer(picture, np.uint8)[:352 * 288].mean() for picture in pictures(clip)]
+    program = subprocess.Popen([*MORTAL, *PYTHON, "-u", "-c", block[1]], env=environment, stdout=subprocess.PIPE,
+                               text=True)
+    loader = desk.start("ddxvideoload", clip, "-readers", "1", "-rate", "2")
+    assert program.stdout
+    for number, mean in enumerate(means):
+        words = program.stdout.readline().split()
+        assert (int(words[0]), words[2:]) == (number, ["missed", "0"]) and abs(float(words[1]) - mean) < 1e-9
+    program.terminate()
+    program.communicate()
+    assert result(loader)[0] == 0
+
+
 def test_edges(desk: Desk, installed: pathlib.Path, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
     """C++ with OpenCV, built by CMake: each picture out has the capture time of the picture that it was made from."""
     build = tmp_path / "build"
-    for command in ["cmake", "-S", TOP / "examples/edges", "-B", build, "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror"], \
-                   ["cmake", "--build", build]:
+    for command in ["cmake", "-S", str(TOP / "examples/edges"), "-B", str(build),
+                    "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror"], ["cmake", "--build", str(build)]:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stdout + done.stderr
     made = start_recorder(desk, "-instance", "made", "-name", "edges", "-output", tmp_path / "edges.y4m")
@@ -168,7 +187,7 @@ def test_blob(desk: Desk, installed: pathlib.Path, environment: dict[str, str], 
     with clip.open("wb") as file:
         file.write(b"YUV4MPEG2 W64 H48 F25:1 Ip A1:1 C420jpeg\n")
         for i in range(8):
-            y, u, v = np.full((48, 64), 126, np.uint8), np.full((24, 32), 128, np.uint8), np.full((24, 32), 128, np.uint8)
+            y, (u, v) = np.full((48, 64), 126, np.uint8), np.full((2, 24, 32), 128, np.uint8)
             y[10:20, 4 * i:4 * i + 10], u[5:10, 2 * i:2 * i + 5], v[5:10, 2 * i:2 * i + 5] = 81, 90, 240
             file.write(b"FRAME\n" + y.tobytes() + u.tobytes() + v.tobytes())
     assert len(list(read_y4m(clip))) == 9

@@ -70,9 +70,9 @@ def test_set_changes_only_what_it_names(sensor: Desk) -> None:
 
 
 @pytest.mark.parametrize("change, text", [
-    ("nothing=1", "nothing: no such field"),
-    ("imu.nothing=1", "imu.nothing: no such field"),
-    ("serial.x=1", "serial.x: no such field"),
+    ("nothing=1", "nothing: no such field; there are name, imu, wheel, serial, beam"),
+    ("imu.nothing=1", "imu.nothing: no such field; there are name, imu, wheel, serial, beam"),
+    ("serial.x=1", "serial.x: no such field; there are name, imu, wheel, serial, beam"),
     ("imu=1", "imu: a struct; name a field in it"),
     ("wheel.id=1", "wheel: an array of structs: wheel[0]..."),
     ("wheel[3].id=1", "wheel: its elements are 0 to 2"),

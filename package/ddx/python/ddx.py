@@ -457,7 +457,7 @@ class Item:
             self._handle = 0
             self.store._items.remove(self)
 
-    def __enter__(self) -> Item:
+    def __enter__(self: AnyItem) -> AnyItem:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -16,6 +16,7 @@ written. What is computed from a picture is written with the former: item.write(
 from __future__ import annotations
 
 import fractions
+import importlib
 import time
 from typing import Any, NamedTuple
 
@@ -61,12 +62,12 @@ def picture(frame: ddx.Frame | ddx.Loan) -> Picture:
 
 
 def bgr(frame: ddx.Frame | ddx.Loan) -> Array:
-    """A copy in colour, height x width x 3, by ITU-R BT.601. The planes are not contiguous in an item, so OpenCV needs a
-    copy of them first; without OpenCV numpy converts, some twenty times slower."""
+    """A copy in colour, height x width x 3, by ITU-R BT.601. The planes are not contiguous in an item, so OpenCV needs
+    a copy of them first. Without OpenCV numpy converts, which takes longer."""
     planes = Picture(*(np.asarray(plane[:]) for plane in picture(frame)))
     full = frame["range"] == FULL_RANGE if "range" in frame.outer else False
     try:
-        import cv2
+        cv2 = importlib.import_module("cv2")
     except ImportError:
         return _bgr_by_numpy(planes, full)
     if full:
@@ -78,7 +79,8 @@ def bgr(frame: ddx.Frame | ddx.Loan) -> Array:
 
 
 def _limited(plane: Array, offset: float, scale: float) -> Array:
-    return np.rint(np.arange(256) * scale + offset).astype(np.uint8)[plane]
+    table: Array = np.rint(np.arange(256) * scale + offset).astype(np.uint8)
+    return np.take(table, plane)
 
 
 def _bgr_by_numpy(planes: Picture, full: bool) -> Array:
@@ -88,8 +90,8 @@ def _bgr_by_numpy(planes: Picture, full: bool) -> Array:
     y = np.rint((levels - (0 if full else 16)) * luma * 64).astype(np.int32)[planes.y]
 
     def part(plane: Array, factor: float) -> Array:
-        table = np.rint((levels - 128) * chroma * factor * 64).astype(np.int32)
-        return table[plane].repeat(2, axis=0).repeat(2, axis=1)
+        table: Array = np.rint((levels - 128) * chroma * factor * 64).astype(np.int32)
+        return np.take(table, plane).repeat(2, axis=0).repeat(2, axis=1)
 
     result = np.empty((*planes.y.shape, 3), np.uint8)
     for place, colour in enumerate((y + part(planes.u, 1.772), y - part(planes.u, 0.344136) - part(planes.v, 0.714136),
@@ -120,8 +122,8 @@ class VideoItem(ddx.Item):
 def create_video(store: ddx.Store, name: str, width: int, height: int, rate: float | fractions.Fraction = 0,
                  fields: int = 1) -> VideoItem:
     """Create a video item of 4:2:0 pictures, or take it over from a writer that is gone. rate: frames a second, also
-    30000/1001 as a Fraction; 0: unknown. fields: how many are stacked in a frame, whose height is that of all of them."""
-    if not (0 < width <= SIDE and 0 < height <= SIDE) or width % 2 or not 1 <= fields <= FIELDS or height % (2 * fields):
+    30000/1001 as a Fraction; 0: unknown. fields: how many are stacked in a frame; height counts the rows of all."""
+    if not (0 < width <= SIDE and 0 < height <= SIDE and 1 <= fields <= FIELDS) or width % 2 or height % (2 * fields):
         raise ValueError(f"{width}x{height} with {fields} fields: width and each field's height are even, "
                          f"at most {SIDE} each, with 1 to {FIELDS} fields")
     ratio = fractions.Fraction(rate).limit_denominator(1001)
