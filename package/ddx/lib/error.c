@@ -13,8 +13,8 @@ const char *ddx_error_text(int error) {
     case EPERM: return "the store's socket, or the folder that it lies in, may be another user's; see DDX_DIR in ddx.h";
     case EPROTOTYPE: return "the item has another type, or one that the program has not declared";
     case EMSGSIZE:
-        return "wrong size: the item's value does not fit the program's struct; if the struct has changed, first stop the "
-               "programs that have the item open";
+        return "wrong size: the item's value does not fit the program's struct; if the struct has changed, first stop "
+               "the programs that have the item open";
     case EEXIST: return "another program writes this item already";
     case ENOSPC: return "the store's memory budget is used up; give it more with: store -m";
     case EBUSY: return "no memory left for one reader more, or a frame is still held";

@@ -51,8 +51,8 @@ int ddx_type_problem(const char *type, char *text, size_t bytes) {
         copy_word(word, bad);
         if (*word)
             snprintf(text, bytes,
-                     "`%s` cannot be in a type that is shared: only C's integers, float, double, char, fixed arrays, and "
-                     "structs of these that are declared in place or by DDX_STORE_TYPE",
+                     "`%s` cannot be in a type that is shared: only C's integers, float, double, char, fixed arrays, "
+                     "and structs of these that are declared in place or by DDX_STORE_TYPE",
                      word);
         else
             snprintf(text, bytes, "the declaration of the type is not complete");
@@ -63,7 +63,7 @@ int ddx_type_problem(const char *type, char *text, size_t bytes) {
     free(layout);
     if (!declared || declared->size == size)
         return 0;
-    snprintf(text, bytes, "%s has %zu bytes where its fields need %llu: an attribute or a pragma changes its layout", type,
-             declared->size, (unsigned long long)size);
+    snprintf(text, bytes, "%s has %zu bytes where its fields need %llu: an attribute or a pragma changes its layout",
+             type, declared->size, (unsigned long long)size);
     return -EINVAL;
 }
