@@ -7,6 +7,7 @@
 #   BOARD=miniitx  which image, instead of the development image: run, test, image, flash
 #   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
 #   T=...          which tests, as pytest's -k expression
+#   EXTERNAL=path[:path]  trees outside of ours: build, image, sdk, test; docs/programs.md
 #   SECONDS=       for `make fuzz`
 #   ROUNDS=, CASES=, BEFORE=commit  for `make bench`: docs/bench.md
 #   DURATION=, CASES=  for `make bench-record`: docs/recording.md
@@ -16,7 +17,7 @@ PYTHON = /usr/bin/python3 -B
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)') $(if $(BEFORE),-before '$(BEFORE)')
 
-.PHONY: help setup setup-build build run test test-long again defects image reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
+.PHONY: help setup setup-build build run test test-long again defects image sdk reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
 	clean distclean
 
 help:            ## this list
@@ -40,6 +41,9 @@ defects: setup   ## put defects back that once were: the test against each turns
 image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py image "$(BOARD)"
+sdk:             ## a compiler for programs of the product's image: BOARD=, output/<board>/ddxvideo-<board>-sdk.tar.gz
+	@tools/setup image
+	@$(PYTHON) tools/buildroot.py sdk "$(BOARD)"
 reproduce:       ## build the product a second time from nothing and compare: BOARD=; goes on where it was broken off
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py reproduce "$(BOARD)"

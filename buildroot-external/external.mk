@@ -3,10 +3,14 @@
 
 DDXVIDEO_TOP = $(BR2_EXTERNAL_DDXVIDEO_PATH)/..
 
-# The users of a package's programs, out of its programs.txt, in the form of Buildroot's users tables.
+# The users of a package's programs, out of its programs.txt, in the form of Buildroot's users tables; of a package of
+# any tree.
 ddx-users = $(subst |,$(sep),$(shell awk '/^[a-z.]/ && $$4 ~ /^[0-9]+$$/ { \
 	printf "%s %s ddx 900 * - /bin/false -", $$3, $$4; for (i = 5; i <= NF; i++) printf " %s", $$i; printf "|" }' \
-	$(DDXVIDEO_TOP)/package/$(1)/programs.txt))
+	$(wildcard $(patsubst %,%/package/$(1)/programs.txt,$(DDXVIDEO_TOP) $(BR2_EXTERNAL_DIRS))) /dev/null))
+
+# Other trees' files for the root file system; later ones win. Ours are in the configurations of the boards.
+BR2_ROOTFS_OVERLAY := $(call qstrip,$(BR2_ROOTFS_OVERLAY)) $(wildcard $(addsuffix /overlay,$(BR2_EXTERNAL_DIRS)))
 
 include $(sort $(wildcard $(DDXVIDEO_TOP)/package/*/*.mk))
 

@@ -7,7 +7,8 @@ foreign: only what the image takes from others (kernel, BusyBox, FFmpeg), which 
 import pathlib
 import sys
 
-from parts.common import OUTPUT, TOP, Failed, alone, fingerprint, run, say, step
+from parts import trees
+from parts.common import OUTPUT, TOP, alone, finish, fingerprint, run, say, step
 from parts.image import busybox, ffmpeg, kernel, native, rootfs, tables
 
 DEV = OUTPUT / "dev"
@@ -38,7 +39,7 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
 
     parts = tools / "parts/image"
     key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "tables.py", parts / "kernel.py",
-                       TOP / "overlay", TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.TABLES,
+                       *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.tables(),
                        DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name)
     with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it
         step("root file system", DEV / "root.stamp", key, make_root)
@@ -48,18 +49,15 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
 
 def main() -> int:
     what = sys.argv[1] if len(sys.argv) > 1 else "dev"
-    try:
-        if what == "foreign":
-            foreign()
-            return 0
-        packages = native.build()
-        if what == "dev":
-            say(f"image: {dev([packages]).relative_to(TOP)}")
-    except Failed as error:
-        say(f"build: {error}")
-        return 1
+    if what == "foreign":
+        foreign()
+        return 0
+    tables.programs()  # tables that contradict each other are refused before anything is built
+    packages = native.build()
+    if what == "dev":
+        say(f"image: {dev([packages]).relative_to(TOP)}")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("build", main)

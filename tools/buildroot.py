@@ -5,9 +5,11 @@
 usage: buildroot.py boards                     the boards there are: configs/ddxvideo_<board>_defconfig
        buildroot.py image BOARD                build everything, output/<board>/disk.img
        buildroot.py make BOARD [TARGET|V=...]  any target of Buildroot's: linux-rebuild, legal-info, menuconfig ...
+       buildroot.py sdk BOARD                  a compiler for the board, output/<board>/ddxvideo-<board>-sdk.tar.gz
        buildroot.py reproduce BOARD            build everything once more from nothing, and compare the images
        buildroot.py check                      Buildroot's check-package on our tree
 
+EXTERNAL=path[:path]     trees outside of ours: docs/programs.md
 BUILDROOT=folder         a checkout of Buildroot to use instead of one of our own; it has to be of the pinned commit
 BUILDROOT_URL=url        where to clone it from
 BUILDROOT_OUTPUT=folder  where to build (O=); the same image comes out of the same folder only
@@ -20,20 +22,19 @@ import subprocess
 import sys
 
 import lint
+from parts import trees
 from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
 from parts.disk import disk
 from parts.guest import machine
+from parts.image import tables
 from parts.release import renew
-from parts.release.renew import EXTERNAL
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
-DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
 
 
 def boards() -> list[str]:
-    names = (DEFCONFIG.fullmatch(path.name) for path in (EXTERNAL / "configs").iterdir())
-    return sorted(name[1] for name in names if name)
+    return sorted(trees.defconfigs())
 
 
 def _own_checkout() -> pathlib.Path:
@@ -81,16 +82,20 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     """Buildroot's command and its environment, with the board's configuration in place."""
     if board not in boards():
         raise Failed(f"no board {board!r}; there are: {' '.join(boards())}")
+    tables.programs()  # tables that contradict each other are refused before anything is built
+    external = trees.buildroot().values()
     build = output(board)
     build.mkdir(parents=True, exist_ok=True)
-    command = ["make", "-C", str(checkout()), f"O={build}", f"BR2_EXTERNAL={EXTERNAL}"]
+    command = ["make", "-C", str(checkout()), f"O={build}", f"BR2_EXTERNAL={':'.join(map(str, external))}"]
     env = environment()
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
-    defconfig = EXTERNAL / f"configs/ddxvideo_{board}_defconfig"
+    defconfig = trees.defconfigs()[board]
     # As long as neither the defconfig nor what there is to choose from changes, menuconfig's changes stay.
     stamp = build / ".defconfig"
-    key = fingerprint([defconfig, *EXTERNAL.glob("Config*"), *TOP.glob("package/*/Config*")])
+    choices = [path for tree in external for path in tree.glob("Config*")]
+    choices += [path for package in trees.packages().values() for path in package.glob("Config*")]
+    key = fingerprint([defconfig, *choices])
     if not (build / ".config").exists() or not stamp.exists() or stamp.read_text() != key:
         run([*command, defconfig.name], env=env)
         stamp.write_text(key)
@@ -156,6 +161,15 @@ def image(board: str) -> pathlib.Path:
     return path
 
 
+def sdk(board: str) -> pathlib.Path:
+    """Buildroot's compiler with the headers and libraries of all packages, to be unpacked anywhere."""
+    image(board)
+    name = f"ddxvideo-{board}-sdk"
+    make(board, f"BR2_SDK_PREFIX={name}", "sdk", show=False)
+    copy(output(board) / f"images/{name}.tar.gz", OUTPUT / board / f"{name}.tar.gz")
+    return OUTPUT / board / f"{name}.tar.gz"
+
+
 def differences(first: pathlib.Path, second: pathlib.Path) -> list[str]:
     """Files of two unpacked root file systems that are not the same, or are in one of them only."""
     done = subprocess.run(["diff", "--recursive", "--brief", "--no-dereference", first, second], check=False, text=True,
@@ -201,6 +215,8 @@ def main() -> int:
                 say(f"{board:12} {machine.meta(board)['title']}")
         case ["image", board]:
             say(f"image: {image(board).relative_to(TOP)}")
+        case ["sdk", board]:
+            say(f"sdk: {sdk(board).relative_to(TOP)}")
         case ["reproduce", board]:
             say(f"{board}: both builds gave the same image, {reproduce(board)}")
         case ["make", board, *words]:

@@ -25,16 +25,16 @@ import build
 import buildroot
 from parts.common import OUTPUT, TOP, Failed, alone, commit, say
 from parts.guest import machine
-from parts.image import native
+from parts.image import native, tables
 from parts.testing import suite
 from parts.testing.suite import Test
 
 SANITIZE = "-Db_lundef=false"  # the sanitizers' run time is found when a program starts
-Build = tuple[str, list[str], list[str]]  # name, options for meson, packages
+Build = tuple[str, list[str], list[str] | None]  # name, options for meson, packages (None: all)
 # Builds whose C tests are run. The first one goes into the image.
 BUILDS: list[Build] = [
-    ("desk", [], native.PACKAGES),
-    ("address", ["-Db_sanitize=address,undefined", SANITIZE], native.PACKAGES),
+    ("desk", [], None),
+    ("address", ["-Db_sanitize=address,undefined", SANITIZE], None),
     ("thread", ["-Db_sanitize=thread", SANITIZE], ["ddx"]),
     ("m32", [f"-D{language}{what}=-m32" for language in ("c", "cpp") for what in ("_args", "_link_args")], ["ddx"]),
 ]
@@ -62,7 +62,7 @@ def c_tests(run: suite.Suite, build: Build, made: "Future[pathlib.Path]") -> Non
     name, _, packages = build
     with run.part(f"build: {name}"):
         root = made.result()
-    for package in packages:
+    for package in packages or native.packages():
         with run.part(f"C tests: {name}"):
             run.meson(name, package, native.environment(root), beside=build is not BUILDS[0])
 
@@ -105,6 +105,7 @@ def product(run: suite.Suite, words: list[str]) -> None:
 
 
 def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
+    tables.programs()  # trees that contradict each other are refused before anything is built
     if board:
         if board != machine.DEV:
             machine.image(board)
@@ -140,7 +141,7 @@ def main() -> int:
         all_tests(run, words, os.environ.get("BOARD", ""))
     except Failed as error:
         say(f"test: {error}")
-        return 1
+        return error.status
     took = time.monotonic() - begin
     say(run.table())
     if not run.long and not words:

@@ -56,6 +56,17 @@ def test_settings_and_recordings_are_mounted(guest: Guest) -> None:
     assert guest.sh("stat -c '%U %G %a' /rec") == "ddxsave ddx 2755"
 
 
+def test_programs_run_from_data_and_from_memory(guest: Guest) -> None:
+    """Where docs/programs.md has a program of one's own tried."""
+    for folder, runs in [("/data", True), ("/run", True), ("/tmp", True), ("/rec", False)]:
+        guest.sh(f"cp /bin/busybox {folder}/uname")
+        assert (guest.shell().run(f"{folder}/uname")[0] == 0) == runs, folder
+        guest.sh(f"rm {folder}/uname")
+    guest.sh("cp /bin/busybox /data/true && mount -o bind /data/true /usr/bin/decode")  # it is off
+    assert guest.sh("cmp /data/true /usr/bin/decode && echo same").strip() == "same"
+    guest.sh("umount /usr/bin/decode && rm /data/true")
+
+
 def test_no_start_has_failed(guest: Guest) -> None:
     for line in guest.sh("cat /run/log/boot").splitlines():
         begin, end, status, name = line.split()

@@ -5,6 +5,7 @@ import pathlib
 from collections.abc import Callable
 
 import pytest
+from parts import trees
 from parts.release import renew
 
 CONFIG = """# a comment
@@ -17,6 +18,12 @@ BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/m
 """
 ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxgrow-reconfigure", "ddxlog-reconfigure",
        "ddxservice-reconfigure", "ddxvideo-reconfigure", "ffmpeg-reconfigure", "linux-reconfigure"]
+
+
+@pytest.fixture(autouse=True)
+def _ours_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other trees, which a run of all tests may have, need not be for Buildroot."""
+    monkeypatch.delenv("EXTERNAL", raising=False)
 
 
 def changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
@@ -50,9 +57,9 @@ def test_a_package_is_made_of_those_that_it_needs(tmp_path: pathlib.Path) -> Non
                        ("foreign", "FOREIGN_SITE = elsewhere\n")]:
         (tmp_path / name).mkdir()
         (tmp_path / name / f"{name}.mk").write_text(text)
-    assert renew.local_packages(tmp_path) == {"low": ["low"], "middle": ["low", "middle"],
+    assert trees.local_packages(tmp_path.iterdir()) == {"low": ["low"], "middle": ["low", "middle"],
                                               "high": ["high", "low", "middle"]}
-    assert renew.local_packages()["ddxvideo"] == ["ddx", "ddxvideo"]
+    assert trees.local_packages()["ddxvideo"] == ["ddx", "ddxvideo"]
 
 
 WANTED = {renew.CLEAN: "1", renew.TARGET: "1", "ddx-reconfigure": "1", "linux-reconfigure": "1"}

@@ -30,6 +30,12 @@ Command = Sequence[str | os.PathLike[str]]
 
 class Failed(Exception):
     """Something went wrong that is best told in one line."""
+    status = 1
+
+
+class BadInput(Failed):
+    """The caller's words or files are wrong."""
+    status = 2
 
 
 def say(text: str) -> None:
@@ -90,12 +96,12 @@ def alone(name: str, lock: pathlib.Path) -> Iterator[None]:
 
 
 def finish(name: str, main: Callable[[], int]) -> NoReturn:
-    """Run a tool's main() and end with its status; what failed is one line and status 1."""
+    """Run a tool's main() and exit with its status; a failure is one line and status 1, bad input status 2."""
     try:
         sys.exit(main())
     except Failed as error:
         say(f"{name}: {error}")
-        sys.exit(1)
+        sys.exit(error.status)
 
 
 def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:

@@ -5,7 +5,8 @@ import os
 import pathlib
 import shutil
 
-from parts.common import OUTPUT, TOP, Failed, entries, fingerprint
+from parts import trees
+from parts.common import OUTPUT, Failed, entries, fingerprint
 
 DEV = "dev"  # the development image; all others are built by Buildroot
 OVMF = pathlib.Path("/usr/share/OVMF")
@@ -21,11 +22,10 @@ BUSES = {
 
 
 def meta(board: str) -> dict[str, str]:
-    path = TOP / "board" / board / "meta"
-    if not path.is_file():
-        known = sorted(one.parent.name for one in (TOP / "board").glob("*/meta"))
-        raise Failed(f"no board {board!r}; there are: {' '.join(known)}")
-    return dict(line.split("=", 1) for line in entries(path))
+    known = trees.boards()
+    if board not in known:
+        raise Failed(f"no board {board!r}; there are: {' '.join(sorted(known))}")
+    return dict(line.split("=", 1) for line in entries(known[board] / "meta"))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -66,9 +66,8 @@ def machines(board: str) -> list[Machine]:
 
 
 def sources(board: str) -> str:
-    """A hash over everything of ours that goes into a board's image."""
-    return fingerprint([TOP / "package", TOP / "overlay", TOP / "board/common", TOP / "board" / board,
-                        TOP / "buildroot-external"])
+    """A hash over everything of ours, and of other trees, that goes into a board's image."""
+    return fingerprint(trees.sources(board))
 
 
 def image(board: str) -> pathlib.Path:
@@ -78,5 +77,6 @@ def image(board: str) -> pathlib.Path:
     if not path.exists():
         raise Failed(f"there is no image for {board}; `make image BOARD={board}` builds it, in about an hour")
     if (path.parent / "sources").read_text() != sources(board):
-        raise Failed(f"the image for {board} is older than its sources; `make image BOARD={board}` renews it")
+        raise Failed(f"the image for {board} is older than its sources, or made with another EXTERNAL; "
+                     f"`make image BOARD={board}` renews it")
     return path

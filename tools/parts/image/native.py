@@ -1,13 +1,23 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The packages built on the desk, each a meson project, installed into output/desk/root, which the image uses too."""
+import json
 import pathlib
+import shutil
 from collections.abc import Sequence
 
+from parts import trees
 from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
 
-PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]
+PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
 LIBRARIES = "usr/lib/x86_64-linux-gnu"
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
+
+
+def packages() -> list[str]:
+    """Ours, then those of other trees; each comes after those that it is made of."""
+    made_of = trees.local_packages()
+    others = [name for name, folder in trees.foreign().items() if (folder / "meson.build").exists()]
+    return [*PACKAGES, *sorted(others, key=lambda name: (len(made_of.get(name, [])), name))]
 
 
 def static_library() -> list[str]:
@@ -25,18 +35,35 @@ def environment(root: pathlib.Path) -> dict[str, str]:
             "LD_LIBRARY_PATH": str(libraries)}
 
 
-def build(name: str = "desk", options: Sequence[str] = (), packages: Sequence[str] = PACKAGES,
-          tree: pathlib.Path = TOP) -> pathlib.Path:
-    """Build packages of the tree in output/<name>, with these options for meson; the install tree."""
-    root = OUTPUT / name / "root"
+def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str] | None = None,
+          tree: pathlib.Path | None = None) -> pathlib.Path:
+    """Build the chosen packages (None: all) in output/<name>, with these options for meson; the install tree. `tree`:
+    packages of another copy of our tree."""
+    root, folders = OUTPUT / name / "root", trees.packages()
+    wanted = packages() if chosen is None else chosen
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
-        for package in packages:
-            _build(OUTPUT / name / package, root, tree, options)
+        _drop_foreign(OUTPUT / name)
+        for package in wanted:
+            sources = tree / "package" / package if tree else folders[package]
+            _build(OUTPUT / name / package, root, sources, options)
     return root
 
 
-def _build(out: pathlib.Path, root: pathlib.Path, tree: pathlib.Path, options: Sequence[str]) -> None:
-    title, sources = f"{out.parent.name}: {out.name}", tree / "package" / out.name
+def _drop_foreign(out: pathlib.Path) -> None:
+    """A package of a tree that EXTERNAL no longer names must not stay in an image. No file says which package brought
+    it, so all packages are installed again."""
+    record, now = out / "foreign.json", {name: str(folder) for name, folder in trees.foreign().items()}
+    before: dict[str, str] = json.loads(record.read_text()) if record.exists() else {}
+    gone = [name for name in before if now.get(name) != before[name]]
+    for name in ["root", *gone] if gone else []:
+        shutil.rmtree(out / name, ignore_errors=True)
+    if now != before:
+        out.mkdir(parents=True, exist_ok=True)
+        record.write_text(json.dumps(now))
+
+
+def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options: Sequence[str]) -> None:
+    title = f"{out.parent.name}: {out.name}"
     env = {**environment(root), "DESTDIR": str(root)}
     if not (out / "build.ninja").exists():
         say(f"{title}: configuring ...")

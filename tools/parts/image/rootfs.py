@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 
+from parts import trees
 from parts.common import TOP, entries, run
 from parts.image import tables
 
@@ -51,7 +52,8 @@ def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, pa
             if (package / folder).is_dir():
                 shutil.copytree(package / folder, root / folder, symlinks=True, dirs_exist_ok=True,
                                 ignore=shutil.ignore_patterns(*UNWANTED))
-    shutil.copytree(TOP / "overlay", root, symlinks=True, dirs_exist_ok=True)
+    for overlay in trees.each("overlay"):  # a file takes the place of a link, and is not written through it
+        run(["cp", "-a", "--remove-destination", f"{overlay}/.", root])
     run([COMMON / "post-build.sh", root])
     _add_users(root)
 

@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The packages' tables of programs, package/*/programs.txt: what runs as a service, and as whom."""
 import dataclasses
+import pathlib
+import re
 
-from parts.common import TOP, entries
+from parts import trees
+from parts.common import BadInput, entries
 
 GROUP, GROUP_NUMBER = "ddx", 900
-TABLES = sorted(TOP.glob("package/*/programs.txt"))
+LINE = re.compile(r"\S+\s+(S\d\d[\w-]+|-)\s+(?:([a-z][a-z0-9_-]*)\s+(9(?!00)\d\d)|-\s+-)\s+(\S[^:]*)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -14,12 +17,38 @@ class Program:
     user: str
     number: str
     what: str
+    table: pathlib.Path
+
+    def names(self) -> list[tuple[str, str]]:
+        """What no other program may have."""
+        script = [] if self.script == "-" else [("service", self.script[3:])]
+        return [*script, ("user", self.user), ("number", self.number)]
+
+
+def tables() -> list[pathlib.Path]:
+    """Of the packages of all trees."""
+    paths = [folder / "programs.txt" for folder in trees.packages().values()]
+    return [path for path in paths if path.exists()]
+
+
+def _lines(table: pathlib.Path) -> list[Program]:
+    found = [(line, LINE.fullmatch(line)) for line in entries(table)]
+    for line, words in found:
+        if not words:
+            raise BadInput(f"{table}: {line!r}: needed are folder, init script, user, number from 901 to 999, purpose")
+    return [Program(words[1], words[2], words[3], words[4], table) for _, words in found if words and words[2]]
 
 
 def programs() -> list[Program]:
     """All that have a user of their own, in the order of the users' numbers."""
-    lines = [line.split(None, 4)[1:] for table in TABLES for line in entries(table)]
-    return sorted((Program(*words) for words in lines if words[1] != "-"), key=lambda one: one.number)
+    found = [one for table in tables() for one in _lines(table)]
+    taken: dict[tuple[str, str], pathlib.Path] = {}
+    for one in found:
+        for kind, word in one.names():
+            if (kind, word) in taken:
+                raise BadInput(f"{one.table}: the {kind} {word} is in {taken[kind, word]} already; choose another one")
+            taken[kind, word] = one.table
+    return sorted(found, key=lambda one: one.number)
 
 
 def scripts() -> list[str]:

@@ -1,18 +1,20 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Compare an image with board/common/manifest.txt: an unpacked root, a kernel configuration, a disk."""
+"""Compare an image with board/common/manifest.txt of each tree: an unpacked root, a kernel configuration, a disk."""
 import json
 import pathlib
 import re
 
-from parts.common import TOP, entries, run
+from parts import trees
+from parts.common import entries, run
 from parts.image import tables
 
-MANIFEST = TOP / "board/common/manifest.txt"
+MANIFEST = "board/common/manifest.txt"
 
 
 def lines() -> list[str]:
-    """Those of the file, and what the tables of programs add: users and services."""
-    return [*entries(MANIFEST), *(f"user {one.user} {one.number} {tables.GROUP}" for one in tables.programs()),
+    """Those of the files, and what the tables of programs add: users and services."""
+    return [*(line for path in trees.each(MANIFEST) for line in entries(path)),
+            *(f"user {one.user} {one.number} {tables.GROUP}" for one in tables.programs()),
             *(f"service {script}" for script in tables.scripts())]
 
 
@@ -65,7 +67,7 @@ def accounts(root: pathlib.Path) -> list[str]:
 
 def services(root: pathlib.Path) -> tuple[list[str], list[str]]:
     """What starts, in order: as wanted, and as it is."""
-    return _words("service"), sorted(path.name for path in (root / "etc/init.d").glob("S*"))
+    return sorted(_words("service")), sorted(path.name for path in (root / "etc/init.d").glob("S*"))
 
 
 def disk(image: pathlib.Path) -> list[str]:

@@ -9,9 +9,9 @@ import pathlib
 import re
 import shutil
 
+from parts import trees
 from parts.common import TOP, fingerprint
 
-EXTERNAL = TOP / "buildroot-external"
 CLEAN, TARGET = "clean", "target"
 # Options that name files of ours (those are looked at), or what is done anew in each build.
 NAMES_FILES = re.compile(r"BR2_(ROOTFS_(OVERLAY|POST_\w+_SCRIPT|DEVICE_TABLE)|GLOBAL_PATCH_DIR|PACKAGE_BUSYBOX_CONFIG|"
@@ -22,20 +22,11 @@ BUSYBOX = ["board/common/busybox.config", "board/common/manifest.txt", "tools/bu
            "tools/parts/image/busybox.py"]
 
 
-def local_packages(folder: pathlib.Path = TOP / "package") -> dict[str, list[str]]:
-    """Those whose source is in our tree, and which of them each is made of, itself included."""
-    texts = {path.parent.name: path.read_text() for path in sorted(folder.glob("*/*.mk"))}
-    local = {name: text for name, text in texts.items() if "_SITE_METHOD = local" in text}
-    needs = {name: set(" ".join(re.findall(r"_DEPENDENCIES \+?= (.*)", text)).split()) & set(local)
-             for name, text in local.items()}
-    result: dict[str, list[str]] = {}
-    for name in local:
-        whole, wanted = {name}, set(needs[name])
-        while wanted - whole:
-            whole |= wanted
-            wanted = {one for other in whole for one in needs[other]}
-        result[name] = sorted(whole)
-    return result
+def _kernel_files(config: str) -> list[pathlib.Path]:
+    text = " ".join(KERNEL.findall(config))
+    for name, tree in trees.buildroot().items():
+        text = text.replace(f"$(BR2_EXTERNAL_{name}_PATH)", str(tree))
+    return [pathlib.Path(name).resolve() for name in text.split()]
 
 
 def keys(config: str, commit: str, sources: str) -> dict[str, str]:
@@ -43,17 +34,20 @@ def keys(config: str, commit: str, sources: str) -> dict[str, str]:
     .config, `commit`: Buildroot's, `sources`: of all of ours that goes into the image."""
     options = [line for line in config.splitlines() if line.startswith("BR2_") and not NAMES_FILES.match(line)]
     ffmpeg = [line for line in options if line.startswith(FFMPEG)]
-    local = local_packages()
-    foreign = [path for path in sorted((TOP / "package").iterdir()) if path.is_dir() and path.name not in local]
-    whole = [EXTERNAL / "external.mk", *foreign, *sorted((TOP / "board/common/patches").rglob("*.patch"))]
-    kernel = " ".join(KERNEL.findall(config)).replace("$(BR2_EXTERNAL_DDXVIDEO_PATH)", str(EXTERNAL)).split()
+    folders, foreign, local = trees.packages(), trees.foreign(), trees.local_packages()
+    other = [folder for name, folder in folders.items() if name not in local]
+    # The appliance has all of ours; a package of another tree may be left out of the board's configuration.
+    made = [name for name in local
+            if name not in foreign or f"BR2_PACKAGE_{name.upper().replace('-', '_')}=y" in options]
+    makefiles = [tree / "external.mk" for tree in trees.buildroot().values()]
+    patches = [path for folder in trees.each("board/common/patches") for path in sorted(folder.rglob("*.patch"))]
+    whole = [*makefiles, *other, *patches]
     return {CLEAN: fingerprint(whole, commit, *(line for line in options if line not in ffmpeg)),
             TARGET: fingerprint([], commit, sources, *options),
-            **{f"{name}-reconfigure": fingerprint([TOP / "package" / one for one in needs])
-               for name, needs in local.items()},
+            **{f"{name}-reconfigure": fingerprint([folders[one] for one in local[name]]) for name in made},
             "ffmpeg-reconfigure": fingerprint([], *ffmpeg),
             "busybox-reconfigure": fingerprint([TOP / name for name in BUSYBOX]),
-            "linux-reconfigure": fingerprint([pathlib.Path(name).resolve() for name in kernel])}
+            "linux-reconfigure": fingerprint(_kernel_files(config))}
 
 
 def fresh_target(build: pathlib.Path) -> None:

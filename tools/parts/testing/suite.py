@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Iterator, Sequence
 
+from parts import trees
 from parts.common import OUTPUT, TOP, say
 from parts.image import native
 
@@ -96,7 +97,7 @@ class Suite:
     def meson_named(self, only: str) -> None:
         """One C test, in the packages of the desk's build that have it."""
         root = OUTPUT / "desk/root"
-        for package in native.PACKAGES:
+        for package in native.packages():
             folder = OUTPUT / "desk" / package
             listed = subprocess.run(["meson", "test", "--list", "-C", folder], stdin=subprocess.DEVNULL, text=True,
                                     stdout=subprocess.PIPE, check=False).stdout  # fails where there are no tests
@@ -134,8 +135,8 @@ class Suite:
             results.write_text("")
             tier = f"--tier={'long' if self.long else 'gate'}"
             command = ["/usr/bin/python3", "-B", "-m", "pytest", tier, *arguments]
-            done = subprocess.run(command, cwd=TOP, env={**os.environ, "BOARD": board, "DDX_RESULTS": str(results)},
-                                  stdin=subprocess.DEVNULL, check=False)
+            env = {**os.environ, "BOARD": board, "EXTERNAL": trees.words(), "DDX_RESULTS": str(results)}
+            done = subprocess.run(command, cwd=TOP, env=env, stdin=subprocess.DEVNULL, check=False)
             lines = [json.loads(line) for line in results.read_text().splitlines()]
             if done.returncode not in (0, 1, 5):
                 self.broken.append(f"pytest {' '.join(arguments)}: exit status {done.returncode}")
