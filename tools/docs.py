@@ -1,6 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""docs.py [BOARD]: types each command of docs/technician.md into the image, as a technician would; takes pictures."""
+"""docs.py [BOARD]: types each command of docs/technician.md, as a technician would; takes pictures.
+
+Those after `robot#` are typed into the image, those after `laptop>` into two shells of this machine.
+"""
 import json
 import pathlib
 import re
@@ -10,17 +13,20 @@ from typing import Any
 
 import build
 from parts.common import OUTPUT, TOP, Failed, run, say
-from parts.guest import machine, qemu, session, testdisk
+from parts.guest import laptop, machine, qemu, session, testdisk
+from parts.guest.laptop import Laptop
 from parts.guest.qemu import Guest
 from parts.image import native
 from parts.media import clip
 
 PAGE = TOP / "docs/technician.md"
-PROMPT = re.compile(r"^    robot# (.*)$", re.M)
+ROBOT, LAPTOP = "robot#", "laptop>"
+PROMPT = re.compile(rf"^    ({ROBOT}|{LAPTOP}) (.*)$", re.M)
+KEY = "ed25519"  # in a command: it makes the laptop's key, or shows it, before there is a robot
 PICTURES = {"start": "", "health": "ddxctl health", "services": "ddxctl services"}
 ANSWERS = {"ddxctl reset settings": "settings"}
 COMPLAINS = "ddxctl health"  # its status 1 is a complaint about the machine, which may be busy
-EXAMPLE = "video-000012"     # a recording that the page speaks of; any that is there will do
+EXAMPLE = re.compile(r"(video-000012)(-\d+T\d+Z\.y4m)?")  # of the page; any recording that is there will do
 STICK_MB = 1024
 GROWS = 1 << 30              # bytes that the disk is larger than the image
 KEYS = {" ": "spc", "-": "minus", ".": "dot", "=": "equal", "/": "slash", "\n": "ret"}
@@ -51,24 +57,36 @@ def pictures(guest: Guest) -> None:
         picture(guest, name)
 
 
-def commands() -> list[str]:
-    """What the page has typed at the machine."""
+def commands() -> list[tuple[str, str]]:
+    """What the page has typed, and where: ROBOT or LAPTOP."""
     return PROMPT.findall(PAGE.read_text())
 
 
-def provide(image: pathlib.Path, work: pathlib.Path) -> dict[str, Any]:
-    """What the guest needs: a clip to record, a cable, a stick, and room."""
+def laptops(work: pathlib.Path) -> list[Laptop]:
+    """One with each shell. Each has made a key, as the page says."""
+    port = laptop.free_port()
+    found = [Laptop(work / "laptops", shell, port) for shell in laptop.SHELLS]
+    for one in found:
+        for _, command in commands():
+            if KEY in command:
+                one.sh(command)
+    return found
+
+
+def provide(image: pathlib.Path, work: pathlib.Path, users: list[Laptop]) -> dict[str, Any]:
+    """What the guest needs: a clip to record, a cable, a stick, room, and the laptops' keys."""
     work.mkdir(parents=True, exist_ok=True)
     stick = work / "stick.img"
     stick.unlink(missing_ok=True)
     run(["mkfs.vfat", "-C", stick, str(STICK_MB << 10)])
     disk = testdisk.make(work / "docs.img", clip.write(work / "docs.y4m", 10),
                          {"ddxvideoload.conf": "loop=\nrate=0.4\n", "ddxvideosave.conf": "segment=8\n"})
-    extra = ("-netdev", "user,id=net", "-device", "virtio-net-pci,netdev=net", "-device", "qemu-xhci,id=usb",
+    extra = (*laptop.forward(users[0].port), "-device", "qemu-xhci,id=usb",
              "-drive", f"if=none,id=stick,file={stick},format=raw,cache=unsafe",
              "-device", "usb-storage,bus=usb.0,drive=stick,removable=on")
+    keys = "".join(f"ssh_key={one.key()}\n" for one in users)
     return {"test_disk": disk, "extra": extra, "size": image.stat().st_size + GROWS,
-            "provision": "hostname=robot1\nnetwork=eth0 dhcp\nservice=ddxvideoV4L off\n"}
+            "provision": f"hostname=robot1\nnetwork=eth0 dhcp\nservice=ddxvideoV4L off\n{keys}"}
 
 
 def prepare(guest: Guest) -> None:
@@ -81,25 +99,33 @@ def prepare(guest: Guest) -> None:
 
 def there(guest: Guest, command: str) -> str:
     """The command, about a recording that there is."""
-    if EXAMPLE not in command:
+    if not EXAMPLE.search(command):
         return command
-    found = [json.loads(line) for line in guest.sh("ddxctl recordings list --json").splitlines()]
-    return command.replace(EXAMPLE, str(found[0]["recording"]))
+    found = json.loads(guest.sh("ddxctl recordings list --json").splitlines()[0])
+    return EXAMPLE.sub(lambda match: str(found["files"][0] if match[2] else found["recording"]), command)
 
 
-def check(guest: Guest, command: str) -> bool:
+def typed(guest: Guest, users: list[Laptop], who: str, command: str) -> list[tuple[int, str]]:
+    """Exit status and words of the command, at the robot or at each of the laptops."""
+    if who == LAPTOP:
+        return [one.type(command) for one in users]
+    answer = ANSWERS.get(command)
+    return [guest.shell().run(f"echo {answer} | {command}" if answer else command)]
+
+
+def check(guest: Guest, users: list[Laptop], who: str, command: str) -> bool:
     """It has to succeed, without a complaint."""
     if command == "poweroff":
         guest.poweroff()
         return True
-    answer = ANSWERS.get(command)
-    real = there(guest, command)
-    status, text = guest.shell().run(f"echo {answer} | {real}" if answer else real)
-    good = status == 0 or (command == COMPLAINS and status == 1)
-    say(f"docs: {'fine' if good else 'FAILED'}: {command}")
-    if not good:
+    if KEY in command:
+        return True  # was typed at the beginning
+    wrong = [text for status, text in typed(guest, users, who, there(guest, command))
+             if status != 0 and not (COMPLAINS in command and status == 1)]
+    say(f"docs: {'FAILED' if wrong else 'fine'}: {who} {command}")
+    for text in wrong:
         say(text)
-    return good
+    return not wrong
 
 
 def main() -> int:
@@ -108,11 +134,12 @@ def main() -> int:
     try:
         dev = build.dev([native.build()])
         image = dev if board == machine.DEV else machine.image(board)
+        users = laptops(OUTPUT / "docs")
         with Guest(image, qemu.acceleration(dev), machine.machines(board)[0],
-                   **provide(image, OUTPUT / "docs")) as guest:
+                   **provide(image, OUTPUT / "docs", users)) as guest:
             prepare(guest)
             pictures(guest)
-            good = all([check(guest, command) for command in commands()])
+            good = all([check(guest, users, *line) for line in commands()])
     except Failed as error:
         say(f"docs: {error}")
         return 1

@@ -12,8 +12,11 @@ pytestmark = pytest.mark.long
 
 def test_each_command_of_the_technicians_page(boot: Boot, image: pathlib.Path, work: pathlib.Path) -> None:
     commands = docs.commands()
-    assert len(commands) > 10 and commands[-1] == "poweroff"
-    with boot("docs", **docs.provide(image, work / "docs")) as guest:
+    assert {who for who, _ in commands} == {docs.ROBOT, docs.LAPTOP}
+    assert len(commands) > 10 and commands[-1] == (docs.ROBOT, "poweroff")
+    users = docs.laptops(work / "docs")
+    with boot("docs", **docs.provide(image, work / "docs", users)) as guest:
         docs.prepare(guest)
-        assert not docs.check(guest, "ddxctl enable ddxvideo")  # the check itself
-        assert [one for one in commands if not docs.check(guest, one)] == []
+        assert not docs.check(guest, users, docs.ROBOT, "ddxctl enable ddxvideo")  # the check itself
+        assert not docs.check(guest, users, docs.LAPTOP, "scp root@robot1:/nothing .")
+        assert [line for line in commands if not docs.check(guest, users, *line)] == []

@@ -2,7 +2,6 @@
 """SSH: whose key is in ddx.txt gets in, nobody else; recordings come out; nothing else listens."""
 import pathlib
 import re
-import socket
 import subprocess
 from collections.abc import Iterator
 
@@ -10,6 +9,7 @@ import pytest
 
 from parts.common import PATIENCE, run
 from parts.guest import session, testdisk
+from parts.guest.laptop import forward, free_port
 from parts.guest.qemu import Boot, Guest
 from parts.media import clip as default_clip
 from parts.media.recording import FileSystem
@@ -34,16 +34,6 @@ class Robot:
     def ssh(self, *command: str, key: str = "mine") -> "subprocess.CompletedProcess[str]":
         words = ["ssh", *self.options(key), "-p", str(self.port), "root@127.0.0.1", *command]
         return subprocess.run(words, capture_output=True, text=True, check=False, timeout=PATIENCE)
-
-
-def forward(port: int) -> tuple[str, ...]:
-    return ("-netdev", f"user,id=net,hostfwd=tcp:127.0.0.1:{port}-:22", "-device", "virtio-net-pci,netdev=net")
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return int(one.getsockname()[1])
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +78,17 @@ def test_recordings_come_out(robot: Robot, tmp_path: pathlib.Path) -> None:
     run(["rsync", "-e", shell, f"root@127.0.0.1:/rec/{name}", tmp_path / "rsync.y4m"])
     run(["sftp", "-q", *options, "-P", str(robot.port), f"root@127.0.0.1:/rec/{name}", tmp_path / "sftp.y4m"])
     assert (tmp_path / "rsync.y4m").read_bytes() == (tmp_path / "sftp.y4m").read_bytes() == wanted
+
+
+# That of clients before OpenSSH 9.0, which need a program scp on the robot, and that of later ones.
+@pytest.mark.parametrize("protocol", ["-O", "-s"])
+def test_scp_finds_the_recordings(robot: Robot, tmp_path: pathlib.Path, protocol: str) -> None:
+    run(["scp", protocol, "-q", *robot.options("mine"), "-P", str(robot.port), "root@127.0.0.1:/rec/*.y4m", tmp_path])
+    partition = FileSystem(robot.guest.snapshot())
+    names = [name for files in partition.recordings() for name in files]
+    assert names and sorted(path.name for path in tmp_path.iterdir()) == sorted(names)
+    for name in names:
+        assert (tmp_path / name).read_bytes() == partition.take(name, tmp_path / "wanted").read_bytes()
 
 
 def test_what_listens_is_what_was_declared(robot: Robot) -> None:

@@ -36,8 +36,10 @@ def applets(root: pathlib.Path) -> list[str]:
 
 
 def programs(root: pathlib.Path) -> list[str]:
-    names = [words[0] for words in wanted("program")]
-    return [name for name in names if not (root / name.lstrip("/")).is_file() or (root / name.lstrip("/")).is_symlink()]
+    """Those that are missing, or are an applet of BusyBox. One may be a link to another, as Dropbear's scp is."""
+    found = {words[0]: root / words[0].lstrip("/") for words in wanted("program")}
+    return [name for name, path in found.items()
+            if not path.is_file() or (path.is_symlink() and path.readlink().name == "busybox")]
 
 
 def kernel(config: pathlib.Path) -> list[str]:

@@ -1,0 +1,52 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""docs/technician.md: what a laptop is told to do works in the shells of Linux and macOS. With a robot: make docs."""
+from __future__ import annotations
+
+import os
+import pathlib
+import shlex
+import subprocess
+
+import pytest
+
+import docs
+from parts.guest.laptop import SHELLS
+
+# In place of a program that needs a robot: notes its words.
+NOTES = '#!/bin/sh\nfor word in "${0##*/}" "$@"; do printf "%s\\n" "$word"; done >> "$HOME/words"\n'
+
+
+@pytest.fixture
+def home(tmp_path: pathlib.Path) -> pathlib.Path:
+    """A laptop's, with a key."""
+    (tmp_path / ".ssh").mkdir()
+    (tmp_path / ".ssh/id_ed25519.pub").write_text("ssh-ed25519 AAAA me\n")
+    (tmp_path / "bin").mkdir()
+    for name in ("ssh", "scp", "ssh-keygen", "ffmpeg"):
+        (tmp_path / "bin" / name).write_text(NOTES)
+        (tmp_path / "bin" / name).chmod(0o755)
+    return tmp_path
+
+
+def words(home: pathlib.Path, shell: str, command: str) -> tuple[int, str, list[str]]:
+    """Exit status and complaint of a command, and the words of the programs that the shell started for it."""
+    (home / "words").write_text("")
+    done = subprocess.run([shell, "-c", command], cwd=home, timeout=60, capture_output=True, text=True, check=False,
+                          env={"HOME": str(home), "PATH": f"{home}/bin:{os.environ['PATH']}"})
+    return done.returncode, done.stderr, (home / "words").read_text().splitlines()
+
+
+def test_each_shell_understands_each_line(home: pathlib.Path) -> None:
+    lines = [command for who, command in docs.commands() if who == docs.LAPTOP]
+    assert any("*" in line for line in lines)
+    for line in lines:
+        typed = shlex.split(line.partition(" > ")[0])
+        started = typed if (home / "bin" / typed[0]).exists() else []
+        for shell in SHELLS:
+            assert words(home, shell, line) == (0, "", started), (shell, line)
+
+
+def test_a_shell_that_looks_for_the_name_on_the_laptop(home: pathlib.Path) -> None:
+    """The check itself: without quotes, macOS's shell starts nothing."""
+    status, said, started = words(home, "zsh-static", "scp root@robot1:/rec/*.y4m .")
+    assert (status, started) == (1, []) and "no matches found" in said

@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A laptop next to a guest: a home and a shell of its own, in which the guest's SSH is `root@robot1`.
+
+Its home is mounted over root's, in a mount namespace: ssh takes the home from the list of users, not from $HOME.
+"""
+import os
+import pathlib
+import re
+import shutil
+import socket
+import subprocess
+
+from parts.common import MORTAL, Failed
+
+SHELLS = ("sh", "zsh-static")  # of Linux and of macOS
+# ssh and ssh-keygen ask at a terminal only, and drop what was typed before they ask.
+SETUP = """\
+mount --bind "$1" /root && cd /root && export HOME=/root SHELL=/bin/sh LAPTOP_SHELL="$2" LAPTOP_COMMAND="$3" &&
+exec script -qec 'exec "$LAPTOP_SHELL" -c "$LAPTOP_COMMAND"' /dev/null
+"""
+ASKED = re.compile(r"(: |\? )$")
+
+
+def free_port() -> int:
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
+
+def forward(port: int) -> tuple[str, ...]:
+    """For a guest: a network card, with the guest's SSH at this port."""
+    return ("-netdev", f"user,id=net,hostfwd=tcp:127.0.0.1:{port}-:22", "-device", "virtio-net-pci,netdev=net")
+
+
+class Laptop:
+    def __init__(self, folder: pathlib.Path, shell: str, port: int) -> None:
+        self.home, self.shell, self.port = folder / shell, shell, port
+        shutil.rmtree(self.home, ignore_errors=True)
+        ssh = self.home / ".ssh"
+        ssh.mkdir(parents=True, mode=0o700)
+        (ssh / "config").write_text(f"Host robot1\n    HostName 127.0.0.1\n    Port {port}\n")
+
+    def type(self, command: str) -> tuple[int, str]:
+        """Exit status, and what was shown. Questions get `yes` where that is a choice, else only Enter."""
+        user = [] if os.geteuid() == 0 else ["--map-root-user"]
+        words = [*MORTAL, "unshare", "--mount", *user, "sh", "-c", SETUP, "sh", str(self.home), self.shell, command]
+        process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
+        assert process.stdin and process.stdout
+        shown = ""
+        while data := os.read(process.stdout.fileno(), 65536):
+            shown += data.decode(errors="replace")
+            if ASKED.search(shown):
+                process.stdin.write(b"yes\n" if "(yes/no" in shown.splitlines()[-1] else b"\n")
+                process.stdin.flush()
+        process.stdin.close()
+        process.stdout.close()
+        return process.wait(), shown
+
+    def sh(self, command: str) -> str:
+        """What is shown by a command, which has to succeed."""
+        status, shown = self.type(command)
+        if status:
+            raise Failed(f"exit status {status}: {self.shell}: {command}: {shown}")
+        return shown
+
+    def key(self) -> str:
+        """The public key, one line, after `ssh-keygen`."""
+        return (self.home / ".ssh/id_ed25519.pub").read_text().strip()
