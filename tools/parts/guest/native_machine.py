@@ -75,6 +75,7 @@ class NativeMachine:
         self.process = subprocess.Popen([*MORTAL, "unshare", *spaces, "sh", "-c", SETUP, "sh", self._place.name,
                                          str(root), str(keep)], stdin=subprocess.DEVNULL,
                                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+        self.init = 0  # its first process, as this machine counts
         self._enter: list[str] = []
         self._wait_for_init()
         self.wait_until("pidof runsvdir")
@@ -89,6 +90,7 @@ class NativeMachine:
             first = children.read_text().split()
             if not first or pathlib.Path(f"/proc/{first[0]}/comm").read_text() != "init\n":
                 return False
+            self.init = int(first[0])
             self._enter = ["nsenter", *ENTER, "--target", first[0], "env", "-i", PATH, "sh", "-c"]
             return True
         wait_until(there, "no machine of its own: its init does not come")

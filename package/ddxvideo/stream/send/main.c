@@ -21,7 +21,8 @@ int main(int argc, char **argv) {
          &sender.outlet.ttl, 0, 255},
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
          &sender.outlet.interface, 0, 0},
-        {"sdp", "FILE", "write a description of the stream for players", OPTION_TEXT, &sender.sdp, 0, 0},
+        {"sdp", "FILE", "write a description of the stream for players; FOLDER/: FOLDER/<instance>.sdp", OPTION_TEXT,
+         &sender.sdp, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 

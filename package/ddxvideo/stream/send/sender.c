@@ -4,7 +4,10 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <limits.h>
+#include <stdio.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "h264.h"
 #include "mpeg4.h"
@@ -100,6 +103,17 @@ static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry
     return false;
 }
 
+/* Where the description belongs, in path[PATH_MAX]: in the file that is named, or in the folder. 0 or -ENAMETOOLONG. */
+static int sdp_path(const struct sender *sender, char *path) {
+    size_t length = strlen(sender->sdp);
+    const char *name = sender->program.instance;
+    bool folder = length && sender->sdp[length - 1] == '/';
+    int size = snprintf(path, PATH_MAX, "%s%s%s", sender->sdp, folder ? name : "", folder ? ".sdp" : "");
+
+    return size < PATH_MAX ? 0 : -ENAMETOOLONG;
+}
+
+/* Pictures are sent all the same where the description cannot be written. */
 static void save_sdp(struct sender *sender, const AVPacket *encoded) {
     const struct ddxvideo_geometry *geometry = &sender->encoder.geometry;
     struct sdp sdp = {.name = sender->program.instance,
@@ -109,10 +123,21 @@ static void save_sdp(struct sender *sender, const AVPacket *encoded) {
                       .frame = encoded->data,
                       .size = (size_t)encoded->size,
                       .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
-    int error = sdp_save(&sdp, sender->sdp);
+    char path[PATH_MAX];
+    int error = sdp_path(sender, path);
 
+    if (!error)
+        error = sdp_save(&sdp, path);
     if (error)
-        fail(sender, sender->sdp, strerror(-error));
+        say("-sdp %s: no description for players: %s", sender->sdp, strerror(-error));
+}
+
+/* What is there describes the stream of a forerunner, which may have had other settings. */
+static void remove_sdp(const struct sender *sender) {
+    char path[PATH_MAX];
+
+    if (sender->sdp && !sdp_path(sender, path))
+        unlink(path);
 }
 
 /* After the first read, which may have given a frame: what was written since it began is ours to send. What nobody
@@ -211,6 +236,7 @@ int sender_run(struct sender *sender) {
     if (wrong || (id && !program_attach(&sender->program, sender->book, id, sender->name)))
         sender->status = EXIT_FAILED;
     else if (id) {
+        remove_sdp(sender);
         sender->video = program_find(id, sender->name, sender->book);
         sender->status = sender->video || errno == EINTR ? EXIT_OK : EXIT_FAILED;
         counters_open(&sender->counters, id);

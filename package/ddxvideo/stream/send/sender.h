@@ -15,7 +15,7 @@ struct sender {
     enum rtp_type type;
     long bitrate; /* kbit/s */
     struct outlet outlet;
-    const char *sdp; /* file, or NULL */
+    const char *sdp; /* file, or folder with a slash at its end, or NULL */
     /* how it stands */
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;

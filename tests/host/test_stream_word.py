@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""`ddxctl stream`: the description of what the service sends, with which a player opens it, and nothing else."""
+from __future__ import annotations
+
+import os
+import pathlib
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+import build
+from parts.guest.native_machine import NativeMachine
+from parts.image import native
+from parts.media import clip
+
+SEND, LAPTOP = "ddxvideosend", "ddxvideosend.laptop"
+
+
+@pytest.fixture
+def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
+    """One that plays a clip over and over, and can send to itself."""
+    if os.geteuid() != 0:
+        pytest.skip("a machine in namespaces of its own takes root")
+    (tmp_path / "test").mkdir()
+    clip.write(tmp_path / "test/clip.y4m", 1)
+    for name, lines in (("ddxvideoload", "loop="), (SEND, "interface=lo"), ("ddxvideosave", "enabled=no")):
+        (tmp_path / f"test/{name}.conf").write_text(f"{lines}\n")
+    with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:
+        yield machine
+
+
+def described(robot: NativeMachine, words: str = "") -> str:
+    """What goes into a file on the laptop."""
+    return robot.sh(f"ddxctl stream {words} 2> /dev/null")
+
+
+def played(robot: NativeMachine, sdp: pathlib.Path) -> bytes:
+    """Twenty pictures of the stream, by a player in the robot's network."""
+    inside = ["nsenter", "--net", "--target", str(robot.init)]
+    source = ["-protocol_whitelist", "file,udp,rtp", "-i", str(sdp), "-frames:v", "20"]
+    return subprocess.run([*inside, "ffmpeg", "-v", "error", "-nostdin", *source, "-pix_fmt", "gray", "-f", "rawvideo",
+                           "-"], check=True, timeout=60, stdout=subprocess.PIPE).stdout
+
+
+def test_what_is_sent_is_described(robot: NativeMachine, tmp_path: pathlib.Path) -> None:
+    off = f"ddxctl: stream: {SEND} is off; `ddxctl enable {SEND}` switches it on"
+    assert robot.run("ddxctl stream") == (1, off)
+    robot.sh(f"ddxctl enable {SEND}")
+    text = described(robot)
+    assert "c=IN IP4 239.255.20.5/1" in text and "m=video 8000 RTP/AVP 96" in text
+    assert f"ddxctl add {SEND}.NAME group=none to=ADDRESS" in robot.sh("ddxctl stream 2>&1 > /dev/null")
+    robot.sh(f"ddxctl add {LAPTOP} group=none to=127.0.0.1 port=9000")
+    sdp = tmp_path / "laptop.sdp"
+    sdp.write_text(described(robot, LAPTOP) + "\n")
+    assert "c=IN IP4 127.0.0.1\n" in sdp.read_text() and robot.sh(f"ddxctl stream {LAPTOP} 2>&1 > /dev/null") == ""
+    assert len(played(robot, sdp)) == 20 * clip.WIDTH * clip.HEIGHT
+    robot.sh(f"ddxctl stop {SEND}")
+    assert robot.run("ddxctl stream") == (1, off)
+
+
+def test_no_description_of_an_earlier_stream(robot: NativeMachine) -> None:
+    robot.sh(f"ddxctl enable {SEND}")
+    described(robot)
+    robot.sh("ddxctl stop ddxvideoload")
+    robot.sh(f"ddxctl restart {SEND}")
+    robot.sh("mkdir /run/bin && echo '#!/bin/sh' > /run/bin/usleep && chmod +x /run/bin/usleep")  # asks sooner again
+    status, said = robot.run("PATH=/run/bin:$PATH ddxctl stream")
+    assert status == 1 and "has sent no picture yet" in said
+    robot.sh("ddxctl start ddxvideoload")
+    assert described(robot).startswith("v=0")
+
+
+def test_root_s_files_are_no_descriptions(robot: NativeMachine) -> None:
+    """Neither through a link of the sender's user, nor by a name with slashes."""
+    robot.sh(f"ddxctl enable {SEND}")
+    described(robot)
+    robot.sh("echo secret > /data/secret.sdp; chmod 600 /data/secret.sdp")
+    robot.sh(f"chpst -u ddxsend:ddx ln -sf /data/secret.sdp /run/stream/{SEND}.sdp")
+    for words, wanted in (("", 1), ("../../data/secret", 2), ("nonsense", 2)):
+        status, said = robot.run(f"ddxctl stream {words}")
+        assert status == wanted and "secret\n" not in said + "\n"
+    assert f"there are: {SEND}" in robot.run("ddxctl stream nonsense")[1]
+
+
+def test_a_description_that_cannot_be_written_stops_no_stream(robot: NativeMachine) -> None:
+    robot.sh(f"chown root /run/stream; ddxctl enable {SEND}")
+    robot.wait_until(f"ddxctl stats --json | grep -q '{SEND}.*\"out\":[1-9]'")
+    robot.wait_until(f"ddxctl logs {SEND} | grep -q 'no description for players: Permission denied'")
