@@ -5,6 +5,7 @@ import re
 
 import pytest
 
+from parts.common import TOP
 from parts.guest import machine
 from parts.release import manifest
 
@@ -56,6 +57,12 @@ def test_services_and_their_order(root: pathlib.Path) -> None:
 
 def test_disk_layout(image: pathlib.Path) -> None:
     assert manifest.disk(image) == []
+
+
+def test_the_image_fits_a_card_of_1_gb(image: pathlib.Path) -> None:
+    """As docs/technician.md says; such a card may have some percent less."""
+    assert "a card of 1 GB" in (TOP / "docs/technician.md").read_text()
+    assert image.stat().st_size < 900e6
 
 
 def test_each_kind_of_line_can_be_spoilt() -> None:

@@ -2,6 +2,7 @@
 """docs/technician.md: what a laptop is told to do works in the shells of Linux and macOS. With a robot: make docs."""
 from __future__ import annotations
 
+import json
 import os
 import pathlib
 import shlex
@@ -11,6 +12,9 @@ import pytest
 
 import docs
 from parts.guest.laptop import SHELLS
+from parts.media import clip
+
+from .programs import Desk, ffmpeg, record
 
 # In place of a program that needs a robot: notes its words.
 NOTES = '#!/bin/sh\nfor word in "${0##*/}" "$@"; do printf "%s\\n" "$word"; done >> "$HOME/words"\n'
@@ -50,3 +54,23 @@ def test_a_shell_that_looks_for_the_name_on_the_laptop(home: pathlib.Path) -> No
     """The check itself: without quotes, macOS's shell starts nothing."""
     status, said, started = words(home, "zsh-static", "scp root@robot1:/rec/*.y4m .")
     assert (status, started) == (1, []) and "no matches found" in said
+
+
+@pytest.mark.parametrize("format", ["yuv420p", "yuv422p"])
+def test_a_recording_becomes_an_mp4(desk: Desk, format: str) -> None:
+    """With the page's line: each picture, in its order, in the format that each player knows."""
+    line = next(command for _, command in docs.commands() if command.startswith("ffmpeg"))
+    recording, movie = docs.EXAMPLE.findall(line)[0], line.split()[-1]
+    source = desk.folder / "clip.y4m"
+    source.write_bytes(ffmpeg("-i", clip.write(desk.folder / "numbers.y4m", 1), "-pix_fmt", format, "-f",
+                              "yuv4mpegpipe", "-"))
+    record(desk, source, desk.folder / "".join(recording), "-rate", "4")
+    subprocess.run(["sh", "-c", line], cwd=desk.folder, check=True, timeout=60, capture_output=True,
+                   stdin=subprocess.DEVNULL)
+    shown = json.loads(subprocess.run(["ffprobe", "-v", "error", "-show_streams", "-of", "json", movie], check=True,
+                                      cwd=desk.folder, timeout=60, capture_output=True).stdout)["streams"]
+    assert [(one["codec_name"], one["pix_fmt"]) for one in shown] == [("h264", "yuv420p")]
+    pixels = clip.WIDTH * clip.HEIGHT
+    luma = ffmpeg("-i", desk.folder / movie, "-fps_mode", "passthrough", "-pix_fmt", "gray", "-f", "rawvideo", "-")
+    assert [clip.frame_number(luma[at:at + pixels], clip.WIDTH, clip.HEIGHT)
+            for at in range(0, len(luma), pixels)] == list(range(clip.RATE))
