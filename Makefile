@@ -8,12 +8,17 @@
 #   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
 #   T=...          which tests, as pytest's -k expression
 #   EXTERNAL=path[:path]  trees outside of ours: build, image, sdk, test; docs/programs.md
+#   JUNIT=file     for `make test`: the outcome of all tests as JUnit XML; docs/ci.md
 #   SECONDS=       for `make fuzz`
 #   ROUNDS=, CASES=, BEFORE=commit  for `make bench`: docs/bench.md
 #   DURATION=, CASES=  for `make bench-record`: docs/recording.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
+
+# A relative name is that of a file where `make` was called, which with `make -C` is not here.
+CALLED_IN = $(if $(findstring w,$(firstword -$(MAKEFLAGS))),$(PWD),$(CURDIR))
+JUNIT_WORDS = $(if $(JUNIT),-junit '$(if $(filter /%,$(JUNIT)),,$(CALLED_IN)/)$(JUNIT)')
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)') $(if $(BEFORE),-before '$(BEFORE)')
 
@@ -30,10 +35,10 @@ build: setup-build  ## build the programs and the development image, output/dev/
 	@$(PYTHON) tools/build.py
 run: setup-build ## a clip through the appliance in QEMU, frame by frame; output/report.json
 	@$(PYTHON) tools/run.py "$(CLIP)"
-test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances
-	@$(PYTHON) tools/gate.py $(if $(T),'$(T)')
+test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
+	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
 test-long: setup ## the tests that take minutes and hours; output/long/<test>.json; goes on where it was broken off
-	@$(PYTHON) tools/gate.py -long $(if $(T),'$(T)')
+	@$(PYTHON) tools/gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)')
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
 	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')
 defects: setup   ## put defects back that once were: the test against each turns red; T= words of a name

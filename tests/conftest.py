@@ -50,6 +50,19 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if item not in dropped]
 
 
+def why(report: pytest.TestReport) -> str:
+    """Of a test that was skipped, or that is known to fail."""
+    if isinstance(report.longrepr, tuple):
+        return report.longrepr[2].removeprefix("Skipped: ")
+    return str(getattr(report, "wasxfail", "")).removeprefix("reason: ")
+
+
+def write(line: dict[str, object]) -> None:
+    if where := os.environ.get("DDX_RESULTS"):
+        with open(where, "a") as file:
+            file.write(json.dumps(line) + "\n")
+
+
 class Outcomes:
     """What came of each test: its three phases are one outcome."""
 
@@ -57,7 +70,7 @@ class Outcomes:
         self.items: dict[str, pytest.Item] = {}
         self.seconds: dict[str, float] = {}
         self.failures: dict[str, str] = {}
-        self.skipped: set[str] = set()
+        self.skipped: dict[str, str] = {}
 
     def add(self, item: pytest.Item, report: pytest.TestReport) -> None:
         self.items[report.nodeid] = item
@@ -66,16 +79,15 @@ class Outcomes:
             said = "".join(f"\n{title}\n{text}" for title, text in report.sections)
             self.failures.setdefault(report.nodeid, report.longreprtext + said)
         if report.skipped:
-            self.skipped.add(report.nodeid)
+            self.skipped[report.nodeid] = why(report)
 
     def end(self, item: pytest.Item) -> None:
         name = item.nodeid
         outcome = "failed" if name in self.failures else "skipped" if name in self.skipped else "passed"
         line = {"test": suite.plain(name), "outcome": outcome, "seconds": round(self.seconds.get(name, 0.0), 2),
                 "guests": qemu.Guest.started, "worker": os.environ.get("PYTEST_XDIST_WORKER", "")}
-        if where := os.environ.get("DDX_RESULTS"):
-            with open(where, "a") as file:
-                file.write(json.dumps({**line, "failure": self.failures.get(name, "")}) + "\n")
+        write({**line, "failure": self.failures.get(name, ""),
+               "reason": self.skipped.get(name, "") if outcome == "skipped" else ""})
         if item.get_closest_marker("long") and outcome != "skipped":
             LONG.mkdir(parents=True, exist_ok=True)
             when = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
@@ -106,6 +118,13 @@ def no_leftovers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def]
     result = yield
     OUTCOMES.add(item, result.get_result())
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_handlecrashitem(crashitem: str, report: pytest.TestReport) -> None:
+    """A test during which its process died, so that only pytest-xdist can report it."""
+    write({"test": suite.plain(crashitem), "outcome": "failed", "seconds": 0.0, "guests": 0, "worker": "",
+           "failure": str(report.longrepr), "reason": ""})
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test: the gate. test.py [-long] [WORDS]   WORDS: only tests that match (pytest -k), without lint and C tests
+"""make test: the gate. gate.py [-long] [-junit FILE] [WORDS]
+WORDS: only tests that match (pytest -k), without lint and C tests
 
 Order: the C tests (meson) of the desk's build with lint beside them; pytest with tests/model and tests/host, and the C
 tests of the other builds beside them; tests/boot with the development image, then with each image of the product that
@@ -9,8 +10,10 @@ the others.
 
 A test that fails is run once more, alone; if it passes then, it counts as passed and is told of at the end (FLAKY).
 There is no second chance with STRICT=1, nor for a test whose failure speaks of a torn or lost frame or comes from a
-sanitizer. What failing tests left behind is in output/test/failed, the outcome of all in output/test/results.
+sanitizer. What failing tests left behind is in output/test/failed, the outcome of all in output/test/results, and in
+FILE as JUnit XML.
 """
+import argparse
 import contextlib
 import os
 import pathlib
@@ -26,7 +29,7 @@ import buildroot
 from parts.common import OUTPUT, TOP, Failed, alone, commit, say
 from parts.guest import machine
 from parts.image import native, tables
-from parts.testing import suite
+from parts.testing import junit, suite
 from parts.testing.suite import Test
 
 SANITIZE = "-Db_lundef=false"  # the sanitizers' run time is found when a program starts
@@ -47,14 +50,16 @@ LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
 LONGEST = 30     # s; what a test of the gate may take
 
 
-def lint(run: suite.Suite) -> bool:
-    """Whether it complains; all that it says is shown in one piece."""
+def lint(run: suite.Suite) -> None:
+    """All that it says is shown in one piece."""
     command = [*suite.NICE, sys.executable, "-B", str(TOP / "tools/lint.py")]
+    begin = time.monotonic()
     with run.part("lint"):
         done = subprocess.run(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                               text=True, check=False)
     say(done.stdout.rstrip())
-    return done.returncode != 0
+    seconds = round(time.monotonic() - begin, 2)
+    run.take([Test("lint", "failed", seconds, done.stdout) if done.returncode else Test("lint", "passed", seconds)])
 
 
 def c_tests(run: suite.Suite, build: Build, made: "Future[pathlib.Path]") -> None:
@@ -72,7 +77,7 @@ def lint_and_c_tests(run: suite.Suite) -> Iterator[None]:
     """C tests mostly wait for each other's processes. So lint and the next builds run beside those of the first build,
     and the C tests of these builds run beside what the caller does."""
     with ThreadPoolExecutor(2) as others, ThreadPoolExecutor(1) as tester:
-        bad = others.submit(lint, run)
+        linted = others.submit(lint, run)
         made = [others.submit(native.build, *build) for build in BUILDS]
         tested = [tester.submit(c_tests, run, *pair) for pair in zip(BUILDS, made)]
         foreign = subprocess.Popen([sys.executable, "-B", TOP / "tools/build.py", "foreign"], stdin=subprocess.DEVNULL)
@@ -85,23 +90,23 @@ def lint_and_c_tests(run: suite.Suite) -> Iterator[None]:
         yield
         for one in tested:
             one.result()
-        if bad.result():
-            run.tests.append(Test("lint", "failed", 0, "see above"))
+        linted.result()
 
 
 def product(run: suite.Suite, words: list[str]) -> None:
-    """The boards whose images are here; says which ones are not."""
+    """The boards whose images are here; the others are skipped."""
     skipped = []
     for board in buildroot.boards():
         try:
             machine.image(board)
         except Failed as error:
-            skipped.append(str(error))
+            skipped.append(Test(f"{board}: tests/boot", "skipped", 0.0, reason=str(error)))
             continue
         with run.part(f"boot tests: {board}"):
             run.pytest(words, BOOT, board)
-    for text in skipped:
-        say(f"test: skipped: {text}")
+    run.take(skipped)
+    for test in skipped:
+        say(f"test: skipped: {test.reason}")
 
 
 def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
@@ -131,14 +136,19 @@ def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
 
 
 def main() -> int:
-    words = sys.argv[1:]
-    run = suite.Suite(long="-long" in words, strict=bool(os.environ.get("STRICT")))
-    words = [word for word in words if word != "-long"]
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-long", action="store_true")
+    parser.add_argument("-junit", type=junit.target)
+    parser.add_argument("words", nargs="*")
+    options = parser.parse_args()
+    words: list[str] = options.words
+    run = suite.Suite(long=options.long, strict=bool(os.environ.get("STRICT")))
     shutil.rmtree(suite.FAILED, ignore_errors=True)
     begin = time.monotonic()
     say(f"test: {commit()}")
     try:
-        all_tests(run, words, os.environ.get("BOARD", ""))
+        with junit.written(options.junit, run):
+            all_tests(run, words, os.environ.get("BOARD", ""))
     except Failed as error:
         say(f"test: {error}")
         return error.status
@@ -148,7 +158,7 @@ def main() -> int:
         if took > LIMIT:
             say(f"test: took {took / 60:.1f} minutes of {LIMIT // 60}: see the table for who")
         for test in run.tests:
-            if test.seconds > LONGEST:
+            if test.seconds > LONGEST and test.name != "lint":
                 say(f"test: {test.name} took {test.seconds:.0f} s of {LONGEST}: a short form here, the rest is `long`")
     return run.verdict(OUTPUT / "flaky.txt")
 

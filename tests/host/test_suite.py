@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import pathlib
+import re
 import shutil
 import tempfile
+from collections.abc import Sequence
 
 import pytest
 
@@ -37,6 +39,7 @@ once = 'test -e @0@ || { touch @0@; echo @1@; exit 1; }'
 test('sleeps', sh, args: ['-c', once.format('@folder@/a', 'too late')])
 test('tears', sh, args: ['-c', once.format('@folder@/b', 'torn: frame 7')])
 test('always', sh, args: ['-c', 'true'])
+test('never', sh, args: ['-c', 'echo begins; echo no hardware >&2; exit 77'])
 """
 
 
@@ -49,15 +52,16 @@ def places(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.P
     return tmp_path
 
 
-def run_python(places: pathlib.Path, words: str, strict: bool = False) -> Suite:
+def run_python(places: pathlib.Path, words: str, source: str = ONCE, strict: bool = False,
+               options: Sequence[str] = ()) -> Suite:
     # Below our own root, where a test's name leads back to it.
     with tempfile.TemporaryDirectory(prefix="suite-", dir=TOP / "output") as name:
         folder = pathlib.Path(name)
         shutil.copy(TOP / "tests/conftest.py", folder)
-        (folder / "test_once.py").write_text(ONCE.format(words=words))
+        (folder / "test_once.py").write_text(source.format(words=words))
         result = Suite(strict=strict)
         with result.part("python"):
-            result.pytest([], ["-q", str(folder)])
+            result.pytest([], ["-q", *options, str(folder)])
         return result
 
 
@@ -101,7 +105,8 @@ def test_tests_in_c(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) ->
     result.meson("desk", "x", {}, beside=True)
     assert "torn: frame 7" in capsys.readouterr().out  # what a test says is shown also where other parts run meanwhile
     assert {test.name.rsplit(": ")[-1]: test.outcome for test in result.tests} == {
-        "sleeps": "flaky", "tears": "failed", "always": "passed"}
+        "sleeps": "flaky", "tears": "failed", "always": "passed", "never": "skipped"}
+    assert [test.reason for test in result.tests if test.reason] == ["no hardware"]
     assert result.verdict(places / "flaky.txt") == 1
 
 
@@ -122,8 +127,21 @@ def test_a_group_is_no_part_of_a_name() -> None:
 def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path) -> None:
     result = Suite()
     result.pytest([], ["--no-such-option"])
-    assert result.broken and result.verdict(places / "flaky.txt") == 1
+    assert outcomes(result) == ["failed"] and result.verdict(places / "flaky.txt") == 1
     assert Suite().verdict(places / "flaky.txt") == 1
+
+
+def test_a_test_that_ends_its_process_has_failed(places: pathlib.Path) -> None:
+    """pytest-xdist goes on with another process then, and the exit status is that of any failure."""
+    result = run_python(places, "", "import os\ndef test_exit(): os._exit(0)\n", strict=True, options=["-n", "1"])
+    assert outcomes(result) == ["failed"] and result.verdict(places / "flaky.txt") == 1
+    assert result.tests[0].name.endswith("::test_exit") and "crashed" in result.tests[0].failure
+
+
+def test_c_tests_skip_with_a_reason() -> None:
+    sources = {path: path.read_text() for path in (TOP / "tests").rglob("*.[ch]")}
+    found = {path.name for path, text in sources.items() if re.search(r"(exit|return)\b.*\b77\b", text)}
+    assert found == {"check.h"}, "SKIP(reason) is for that"
 
 
 @pytest.mark.parametrize("defect", known_defects.DEFECTS, ids=[one.name for one in known_defects.DEFECTS])

@@ -27,4 +27,11 @@
         }                                                                                                          \
     } while (0)
 
+/* Skip the test. The reason is its last output, which the results of a run quote. */
+#define SKIP(reason)                     \
+    do {                                 \
+        fprintf(stderr, "%s\n", reason); \
+        exit(77);                        \
+    } while (0)
+
 #endif

@@ -197,5 +197,7 @@ int main(void) {
         asked &= test_against_ffmpeg(formats[i].fourcc, formats[i].name, 128, 96);
         asked &= test_against_ffmpeg(formats[i].fourcc, formats[i].name, 88, 72);
     }
-    return asked ? 0 : 77;
+    if (!asked)
+        SKIP("no ffmpeg here to compare with");
+    return 0;
 }

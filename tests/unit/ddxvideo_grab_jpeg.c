@@ -30,7 +30,7 @@ static void test_kind(const char *name, const char *kind, const char *result) {
              WIDTH, HEIGHT, kind, name, name);
     size_t size = output_of(command, jpeg, sizeof(jpeg));
     if (!size)
-        exit(77);
+        SKIP("no ffmpeg here to compare with");
     snprintf(command, sizeof(command),
              "ffmpeg -v error -nostdin -f mjpeg -i %s -vf scale=flags=bilinear,format=%s -f rawvideo -", name, result);
     size_t total = output_of(command, theirs, sizeof(theirs));

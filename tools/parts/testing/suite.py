@@ -9,7 +9,7 @@ import re
 import subprocess
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from parts import trees
 from parts.common import OUTPUT, TOP, say
@@ -34,6 +34,7 @@ class Test:
     outcome: str  # passed, failed, skipped, flaky
     seconds: float
     failure: str = ""
+    reason: str = ""  # why it was skipped
 
 
 def plain(name: str) -> str:
@@ -66,7 +67,6 @@ class Suite:
         self.lock = threading.Lock()  # of `tests` and their file: two parts may end at the same time
         self.parts: dict[str, float] = {}
         self.guests = 0
-        self.broken: list[str] = []  # parts that ended without telling of their tests
         TEST.mkdir(parents=True, exist_ok=True)
         RESULTS.write_text("")
 
@@ -83,12 +83,18 @@ class Suite:
         """Whether a test that failed may be run once more."""
         return not self.strict and test.outcome == "failed" and not NO_CHANCE.search(told(test.failure))
 
-    def _take(self, tests: list[Test], again: dict[str, Test]) -> None:
+    def fail(self, name: str, failure: str) -> None:
+        """A part that is no test, or that did not report its tests."""
+        self.take([Test(name, "failed", 0.0, failure)])
+
+    def take(self, tests: Sequence[Test], again: Mapping[str, Test] | None = None) -> None:
+        """Outcomes; `again`: those of the second chances, by name."""
         for test in tests:
+            test.failure = test.failure.encode("utf-8", "backslashreplace").decode()  # a lone surrogate fits no file
             if test.outcome == "failed":
                 FAILED.mkdir(parents=True, exist_ok=True)
                 (FAILED / f"{slug(test.name)}.txt").write_text(test.failure)
-            if test.name in again and again[test.name].outcome == "passed":
+            if again and test.name in again and again[test.name].outcome == "passed":
                 test.outcome = "flaky"
         with self.lock, RESULTS.open("a") as file:
             self.tests += tests
@@ -120,13 +126,14 @@ class Suite:
             if beside:
                 say(done.stdout.rstrip())
             lines = log.read_text().splitlines() if log.exists() else []
-            if done.returncode and not lines:
-                self.broken.append(f"C tests: {name}: {package}")
-            return [_of_meson(f"{name}: {package}: ", json.loads(line)) for line in lines]
+            tests = [_of_meson(f"{name}: {package}: ", json.loads(line)) for line in lines]
+            if done.returncode and not any(test.outcome == "failed" for test in tests):
+                self.fail(f"{name}: {package}: meson test", f"exit status {done.returncode}, see above")
+            return tests
 
         tests = run(C_TESTS, *chosen)
         words = [test.name.rsplit(": ", 1)[-1] for test in tests if self._again(test)]
-        self._take(tests, {test.name: test for test in run(1, *words)} if words else {})
+        self.take(tests, {test.name: test for test in run(1, *words)} if words else {})
 
     def pytest(self, words: Sequence[str], folders: Sequence[str], board: str = "") -> None:
         """Tests in Python; `board`: with the image of that board."""
@@ -138,16 +145,18 @@ class Suite:
             env = {**os.environ, "BOARD": board, "EXTERNAL": trees.words(), "DDX_RESULTS": str(results)}
             done = subprocess.run(command, cwd=TOP, env=env, stdin=subprocess.DEVNULL, check=False)
             lines = [json.loads(line) for line in results.read_text().splitlines()]
-            if done.returncode not in (0, 1, 5):
-                self.broken.append(f"pytest {' '.join(arguments)}: exit status {done.returncode}")
+            before = f"{board}: " if board else ""
+            red = any(line["outcome"] == "failed" for line in lines)
+            if done.returncode not in (0, 5) and not (done.returncode == 1 and red):
+                self.fail(f"{before}pytest {' '.join(arguments)}", f"exit status {done.returncode}, see above")
             for worker in {line["worker"] for line in lines}:
                 self.guests += max(line["guests"] for line in lines if line["worker"] == worker)
-            before = f"{board}: " if board else ""
-            return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"]) for line in lines]
+            return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"], line["reason"])
+                    for line in lines]
 
         tests = run(*(["-k", " ".join(words)] if words else []), *folders)
         names = [test.name.removeprefix(f"{board}: ") for test in tests if self._again(test)]
-        self._take(tests, {test.name: test for test in run(*names)} if names else {})
+        self.take(tests, {test.name: test for test in run(*names)} if names else {})
 
     def table(self) -> str:
         """Minutes a part, some of which overlap, the slowest tests, the guests."""
@@ -167,18 +176,19 @@ class Suite:
         flaky_file.write_text("".join(f"FLAKY {test.name}\n{test.failure}\n\n" for test in flaky))
         for test in failed:
             say(f"FAILED {test.name}: {first_words(test.failure)}")
-        for text in self.broken:
-            say(f"FAILED {text}")
         for test in flaky:
             say(f"FLAKY {test.name}: {first_words(test.failure)}")
         passed = len(self.tests) - len(failed) - skipped
-        say(f"{passed} passed, {len(failed) + len(self.broken)} failed, {skipped} skipped")
-        return 1 if failed or self.broken or not passed else 0
+        say(f"{passed} passed, {len(failed)} failed, {skipped} skipped")
+        return 1 if failed or not passed else 0
 
 
 def _of_meson(prefix: str, line: dict[str, object]) -> Test:
     outcomes = {"OK": "passed", "EXPECTEDFAIL": "passed", "SKIP": "skipped"}
     said = "\n".join(str(line.get(name) or "") for name in ("stdout", "stderr"))
-    seconds = line.get("duration")
-    return Test(prefix + str(line["name"]), outcomes.get(str(line["result"]), "failed"),
-                float(seconds) if isinstance(seconds, (int, float)) else 0.0, f"{line['result']}\n{said}")
+    duration = line.get("duration")
+    seconds = float(duration) if isinstance(duration, (int, float)) else 0.0
+    outcome = outcomes.get(str(line["result"]), "failed")
+    return Test(prefix + str(line["name"]), outcome, seconds,
+                failure=f"{line['result']}\n{said}" if outcome == "failed" else "",
+                reason=first_words(said) if outcome == "skipped" else "")

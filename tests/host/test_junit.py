@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""`make test JUNIT=file`: read as a CI reads it, and beside what pytest itself writes of the same tests."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+import tempfile
+import xml.etree.ElementTree as xml
+
+import pytest
+
+import gate
+from parts.common import TOP, Failed
+from parts.testing import junit, suite
+from parts.testing.suite import Suite
+
+from .test_suite import places
+
+__all__ = ["places"]
+# What the schema of Jenkins' xUnit plugin allows, of which GitLab reads a part.
+SUMS = {"name", "time", "tests", "failures", "errors"}
+ATTRIBUTES = {"testsuites": SUMS, "testsuite": SUMS | {"skipped", "timestamp"},
+              "testcase": {"name", "classname", "time"}, "failure": {"message"}, "skipped": {"message"}, "system-out": set()}
+INSIDE = {"testsuites": {"testsuite"}, "testsuite": {"testcase"}, "testcase": {"failure", "skipped", "system-out"}}
+TESTS = """\
+import pytest
+def test_passes(): pass
+def test_fails(): assert 1 == 2, "a\\x00b \\x1b[31m \\ud800 <&> \\u00e4"
+@pytest.mark.skipif(True, reason="no <hardware> here")
+def test_skips(): pass
+def test_skips_later(): pytest.skip("not today")
+@pytest.mark.xfail(reason="a known one")
+def test_is_known(): assert False
+@pytest.fixture
+def bad(): raise OSError("not set up")
+def test_has_no_fixture(bad): pass
+"""
+
+
+def seconds(element: xml.Element) -> float:
+    return float(element.attrib["time"])
+
+
+def check(element: xml.Element) -> None:
+    """Elements, attributes, and sums that are those of what is inside."""
+    for inner in element:
+        assert inner.tag in INSIDE.get(element.tag, set()), (element.tag, inner.tag)
+        check(inner)
+    assert set(element.attrib) == ATTRIBUTES[element.tag], element.attrib
+    if element.tag in ("testsuites", "testsuite"):
+        cases = list(element.iter("testcase"))
+        assert int(element.attrib["tests"]) == len(cases)
+        assert int(element.attrib["failures"]) == len(list(element.iter("failure"))) and element.attrib["errors"] == "0"
+        assert abs(seconds(element) - sum(map(seconds, cases))) < 0.001 * len(cases) + 0.001
+    if element.tag == "testsuite":
+        assert int(element.attrib["skipped"]) == len(list(element.iter("skipped")))
+        assert len({case.attrib["classname"] for case in element}) == 1
+
+
+def read(path: pathlib.Path) -> dict[str, tuple[str, str]]:
+    """Of each test: `failed`, `skipped` or `passed`, and why. A CI knows a test by its names, so none comes twice."""
+    root = xml.parse(path).getroot()
+    assert root.tag == "testsuites"
+    check(root)
+    found = {}
+    for case in root.iter("testcase"):
+        kinds = [inner.tag for inner in case]
+        assert len(kinds) <= 1
+        kind = {"failure": "failed", "skipped": "skipped"}.get(kinds[0] if kinds else "", "passed")
+        found[case.attrib["name"]] = kind, case[0].attrib.get("message", case[0].text or "") if kinds else ""
+    assert len(found) == len(list(root.iter("testcase")))
+    return found
+
+
+def test_as_pytest_writes_it(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTEST_ADDOPTS", f"--junitxml={places}/theirs.xml")
+    run = Suite(strict=True)
+    with tempfile.TemporaryDirectory(prefix="junit-", dir=TOP / "output") as name:
+        shutil.copy(TOP / "tests/conftest.py", name)
+        (pathlib.Path(name) / "test_it.py").write_text(TESTS)
+        with junit.written(places / "ours.xml", run):
+            run.pytest([], ["-q", name])
+    ours = read(places / "ours.xml")
+    theirs = {}
+    for case in xml.parse(places / "theirs.xml").getroot().iter("testcase"):
+        kind = {"failure": "failed", "error": "failed", "skipped": "skipped"}[case[0].tag] if len(case) else "passed"
+        theirs[case.attrib["name"]] = kind, case[0].attrib["message"] if kind == "skipped" else ""
+    assert len(ours) == len(theirs) == 6
+    assert {name.rpartition("::")[2]: (kind, why if kind == "skipped" else "")
+            for name, (kind, why) in ours.items()} == theirs
+    # And as the results of the run have it.
+    lines = [json.loads(line) for line in suite.RESULTS.read_text().splitlines()]
+    cases = {case.attrib["name"]: case.attrib["time"] for case in xml.parse(places / "ours.xml").iter("testcase")}
+    assert {line["name"]: f"{line['seconds']:.3f}" for line in lines} == cases
+
+
+def test_tests_of_all_kinds(places: pathlib.Path) -> None:
+    run, path = Suite(), junit.target(str(places / "deep/er/it.xml"))
+    with junit.written(path, run):
+        run.take([suite.Test("tests/host/test_x.py::test_it[a: b/c.py]", "passed", 1.25),
+                  suite.Test("miniitx: tests/boot/test_x.py::test_it", "flaky", 2, failure="E  too late"),
+                  suite.Test("desk: ddx: crash at random", "failed", 3.0, failure="first\nframe 7 torn\n"),
+                  suite.Test("m32: ddx: crash at random", "skipped", 0.0, reason="no root"),
+                  suite.Test("lint", "passed", 70.0)])
+    found = read(path)
+    assert [kind for kind, _ in found.values()] == ["passed", "passed", "failed", "skipped", "passed"]
+    assert "too late" in found["miniitx: tests/boot/test_x.py::test_it"][1]
+    assert found["desk: ddx: crash at random"][1] == "frame 7 torn"
+    assert found["m32: ddx: crash at random"][1] == "no root"
+    names = [one.attrib["name"] for one in xml.parse(path).getroot()]
+    assert names == ["tests.host.test_x", "miniitx.tests.boot.test_x", "desk.ddx", "m32.ddx", "run"]
+
+
+def test_also_when_the_run_stops(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A build that fails, after some tests."""
+    def all_tests(run: Suite, words: list[str], board: str) -> None:
+        run.take([suite.Test("desk: ddx: ring", "passed", 1.0)])
+        raise Failed("exit status 1: meson")
+
+    file = places / "it.xml"
+    file.write_text("of the run before")
+    monkeypatch.setattr(gate, "all_tests", all_tests)
+    monkeypatch.setattr(sys, "argv", ["gate.py", "-junit", str(file), "words"])
+    assert gate.main() == 1
+    assert [kind for kind, _ in read(file).values()] == ["passed", "failed"]
+    assert "exit status 1: meson" in file.read_text()
+
+
+@pytest.mark.parametrize("name", ["", "it.xml/it.xml", "pipe"])
+def test_a_file_that_cannot_be_written(name: str, places: pathlib.Path, monkeypatch: pytest.MonkeyPatch,
+                                       capsys: pytest.CaptureFixture[str]) -> None:
+    """Known before the first test; what is no file stays as it is."""
+    (places / "it.xml").touch()
+    os.mkfifo(places / "pipe")
+    monkeypatch.setattr(sys, "argv", ["gate.py", "-junit", str(places / name)])
+    with pytest.raises(SystemExit) as status:
+        gate.main()
+    assert status.value.code == 2 and str(places / name) in capsys.readouterr().err
+    assert (places / "pipe").is_fifo()
+
+
+def test_a_relative_name_is_of_where_make_was_called(tmp_path: pathlib.Path) -> None:
+    def command(*words: str, cwd: pathlib.Path = TOP) -> str:
+        done = subprocess.run(["sh", "-c", 'cd "$0" && exec make --dry-run "$@"', cwd, *words], text=True, check=True,
+                              stdout=subprocess.PIPE, env={"PATH": "/usr/bin:/bin"})
+        return next(line for line in done.stdout.splitlines() if "gate.py" in line)
+
+    assert f"-junit '{TOP}/my tests.xml'" in command("test", "JUNIT=my tests.xml")
+    assert f"-junit '{tmp_path}/a/b.xml'" in command("-C", str(TOP), "test", "JUNIT=a/b.xml", cwd=tmp_path)
+    assert "-junit '/a/b.xml' 'some words'" in command("test", "JUNIT=/a/b.xml", "T=some words")
+    assert "-junit" not in command("test") and "-long -junit" in command("test-long", "JUNIT=it.xml")
