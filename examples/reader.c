@@ -13,7 +13,7 @@ int main(void) {
         for (uint64_t i = 0; y && i < y->used; i++)
             sum += ((const unsigned char *)frame.data)[y->offset + i];
         printf("%llu %lld %llu %llu\n", (unsigned long long)frame.sequence, (long long)frame.time,
-               (unsigned long long)frame.missed, sum);
+               (unsigned long long)frame.missed, sum); /* time: of the write, not of the capture */
         ddx_store_release(item);
     }
     ddx_store_close(id);

@@ -108,6 +108,23 @@ def test_the_manual_shows_the_examples(name: str, language: str) -> None:
     assert len(text.splitlines()) <= 20
 
 
+@pytest.mark.parametrize("name, language", [("edges/edges.cpp", "cpp"), ("blob.py", "python")])
+def test_the_manual_quotes_the_examples(name: str, language: str) -> None:
+    """The part that matters of each, as it is in the example."""
+    section = re.search(r"\n## Video from your own program\n.*?\n## ", (TOP / "docs/store.md").read_text(), re.DOTALL)
+    assert section
+    quoted = re.findall(rf"```{language}\n(.*?)```\n", section[0], re.DOTALL)
+    assert len(quoted) == 1 and quoted[0] in (TOP / "examples" / name).read_text()
+
+
+def test_the_manual_names_both_times(environment: dict[str, str]) -> None:
+    """When a frame was written, and when its picture was captured."""
+    shown = subprocess.run([*PYTHON, "-c", "import ddx; help(ddx)"], env=environment, capture_output=True, text=True,
+                           check=True).stdout
+    for text in shown, *((TOP / "docs" / page).read_text() for page in ("store.md", "logging.md")):
+        assert "frame.time" in text and 'time=frame["time"]' in text
+
+
 def newest(desk: Desk, item: str) -> dict[str, Any]:
     """The newest value of an item with its time; empty if there is none."""
     shown = desk.run("ddxctl", "show", item, "--json")

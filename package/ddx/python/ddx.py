@@ -8,6 +8,10 @@
 
 ddx.h is the manual of what lies beneath; tails, times (int ns, CLOCK_MONOTONIC) and rules are the same. Failures are
 ddx.Error (an OSError with errno and the library's own text), timeouts TimeoutError. A handle belongs to one thread.
+
+Two times: frame.time is when a frame was written, for ages and latencies; frame["time"] of a video item is when its
+picture was captured. What is computed from a picture is written with the latter, so that a log and a recording agree:
+item.write({...}, time=frame["time"]).
 """
 from __future__ import annotations
 
@@ -284,7 +288,8 @@ def _value(array: np.ndarray[Any, Any], field: Field, fields: list[Field]) -> An
 
 
 class Frame(_Memory):
-    """A value held by a reader: it cannot change until release(), or the end of `with`."""
+    """A value held by a reader: it cannot change until release(), or the end of `with`. time: of the write (when a
+    picture was captured is frame["time"]); sequence: the number of the write; missed: writes since the frame before."""
 
     def __init__(self, item: Item, frame: _CFrame) -> None:
         super().__init__(item, frame.data, False)
@@ -436,7 +441,8 @@ class Item:
         return loan
 
     def write(self, value: Any, time: int | None = None) -> None:
-        """Write a value: a dict of all fields, or a number for an item that is no struct."""
+        """Write a value: a dict of all fields, or a number for an item that is no struct. time: now, if not given; of
+        what is computed from a picture, that picture's frame["time"]."""
         with self.loan() as loan:
             loan.time = time
             values = {"": value} if list(loan.outer) == [""] else value

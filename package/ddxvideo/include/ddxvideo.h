@@ -36,7 +36,9 @@
  *   ownership  items are the caller's as in ddx.h; structs are filled by value; plane pointers belong to the store and
  *              are valid while the frame is held or loaned.
  *   blocking   only what ddx.h says of ddx_store_create(); nothing else waits.
- *   time       ns; `time` is CLOCK_MONOTONIC of the capture, time + wall_offset is CLOCK_REALTIME.
+ *   time       ns; `time` is CLOCK_MONOTONIC of the capture, time + wall_offset is CLOCK_REALTIME. (ddx_frame.time is
+ *              that of the write.) A value computed from a picture takes the picture's capture time, so that a log
+ *              and a recording agree: ddx_store_write(item, &value, &view.stamp.time).
  */
 #ifndef DDXVIDEO_H
 #define DDXVIDEO_H
