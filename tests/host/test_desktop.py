@@ -125,6 +125,13 @@ def test_the_manual_names_both_times(environment: dict[str, str]) -> None:
         assert "frame.time" in text and 'time=frame["time"]' in text
 
 
+def test_the_video_library_calls_no_ffmpeg(installed: pathlib.Path) -> None:
+    """docs/licences.md says so: a closed program may link to it."""
+    library = next((installed / "opt/ddx").glob("lib/**/libddxvideo.a"))
+    needed = subprocess.run(["nm", "--undefined-only", library], capture_output=True, text=True, check=True).stdout
+    assert "ddx_store_create" in needed and not re.search(r"\b(av|sws|swr)", needed)
+
+
 def newest(desk: Desk, item: str) -> dict[str, Any]:
     """The newest value of an item with its time; empty if there is none."""
     shown = desk.run("ddxctl", "show", item, "--json")
