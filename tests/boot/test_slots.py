@@ -39,21 +39,39 @@ def booted(guest: Guest, slot: str) -> None:
 
 @pytest.fixture(scope="module")
 def damaged(boot: Boot, image: pathlib.Path) -> Iterator[Guest]:
-    """A card that has lost slot A, and the superblocks of settings and recordings."""
+    """A card that has lost slot A, and the superblocks of settings and recordings; slot B has used up its chances as an
+    update, so slot A is the chosen one from now on."""
     def damage(disk: Disk) -> None:
         fill_slot_b(disk)
         spoil(disk, "A")
         for number in (5, 6):
             disk.write(mbr.partition(image, number).begin + 1024, bytes(1024))
 
-    with boot("slots", prepare=damage) as guest:
+    with boot("slots", prepare=damage, environment=("slot=B", "left=0")) as guest:
         guest.shell()
         yield guest
 
 
 def test_the_other_slot_is_booted(damaged: Guest) -> None:
-    """The boot menu goes on to it."""
+    """The boot menu goes on to it, and has counted the boot as one of the chosen slot."""
     booted(damaged, "B")
+    assert "ddx.counted=begun=1" in damaged.sh("cat /proc/cmdline").split()
+    damaged.wait_until("[ -e /run/slot.failed ] && [ ! -e /run/grubenv ]")
+    assert damaged.environment() == {"begun": "2"}
+
+
+def test_the_kernel_s_options_are_those_of_its_slot(damaged: Guest, root: pathlib.Path) -> None:
+    lines = (root / "boot/cmdline.cfg").read_text().splitlines()
+    wanted = " ".join(line for line in lines if not line.startswith("#"))
+    words = damaged.sh("cat /proc/cmdline").split()
+    options = [word for word in wanted.replace('"', " ").split() if word not in ("set", "options=", "$options")]
+    assert "ramoops.mem_name=ddxlog" in options and words[-len(options):] == options
+
+
+def test_a_boot_that_was_not_counted_is_a_complaint(damaged: Guest) -> None:
+    screen = damaged.sh("echo 'not counted' > /run/slot.wrong; ddxctl health; rm /run/slot.wrong")
+    assert "! slot       slot A was to be booted, and did not come up" in screen
+    assert "! slot       not counted" in screen
 
 
 def test_file_systems_without_a_superblock_are_mended(damaged: Guest) -> None:
@@ -64,23 +82,26 @@ def test_file_systems_without_a_superblock_are_mended(damaged: Guest) -> None:
     damaged.wait_for_log(f"DDXVIDEO: {told}".encode())
     damaged.wait_until("ddxctl status ddxvideosave | grep -q state=running")
     health = damaged.sh("ddxctl health || true")
+    assert health.count("! slot") == 1
     assert "! disk       /data had to be repaired, and there is no copy on /rec; settings are what is left" in health
     assert "beware: /data had to be repaired" in damaged.shell().run("ddxctl disable ddxvideoload")[1]
     damaged.wait_until("grep -q ddxvideoload.conf /rec/.ddx/settings")  # now there is one
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("prepare, environment, slot", [
+@pytest.mark.parametrize("prepare, environment, slot, after", [
     # it had its chances
-    (fill_slot_b, ("slot=A", "left=0"), "B"),
+    (fill_slot_b, ("slot=A", "left=0"), "B", {"slot": "B", "failed": "A"}),
     # an update that was cut off
-    (spoilt_b, ("slot=B", "left=2"), "A"),
+    (spoilt_b, ("slot=B", "left=2"), "A", {"slot": "B", "left": "1"}),
 ], ids=["no-boots-left", "bad-update"])
 def test_a_slot_has_its_chances(boot: Boot, prepare: Callable[[Disk], None], environment: tuple[str, ...],
-                                slot: str) -> None:
+                                slot: str, after: dict[str, str]) -> None:
     with boot("chances", environment=environment, prepare=prepare) as guest:
         guest.shell()
         booted(guest, slot)
+        guest.wait_until("[ -e /run/slot.failed ] && [ ! -e /run/grubenv ]")
+        assert guest.environment() == after
 
 
 @pytest.mark.long
