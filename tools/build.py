@@ -8,7 +8,7 @@ import pathlib
 import sys
 
 from parts import trees
-from parts.common import OUTPUT, TOP, alone, finish, fingerprint, run, say, step
+from parts.common import OUTPUT, TOP, alone, commit, finish, fingerprint, run, say, step
 from parts.image import busybox, ffmpeg, kernel, native, rootfs, tables
 
 DEV = OUTPUT / "dev"
@@ -40,7 +40,8 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
     parts = tools / "parts/image"
     key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "tables.py", parts / "kernel.py",
                        *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.tables(),
-                       DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name)
+                       DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name,
+                      commit())
     with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it
         step("root file system", DEV / "root.stamp", key, make_root)
         step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)

@@ -23,11 +23,11 @@ import sys
 
 import lint
 from parts import trees
-from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, copy, fingerprint, finish, run, say
+from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, commit, copy, fingerprint, finish, run, say
 from parts.disk import disk
 from parts.guest import machine
 from parts.image import tables
-from parts.release import renew
+from parts.release import renew, version
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
@@ -87,7 +87,7 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     build = output(board)
     build.mkdir(parents=True, exist_ok=True)
     command = ["make", "-C", str(checkout()), f"O={build}", f"BR2_EXTERNAL={':'.join(map(str, external))}"]
-    env = environment()
+    env = {**environment(), "DDX_BOARD": board, "DDX_COMMIT": commit()}  # for post-build.sh
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = trees.defconfigs()[board]
@@ -181,7 +181,8 @@ def reproduce(board: str) -> str:
     """Two builds from nothing, in the same folder, have to give the same image. Goes on where it was broken off."""
     place = OUTPUT / board
     kept, sources = place / "first", machine.sources(board)
-    if not kept.exists() or (kept / "sources").read_text() != sources:
+    if (not kept.exists() or (kept / "sources").read_text() != sources
+            or version.os_release(kept / "root").get("BUILD_ID") != (commit() or "unknown")):
         image(board)
         shutil.rmtree(kept, ignore_errors=True)
         part = place / "first.part"

@@ -145,6 +145,7 @@ def main() -> int:
     run = suite.Suite(long=options.long, strict=bool(os.environ.get("STRICT")))
     shutil.rmtree(suite.FAILED, ignore_errors=True)
     begin = time.monotonic()
+    os.environ["DDX_COMMIT"] = commit()
     say(f"test: {commit()}")
     try:
         with junit.written(options.junit, run):

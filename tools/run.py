@@ -25,6 +25,7 @@ from parts.image import native
 from parts.media import clip as default_clip, y4m
 from parts.media.counters import Counters
 from parts.media.report import Report, Stage, page
+from parts.release.version import parse
 
 REPORT, PAGE = OUTPUT / "report.json", OUTPUT / "report.html"
 WORK = OUTPUT / "run"
@@ -123,7 +124,9 @@ def main() -> int:
         origin.play(guest, follower)
         stream.stop(guest)
         session.stop_recorder(guest)
-        about: dict[str, object] = {"source": kind, "image": str(image.relative_to(TOP)), "accel": accel.split(",")[0]}
+        version = parse(guest.sh("cat /etc/os-release"))["VERSION"]
+        about: dict[str, object] = {"version": version, "source": kind, "image": str(image.relative_to(TOP)),
+                                    "accel": accel.split(",")[0]}
         result, report = collect(guest, origin, follower, about)
         table(report, result)
         REPORT.write_text(report.json())

@@ -1,10 +1,12 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Folders and links that neither a package nor git can bring; in the shape of a Buildroot post-build script.
+# Folders, links and the version, which neither a package nor git can bring; in the shape of a Buildroot post-build
+# script.
 # Runs again on a kept target folder, so every line may be repeated.
 set -eu
 
 target=$1
+common=$(dirname "$0")
 
 # Mount points. The root is read-only: without their file system nothing can be written below them.
 for folder in boot data dev mnt proc rec run sys test tmp var; do
@@ -14,3 +16,22 @@ for name in run tmp; do
 	rm -rf "${target:?}/var/$name"
 	ln -s "../$name" "$target/var/$name"
 done
+
+# Which version this is, instead of Buildroot's own file. The tools say which commit and which board are built.
+number=$(sed -n "s/^  version: '\(.*\)',\$/\1/p" "$common/../../package/ddx/meson.build")
+commit=${DDX_COMMIT:-$(git -C "$common" describe --always --dirty --abbrev=12 2> /dev/null || echo unknown)}
+board=${DDX_BOARD:-unknown}
+base=${BR2_VERSION:+Buildroot $BR2_VERSION}
+version="$number ($commit, $board, ${base:=Debian})"
+mkdir -p "$target/usr/lib" "$target/etc"
+cat > "$target/usr/lib/os-release" << LINES
+NAME=DDXVIDEO
+ID=ddxvideo
+PRETTY_NAME="DDXVIDEO $version"
+VERSION="$version"
+VERSION_ID=$number
+BUILD_ID=$commit
+VARIANT_ID=$board
+DDX_BASE="$base"
+LINES
+ln -sf ../usr/lib/os-release "$target/etc/os-release"

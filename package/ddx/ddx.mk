@@ -4,7 +4,9 @@
 #
 ################################################################################
 
-DDX_VERSION = 0.1.0
+# The release's number is in meson.build, for all packages.
+DDX_VERSION := $(shell sed -n "s/^  version: '\(.*\)',$$/\1/p" \
+	$(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddx/meson.build)
 DDX_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddx
 DDX_SITE_METHOD = local
 DDX_LICENSE = LGPL-2.1+ (libddx), GPL-2.0+ (programs, scripts)

@@ -4,7 +4,7 @@
 #
 ################################################################################
 
-DDXGROW_VERSION = 0.1.0
+DDXGROW_VERSION = $(DDX_VERSION)
 DDXGROW_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxgrow
 DDXGROW_SITE_METHOD = local
 DDXGROW_LICENSE = GPL-2.0+

@@ -4,7 +4,7 @@
 #
 ################################################################################
 
-DDXLOG_VERSION = 0.1.0
+DDXLOG_VERSION = $(DDX_VERSION)
 DDXLOG_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxlog
 DDXLOG_SITE_METHOD = local
 DDXLOG_LICENSE = GPL-2.0+

@@ -4,7 +4,7 @@
 #
 ################################################################################
 
-DDXSERVICE_VERSION = 0.1.0
+DDXSERVICE_VERSION = $(DDX_VERSION)
 DDXSERVICE_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxservice
 DDXSERVICE_SITE_METHOD = local
 DDXSERVICE_LICENSE = GPL-2.0+

@@ -4,7 +4,7 @@
 #
 ################################################################################
 
-DDXVIDEO_VERSION = 0.1.0
+DDXVIDEO_VERSION = $(DDX_VERSION)
 DDXVIDEO_SITE = $(BR2_EXTERNAL_DDXVIDEO_PATH)/../package/ddxvideo
 DDXVIDEO_SITE_METHOD = local
 DDXVIDEO_LICENSE = GPL-2.0+ (programs), LGPL-2.1+ (libddxvideo)

@@ -1,16 +1,26 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """How the machine comes up."""
+import pathlib
 import time
 
 from parts.common import PATIENCE
 from parts.guest.qemu import USERSPACE, Guest
 from parts.media.recording import FileSystem
+from parts.release import version
 
 
 def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
     words = guest.sh("cat /proc/cmdline").split()
     assert "BOOT_IMAGE=/boot/vmlinuz" in words and "ddx.loader=grub" in words and "ddx.slot=A" in words
     assert "root=PARTUUID=dd5601de-02" in words
+
+
+def test_it_says_which_version_runs(guest: Guest, root: pathlib.Path) -> None:
+    words = version.parse(guest.sh("cat /etc/os-release"))
+    assert words == version.os_release(root) and words["ID"] == "ddxvideo"
+    assert words["PRETTY_NAME"].encode() in guest.log.read_bytes()
+    assert f"  version    {words['VERSION']}" in guest.sh("ddxctl health || true").splitlines()
+    assert guest.sh("ddxvideosave -version").splitlines()[-1] == f"image: {words['VERSION']}"
 
 
 def test_a_slot_on_trial_that_comes_up_has_proven_itself(closed: Guest) -> None:

@@ -67,7 +67,10 @@ def wait_until(condition: Callable[[], bool], complaint: str, pause: float = 0.0
 
 
 def commit() -> str:
-    """What is tested: the commit, and whether there is more than that in the tree; empty outside git."""
+    """What is tested: the commit, and whether there is more than that in the tree; empty outside git. DDX_COMMIT is the
+    answer for a whole run, so that an edit in the middle of the run does not make another image."""
+    if given := os.environ.get("DDX_COMMIT"):
+        return given
     words = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
     done = subprocess.run(words, cwd=TOP, capture_output=True, text=True, check=False)
     return done.stdout.strip()

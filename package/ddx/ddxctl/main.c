@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "../program/descriptors.h"
+#include "../program/version.h"
 
 #define STORE_WAIT 1.0 /* s */
 
@@ -164,7 +165,7 @@ int main(int argc, char **argv) {
             request.port = (int)value;
             break;
         case 'h': print_usage(); return finish(0);
-        case 'v': puts("ddxctl " DDX_VERSION); return finish(0);
+        case 'v': version_print("ddxctl"); return finish(0);
         case ':': return bad_usage(argv[optind - 1], "needs a value");
         default: return bad_usage(argv[optind - 1], "unknown option");
         }

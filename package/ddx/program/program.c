@@ -13,6 +13,7 @@
 #include <time.h>
 
 #include "descriptors.h"
+#include "version.h"
 
 #define NS INT64_C(1000000000)
 #define PATIENCE (5 * NS) /* with readers that do not read */
@@ -110,10 +111,6 @@ static void check_name(const struct option_entry *entry, const char *text) {
             bad_usage("-%s %s: a name without blanks and slashes, in ASCII, is needed", entry->name, text);
 }
 
-const char *program_version(void) {
-    return DDX_VERSION;
-}
-
 static void set_option(const struct option_entry *entry, const char *text) {
     switch (entry->kind) {
     case OPTION_FLAG: *(bool *)entry->value = true; break;
@@ -181,7 +178,7 @@ void program_start(struct program *program, int argc, char **argv) {
         exit(EXIT_OK);
     }
     if (wants_version) {
-        printf("%s %s\n", program->name, DDX_VERSION);
+        version_print(program->name);
         exit(EXIT_OK);
     }
     if (optind < argc && program->positional)

@@ -51,9 +51,6 @@ struct program {
  */
 void program_start(struct program *program, int argc, char **argv);
 
-/* Of all programs. */
-const char *program_version(void);
-
 /* TERM or INT came: finish, within five seconds. Whoever has not ended by then is ended, with exit 0. */
 bool program_stopping(void);
 

@@ -12,6 +12,7 @@
 
 #include "../program/descriptors.h"
 #include "files.h"
+#include "../program/version.h"
 #include "holder.h"
 #include "kept.h"
 #include "listen.h"
@@ -87,7 +88,7 @@ static int parse_options(int argc, char **argv) {
             }
             break;
         case 'h': fputs(usage, stdout); return 1;
-        case 'v': puts("store " DDX_VERSION); return 1;
+        case 'v': version_print("store"); return 1;
         case ':': note("%s: needs a value; see store -help", argv[optind - 1]); return 3;
         default: note("%s: unknown option; see store -help", argv[optind - 1]); return 3;
         }

@@ -15,6 +15,7 @@
 #include "program.h"
 #include "show.h"
 #include "verify.h"
+#include "version.h"
 
 #define IDLE (3 << 13) /* the lowest class of ionice(1) */
 
@@ -132,7 +133,7 @@ int main(int argc, char **argv) {
         else if (!strcmp(option, "help"))
             return fputs(usage, stdout) < 0;
         else if (!strcmp(option, "version"))
-            return printf("ddxrecordings %s\n", program_version()) < 0;
+            return version_print("ddxrecordings"), ferror(stdout) != 0;
         else if (!strcmp(option, "json"))
             json = true;
         else if (!strcmp(option, "folder") && i + 1 < argc)

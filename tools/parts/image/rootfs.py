@@ -7,7 +7,7 @@ import shutil
 import subprocess
 
 from parts import trees
-from parts.common import TOP, entries, run
+from parts.common import TOP, commit, entries, run
 from parts.image import tables
 
 BOARD = TOP / "board/dev"
@@ -54,7 +54,7 @@ def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, pa
                                 ignore=shutil.ignore_patterns(*UNWANTED))
     for overlay in trees.each("overlay"):  # a file takes the place of a link, and is not written through it
         run(["cp", "-a", "--remove-destination", f"{overlay}/.", root])
-    run([COMMON / "post-build.sh", root])
+    run([COMMON / "post-build.sh", root], env={"DDX_BOARD": "dev", "DDX_COMMIT": commit()})
     _add_users(root)
 
     search = [package / folder for package in packages for folder in ["usr/lib/x86_64-linux-gnu", "usr/lib"]]

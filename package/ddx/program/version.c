@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "version.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+#define OS_RELEASE "/etc/os-release"
+
+void version_print(const char *name) {
+    char line[256], image[256] = "";
+    bool ours = false;
+    FILE *file = fopen(OS_RELEASE, "re");
+
+    printf("%s %s\n", name, DDX_VERSION);
+    if (!file)
+        return;
+    while (fgets(line, sizeof line, file)) {
+        if (!strcmp(line, "ID=ddxvideo\n"))
+            ours = true;
+        sscanf(line, "VERSION=\"%255[^\"\n]", image);
+    }
+    fclose(file);
+    if (ours && *image)
+        printf("image: %s\n", image);
+}
