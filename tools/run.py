@@ -62,6 +62,8 @@ def table(report: Report, result: session.Result) -> None:
     missing = result.outside.missing
     if missing:
         say(f"missing in the recording: {', '.join(map(str, missing[:20]))}{' ...' if len(missing) > 20 else ''}")
+    for text in report.notes:
+        say(text)
     for text in report.disagreements:
         say(f"counters disagree: {text}")
 
@@ -82,16 +84,18 @@ def collect(guest: qemu.Guest, origin: source.Clip | source.Vivid, follower: Fol
     recorded, shown = WORK / "recorded.y4m", WORK / "shown.y4m"
     ends = stream.collect(guest, origin.grabber, recorded, shown)
     result = origin.judge(recorded, ends[origin.grabber], ends[SAVE])
-    seen = stream.judge(shown, stream.pictures(recorded), ends[SEND], ends[DECODE], ends[RECORDER])
+    seen = stream.judge(shown, recorded, ends[SEND], ends[DECODE], ends[RECORDER])
     stages = [Stage("stored", result.load.out - result.before, result.lost_store, result.load, books["stored"]),
               Stage("recorded", result.outside.recorded, result.lost_record, result.save, books["recorded"]),
               Stage("sent", seen.sent.out, seen.lost_send, seen.sent, books["sent"]),
               Stage("decoded", seen.decoded.out, seen.lost_decode, seen.decoded, books["decoded"])]
     about["boot"] = {"kernel_to_first_frame_s": round(result.load.first_ns / 1e9, 3)}
+    about["stream"] = seen.likeness.figures() if seen.likeness else {"compared_by": "number"}
+    notes = [seen.likeness.words()] if seen.likeness else []
     disagreements = result.disagreements + seen.disagreements
     if seen.wrong:
         disagreements.append(f"{len(seen.wrong)} pictures that {DECODE} showed are not those of their time")
-    return result, Report(result.outside.clip, stages, about, disagreements, follower.seconds)
+    return result, Report(result.outside.clip, stages, about, disagreements, follower.seconds, notes)
 
 
 def main() -> int:

@@ -95,7 +95,7 @@ class Crowd:
 def judge_stream(minute: Minute, rate: float, figure: Figure) -> None:
     """Nothing waits for the sender; what it missed is counted, and what decode showed is what was due."""
     ends = minute.ends
-    found = stream.judge(minute.shown, stream.pictures(minute.recorded), ends[stream.SEND], ends[stream.DECODE],
+    found = stream.judge(minute.shown, minute.recorded, ends[stream.SEND], ends[stream.DECODE],
                          ends[stream.RECORDER])
     assert found.disagreements == [] and found.wrong == []
     assert found.sent.lost["store"] >= (FROZEN - 0.5) * rate

@@ -78,8 +78,8 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
     assert (received["lost"] - received["late"], received["duplicate"]) == (segment.dropped, segment.duplicated)
     assert received["garbage"] == received["foreign"] == 0
 
-    source = stream.pictures(work / "two-recorded.y4m")
-    seen = stream.judge(work / "two-shown.y4m", source, ends[stream.SEND], ends[stream.DECODE], ends[stream.RECORDER])
+    seen = stream.judge(work / "two-shown.y4m", work / "two-recorded.y4m", ends[stream.SEND], ends[stream.DECODE],
+                        ends[stream.RECORDER])
     assert seen.disagreements == []
     right = [one.time for index, one in enumerate(seen.shown) if index not in seen.wrong]
     quiet = [one.time for one in seen.shown if one.time < (QUIET - 1) * 1e9 or one.time > (mended + END) * 1e9]

@@ -4,11 +4,13 @@ import filecmp
 import json
 import pathlib
 
+import numpy
 import pytest
+from numpy.typing import NDArray
 
 from parts.guest import camera_run, stream, testdisk
 from parts.guest.stream import Picture
-from parts.media import clip as default_clip, report
+from parts.media import clip as default_clip, report, y4m
 from parts.media.counters import Counters
 from parts.media.record_check import RecordedDisk
 from parts.media.report import Report, Stage
@@ -86,11 +88,79 @@ def test_a_stream_is_judged_by_what_was_recorded_at_that_time() -> None:
 
 
 def test_what_decode_missed_shows(clip: pathlib.Path) -> None:
-    source = stream.pictures(clip)
-    good = stream.judge(clip, source, counters("send", 4), counters("decode", 4), counters("save", 4))
+    good = stream.judge(clip, clip, counters("send", 4), counters("decode", 4), counters("save", 4))
     assert len(good.shown) == 4 and not good.disagreements
-    bad = stream.judge(clip, source, counters("send", 5), counters("decode", 4), counters("save", 3))
+    bad = stream.judge(clip, clip, counters("send", 5), counters("decode", 4), counters("save", 3))
     assert len(bad.disagreements) == 2
+
+
+COUNT, AFTER = 40, 3  # pictures of a clip without numbers; decode shows it from the fourth one on
+Pictures = list[NDArray[numpy.uint8]]
+
+
+def waves(speed: int) -> Pictures:
+    """A clip without numbers: 160x96."""
+    y, x = numpy.mgrid[0:96, 0:160]
+    return [(128 + 90 * numpy.sin((x + speed * number) / 5) * numpy.cos(y / 7)).astype(numpy.uint8)
+            for number in range(COUNT)]
+
+
+def coded(pictures: Pictures) -> Pictures:
+    """With the errors of a lossy codec."""
+    noise = numpy.random.default_rng(1)
+    return [numpy.clip(one + noise.normal(0, 12, one.shape), 0, 255).astype(numpy.uint8) for one in pictures]
+
+
+def unnumbered(path: pathlib.Path, pictures: Pictures, begin: int) -> pathlib.Path:
+    """A recording at 30000/1001 frames a second; `begin`: number of the first picture's time."""
+    chroma = bytes([128]) * (160 * 96 // 2)
+    with path.open("wb") as file:
+        file.write(b"YUV4MPEG2 W160 H96 F30000:1001 C420jpeg\n")
+        for index, one in enumerate(pictures):
+            start = f" XDDX_START={7000 * MS + begin * 33366667 + (3000 if begin else 0)}" if not index else ""
+            file.write(f"FRAME XTIME={index * 33366667}{start}\n".encode() + one.tobytes() + chroma)
+    return path
+
+
+def streamed(folder: pathlib.Path, source: Pictures, seen: Pictures) -> stream.Result:
+    recorded = unnumbered(folder / "recorded.y4m", source, 0)
+    shown_file = unnumbered(folder / "shown.y4m", seen, AFTER)
+    found = stream.judge(shown_file, recorded, counters("send", len(seen)), counters("decode", len(seen)),
+                         counters("save", len(seen)))
+    assert not found.disagreements and found.likeness
+    return found
+
+
+def test_a_clip_without_numbers_is_judged_by_its_pictures(tmp_path: pathlib.Path) -> None:
+    source = waves(2)
+    seen = coded(source)
+    right = streamed(tmp_path, source, seen[AFTER:])
+    assert right.wrong == [] and right.likeness and right.likeness.told == COUNT - AFTER
+    assert 25 < min(right.likeness.psnr) and "to show a shift by one frame" in right.likeness.words()
+    for by in (-1, 1):
+        shifted = streamed(tmp_path, source, seen[AFTER + by:][:COUNT - AFTER - 1])
+        assert len(shifted.wrong) == COUNT - AFTER - 1, by
+    once, grey = list(seen), numpy.full_like(source[0], 128)
+    once[20], once[30] = seen[19], grey
+    assert streamed(tmp_path, source, once[AFTER:]).wrong == [20 - AFTER, 30 - AFTER]
+
+
+def test_a_clip_that_stands_still_says_what_cannot_be_seen(tmp_path: pathlib.Path) -> None:
+    source = waves(0)
+    found = streamed(tmp_path, source, coded(source)[AFTER:])
+    assert found.wrong == [] and found.likeness and found.likeness.told == 0
+    assert "a shift by one frame cannot be seen" in found.likeness.words()
+
+
+def test_a_damaged_clip_is_named_with_its_frame(tmp_path: pathlib.Path) -> None:
+    path = unnumbered(tmp_path / "my.y4m", waves(1)[:3], 0)
+    whole = path.read_bytes()
+    for damaged, words in [(whole[:-1], "my.y4m: cut short in frame 2 "),
+                           (whole + b"FRAM", "my.y4m: no FRAME line where frame 3 "),
+                           (b"RIFF", "my.y4m: no Y4M"), (b"YUV4MPEG2 Wx H2\n", "my.y4m: width or height")]:
+        path.write_bytes(damaged)
+        with pytest.raises(y4m.Malformed, match=words):
+            list(y4m.read(path)[1])
 
 
 def test_report() -> None:
@@ -99,12 +169,13 @@ def test_report() -> None:
     stages = [Stage(name, 10 - index, index, counters(name, 10 - index, index), histogram)
               for index, name in enumerate(report.COLOURS)]
     seconds = [(float(second), {name: 25 * second for name in report.COLOURS}) for second in range(4)]
-    found = Report(10, stages, {"image": "<disk>"}, ["one <thing>"], seconds)
+    found = Report(10, stages, {"image": "<disk>"}, ["one <thing>"], seconds, ["a <note>"])
     values = json.loads(found.json())
     assert values["frames"] == {"in": 10, "stored": 10, "recorded": 9, "sent": 8, "decoded": 7}
     assert values["lost"] == {"store": 0, "record": 1, "send": 2, "stream": 3}
     assert values["latency_us"]["stream"] == {"p50": 5, "p99": 9, "max": 10}
     page = report.page(found)
+    assert values["notes"] == ["a <note>"] and "a &lt;note&gt;" in page
     assert "&lt;disk&gt;" in page and "one &lt;thing&gt;" in page and "src=" not in page and "href=" not in page
     assert page.count("<polyline") == 4 and page.count("<title>3</title>") == 4
 

@@ -33,7 +33,7 @@ class Clip(Source):
     def __init__(self, clip: pathlib.Path) -> None:
         super().__init__(clip)
         first, second = (self.header.value("F") or "25:1").split(":")
-        self.rate = int(first) / int(second)
+        self.rate = 25.0 if "0" in (first, second) else int(first) / int(second)  # as the loader
         self.more_memory = testdisk.more_memory(clip)
 
     def disk(self, work: pathlib.Path, board: str, settings: Mapping[str, str]) -> pathlib.Path:

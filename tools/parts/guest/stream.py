@@ -3,18 +3,18 @@
 import dataclasses
 import pathlib
 
+from parts.common import Failed
 from parts.guest import qemu, session
-from parts.media import y4m
-from parts.media.clip import frame_number
+from parts.media import likeness
 from parts.media.counters import Counters, adds_up, agree
+from parts.media.likeness import SAME, Likeness, Recording
 from parts.media.recording import FileSystem
 from parts.media.report import bucket_us
 
 SEND, DECODE = "ddxvideosend", "decode"
 ITEM = "seen"  # decode's item, as decode.default says
 RECORDER = f"ddxvideosave.{ITEM}"
-EARLIER = 25      # pictures that decode may have shown before the recorder had its item
-SAME = 1_000_000  # ns within which two time stamps are of the same frame: RTP and NTP round
+EARLIER = 25  # pictures that decode may have shown before the recorder had its item
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,6 +31,7 @@ class Result:
     shown: list[Picture]  # what decode showed, from its recording
     wrong: list[int]      # of these, those that do not show what the source showed at their time
     disagreements: list[str]
+    likeness: Likeness | None = None  # of a source without numbers in its pictures
 
     @property
     def lost_send(self) -> int:
@@ -65,8 +66,11 @@ def collect(guest: qemu.Guest, grabber: str, recorded: pathlib.Path, shown: path
 
 
 def pictures(recording: pathlib.Path) -> list[Picture]:
-    header, frames = y4m.read(recording)
-    return [Picture(frame.time or 0, frame_number(frame.data, header.width, header.height)) for frame in frames]
+    return numbered(Recording(recording))
+
+
+def numbered(recording: Recording) -> list[Picture]:
+    return [Picture(*one) for one in zip(recording.times, recording.numbers)]
 
 
 def unlike(shown: list[Picture], source: list[Picture]) -> list[int]:
@@ -88,11 +92,26 @@ def unlike(shown: list[Picture], source: list[Picture]) -> list[int]:
     return best
 
 
-def judge(shown: pathlib.Path, source: list[Picture], sent: Counters, decoded: Counters,
+def alike(shown: Recording, source: Recording) -> Likeness:
+    """For a source without numbers; both recordings are of the same machine, so their clocks are one."""
+    sizes = [f"{one.header.width}x{one.header.height}" for one in (shown, source)]
+    if sizes[0] != sizes[1]:
+        raise Failed(f"{shown.path.name}: {DECODE} showed {sizes[0]}, but {sizes[1]} was recorded")
+    for one in (shown, source):
+        if one.start is None:
+            raise Failed(f"{one.path.name}: does not say when it was recorded (XDDX_START), so its pictures cannot be "
+                         "compared with those of the same time")
+    return likeness.compare(shown, source, (shown.start or 0) - (source.start or 0))
+
+
+def judge(shown: pathlib.Path, recorded: pathlib.Path, sent: Counters, decoded: Counters,
           recorder: Counters) -> Result:
     """What decode showed against what was recorded at the source; the counters have to say the same."""
-    seen = pictures(shown)
-    result = Result(sent, decoded, seen, unlike(seen, source), [])
+    ours, source = Recording(shown), Recording(recorded)
+    seen = numbered(ours)
+    found = None if source.numbered else alike(ours, source)
+    wrong = found.wrong if found else unlike(seen, numbered(source))
+    result = Result(sent, decoded, seen, wrong, [], found)
     agree(result.disagreements, f"pictures of {DECODE} recorded", len(seen), recorder.out)
     agree(result.disagreements, "frames sent and expected", sent.out, decoded.frames_in)
     adds_up(result.disagreements, sent, decoded, recorder)

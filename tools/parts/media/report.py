@@ -32,13 +32,14 @@ class Report:
     about: dict[str, object]
     disagreements: list[str]
     seconds: list[tuple[float, dict[str, int]]]
+    notes: list[str] = dataclasses.field(default_factory=list)  # how the frames were compared, and what cannot be seen
 
     def json(self) -> str:
         return json.dumps({
             "frames": {"in": self.frames_in, **{one.name: one.frames for one in self.stages}},
             "lost": {LOST[one.name]: one.lost for one in self.stages},
             "latency_us": {LOST[one.name]: one.counters.latency for one in self.stages if one.counters.latency},
-            **self.about, "disagreements": self.disagreements}, indent=2) + "\n"
+            **self.about, "notes": self.notes, "disagreements": self.disagreements}, indent=2) + "\n"
 
 
 # A stage's name says what became of the frames; losses and latencies bear the name of what happens to them.
@@ -134,12 +135,14 @@ def page(report: Report) -> str:
 
     last = 1 + max((half for one in report.stages for half in halves(one)), default=1)
     wrong = "".join(f"<p class=wrong>{html.escape(text)}</p>" for text in report.disagreements)
-    about = ", ".join(f"{name} {html.escape(str(value))}" for name, value in report.about.items() if name != "boot")
+    notes = "".join(f"<p>{html.escape(text)}</p>" for text in report.notes)
+    about = ", ".join(f"{name} {html.escape(str(value))}" for name, value in report.about.items()
+                      if not isinstance(value, dict))
     return "\n".join([
         "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>A run of the appliance</title>",
         "<style>body{font:14px sans-serif;margin:2em;max-width:60em}text{font:12px sans-serif}td{text-align:right;"
         "padding:0 1em}.wrong{color:#b00}.why{text-align:left}svg{display:block}</style>",
-        f"<h1>A run of the appliance: {report.frames_in} frames</h1>", f"<p>{about}</p>", wrong,
+        f"<h1>A run of the appliance: {report.frames_in} frames</h1>", f"<p>{about}</p>", notes, wrong,
         "<table><tr><th><td>frames<td>lost<td>p50 µs<td>p99 µs<td>max µs<td class=why>why</tr>",
         f"<tr><th>in</th><td>{report.frames_in}</td></tr>", *(row(one) for one in report.stages), "</table>",
         "<h2>Frames a second</h2>", over_time(report),

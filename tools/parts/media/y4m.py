@@ -10,7 +10,7 @@ CHROMA = {"420": (2, 2), "420jpeg": (2, 2), "420mpeg2": (2, 2), "420paldv": (2, 
 
 
 class Malformed(Exception):
-    pass
+    """A file that is no Y4M, or is damaged; the message begins with its name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,6 +41,12 @@ class Header:
 class Frame:
     parameters: tuple[str, ...]
     data: bytes
+    position: int = 0  # of the data in the file
+
+    @property
+    def start(self) -> int | None:
+        """On a recording's first frame: when it was captured, ns on the machine's monotonic clock."""
+        return next((int(p[11:]) for p in self.parameters if p.startswith("XDDX_START=")), None)
 
     @property
     def time(self) -> int | None:
@@ -49,29 +55,43 @@ class Frame:
 
 
 def _header(line: bytes) -> Header:
-    words = line.decode("ascii").split(" ")
+    words = line.decode("ascii", "replace").split(" ")
     if words[0] != "YUV4MPEG2":
-        raise Malformed("no Y4M file")
+        raise Malformed("no Y4M file; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m")
     values = {word[0]: word[1:] for word in words[1:] if word and word[0] in "WHC"}
     chroma = values.get("C", "420")
     if chroma not in CHROMA and chroma != "mono":
-        raise Malformed(f"chroma layout {chroma}")
-    return Header(int(values["W"]), int(values["H"]), chroma, tuple(words[1:]))
+        raise Malformed(f"chroma layout {chroma}; convert it: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m")
+    width, height = (int(text) if (text := values.get(key, "")).isdecimal() else 0 for key in "WH")
+    if not width or not height:
+        raise Malformed("width or height is missing or zero; the file is damaged")
+    return Header(width, height, chroma, tuple(words[1:]))
 
 
 def read(path: pathlib.Path) -> tuple[Header, Iterator[Frame]]:
     """The header, and the frames one after the other. A cut-off last frame raises Malformed."""
     file = path.open("rb")
-    header = _header(file.readline(1024).rstrip(b"\n"))
+    try:
+        header = _header(file.readline(1024).rstrip(b"\n"))
+    except Malformed as error:
+        file.close()
+        raise Malformed(f"{path.name}: {error}") from None
 
     def frames() -> Iterator[Frame]:
+        number = 0
         with file:
             while line := file.readline(1024):
-                words = line.rstrip(b"\n").decode("ascii").split(" ")
+                words = line.rstrip(b"\n").decode("ascii", "replace").split(" ")
+                position = file.tell()
+                if words[0] != "FRAME" or not line.endswith(b"\n"):
+                    raise Malformed(f"{path.name}: no FRAME line where frame {number} (from 0) should begin; "
+                                    "the file is damaged from there on")
                 data = file.read(header.frame_size)
-                if words[0] != "FRAME" or not line.endswith(b"\n") or len(data) != header.frame_size:
-                    raise Malformed("a frame is cut off or damaged")
-                yield Frame(tuple(words[1:]), data)
+                if len(data) != header.frame_size:
+                    raise Malformed(f"{path.name}: cut short in frame {number} (from 0); "
+                                    "the frames before it are whole")
+                yield Frame(tuple(words[1:]), data, position)
+                number += 1
 
     return header, frames()
 
