@@ -130,7 +130,8 @@ def test_a_file_s_name_steers_no_terminal(desk: Desk, clip: pathlib.Path, tmp_pa
     stick.mkdir()
     for name in ("\x1b]0;evil\x07-000007-20260101T000000Z.y4m", "two\nlines\x7f.y4m", "cut\x1b[2J-000008-x.y4m"):
         (desk.folder / "rec" / name).write_bytes(clip.read_bytes()[:-1 if "cut" in name else None])
-    for words in (["list"], ["verify"], ["export", "all", stick]):
+    commands: list[tuple[str, ...]] = [("list",), ("verify",), ("export", "all", str(stick))]
+    for words in commands:
         done = run(desk, *words)
         said = done.stdout + done.stderr
         assert [c for c in said if not c.isprintable() and c != "\n"] == [], words
