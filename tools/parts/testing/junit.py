@@ -50,11 +50,12 @@ def document(tests: Sequence[Test]) -> xml.ElementTree:
     groups: dict[str, list[Test]] = {}
     for test in tests:
         groups.setdefault(class_name(test.name), []).append(test)
-    root = xml.Element("testsuites", name="make test", **_sums(tests))
+    root = xml.Element("testsuites", {**_sums(tests), "name": "make test"})
     written = time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime())
     for name, members in groups.items():
         skipped = sum(test.outcome == "skipped" for test in members)
-        suite = xml.SubElement(root, "testsuite", name=name, **_sums(members), skipped=str(skipped), timestamp=written)
+        suite = xml.SubElement(root, "testsuite", {**_sums(members), "name": name, "skipped": str(skipped),
+                                                   "timestamp": written})
         for test in members:
             _case(suite, test)
     xml.indent(root)
