@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The counter of boots, both of its halves: GRUB's menu, which counts, and slot-came-up, which clears. What is chosen in
-grub.cfg is close enough to a shell's language to run in one."""
+"""The counter of boots, both of its halves: GRUB's menu, which counts, and slot-came-up, which clears. The part of
+grub.cfg that chooses a slot is close enough to a shell's language to run in one."""
 from __future__ import annotations
 
 import os
@@ -121,7 +121,7 @@ def test_a_boot_partition_that_cannot_be_used_is_noticed(robot: Robot) -> None:
 @pytest.mark.parametrize("first", [{}, {"begun": "3"}, {"slot": "B", "left": "3"}, {"slot": "B", "left": "0"}],
                          ids=["fresh", "gave-way", "updated", "no-boots-left"])
 def test_the_slot_that_comes_up_is_found_and_found_again(robot: Robot, first: Block) -> None:
-    """First one slot comes up, then only the other one, then the first again: that takes four boots at most each time."""
+    """First one slot comes up, then only the other one, then the first again: four boots at most each time."""
     block = first
     for good in ("A", "B", "A"):
         slots = []
