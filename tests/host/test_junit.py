@@ -24,7 +24,8 @@ __all__ = ["places"]
 # What the schema of Jenkins' xUnit plugin allows, of which GitLab reads a part.
 SUMS = {"name", "time", "tests", "failures", "errors"}
 ATTRIBUTES = {"testsuites": SUMS, "testsuite": SUMS | {"skipped", "timestamp"},
-              "testcase": {"name", "classname", "time"}, "failure": {"message"}, "skipped": {"message"}, "system-out": set()}
+              "testcase": {"name", "classname", "time"}, "failure": {"message"}, "skipped": {"message"},
+              "system-out": set()}
 INSIDE = {"testsuites": {"testsuite"}, "testsuite": {"testcase"}, "testcase": {"failure", "skipped", "system-out"}}
 TESTS = """\
 import pytest

@@ -8,6 +8,7 @@ import bisect
 import dataclasses
 import math
 import pathlib
+import statistics
 
 import numpy
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ DUE = 0.25         # up to there, the picture that is due
 ROUNDED = 65.0     # squared error that any picture may have, 30 dB
 NOTHING = 0.9      # squared error, in variances of the picture that is due: of a grey picture it is 1
 PERFECT = 99.0     # dB, of a picture without any error
+LEGIBLE = 15.0     # dB of the middle picture; below that the codec has left too little of noise to judge by
 SAME = 1_000_000   # ns within which two time stamps are of the same frame: RTP and NTP round
 
 Luma = NDArray[numpy.uint8]
@@ -63,6 +65,10 @@ class Likeness:
     psnr: list[float]       # dB, of each picture that has one due
     told: int = 0           # pictures that a shift by one frame would make wrong
 
+    @property
+    def legible(self) -> bool:
+        return not self.psnr or statistics.median(self.psnr) >= LEGIBLE
+
     def figures(self) -> dict[str, object]:
         return {"compared_by": "picture", "pictures": len(self.psnr), "unlike_their_neighbours": self.told,
                 "psnr_db": {"least": round(min(self.psnr, default=0.0), 1),
@@ -73,8 +79,10 @@ class Likeness:
                 f"with the recorded ones of the same time")
         if self.psnr:
             text += f": PSNR {min(self.psnr):.1f} dB at least, {sum(self.psnr) / len(self.psnr):.1f} dB on average"
+        if not self.legible:
+            return f"{text}. At this bit rate the codec leaves too little of the pictures to tell them apart."
         if not self.told:
-            return f"{text}. The clip stands still, or nearly so: a shift by one frame cannot be seen in it."
+            return f"{text}. The clip stands still, or nearly so: a shift by one frame can hardly be seen in it."
         return f"{text}. {self.told} of them differ enough from their neighbours to show a shift by one frame."
 
 
@@ -96,6 +104,7 @@ def squared_error(one: Luma, other: Luma) -> float:
 def compare(shown: Recording, source: Recording, begin: int) -> Likeness:
     """`begin`: time of the first picture shown, in the source's time."""
     found = Likeness([], [])
+    unlike: list[int] = []
     before: dict[int, Luma] = {}
     for index, time in enumerate(shown.times):
         at = source.at(time + begin)
@@ -112,7 +121,9 @@ def compare(shown: Recording, source: Recording, begin: int) -> Likeness:
         places = {one: place(picture, due, before[one]) for one in wanted if one != at}
         nothing = error > max(ROUNDED, NOTHING * float(due.var()))
         if nothing or any(one is not None and one > OTHER for one in places.values()):
-            found.wrong.append(index)
+            unlike.append(index)
         next_to = [places[one] for one in (at - 1, at + 1) if one in places]
         found.told += bool(next_to) and all(one is not None and one < DUE for one in next_to)
+    if found.legible:
+        found.wrong = sorted(found.wrong + unlike)
     return found
