@@ -27,13 +27,14 @@ def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
     for name, lines in (("ddxvideoload", "loop="), (SEND, "interface=lo"), ("ddxvideosave", "enabled=no")):
         (tmp_path / f"test/{name}.conf").write_text(f"{lines}\n")
     with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:
-        machine.wait_until("ddxctl stats --json | grep -q 'ddxvideoload.*\"out\":[1-9]'")  # all scripts are through
+        machine.wait_until("ddxctl status ddxhealth | grep -q state=running")  # the last init script has run
         yield machine
 
 
 def described(robot: NativeMachine, words: str = "") -> str:
     """What goes into a file on the laptop."""
-    return robot.sh(f"ddxctl stream {words} 2> /run/said || {{ cat /run/said; false; }}")
+    robot.wait_until(f"ddxctl stream {words} > /dev/null 2>&1")
+    return robot.sh(f"ddxctl stream {words} 2> /dev/null")
 
 
 def played(robot: NativeMachine, sdp: pathlib.Path) -> bytes:
