@@ -21,6 +21,7 @@ RESULTS = TEST / "results"
 LOCK = OUTPUT / "test.lock"  # two runs in one clone would build, and judge, each other's programs
 SLOWEST = 15
 NICE = ("nice", "-n", "10")
+BESIDE = ("nice", "-n", "4")  # C tests beside others: with 10 a store got too little time to answer within 5 s
 C_TESTS = 4  # at a time: they mostly wait for each other's processes
 PATIENT = 4  # times what meson.build allows a C test: it may have to wait for a processor
 # Nobody is lucky with these: a frame that was torn or lost, memory or threads that a sanitizer saw go wrong. Counters
@@ -118,7 +119,7 @@ class Suite:
         def run(processes: int, *only: str) -> list[Test]:
             log = folder / "meson-logs/testlog.json"
             log.unlink(missing_ok=True)
-            command = [*(NICE if beside else ()), "meson", "test", "--no-rebuild", "--print-errorlogs",
+            command = [*(BESIDE if beside else ()), "meson", "test", "--no-rebuild", "--print-errorlogs",
                        f"--num-processes={processes}", f"--timeout-multiplier={PATIENT}", "-C", str(folder), *only]
             done = subprocess.run(command, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, text=True,
                                   errors="replace", stdout=subprocess.PIPE if beside else None,
