@@ -76,7 +76,7 @@ def test_a_server_that_does_not_answer_is_not_waited_for(desk: Desk, compile_cli
 
 
 def test_an_asker_that_dies_blocks_nobody(desk: Desk, compile_client: Compiler) -> None:
-    server = serve(desk, compile_client, 1500)
+    server = serve(desk, compile_client, 500)  # ms for each; ddxctl waits 3 s for both
     asker = desk.start("ddxctl", "set", "thing", "level=1")
     wait_until(lambda: desk.sequence("thing.request") > 0)
     asker.kill()
