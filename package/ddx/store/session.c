@@ -279,7 +279,8 @@ void clients_sweep(struct store *store) {
             ddx_queue_clear(&client->queue);
             file_close(client->socket);
             process_leave(client->process);
-            kept_free(client);
+            if (!DDX_BROKEN("deaf")) /* whose items still name it as their writer */
+                kept_free(client);
             holder_beat();
             full_until = 0;
             link = &store->clients; /* forgetting one may have found out that another is gone, too */
