@@ -39,9 +39,12 @@ static void nap(double seconds) {
 static DDX_STORE_ITEM *lookup(const char *name, const char *type, size_t size) {
     DDX_STORE_ITEM *item = NULL;
 
-    /* A store that has just restarted may be starved beside other tests: no answer within 5 s is -ECONNREFUSED. */
-    for (int tries = 0; tries < 5 && !item && (!tries || errno == ECONNREFUSED); tries++)
+    /* The test before may have started the store a moment ago: beside other tests that takes more than half a second. */
+    for (int tries = 0; tries < 100 && !item && (!tries || errno == ECONNREFUSED); tries++) {
+        if (tries)
+            nap(0.1);
         item = ddx_store_lookup_item(id, name, type, (int)size);
+    }
     if (!item) {
         fprintf(stderr, "%s: %s\n", name, ddx_error_text(errno));
         exit(1);
