@@ -2,9 +2,14 @@
 """The image's scripts on the desk: under its own BusyBox, in a root of their own, with processes of their own."""
 from __future__ import annotations
 
+import contextlib
+import os
 import pathlib
 import shutil
 import subprocess
+from collections.abc import Iterator
+
+import pytest
 
 from parts.common import MORTAL
 from parts.image import busybox
@@ -59,3 +64,14 @@ class Appliance:
 
     def end(self) -> None:
         self.holder.communicate()
+
+
+@contextlib.contextmanager
+def with_service(folder: pathlib.Path) -> Iterator[Appliance]:
+    """A root folder with the scripts of services; skips the test where that cannot be."""
+    if os.geteuid() != 0:
+        pytest.skip("a root folder of one's own takes root")
+    appliance = Appliance(folder)
+    appliance.install_service()
+    yield appliance
+    appliance.end()

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from .appliance import USERS, Appliance
+from .appliance import USERS, Appliance, with_service
 
 SECRET = "root's own\n"
 LIMITS = "s131072\nn3\n"  # of a log, as svlogd reads them
@@ -17,14 +17,10 @@ LIMITS = "s131072\nn3\n"  # of a log, as svlogd reads them
 @pytest.fixture
 def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
     """With a file that is root's alone."""
-    if os.geteuid() != 0:
-        pytest.skip("a root folder of one's own takes root")
-    appliance = Appliance(tmp_path)
-    appliance.install_service()
-    (appliance.root / "secret").write_text(SECRET)
-    (appliance.root / "secret").chmod(0o600)
-    yield appliance
-    appliance.end()
+    with with_service(tmp_path) as appliance:
+        (appliance.root / "secret").write_text(SECRET)
+        (appliance.root / "secret").chmod(0o600)
+        yield appliance
 
 
 def plant(appliance: Appliance, path: str) -> None:

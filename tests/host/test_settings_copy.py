@@ -11,7 +11,7 @@ import pytest
 
 from parts.common import TOP
 
-from .appliance import Appliance
+from .appliance import Appliance, with_service
 
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}" for name in ("settings-copy", "restore.awk")}
 SAVE = "/usr/libexec/ddx/settings-copy save"
@@ -25,22 +25,18 @@ UNCOPIED = ("settings have no copy: /rec/.ddx cannot be made, or is not root's a
 @pytest.fixture
 def robot(tmp_path: pathlib.Path) -> Iterator[Appliance]:
     """With a disk that is the recorder's, settings, and what only root may read and write."""
-    if os.geteuid() != 0:
-        pytest.skip("a root folder of one's own takes root")
-    robot = Appliance(tmp_path)
-    robot.install_service()
-    for script, to in SCRIPTS.items():
-        robot.install(script, to)
-    for name in ("data/ddx", "rec", "vault"):
-        (robot.root / name).mkdir(parents=True)
-    with (robot.root / "etc/passwd").open("a") as users:
-        users.write("ddxsave:x:903:900::/:/bin/sh\nddxlogger:x:909:900::/:/bin/sh\n")
-    (robot.root / "etc/default/thing").write_text("user=ddxsave\n")
-    (robot.root / "data/ddx/thing.conf").write_text("enabled=no\n")
-    assert robot.run("chmod 700 /vault; echo secret > /vault/settings; "
-                     "mount -t tmpfs -o mode=2755 rec /rec && chown ddxsave:ddx /rec")[0] == 0
-    yield robot
-    robot.end()
+    with with_service(tmp_path) as robot:
+        for script, to in SCRIPTS.items():
+            robot.install(script, to)
+        for name in ("data/ddx", "rec", "vault"):
+            (robot.root / name).mkdir(parents=True)
+        with (robot.root / "etc/passwd").open("a") as users:
+            users.write("ddxsave:x:903:900::/:/bin/sh\nddxlogger:x:909:900::/:/bin/sh\n")
+        (robot.root / "etc/default/thing").write_text("user=ddxsave\n")
+        (robot.root / "data/ddx/thing.conf").write_text("enabled=no\n")
+        assert robot.run("chmod 700 /vault; echo secret > /vault/settings; "
+                         "mount -t tmpfs -o mode=2755 rec /rec && chown ddxsave:ddx /rec")[0] == 0
+        yield robot
 
 
 def vault(robot: Appliance) -> str:
