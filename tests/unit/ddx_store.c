@@ -39,7 +39,7 @@ static void nap(double seconds) {
 static DDX_STORE_ITEM *lookup(const char *name, const char *type, size_t size) {
     DDX_STORE_ITEM *item = NULL;
 
-    /* The test before may have started the store a moment ago: beside other tests that takes more than half a second. */
+    /* The test before may have started the store a moment ago: beside other tests that takes over half a second. */
     for (int tries = 0; tries < 100 && !item && (!tries || errno == ECONNREFUSED); tries++) {
         if (tries)
             nap(0.1);
