@@ -2,7 +2,8 @@
 /*
  * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() and
  * syncfs() do not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While
- * $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST the first file that is locked is locked already.
+ * $STALLED_FSYNC exists, fsync() does not return. While $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST the
+ * first file that is locked is locked already.
  *
  * Linux reports a failed write to the disk once: where the file $FAILED_FLUSH exists the next fdatasync() or syncfs()
  * of a file whose path ends with $FAILED_OF removes it and fails, and with $FAILED_FSYNC the next fsync(). $FLUSHED
@@ -41,6 +42,7 @@ static int fails_once(const char *name, int fd) {
 }
 
 int fsync(int fd) {
+    stall("STALLED_FSYNC");
     return fails_once("FAILED_FSYNC", fd) ? -1 : (int)syscall(SYS_fsync, fd);
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pathlib
 import signal
 import subprocess
@@ -11,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from .programs import Desk, lost, make_clip, pictures, start_recorder, stop, wait_until
+from .programs import Desk, lost, make_clip, pictures, preload, start_recorder, stop, wait_until
 from .test_pool import COUNT, index_of, lose_frames, recordings, start
 
 LONG = "ddxrecordings"
@@ -230,6 +231,59 @@ def test_export_while_recording_takes_what_is_finished(desk: Desk, clip: pathlib
     _, saved = stop(saver)
     assert saved["in"] == saved["out"] and lost(saved) == 0
     same(tmp_path / "to", [desk.folder / "rec" / file.name for file in copies])
+
+
+PLANTED = ("pipe", "link", "other file")
+
+
+def plant(name: pathlib.Path, what: str, secret: pathlib.Path) -> None:
+    """As another user does to whom the folder belongs."""
+    name.unlink(missing_ok=True)
+    if what == "pipe":
+        os.mkfifo(name)
+    elif what == "link":
+        name.symlink_to(secret)
+    else:
+        name.hardlink_to(secret)
+
+
+def test_an_export_reads_back_the_file_that_it_wrote(desk: Desk, recorded: list[pathlib.Path],
+                                                     tmp_path: pathlib.Path) -> None:
+    folder, secret, waits = tmp_path / "to", tmp_path / "secret", tmp_path / "waits"
+    folder.mkdir()
+    secret.write_bytes(recorded[0].read_bytes())  # the same bytes: their sum does not show another file
+    wrapper = ("env", f"LD_PRELOAD={preload('stalled_disk', tmp_path)}", f"STALLED_FSYNC={waits}")
+    part = folder / f"{recorded[0].name}.part"
+    for what in PLANTED:
+        waits.touch()
+        export = desk.start(LONG, "export", recorded[0].name, folder, "-folder", "rec", wrapper=wrapper)
+        wait_until(lambda: part.exists() and part.stat().st_size == secret.stat().st_size)
+        plant(part, what, secret)
+        waits.unlink()
+        assert export.wait(20) == 1 and "reads back as something else" in desk.errors(export), what
+        assert list(folder.iterdir()) == []
+
+
+def test_an_export_writes_a_new_file(desk: Desk, recorded: list[pathlib.Path], tmp_path: pathlib.Path) -> None:
+    folder, secret = tmp_path / "to", tmp_path / "secret"
+    folder.mkdir()
+    secret.write_text("root's own\n")
+    for what in PLANTED:
+        plant(folder / f"{recorded[0].name}.part", what, secret)
+        export = desk.start(LONG, "export", recorded[0].name, folder, "-folder", "rec")
+        assert export.wait(20) == 0 and secret.read_text() == "root's own\n", what
+        same(folder, recorded[:1])
+
+
+def test_a_list_waits_for_no_pipe_and_follows_no_link(desk: Desk, recorded: list[pathlib.Path]) -> None:
+    ready, secret = "files ready: 1\n", desk.folder / "secret"
+    assert ready in run(desk, "list").stdout
+    data = next(one for one in (desk.folder / "rec/pool").glob("*.y4m") if one.stat().st_nlink == 1)
+    data.with_suffix(".index").rename(secret)
+    for what in ("pipe", "link"):
+        plant(data.with_suffix(".index"), what, secret)
+        listing = desk.start(LONG, "list", "-folder", "rec")
+        assert listing.wait(20) == 0 and ready not in listing.communicate()[0], what
 
 
 @pytest.mark.parametrize("words, status, says", [

@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
@@ -79,24 +80,43 @@ static int add_up(void *to, const unsigned char *bytes, size_t size) {
     return 0;
 }
 
+/* The file that was written, to be read. The folder may be another user's, who can put a link or a pipe in its place:
+ * root neither follows nor waits for them, and reads no other file. */
+static int open_written(const struct copy *copy, int to, const char *name, bool *direct) {
+    int flags = O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
+    struct stat written, opened;
+    int fd = openat(to, name, flags | O_DIRECT);
+
+    *direct = fd >= 0;
+    if (fd < 0 && errno == EINVAL)
+        fd = openat(to, name, flags);
+    if (fd < 0)
+        return errno == ELOOP ? -EBADMSG : -errno;
+    if (!fstat(copy->fd, &written) && !fstat(fd, &opened) && written.st_dev == opened.st_dev &&
+        written.st_ino == opened.st_ino)
+        return fd;
+    close(fd);
+    return -EBADMSG;
+}
+
 /* Past the page cache: what the medium has, not what we remember. 0, -EBADMSG if it is something else, -errno. */
 static int read_back(const struct copy *copy, int to, const char *name) {
     uint32_t sum = 0;
-    int fd = openat(to, name, O_RDONLY | O_CLOEXEC | O_DIRECT);
-    bool direct = fd >= 0;
+    bool direct;
+    int fd = open_written(copy, to, name, &direct);
 
-    if (fd < 0 && errno == EINVAL)
-        fd = openat(to, name, O_RDONLY | O_CLOEXEC);
     if (fd < 0)
-        return -errno;
+        return fd;
     int error = bytes_read(fd, direct, copy->written, add_up, &sum);
     close(fd);
     return error ? error : sum == copy->sum ? 0 : -EBADMSG;
 }
 
-/* All but the name. */
+/* All but the name. Always a new file: one of this name that is there may be a pipe, or a link to another file. */
 static int write_file(struct copy *copy, int to, const char *name) {
-    copy->fd = openat(to, name, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC | O_NOFOLLOW, 0644);
+    if (unlinkat(to, name, 0) && errno != ENOENT)
+        return copy->write_error = -errno;
+    copy->fd = openat(to, name, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
     if (copy->fd < 0)
         return copy->write_error = -errno;
     int error = bytes_read(copy->from.fd, copy->from.direct, copy->from.bytes, take, copy);
