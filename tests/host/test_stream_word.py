@@ -10,31 +10,53 @@ from collections.abc import Iterator
 import pytest
 
 import build
+from parts.common import wait_until
 from parts.guest.native_machine import NativeMachine
 from parts.image import native
-from parts.media import clip
+from parts.media import clip, counters
 
 SEND, LAPTOP = "ddxvideosend", "ddxvideosend.laptop"
 
 
-@pytest.fixture
-def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
-    """One that plays a clip over and over, and can send to itself."""
+@pytest.fixture(scope="module")
+def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NativeMachine]:
+    """Plays a clip again and again, and can send to itself."""
     if os.geteuid() != 0:
         pytest.skip("a machine in namespaces of its own takes root")
-    (tmp_path / "test").mkdir()
-    clip.write(tmp_path / "test/clip.y4m", 1)
+    keep = tmp_path_factory.mktemp("robot")
+    (keep / "test").mkdir()
+    clip.write(keep / "test/clip.y4m", 1)
     for name, lines in (("ddxvideoload", "loop="), (SEND, "interface=lo"), ("ddxvideosave", "enabled=no")):
-        (tmp_path / f"test/{name}.conf").write_text(f"{lines}\n")
-    with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:
-        machine.wait_until("ddxctl status ddxhealth | grep -q state=running")  # the last init script has run
-        yield machine
+        (keep / f"test/{name}.conf").write_text(f"{lines}\n")
+    with NativeMachine(build.dev([native.build()]).parent / "root", keep) as robot:
+        robot.wait_until("ddxctl status ddxhealth | grep -q state=running")  # the last init script has run
+        yield robot
+
+
+@pytest.fixture
+def robot(machine: NativeMachine) -> NativeMachine:
+    """The machine as after its boot, whatever the test before left: nothing is sent. One boot serves all tests."""
+    machine.run(f"ddxctl remove {LAPTOP}")
+    machine.sh(f"ddxctl stop {SEND}; rm -f /run/stream/*; chown ddxsend /run/stream; ddxctl start ddxvideoload")
+    machine.wait_until("ddxctl status ddxvideoload | grep -q state=running")
+    return machine
 
 
 def described(robot: NativeMachine, words: str = "") -> str:
     """What goes into a file on the laptop."""
     robot.wait_until(f"ddxctl stream {words} > /dev/null 2>&1")
     return robot.sh(f"ddxctl stream {words} 2> /dev/null")
+
+
+def asked_at_once(robot: NativeMachine, words: str = "") -> tuple[int, str]:
+    """What `ddxctl stream` runs, without its waits of 5 s in all. A `usleep` in $PATH would do nothing: the image's
+    shell has its own."""
+    return robot.run(f"set -- {words}; usleep() {{ :; }}; . /usr/libexec/ddx/ctl-stream")
+
+
+def sent(robot: NativeMachine) -> int:
+    """Frames so far, those of earlier starts included."""
+    return sum(one.out for one in counters.of(SEND, robot.run("ddxctl stats --json")[1]))
 
 
 def played(robot: NativeMachine, sdp: pathlib.Path) -> bytes:
@@ -48,11 +70,10 @@ def played(robot: NativeMachine, sdp: pathlib.Path) -> bytes:
 def test_what_is_sent_is_described(robot: NativeMachine, tmp_path: pathlib.Path) -> None:
     off = f"ddxctl: stream: {SEND} is off; `ddxctl enable {SEND}` switches it on"
     assert robot.run("ddxctl stream") == (1, off)
-    robot.sh(f"ddxctl enable {SEND}")
+    robot.sh(f"ddxctl enable {SEND}; ddxctl add {LAPTOP} group=none to=127.0.0.1 port=9000")
     text = described(robot)
     assert "c=IN IP4 239.255.20.5/1" in text and "m=video 8000 RTP/AVP 96" in text
     assert f"ddxctl add {SEND}.NAME group=none to=ADDRESS" in robot.sh("ddxctl stream 2>&1 > /dev/null")
-    robot.sh(f"ddxctl add {LAPTOP} group=none to=127.0.0.1 port=9000")
     sdp = tmp_path / "laptop.sdp"
     sdp.write_text(described(robot, LAPTOP) + "\n")
     assert "c=IN IP4 127.0.0.1\n" in sdp.read_text() and robot.sh(f"ddxctl stream {LAPTOP} 2>&1 > /dev/null") == ""
@@ -66,8 +87,7 @@ def test_no_description_of_an_earlier_stream(robot: NativeMachine) -> None:
     described(robot)
     robot.sh("ddxctl stop ddxvideoload")
     robot.sh(f"ddxctl restart {SEND}")
-    robot.sh("mkdir /run/bin && echo '#!/bin/sh' > /run/bin/usleep && chmod +x /run/bin/usleep")  # asks sooner again
-    status, said = robot.run("PATH=/run/bin:$PATH ddxctl stream")
+    status, said = asked_at_once(robot)
     assert status == 1 and "has sent no picture yet" in said
     robot.sh("ddxctl start ddxvideoload")
     assert described(robot).startswith("v=0")
@@ -80,12 +100,13 @@ def test_root_s_files_are_no_descriptions(robot: NativeMachine) -> None:
     robot.sh("echo secret > /data/secret.sdp; chmod 600 /data/secret.sdp")
     robot.sh(f"chpst -u ddxsend:ddx ln -sf /data/secret.sdp /run/stream/{SEND}.sdp")
     for words, wanted in (("", 1), ("../../data/secret", 2), ("nonsense", 2)):
-        status, said = robot.run(f"ddxctl stream {words}")
+        status, said = asked_at_once(robot, words)
         assert status == wanted and "secret\n" not in said + "\n"
     assert f"there are: {SEND}" in robot.run("ddxctl stream nonsense")[1]
 
 
 def test_a_description_that_cannot_be_written_stops_no_stream(robot: NativeMachine) -> None:
     robot.sh(f"chown root /run/stream; ddxctl enable {SEND}")
-    robot.wait_until(f"ddxctl stats --json | grep -q '{SEND}.*\"out\":[1-9]'")
     robot.wait_until(f"ddxctl logs {SEND} | grep -q 'no description for players: Permission denied'")
+    before = sent(robot)
+    wait_until(lambda: sent(robot) > before, f"{SEND} sends no more frames")
