@@ -24,7 +24,7 @@ from parts.guest.stream import DECODE, RECORDER, SEND
 from parts.image import native
 from parts.media import clip as default_clip, y4m
 from parts.media.counters import Counters
-from parts.media.report import Report, Stage, page
+from parts.media.report import About, Report, Stage, page
 from parts.release.version import parse
 
 REPORT, PAGE = OUTPUT / "report.json", OUTPUT / "report.html"
@@ -78,7 +78,7 @@ def drawn_clip(seconds: int) -> pathlib.Path:
 
 
 def collect(guest: qemu.Guest, origin: source.Clip | source.Vivid, follower: Follower,
-            about: dict[str, object]) -> tuple[session.Result, Report]:
+            about: About) -> tuple[session.Result, Report]:
     """After all have stopped: both recordings, taken out without the guest's help, and what the programs say."""
     books = {stage: session.histogram(guest, name) for stage, name in follower.names.items()}
     recorded, shown = WORK / "recorded.y4m", WORK / "shown.y4m"
@@ -89,8 +89,8 @@ def collect(guest: qemu.Guest, origin: source.Clip | source.Vivid, follower: Fol
               Stage("recorded", result.outside.recorded, result.lost_record, result.save, books["recorded"]),
               Stage("sent", seen.sent.out, seen.lost_send, seen.sent, books["sent"]),
               Stage("decoded", seen.decoded.out, seen.lost_decode, seen.decoded, books["decoded"])]
-    about["boot"] = {"kernel_to_first_frame_s": round(result.load.first_ns / 1e9, 3)}
-    about["stream"] = seen.likeness.figures() if seen.likeness else {"compared_by": "number"}
+    about.boot = {"kernel_to_first_frame_s": round(result.load.first_ns / 1e9, 3)}
+    about.stream = seen.likeness.figures() if seen.likeness else {"compared_by": "number"}
     notes = [seen.likeness.words()] if seen.likeness else []
     disagreements = result.disagreements + seen.disagreements
     if seen.wrong:
@@ -129,8 +129,7 @@ def main() -> int:
         stream.stop(guest)
         session.stop_recorder(guest)
         version = parse(guest.sh("cat /etc/os-release"))["VERSION"]
-        about: dict[str, object] = {"version": version, "source": kind, "image": str(image.relative_to(TOP)),
-                                    "accel": accel.split(",")[0]}
+        about = About(version, kind, str(image.relative_to(TOP)), accel.split(",")[0])
         result, report = collect(guest, origin, follower, about)
         table(report, result)
         REPORT.write_text(report.json())

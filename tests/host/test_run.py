@@ -3,17 +3,20 @@
 import filecmp
 import json
 import pathlib
+import re
 
 import numpy
 import pytest
 from numpy.typing import NDArray
 
+from parts.common import TOP
 from parts.guest import camera_run, stream, testdisk
 from parts.guest.stream import Picture
 from parts.media import clip as default_clip, report, y4m
 from parts.media.counters import Counters
 from parts.media.record_check import RecordedDisk
-from parts.media.report import Report, Stage
+from parts.media.likeness import Likeness
+from parts.media.report import About, Report, Stage
 
 MS = 1_000_000
 PERIODS = 5  # of the camera, that a frame of the clip is shown for
@@ -179,7 +182,8 @@ def test_report() -> None:
     stages = [Stage(name, 10 - index, index, counters(name, 10 - index, index), histogram)
               for index, name in enumerate(report.COLOURS)]
     seconds = [(float(second), {name: 25 * second for name in report.COLOURS}) for second in range(4)]
-    found = Report(10, stages, {"image": "<disk>"}, ["one <thing>"], seconds, ["a <note>"])
+    about = About("0.2.0", "clip", "<disk>", "tcg", {"kernel_to_first_frame_s": 2.5}, Likeness([], [30.0]).figures())
+    found = Report(10, stages, about, ["one <thing>"], seconds, ["a <note>"])
     values = json.loads(found.json())
     assert values["frames"] == {"in": 10, "stored": 10, "recorded": 9, "sent": 8, "decoded": 7}
     assert values["lost"] == {"store": 0, "record": 1, "send": 2, "stream": 3}
@@ -188,6 +192,25 @@ def test_report() -> None:
     assert values["notes"] == ["a <note>"] and "a &lt;note&gt;" in page
     assert "&lt;disk&gt;" in page and "one &lt;thing&gt;" in page and "src=" not in page and "href=" not in page
     assert page.count("<polyline") == 4 and page.count("<title>3</title>") == 4
+
+
+def rows_of(page: str, title: str) -> dict[str, str]:
+    """The table after this line: the words of each key."""
+    rows = re.match(r"(?:\|.*\n)+", page.split(f"{title}\n\n")[1])
+    assert rows
+    cells = [line.strip("|").split("|", 1) for line in rows[0].splitlines()[2:]]
+    return {key: words for keys, words in cells for key in re.findall(r"`(\w+)`", keys)}
+
+
+@pytest.mark.parametrize("compared", [Likeness([], [30.0]).figures(), {"compared_by": "number"}])
+def test_the_page_lists_each_key_of_the_report(compared: dict[str, object]) -> None:
+    about = About("0.2.0", "clip", "disk.img", "tcg", {"kernel_to_first_frame_s": 2.5}, compared)
+    stages = [Stage(name, 10, 0, counters(name, 10)) for name in report.COLOURS]
+    values = json.loads(Report(10, stages, about, [], []).json())
+    rows = rows_of((TOP / "docs/ci.md").read_text(), "The keys of `output/report.json`:")
+    assert sorted(rows) == sorted(values)
+    inside = [(key, one) for key, value in values.items() if isinstance(value, dict) for one in value]
+    assert [(key, one) for key, one in inside if f"`{one}`" not in rows[key]] == []
 
 
 def test_buckets_are_the_books() -> None:

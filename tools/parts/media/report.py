@@ -25,11 +25,22 @@ class Stage:
 
 
 @dataclasses.dataclass
+class About:
+    """What was run, and how: keys of report.json, which docs/ci.md lists."""
+    version: str
+    source: str
+    image: str
+    accel: str
+    boot: dict[str, object] = dataclasses.field(default_factory=dict)
+    stream: dict[str, object] = dataclasses.field(default_factory=dict)  # how its pictures were compared
+
+
+@dataclasses.dataclass
 class Report:
     """Everything about a run; `seconds` are the counters of the stages second by second."""
     frames_in: int
     stages: list[Stage]
-    about: dict[str, object]
+    about: About
     disagreements: list[str]
     seconds: list[tuple[float, dict[str, int]]]
     notes: list[str] = dataclasses.field(default_factory=list)  # how the frames were compared, and what cannot be seen
@@ -39,7 +50,7 @@ class Report:
             "frames": {"in": self.frames_in, **{one.name: one.frames for one in self.stages}},
             "lost": {LOST[one.name]: one.lost for one in self.stages},
             "latency_us": {LOST[one.name]: one.counters.latency for one in self.stages if one.counters.latency},
-            **self.about, "notes": self.notes, "disagreements": self.disagreements}, indent=2) + "\n"
+            **dataclasses.asdict(self.about), "notes": self.notes, "disagreements": self.disagreements}, indent=2) + "\n"
 
 
 # A stage's name says what became of the frames; losses and latencies bear the name of what happens to them.
@@ -136,7 +147,7 @@ def page(report: Report) -> str:
     last = 1 + max((half for one in report.stages for half in halves(one)), default=1)
     wrong = "".join(f"<p class=wrong>{html.escape(text)}</p>" for text in report.disagreements)
     notes = "".join(f"<p>{html.escape(text)}</p>" for text in report.notes)
-    about = ", ".join(f"{name} {html.escape(str(value))}" for name, value in report.about.items()
+    about = ", ".join(f"{name} {html.escape(str(value))}" for name, value in dataclasses.asdict(report.about).items()
                       if not isinstance(value, dict))
     return "\n".join([
         "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>A run of the appliance</title>",
