@@ -183,13 +183,15 @@ def test_report() -> None:
               for index, name in enumerate(report.COLOURS)]
     seconds = [(float(second), {name: 25 * second for name in report.COLOURS}) for second in range(4)]
     about = About("0.2.0", "clip", "<disk>", "tcg", {"kernel_to_first_frame_s": 2.5}, Likeness([], [30.0]).figures())
-    found = Report(10, stages, about, ["one <thing>"], seconds, ["a <note>"])
+    found = Report(10, stages, about, ["one <thing>"], seconds, False, ["a <note>"])
     values = json.loads(found.json())
     assert values["frames"] == {"in": 10, "stored": 10, "recorded": 9, "sent": 8, "decoded": 7}
     assert values["lost"] == {"store": 0, "record": 1, "send": 2, "stream": 3}
     assert values["latency_us"]["stream"] == {"p50": 5, "p99": 9, "max": 10}
     page = report.page(found)
     assert values["notes"] == ["a <note>"] and "a &lt;note&gt;" in page
+    assert "Failed." in page and "Passed." not in page and not values["passed"]
+    assert page.count(f">{report.SINCE['sent']}<") >= 2 and ">decoded</text>" in page
     assert "&lt;disk&gt;" in page and "one &lt;thing&gt;" in page and "src=" not in page and "href=" not in page
     assert page.count("<polyline") == 4 and page.count("<title>3</title>") == 4
 
@@ -206,7 +208,7 @@ def rows_of(page: str, title: str) -> dict[str, str]:
 def test_the_page_lists_each_key_of_the_report(compared: dict[str, object]) -> None:
     about = About("0.2.0", "clip", "disk.img", "tcg", {"kernel_to_first_frame_s": 2.5}, compared)
     stages = [Stage(name, 10, 0, counters(name, 10)) for name in report.COLOURS]
-    values = json.loads(Report(10, stages, about, [], []).json())
+    values = json.loads(Report(10, stages, about, [], [], True).json())
     rows = rows_of((TOP / "docs/ci.md").read_text(), "The keys of `output/report.json`:")
     assert sorted(rows) == sorted(values)
     inside = [(key, one) for key, value in values.items() if isinstance(value, dict) for one in value]

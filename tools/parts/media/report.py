@@ -32,7 +32,7 @@ class About:
     image: str
     accel: str
     boot: dict[str, object] = dataclasses.field(default_factory=dict)
-    stream: dict[str, object] = dataclasses.field(default_factory=dict)  # how its pictures were compared
+    stream: dict[str, object] = dataclasses.field(default_factory=dict)  # how pictures were compared
 
 
 @dataclasses.dataclass
@@ -43,19 +43,27 @@ class Report:
     about: About
     disagreements: list[str]
     seconds: list[tuple[float, dict[str, int]]]
+    passed: bool
     notes: list[str] = dataclasses.field(default_factory=list)  # how the frames were compared, and what cannot be seen
 
     def json(self) -> str:
         return json.dumps({
+            "passed": self.passed,
             "frames": {"in": self.frames_in, **{one.name: one.frames for one in self.stages}},
             "lost": {LOST[one.name]: one.lost for one in self.stages},
             "latency_us": {LOST[one.name]: one.counters.latency for one in self.stages if one.counters.latency},
-            **dataclasses.asdict(self.about), "notes": self.notes, "disagreements": self.disagreements}, indent=2) + "\n"
+            **dataclasses.asdict(self.about),
+            "notes": self.notes, "disagreements": self.disagreements}, indent=2) + "\n"
 
 
 # A stage's name says what became of the frames; losses and latencies bear the name of what happens to them.
 SINCE = {"stored": "since the capture", "recorded": "since it is in the store", "sent": "since it is in the store",
          "decoded": "since the capture"}
+WHERE = {"stored": "in the store, for all programs", "recorded": "in the recording, by ddxvideosave",
+         "sent": "into the network, by ddxvideosend", "decoded": "received and decoded, by decode"}
+READING = """Latency: half of the frames took at most p50, 99 % of them at most p99. A frame lost for the reason
+<i>store</i> was overwritten in the store before this stage had read it. The stream may lose frames, since
+nothing waits for it; the recording may not."""
 LOST = {"stored": "store", "recorded": "record", "sent": "send", "decoded": "stream"}
 
 
@@ -100,10 +108,9 @@ def over_time(report: Report) -> str:
     most_y = math.ceil(max(1.0, *(rate for points in rates.values() for _, rate in points)))
     step = max(1, round(most_x / 10))
     lines = []
-    for name, colour in COLOURS.items():
-        points = rates[name]
-        lines.append(f'<polyline points="{_points(points, most_x, most_y)}" fill="none" stroke="{colour}" '
-                     'stroke-width="2"/>')
+    for index, (name, colour) in enumerate(COLOURS.items()):
+        lines.append(f'<polyline points="{_points(rates[name], most_x, most_y)}" fill="none" stroke="{colour}" '
+                     f'stroke-width="2"/><text x="{LEFT + 10 + 90 * index}" y="11" fill="{colour}">{name}</text>')
     marks = [(float(second), str(second)) for second in range(0, int(most_x) + 1, step)]
     return _picture(_axes(marks, most_x, most_y, "seconds", "per s") + "".join(lines))
 
@@ -137,13 +144,15 @@ def _time(microseconds: float) -> str:
     return f"{microseconds / 1000:.0f} ms" if microseconds < 1e6 else f"{microseconds / 1e6:.0f} s"
 
 
-def page(report: Report) -> str:
-    def row(one: Stage) -> str:
-        latency = "".join(f"<td>{one.counters.latency.get(key, 0)}</td>" for key in ("p50", "p99", "max"))
-        lost = ", ".join(f"{reason} {count}" for reason, count in one.counters.lost.items() if count)
-        return (f'<tr><th style="color:{COLOURS[one.name]}">{one.name}</th><td>{one.frames}</td>'
-                f"<td>{one.lost}</td>{latency}<td class=why>{html.escape(lost)}</td></tr>")
+def _row(one: Stage) -> str:
+    latency = "".join(f"<td>{one.counters.latency.get(key, 0)}</td>" for key in ("p50", "p99", "max"))
+    lost = ", ".join(f"{reason} {count}" for reason, count in one.counters.lost.items() if count)
+    return (f'<tr><th style="color:{COLOURS[one.name]}">{one.name}</th><td>{one.frames}</td><td>{one.lost}</td>'
+            f"<td class=text>{html.escape(lost)}</td>{latency}<td class=text>{SINCE[one.name]}</td>"
+            f"<td class=text>{WHERE[one.name]}</td></tr>")
 
+
+def page(report: Report) -> str:
     last = 1 + max((half for one in report.stages for half in halves(one)), default=1)
     wrong = "".join(f"<p class=wrong>{html.escape(text)}</p>" for text in report.disagreements)
     notes = "".join(f"<p>{html.escape(text)}</p>" for text in report.notes)
@@ -151,11 +160,14 @@ def page(report: Report) -> str:
                       if not isinstance(value, dict))
     return "\n".join([
         "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>A run of the appliance</title>",
-        "<style>body{font:14px sans-serif;margin:2em;max-width:60em}text{font:12px sans-serif}td{text-align:right;"
-        "padding:0 1em}.wrong{color:#b00}.why{text-align:left}svg{display:block}</style>",
-        f"<h1>A run of the appliance: {report.frames_in} frames</h1>", f"<p>{about}</p>", notes, wrong,
-        "<table><tr><th><td>frames<td>lost<td>p50 µs<td>p99 µs<td>max µs<td class=why>why</tr>",
-        f"<tr><th>in</th><td>{report.frames_in}</td></tr>", *(row(one) for one in report.stages), "</table>",
+        "<style>body{font:14px sans-serif;margin:2em;max-width:72em}text{font:12px sans-serif}td{text-align:right;"
+        "padding:0 .7em}.wrong{color:#b00}.text{text-align:left}svg{display:block}</style>",
+        f"<h1>A run of the appliance: {report.frames_in} frames</h1>",
+        "<p><b>Passed.</b></p>" if report.passed else "<p class=wrong><b>Failed.</b></p>", wrong, notes,
+        "<table><tr><th><td>frames<td>lost<td class=text>reasons<td>p50 µs<td>p99 µs<td>max µs<td class=text>latency"
+        "<td class=text>where these frames are</tr>",
+        f"<tr><th>in</th><td>{report.frames_in}</td><td><td><td><td><td><td><td class=text>in the clip</td></tr>",
+        *(_row(one) for one in report.stages), f"</table><p>{READING}</p><p>{about}</p>",
         "<h2>Frames a second</h2>", over_time(report),
         *(f"<h2>Latency: {one.name}</h2>{histogram(one, last)}" for one in report.stages if any(one.histogram)),
     ]) + "\n"
