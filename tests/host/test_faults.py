@@ -148,7 +148,7 @@ def test_report_on_request(desk: Desk, clip: pathlib.Path) -> None:
         line = process.stdout.readline()
         assert re.fullmatch(r'\{"instance":"ddxvideo(load|save)","in":\d+,"out":\d+,"waiting":\d+,"skipped":0,'
                             r'"lost":\{[^}]*\},'
-                            r'"latency_us":\{"p50":\d+,"p99":\d+,"max":\d+\},'
+                            r'"latency_us":\{"p50":\d+,"p99":\d+,"max":\d+\},"latency_until":"out",'
                             r'"starts":1,"first_ns":\d+,"last_ns":\d+\}\n', line)
     _, loaded = stop(loader)
     status, saved = stop(saver)

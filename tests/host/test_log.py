@@ -42,6 +42,16 @@ def test_every_value_of_every_item(desk: Desk, compile_client: Compiler) -> None
     assert log.metadata["ddxlog"]["boot_id"] == boot
 
 
+def test_the_counters_say_that_values_are_on_the_disk(desk: Desk, compile_client: Compiler) -> None:
+    """ddxlog flushes once a second, so its times look like a fault without these words."""
+    logger = begin(desk)
+    written(desk, write(desk, compile_client, "imu", 5, 1000))
+    wait_until(lambda: desk.out("ddxlog") == 5)
+    line, = desk.run("ddxctl", "stats").stdout.splitlines()
+    assert line.startswith("ddxlog ") and ", until on disk us p50 " in line and "latency" not in line
+    assert stop(logger)[1]["latency_until"] == "disk"
+
+
 def test_the_check_sees_what_is_wrong(desk: Desk, compile_client: Compiler) -> None:
     """A value less, two exchanged, a byte changed, a time changed: each is red."""
     logger = begin(desk)

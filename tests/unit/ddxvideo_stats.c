@@ -30,7 +30,12 @@ static void test_counting(void) {
     CHECK(!strcmp(line, "{\"instance\":\"tester\",\"in\":10,\"out\":4,\"waiting\":3,\"skipped\":40,"
                         "\"lost\":{\"store\":2,\"ring\":1,\"restart\":0},"
                         "\"latency_us\":{\"p50\":1488,\"p99\":1488,\"max\":1500},"
+                        "\"latency_until\":\"out\","
                         "\"starts\":1,\"first_ns\":5,\"last_ns\":7}"));
+    ddx_stats_latency_until(book, DDX_STATS_DISK);
+    ddx_stats_get(book, &stats);
+    ddx_stats_json(&stats, "tester", line, sizeof line);
+    CHECK(strstr(line, "},\"latency_until\":\"disk\",\"starts\":1,"));
     CHECK_EQUAL(ddx_stats_follow(book, 13), 0); /* nobody was there before */
     CHECK_EQUAL(ddx_stats_follow(book, 20), 7);
     CHECK_EQUAL(ddx_stats_follow(book, 5), 5); /* the numbers have begun anew */

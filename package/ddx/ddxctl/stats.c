@@ -31,7 +31,8 @@ static void print_line(const DDX_STATS *stats, const char *instance) {
         }
     if (stats->skipped)
         printf(", skipped %llu", (unsigned long long)stats->skipped);
-    printf(", latency us p50 %llu, p99 %llu, max %llu, starts %u%s\n",
+    printf(", %s us p50 %llu, p99 %llu, max %llu, starts %u%s\n",
+           stats->latency_until == DDX_STATS_DISK ? "until on disk" : "latency",
            (unsigned long long)ddx_stats_percentile(stats, 0.5), (unsigned long long)ddx_stats_percentile(stats, 0.99),
            (unsigned long long)stats->latency_max, (unsigned)stats->starts, stats->running ? "" : ", stopped");
 }

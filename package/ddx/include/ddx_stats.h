@@ -47,6 +47,10 @@ extern "C" {
  */
 #define DDX_STATS_BUCKETS 736
 
+/* Where a latency stops: when the frame was handed on, or when a flush has brought it onto the disk. */
+#define DDX_STATS_OUT 0
+#define DDX_STATS_DISK 1
+
 /* The value of an item `<instance>.stats`. The layout is the same for 32-bit and 64-bit programs. */
 DDX_STORE_TYPE(
     DDX_STATS, struct {
@@ -69,7 +73,7 @@ DDX_STORE_TYPE(
         } lost[DDX_STATS_REASONS];
         uint32_t follows;  /* 1: writes of the source above `sequence` are to be accounted for, by this program or the
                               next one of this instance; 0: nobody asked for them */
-        uint32_t reserved;
+        uint32_t latency_until; /* where the latency of a frame stops: DDX_STATS_OUT or DDX_STATS_DISK */
         uint64_t publishing; /* number that the frame which goes into an item now gets there; 0: none does */
         uint64_t died; /* of lost "restart": with the last program; what it left on the disk may hold some of them */
         uint64_t file_device, file_inode; /* where frames that are `out` go now; 0: not in a file */
@@ -86,6 +90,12 @@ typedef struct ddx_stats_book DDX_STATS_BOOK;
  * caller's, until ddx_stats_close().
  */
 DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons);
+
+/*
+ * DDX_STATS_DISK: this program counts a frame as out when it is on the disk, so its latencies contain the wait for the
+ * next flush; whoever shows them says so. Without this call, DDX_STATS_OUT. To be called before ddx_stats_attach().
+ */
+void ddx_stats_latency_until(DDX_STATS_BOOK *book, uint32_t until);
 
 /*
  * Keep the book in the store, as item `<instance>.stats`, and take over what a former program of this instance left
@@ -184,7 +194,10 @@ void ddx_stats_close(DDX_STATS_BOOK *book);
  *
  *   {"instance":"ddxvideosave","in":500,"out":500,"waiting":0,"skipped":0,
  *    "lost":{"store":0,"ring":0,"write":0,"restart":0},
- *    "latency_us":{"p50":120,"p99":900,"max":2100},"starts":1,"first_ns":1234567890,"last_ns":2234567890}
+ *    "latency_us":{"p50":120,"p99":900,"max":2100},"latency_until":"out",
+ *    "starts":1,"first_ns":1234567890,"last_ns":2234567890}
+ *
+ * "latency_until" is "disk" for a program that called ddx_stats_latency_until() with DDX_STATS_DISK, such as ddxlog.
  */
 #define DDX_STATS_LINE_MAX 2048
 int ddx_stats_json(const DDX_STATS *stats, const char *instance, char *line, size_t size);

@@ -93,6 +93,12 @@ int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source)
     return ddx_stats_write(book);
 }
 
+void ddx_stats_latency_until(DDX_STATS_BOOK *book, uint32_t until) {
+    pthread_mutex_lock(&book->lock);
+    book->stats.latency_until = until;
+    pthread_mutex_unlock(&book->lock);
+}
+
 void ddx_stats_in(DDX_STATS_BOOK *book, uint64_t frames, uint64_t sequence) {
     pthread_mutex_lock(&book->lock);
     book->stats.in += frames;

@@ -49,6 +49,7 @@ int ddx_stats_json(const DDX_STATS *stats, const char *instance, char *text, siz
     }
     put(&line, "},\"latency_us\":{\"p50\":%" PRIu64 ",\"p99\":%" PRIu64 ",\"max\":%" PRIu64 "}",
         ddx_stats_percentile(stats, 0.50), ddx_stats_percentile(stats, 0.99), stats->latency_max);
+    put(&line, ",\"latency_until\":\"%s\"", stats->latency_until == DDX_STATS_DISK ? "disk" : "out");
     put(&line, ",\"starts\":%" PRIu32 ",\"first_ns\":%" PRId64 ",\"last_ns\":%" PRId64 "}", stats->starts, stats->first,
         stats->last);
     return (int)line.length;

@@ -88,6 +88,7 @@ int logger_run(struct logger *logger) {
         say("-instance %s: %s", logger->program.instance, ddx_error_text(-errno));
         return EXIT_USAGE;
     }
+    ddx_stats_latency_until(logger->book, DDX_STATS_DISK);
     int error = queue_init(&logger->queue, logger->config.queue);
     if (error)
         say("queue: %s", strerror(-error));
