@@ -151,7 +151,10 @@ def main() -> int:
         say(f"first frame {result.load.first_ns / 1e9:.1f} s after the kernel's start")
         say(f"{REPORT.relative_to(TOP)}, {PAGE.relative_to(TOP)}; {time.monotonic() - begin:.0f} s in all")
         if sys.stdin.isatty() and sys.stdout.isatty():
-            guest.sh("mount -o remount,rw /rec && /etc/init.d/S*ddxvideosave start")
+            guest.sh("mount -o remount,rw /rec")
+            guest.sh(f"for name in {SAVE} {DECODE} {SEND}; do /etc/init.d/S*$name start; done")
+            if kind == "clip":
+                say(f"`ddxctl restart {origin.grabber}` plays the clip again")
             terminal.attach(guest.channel("ttyS0"))
         else:
             guest.poweroff()
