@@ -20,8 +20,9 @@ class Packet:
     ssrc: int
     payload: bytes
     capture: float = 0  # s since 1970
-    number: int = -1  # of the frame
+    number: int = -1  # of the frame in its source's count
     count: int = -1
+    elements: tuple[int, ...] = ()  # ids of the header extension, in their order
 
 
 def captured(path: pathlib.Path) -> list[bytes]:
@@ -43,16 +44,22 @@ def parse(data: bytes) -> Packet:
         assert data[12:14] == b"\xbe\xde"
         words = int.from_bytes(data[14:16], "big")
         elements, packet.payload = data[16:16 + 4 * words], data[16 + 4 * words:]
+        assert words in (1, 6), "8 bytes, and 28 once a frame"
         while elements:
             if not elements[0]:
                 elements = elements[1:]
                 continue
             size = (elements[0] & 15) + 1
             value = elements[1:1 + size]
+            packet.elements += (elements[0] >> 4,)
             if elements[0] >> 4 == 1:
                 packet.capture = int.from_bytes(value, "big") / 2**32 - NTP_EPOCH
             if elements[0] >> 4 == 2:
-                packet.number, packet.count = int.from_bytes(value[4:8], "big"), int.from_bytes(value[8:10], "big")
+                assert size == 3
+                packet.count = int.from_bytes(value[:2], "big")
+            if elements[0] >> 4 == 3:
+                assert size == 8
+                packet.number = int.from_bytes(value[4:8], "big")
             elements = elements[1 + size:]
     return packet
 
@@ -92,10 +99,14 @@ def broken_rules(packets: list[Packet], rate: int = 25) -> set[str]:
             broken.add("sequence")
         if before.marker != (before.time != packet.time):
             broken.add("marker on the last packet of a frame, and only there")
-        if packet.number >= 0 and (packet.count - before.count) % 65536 != before.marker:
+        if packet.count >= 0 and (packet.count - before.count) % 65536 != before.marker:
             broken.add("frames are counted")
+        if packet.elements and packet.elements != ((2, 1, 3) if before.marker else (2,)):
+            broken.add("capture time and source in the first packet of a frame, and only there")
+    first = [packet for packet in packets if packet.number >= 0]
+    for before, packet in zip(first, first[1:]):
         clock = (packet.time - before.time) % 2**32 / 90000
-        if packet.number >= 0 and abs(clock - packet.capture + before.capture) > 1e-3:
+        if abs(clock - packet.capture + before.capture) > 1e-3:
             broken.add("RTP's clock is the capture's")
     if types == {MPEG4} and not all(begins_video_packet(packet.payload) for packet in packets):
         broken.add("packets begin at video packets")

@@ -7,6 +7,7 @@
 #define MS INT64_C(1000000)
 #define PATIENCE (20 * MS)
 #define SSRC 0x1001u
+#define CAPTURE (INT64_C(1750000000) * 1000 * MS) /* of frame 0 */
 
 static unsigned seed = 1;
 static int64_t now = MS;
@@ -36,8 +37,12 @@ static struct datagram make(struct source *source, uint32_t frame, unsigned inde
                                 .sequence = source->sequence++,
                                 .time = frame * 3600,
                                 .ssrc = source->ssrc,
-                                .has_frame = !source->plain,
-                                .frame = {.sequence = frame + 1, .number = frame, .count = source->count}};
+                                .has_count = !source->plain,
+                                .has_source = !source->plain && !index,
+                                .frame = {.count = source->count,
+                                          .capture = CAPTURE + frame * 40 * MS,
+                                          .sequence = frame + 1,
+                                          .number = frame}};
     source->count += packet.marker;
     datagram.size = rtp_write(datagram.data, &packet);
     const uint8_t nal[] = {0x41, (uint8_t)(1 + frame % 200), (uint8_t)(1 + index)};
@@ -135,8 +140,11 @@ static void test_frames(void) {
             now += 2 * PATIENCE;
             while (intake_take(&intake, now, &frame)) {
                 CHECK_EQUAL(frame.frame.number, found);
+                CHECK_EQUAL(frame.frame.sequence, frame.has_source ? found + 1 : 0);
                 CHECK_EQUAL(frame.missing, 0);
                 CHECK(frame.first == !found);
+                CHECK(frame.has_count && frame.has_source == (missing != 0 || found > 0));
+                CHECK(frame.derived == (missing == 4 * found && found > 0));
                 found++;
                 damaged += frame.damaged;
                 bytes += (unsigned)frame.size;
@@ -154,6 +162,38 @@ static void test_frames(void) {
         CHECK_EQUAL(bytes, 11 * 7);
         intake_free(&intake);
     }
+}
+
+/* A frame whose first packet is missing has what can be derived from an earlier one, and says so. */
+static void test_derived(void) {
+    struct intake intake;
+    struct source source = {.ssrc = SSRC, .count = 65534};
+    struct intake_frame frame;
+    intake_init(&intake, PATIENCE);
+    for (uint32_t i = 10; i < 20; i++) {
+        for (unsigned index = 0; index < 2; index++) {
+            struct datagram datagram = make(&source, i, index, 2);
+            bool lost = (index == 0 && (i < 13 || i % 3 == 0)) || i == 16; /* 16: all of it */
+            if (!lost)
+                put(&intake, &datagram);
+            now += MS;
+        }
+        bool found = intake_take(&intake, now += PATIENCE, &frame);
+        CHECK(found == (i != 16));
+        if (!found)
+            continue;
+        CHECK_EQUAL(frame.frame.count, (uint16_t)(65534 + i - 10));
+        CHECK_EQUAL(frame.missing, i == 17);
+        CHECK(frame.has_count && frame.has_source == (i >= 13));
+        CHECK(frame.derived == (i >= 13 && i % 3 == 0));
+        if (!frame.has_source)
+            continue;
+        CHECK_EQUAL(frame.frame.number, i);
+        CHECK_EQUAL(frame.frame.sequence, i + 1);
+        CHECK_EQUAL(frame.frame.capture, CAPTURE + i * 40 * MS);
+    }
+    CHECK(!intake_take_last(&intake, &frame));
+    intake_free(&intake);
 }
 
 /* A seeded relay: what it did is what is counted. */
@@ -333,6 +373,7 @@ static void test_plain(void) {
 int main(void) {
     test_order();
     test_frames();
+    test_derived();
     test_counts();
     test_sources();
     test_quick_restart();

@@ -10,8 +10,13 @@ static const struct rtp_packet example = {
     .sequence = 65534,
     .time = 0xdeadbeef,
     .ssrc = 0x12345678,
-    .has_frame = true,
-    .frame = {.capture = INT64_C(1750000000123456789), .sequence = 4000000000u, .number = 77, .count = 65535}};
+    .has_count = true,
+    .has_source = true,
+    .frame = {.count = 65535,
+              .window = 25,
+              .capture = INT64_C(1750000000123456789),
+              .sequence = 4000000000u,
+              .number = 77}};
 
 static size_t write_example(uint8_t *data, const struct rtp_packet *packet) {
     size_t size = rtp_write(data, packet);
@@ -26,21 +31,31 @@ static void test_round_trip(void) {
     size_t size = write_example(data, &example);
     CHECK(rtp_parse(data, size, &packet));
     CHECK_EQUAL(packet.type, example.type);
-    CHECK(packet.marker && packet.has_frame);
+    CHECK(packet.marker && packet.has_count && packet.has_source);
     CHECK_EQUAL(packet.sequence, example.sequence);
     CHECK_EQUAL(packet.time, example.time);
     CHECK_EQUAL(packet.ssrc, example.ssrc);
     CHECK_EQUAL(packet.frame.sequence, example.frame.sequence);
     CHECK_EQUAL(packet.frame.number, example.frame.number);
     CHECK_EQUAL(packet.frame.count, example.frame.count);
+    CHECK_EQUAL(packet.frame.window, example.frame.window);
     CHECK_EQUAL(packet.size, 1);
     CHECK_EQUAL(packet.payload[0], 0x65);
+    CHECK_EQUAL(size, RTP_HEADER_MAX + 1);
+
+    struct rtp_packet later = example;
+    later.has_source = false;
+    size = write_example(data, &later);
+    CHECK_EQUAL(size, RTP_HEADER_NEXT + 1);
+    CHECK(rtp_parse(data, size, &packet) && packet.has_count && !packet.has_source);
+    CHECK_EQUAL(packet.frame.count, example.frame.count);
+    CHECK_EQUAL(packet.frame.window, example.frame.window);
 
     struct rtp_packet plain = example;
-    plain.has_frame = plain.marker = false;
+    plain.has_count = plain.has_source = plain.marker = false;
     size = write_example(data, &plain);
     CHECK_EQUAL(size, 12 + 1);
-    CHECK(rtp_parse(data, size, &packet) && !packet.has_frame && !packet.marker);
+    CHECK(rtp_parse(data, size, &packet) && !packet.has_count && !packet.has_source && !packet.marker);
 }
 
 /* Each nanosecond survives NTP's 32.32 format, also around a full second. */
@@ -59,11 +74,17 @@ static void test_capture_time(void) {
 static void test_bytes(void) {
     uint8_t data[RTP_HEADER_MAX + 1];
     const uint8_t begin[] = {0x90, 0xe0, 0xff, 0xfe, 0xde, 0xad, 0xbe, 0xef, 0x12,
-                             0x34, 0x56, 0x78, 0xbe, 0xde, 0x00, 0x05, 0x17};
-    const uint8_t end[] = {0x29, 0xee, 0x6b, 0x28, 0x00, 0, 0, 0, 77, 0xff, 0xff, 0x65};
+                             0x34, 0x56, 0x78, 0xbe, 0xde, 0x00, 0x06, 0x22, 0xff, 0xff, 25,   0x17};
+    const uint8_t end[] = {0x37, 0xee, 0x6b, 0x28, 0x00, 0, 0, 0, 77, 0, 0, 0x65};
     CHECK_EQUAL(write_example(data, &example), sizeof(begin) + 8 + sizeof(end));
     CHECK(!memcmp(data, begin, sizeof(begin)));
     CHECK(!memcmp(data + sizeof(begin) + 8, end, sizeof(end)));
+
+    struct rtp_packet later = example;
+    later.has_source = false;
+    const uint8_t short_end[] = {0xbe, 0xde, 0x00, 0x01, 0x22, 0xff, 0xff, 25, 0x65};
+    CHECK_EQUAL(write_example(data, &later), 12 + sizeof(short_end));
+    CHECK(!memcmp(data + 12, short_end, sizeof(short_end)));
 }
 
 /* What other senders do: contributing sources, padding, elements that we do not know, the two-byte form. */
@@ -82,12 +103,20 @@ static void test_others(void) {
 
     const uint8_t unknown[] = {
         0x90, 96, 0, 1,    0,    0,    0, 2, 0, 0, 0, 3,   0xbe,
-        0xde, 0,  2, 0x30, 0xff, 0x21, 1, 2, 0, 0, 0, 0x41}; /* id 3; id 2 of another length; padding */
-    CHECK(rtp_parse(unknown, sizeof(unknown), &packet) && packet.size == 1 && !packet.has_frame);
+        0xde, 0,  2, 0x30, 0xff, 0x21, 1, 2, 0, 0, 0, 0x41}; /* ids 3 and 2 of other lengths; padding */
+    CHECK(rtp_parse(unknown, sizeof(unknown), &packet) && packet.size == 1 && !packet.has_count && !packet.has_source);
+    uint8_t halves[RTP_HEADER_MAX + 1];
+    for (int i = 0; i < 3; i++) { /* one of the three elements has an id that we do not know */
+        static const size_t at[] = {16, 20, 29};
+        size_t size = write_example(halves, &example);
+        halves[at[i]] |= 0x40;
+        CHECK(rtp_parse(halves, size, &packet) && packet.size == 1 && packet.has_count == (i > 0) &&
+              !packet.has_source);
+    }
     const uint8_t two_byte[] = {0x90, 96, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0x10, 0, 0, 1, 1, 2, 3, 4, 0x41};
-    CHECK(rtp_parse(two_byte, sizeof(two_byte), &packet) && packet.size == 1 && !packet.has_frame);
+    CHECK(rtp_parse(two_byte, sizeof(two_byte), &packet) && packet.size == 1 && !packet.has_count);
     const uint8_t overlong[] = {0x90, 96, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0xbe, 0xde, 0, 1, 0x17, 2, 3, 4, 0x41};
-    CHECK(rtp_parse(overlong, sizeof(overlong), &packet) && !packet.has_frame); /* an element beyond the extension */
+    CHECK(rtp_parse(overlong, sizeof(overlong), &packet) && !packet.has_count); /* an element beyond the extension */
     const uint8_t cut[] = {0x90, 96, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0xbe, 0xde, 0, 9, 1, 2, 3, 4, 0x41};
     CHECK(!rtp_parse(cut, sizeof(cut), &packet)); /* an extension beyond the packet */
 }

@@ -26,6 +26,7 @@ static void follow(struct intake *intake, const struct rtp_packet *packet, int64
     intake->heard = now;
     intake->fresh = true;
     intake->open = false;
+    intake->known.there = false;
     intake->queued = 0;
     intake->in_sequence = false;
     intake->h264 = (struct h264_unpacker){0};
@@ -141,13 +142,38 @@ static void open_frame(struct intake *intake, const struct rtp_packet *packet) {
     intake->frame = (struct intake_frame){.type = (enum rtp_type)packet->type,
                                           .first = intake->fresh,
                                           .time = packet->time,
-                                          .has_frame = packet->has_frame,
+                                          .has_count = packet->has_count,
+                                          .has_source = packet->has_source,
                                           .frame = packet->frame};
-    if (packet->has_frame && !intake->fresh)
+    if (packet->has_count && !intake->fresh)
         intake->frame.missing = (uint16_t)(packet->frame.count - intake->expected);
     if (intake->frame.missing > INT16_MAX)
         intake->frame.missing = 0; /* the sender's count went back */
     intake->expected = (uint16_t)(packet->frame.count + 1);
+}
+
+/*
+ * The first packet of the frame is missing. RTP's clock is the capture's, so the time is right to a unit of that clock.
+ * The numbers are right if the sender has left out no frame of its source since the last frame whose numbers are known.
+ */
+static void derive(struct intake *intake, struct intake_frame *frame) {
+    int64_t ticks = (int32_t)(frame->time - intake->known.time);
+    int frames = (int16_t)(frame->frame.count - intake->known.frame.count);
+
+    frame->has_source = frame->derived = true;
+    frame->frame.capture = intake->known.frame.capture + ticks * 1000000000 / RTP_CLOCK;
+    frame->frame.sequence = intake->known.frame.sequence + (uint32_t)frames;
+    frame->frame.number = intake->known.frame.number + (uint32_t)frames;
+}
+
+static void complete_numbers(struct intake *intake, struct intake_frame *frame) {
+    if (frame->has_source) {
+        intake->known.there = true;
+        intake->known.time = frame->time;
+        intake->known.frame = frame->frame;
+    } else if (frame->has_count && intake->known.there) {
+        derive(intake, frame);
+    }
 }
 
 static bool close_frame(struct intake *intake, struct intake_frame *frame) {
@@ -160,6 +186,7 @@ static bool close_frame(struct intake *intake, struct intake_frame *frame) {
     frame->size = intake->chunk.size;
     if (frame->data)
         chunk_pad(&intake->chunk);
+    complete_numbers(intake, frame);
     return true;
 }
 

@@ -43,7 +43,9 @@ struct intake_frame {
     bool damaged;    /* packets are missing in it, or just before it */
     uint32_t time;   /* RTP's */
     int64_t arrival; /* of its last packet */
-    bool has_frame;  /* the sender told: */
+    bool has_count;  /* frame.count and .window: the sender is one of ours */
+    bool has_source; /* frame.capture, .sequence and .number as well */
+    bool derived;    /* these are not from the frame's first packet, which is missing; see derive() */
     struct rtp_frame frame;
     unsigned missing; /* whole frames between the one before and this one that never came */
 };
@@ -72,6 +74,11 @@ struct intake {
     bool open;         /* a packet of it has come */
     bool fresh;        /* no frame of this source was given out yet */
     uint16_t expected; /* frame.count of the next frame */
+    struct {           /* the last frame whose first packet came, for those whose first packet is missing */
+        bool there;
+        uint32_t time; /* RTP's */
+        struct rtp_frame frame;
+    } known;
     struct h264_unpacker h264;
     struct mpeg4_unpacker mpeg4;
     /* last, since they are large: packets of the source that is followed, and of the other one */

@@ -10,8 +10,10 @@
 #define ONE_BYTE 0xBEDE /* RFC 8285: elements with headers of one byte */
 #define ID_CAPTURE 1
 #define ID_FRAME 2
+#define ID_SOURCE 3
 #define CAPTURE_BYTES 8
-#define FRAME_BYTES 10
+#define FRAME_BYTES 3
+#define SOURCE_BYTES 8
 #define ELEMENT(id, bytes) ((uint8_t)((id) << 4 | ((bytes)-1)))
 
 #define NS UINT64_C(1000000000)
@@ -29,32 +31,42 @@ static int64_t ns_of(uint64_t ntp) {
     return seconds * (int64_t)NS + (int64_t)(((ntp & UINT32_MAX) * NS + (UINT64_C(1) << 31)) >> 32);
 }
 
+/* What the first packet of a frame says beyond the others, and two bytes of padding: 20 bytes. */
+static uint8_t *write_source(uint8_t *at, const struct rtp_frame *frame) {
+    uint64_t ntp = ntp_of(frame->capture);
+
+    *at++ = ELEMENT(ID_CAPTURE, CAPTURE_BYTES);
+    at = put32(at, (uint32_t)(ntp >> 32));
+    at = put32(at, (uint32_t)ntp);
+    *at++ = ELEMENT(ID_SOURCE, SOURCE_BYTES);
+    at = put32(at, frame->sequence);
+    at = put32(at, frame->number);
+    return put16(at, 0);
+}
+
 size_t rtp_write(uint8_t *to, const struct rtp_packet *packet) {
     uint8_t *at = to;
 
-    *at++ = packet->has_frame ? VERSION | EXTENSION : VERSION;
+    *at++ = packet->has_count ? VERSION | EXTENSION : VERSION;
     *at++ = (uint8_t)(packet->marker << 7 | packet->type);
     at = put16(at, packet->sequence);
     at = put32(at, packet->time);
     at = put32(at, packet->ssrc);
-    if (!packet->has_frame)
+    if (!packet->has_count)
         return (size_t)(at - to);
     at = put16(at, ONE_BYTE);
-    at = put16(at, (1 + CAPTURE_BYTES + 1 + FRAME_BYTES) / 4); /* 20 bytes: no padding */
-    *at++ = ELEMENT(ID_CAPTURE, CAPTURE_BYTES);
-    uint64_t ntp = ntp_of(packet->frame.capture);
-    at = put32(at, (uint32_t)(ntp >> 32));
-    at = put32(at, (uint32_t)ntp);
+    at = put16(at, packet->has_source ? 6 : 1); /* length in units of 4 bytes */
     *at++ = ELEMENT(ID_FRAME, FRAME_BYTES);
-    at = put32(at, packet->frame.sequence);
-    at = put32(at, packet->frame.number);
     at = put16(at, packet->frame.count);
+    *at++ = packet->frame.window;
+    if (packet->has_source)
+        at = write_source(at, &packet->frame);
     return (size_t)(at - to);
 }
 
 /* The elements of the extension; what we do not know is skipped, what does not fit ends it. */
 static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_packet *packet) {
-    bool captured = false, counted = false;
+    bool captured = false, numbered = false;
 
     while (at < end) {
         uint8_t id = *at >> 4;
@@ -68,14 +80,17 @@ static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_pac
             packet->frame.capture = ns_of((uint64_t)get32(at) << 32 | get32(at + 4));
             captured = true;
         } else if (id == ID_FRAME && bytes == FRAME_BYTES) {
+            packet->frame.count = get16(at);
+            packet->frame.window = at[2];
+            packet->has_count = true;
+        } else if (id == ID_SOURCE && bytes == SOURCE_BYTES) {
             packet->frame.sequence = get32(at);
             packet->frame.number = get32(at + 4);
-            packet->frame.count = get16(at + 8);
-            counted = true;
+            numbered = true;
         }
         at += bytes;
     }
-    packet->has_frame = captured && counted;
+    packet->has_source = packet->has_count && captured && numbered;
 }
 
 bool rtp_parse(const uint8_t *data, size_t size, struct rtp_packet *packet) {

@@ -1,13 +1,16 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * RTP packets (RFC 3550), and what ours say of the frame they belong to, in a header extension (RFC 8285, one-byte
- * form): players that do not know it ignore it.
+ * form): players that do not know it ignore it. All numbers are big endian.
  *
- *   id 1, 8 bytes   http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time: when the frame was captured, NTP
- *   id 2, 10 bytes  urn:ddxvideo:frame: number of the write in the store (32 bits), number of the frame in its source's
- *                   count (32 bits), number of the frame in this stream (16 bits), from 0; big endian
+ *   id 2, 3 bytes  urn:ddxvideo:frame: number of the frame in this stream (16 bits), from 0; how many frames back the
+ *                  repair packets of this sender reach (8 bits), 0 if it sends none
+ *   id 1, 8 bytes  http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time: when the frame was captured, NTP
+ *   id 3, 8 bytes  urn:ddxvideo:source: number of the write in the store (32 bits), number of the frame in its source's
+ *                  count (32 bits)
  *
- * Each packet has both, so that any of them tells which frame it is of.
+ * Every packet has id 2, so that each packet tells its frame: 8 bytes with the extension's own header. The first packet
+ * of a frame has all three: 28 bytes.
  */
 #ifndef DDXVIDEO_RTP_H
 #define DDXVIDEO_RTP_H
@@ -18,20 +21,24 @@
 
 #define RTP_PACKET_MAX 1200   /* bytes of a packet of ours, header included */
 #define RTP_DATAGRAM_MAX 2048 /* bytes that we accept */
-#define RTP_HEADER_MAX 40     /* bytes of the header that we write */
+#define RTP_HEADER_MAX 40     /* bytes of the header that we write: of a frame's first packet, */
+#define RTP_HEADER_NEXT 20    /* and of its other packets */
 #define RTP_CLOCK 90000       /* Hz, of time stamps of both codecs */
 
 #define RTP_CAPTURE_URI "http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time"
 #define RTP_FRAME_URI "urn:ddxvideo:frame"
+#define RTP_SOURCE_URI "urn:ddxvideo:source"
 
 /* Payload types, which also tell the codec. */
 enum rtp_type { RTP_H264 = 96, RTP_MPEG4 = 97 };
 
 struct rtp_frame {
+    uint16_t count; /* of frames in this stream */
+    uint8_t window; /* frames that repair packets reach back; 0: there are none */
+    /* in a frame's first packet: */
     int64_t capture;   /* CLOCK_REALTIME, ns */
     uint32_t sequence; /* the low bits of the number of the write */
     uint32_t number;
-    uint16_t count;
 };
 
 struct rtp_packet {
@@ -40,7 +47,8 @@ struct rtp_packet {
     uint16_t sequence;
     uint32_t time;
     uint32_t ssrc;
-    bool has_frame; /* the sender is one of ours: */
+    bool has_count;  /* frame.count and .window: the sender is one of ours */
+    bool has_source; /* frame.capture, .sequence and .number as well: the first packet of a frame */
     struct rtp_frame frame;
     const uint8_t *payload; /* rtp_parse() only */
     size_t size;
@@ -56,7 +64,10 @@ static inline uint32_t rtp_time(int64_t ns) {
     return (uint32_t)(uint64_t)(ns / 100000 * 9 + ns % 100000 * 9 / 100000);
 }
 
-/* The header, with the extension; returns its length, at most RTP_HEADER_MAX. */
+/*
+ * The header; returns its length: RTP_HEADER_MAX with has_source (and has_count, without which it has no meaning),
+ * RTP_HEADER_NEXT with has_count alone, 12 bytes without an extension.
+ */
 size_t rtp_write(uint8_t *to, const struct rtp_packet *packet);
 
 /* False if this is no RTP packet with a payload. packet->payload points into the data. */

@@ -94,7 +94,8 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
         return 0;
     if (sdp->rate > 0)
         add(&text, "a=framerate:%.3f\r\n", sdp->rate);
-    add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI "\r\na=recvonly\r\n");
+    add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI
+               "\r\na=extmap:3 " RTP_SOURCE_URI "\r\na=recvonly\r\n");
     return text.length;
 }
 

@@ -33,7 +33,7 @@ static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct 
     int64_t wall_offset = ddxvideo_wall_offset();
     struct ddxvideo_stamp stamp = {.time = frame->arrival, .wall_offset = wall_offset};
 
-    if (frame->has_frame) {
+    if (frame->has_source) {
         stamp.frame = (int)(frame->frame.number & INT32_MAX);
         stamp.time = frame->frame.capture - wall_offset;
         stamp.source_sequence = frame->frame.sequence;
@@ -104,7 +104,7 @@ static void show(struct viewer *viewer, const struct intake_frame *frame, const 
 }
 
 static void record(struct viewer *viewer, const struct intake_frame *frame) {
-    int64_t time = frame->has_frame ? frame->frame.capture : frame->arrival;
+    int64_t time = frame->has_source ? frame->frame.capture : frame->arrival;
     int error = movie_add(&viewer->movie, frame, time, viewer->decoder.context);
 
     if (error) {

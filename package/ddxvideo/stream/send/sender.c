@@ -39,7 +39,8 @@ static bool send_frame(struct sender *sender, const AVPacket *encoded, const str
     struct rtp_packet packet = {.type = (uint8_t)sender->type,
                                 .time = sender->time_offset + rtp_time(stamp->time),
                                 .ssrc = sender->ssrc,
-                                .has_frame = true,
+                                .has_count = true,
+                                .has_source = true, /* the first packet */
                                 .frame = {.capture = stamp->time + stamp->wall_offset,
                                           .sequence = (uint32_t)frame->sequence,
                                           .number = (uint32_t)stamp->frame,
@@ -61,6 +62,7 @@ static bool send_frame(struct sender *sender, const AVPacket *encoded, const str
         uint8_t *begin = data + RTP_HEADER_MAX - length; /* right before the payload */
         memcpy(begin, header, length);
         missed |= outlet_send(&sender->outlet, begin, length + size);
+        packet.has_source = false;
     }
     return missed != (1u << sender->outlet.receivers) - 1;
 }
