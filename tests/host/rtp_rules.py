@@ -6,6 +6,7 @@ import dataclasses
 import pathlib
 
 LARGEST = 1200
+SMALL = 780  # bytes of payload that one packet can certainly have
 H264, MPEG4 = 96, 97
 NTP_EPOCH = 2208988800
 
@@ -86,6 +87,23 @@ def h264_types(payload: bytes) -> list[int]:
     return found
 
 
+def frames_of(packets: list[Packet]) -> list[list[Packet]]:
+    found: dict[int, list[Packet]] = {}
+    for packet in packets:
+        found.setdefault(packet.count, []).append(packet)
+    return list(found.values())
+
+
+def is_even(frame: list[Packet]) -> bool:
+    """Fragments are equal in size; what is not fragmented is parameter sets, in one packet, or all of a small frame."""
+    sizes = [packet.size for packet in frame if packet.payload[0] & 31 == 28]
+    whole = [h264_types(packet.payload) for packet in frame if packet.payload[0] & 31 != 28]
+    slices = [kinds for kinds in whole if not set(kinds) <= {6, 7, 8}]
+    if sum(len(packet.payload) for packet in frame) <= SMALL:
+        return len(frame) == 1
+    return len(slices) == (not sizes) and len(whole) - len(slices) <= 1 and max(sizes or [0]) - min(sizes or [0]) <= 1
+
+
 def broken_rules(packets: list[Packet], rate: int = 25) -> set[str]:
     """The rules that these packets of one stream break."""
     broken = set()
@@ -115,6 +133,8 @@ def broken_rules(packets: list[Packet], rate: int = 25) -> set[str]:
         if not {kind for _, kind in begun} <= {1, 5, 6, 7, 8}:
             broken.add("NAL units that every decoder knows")
         heads = sorted({count for count, kind in begun if kind == 7})
+        if not all(is_even(one) for one in frames_of(packets)):
+            broken.add("a small frame is one packet, a larger one equal packets")
         if heads[:1] != [packets[0].count] or heads != sorted({count for count, kind in begun if kind == 8}) or any(
                 b - a > rate for a, b in zip(heads, heads[1:])):
             broken.add("parameter sets at the start and every second")

@@ -3,14 +3,15 @@
 #include "h264.h"
 
 #include "check.h"
+#include "rtp.h"
 
-#define ROOM 1160
+#define FU (RTP_ROOM - 2) /* bytes of a NAL unit that a fragment has, at most */
 #define NALS_MAX 40
 #define PAYLOADS_MAX 200
 
 struct payload {
     size_t size;
-    uint8_t data[ROOM];
+    uint8_t data[RTP_ROOM];
     bool last;
     int first_nal, last_nal; /* of the frame's NAL units, which of them are in it, at least in part */
 };
@@ -51,16 +52,34 @@ static int pack(const struct chunk *frame) {
     for (; count < PAYLOADS_MAX; count++) {
         struct payload *payload = &payloads[count];
         payload->last = false;
-        payload->size = h264_pack_next(&packer, payload->data, ROOM, &payload->last);
+        payload->size = h264_pack_next(&packer, payload->data, &payload->last);
         if (!payload->size)
             break;
     }
     return count;
 }
 
+/* Of the whole packet. */
+static size_t packet_size(int number) {
+    return payloads[number].size + (number ? RTP_HEADER_NEXT : RTP_HEADER_MAX);
+}
+
+/* Whether packets first to last, fragments of one NAL unit, are equal in size, and no more than are needed. */
+static bool are_even(int first, int last) {
+    size_t least = SIZE_MAX, most = 0, all = 0;
+    for (int i = first; i <= last; i++) {
+        least = packet_size(i) < least ? packet_size(i) : least;
+        most = packet_size(i) > most ? packet_size(i) : most;
+        all += payloads[i].size;
+    }
+    size_t fewer = (size_t)(last - first) * (RTP_ROOM - 2) - (first ? 0 : RTP_FIRST_LESS);
+    bool needed = last - first == 1 || all - 2 * (size_t)(last - first + 1) > fewer;
+    return most - least <= 1 && needed;
+}
+
 /* NULL if the payloads carry exactly these NAL units, by the rules; else the rule that is broken. */
 static const char *judge(int count, int nal_count) {
-    int nal = 0;
+    int nal = 0, begin = 0;
     size_t inside = 0; /* bytes of the present NAL unit that came in fragments */
     for (int i = 0; i < count; i++) {
         struct payload *payload = &payloads[i];
@@ -68,7 +87,7 @@ static const char *judge(int count, int nal_count) {
         payload->first_nal = nal;
         if (nal >= nal_count)
             return "payload beyond the frame";
-        if (payload->size > ROOM)
+        if (packet_size(i) > RTP_PACKET_MAX)
             return "too large";
         if (payload->last != (i == count - 1))
             return "marker";
@@ -82,6 +101,9 @@ static const char *judge(int count, int nal_count) {
                 return "5.8: S at the first fragment only";
             if (((payload->data[0] & 0xe0) | (payload->data[1] & 31)) != nals[nal].data[0])
                 return "5.8: F, NRI and type of the NAL unit";
+            if (nals[nal].size <= RTP_WHOLE)
+                return "a small NAL unit in fragments";
+            begin = inside ? begin : i;
             inside += !inside;
             if (inside + payload->size - 2 > nals[nal].size ||
                 memcmp(payload->data + 2, nals[nal].data + inside, payload->size - 2))
@@ -90,6 +112,8 @@ static const char *judge(int count, int nal_count) {
             if ((inside == nals[nal].size) != (position == 1))
                 return "5.8: E at the last fragment only";
             payload->last_nal = nal;
+            if (position == 1 && !are_even(begin, i))
+                return "fragments of other sizes";
             if (position == 1) {
                 nal++;
                 inside = 0;
@@ -148,15 +172,17 @@ static void test_frames(void) {
                                    5,
                                    30,
                                    500,
-                                   ROOM - 4,
-                                   ROOM - 3,
-                                   ROOM - 1,
-                                   ROOM,
-                                   ROOM + 1,
-                                   ROOM + 2,
-                                   2 * (ROOM - 2),
-                                   2 * (ROOM - 2) + 1,
-                                   2 * (ROOM - 2) + 2,
+                                   RTP_WHOLE - 6,
+                                   RTP_WHOLE - 5,
+                                   RTP_WHOLE - 1,
+                                   RTP_WHOLE,
+                                   RTP_WHOLE + 1,
+                                   RTP_ROOM,
+                                   2 * FU - RTP_FIRST_LESS,
+                                   2 * FU - RTP_FIRST_LESS + 1,
+                                   2 * FU - RTP_FIRST_LESS + 2,
+                                   2 * FU + 1,
+                                   2 * FU + 2,
                                    5000,
                                    70000};
     struct chunk frame = {0};
@@ -167,6 +193,8 @@ static void test_frames(void) {
         join(&frame, count, round % 2);
         int packets = pack(&frame);
         const char *broken = judge(packets, count);
+        if (frame.size <= RTP_WHOLE && packets != 1)
+            broken = "a small frame is one packet";
         if (broken)
             fprintf(stderr, "round %d: %s\n", round, broken);
         CHECK(!broken);
@@ -174,6 +202,15 @@ static void test_frames(void) {
             check_unpacked(packets, count, missing);
     }
     chunk_free(&frame);
+}
+
+/* Two bytes of the second fragment go with the first one: the same bytes in packets of other sizes. */
+static void move_byte(void) {
+    struct payload *from = &payloads[2], *to = &payloads[1];
+    memcpy(to->data + to->size, from->data + 2, 2);
+    memmove(from->data + 2, from->data + 4, from->size - 4);
+    to->size += 2;
+    from->size -= 2;
 }
 
 /* The judge sees what is wrong. */
@@ -206,6 +243,7 @@ static void test_judge(void) {
     CHECK_RED(payloads[3].data[9] ^= 1);    /* another byte */
     CHECK_RED(payloads[2] = payloads[3]);   /* a fragment missing */
     CHECK_RED(payloads[3].last = false);    /* no marker */
+    CHECK_RED(move_byte());                 /* fragments of other sizes */
     chunk_free(&frame);
 }
 
@@ -234,7 +272,26 @@ static void test_malformed(void) {
     CHECK(!h264_unpack(&unpacker, &frame, bad[0], 0, false));
 }
 
+/* What the encoder gives: parameter sets now and then, and one slice. */
+static void test_one_slice(void) {
+    struct chunk frame = {0};
+    for (size_t size = 2; size < 6000; size += size < 1500 ? 1 : 37)
+        for (int sets = 0; sets <= 2; sets += 2) {
+            make_nal(&nals[0], 25);
+            make_nal(&nals[1], 5);
+            make_nal(&nals[sets], size);
+            join(&frame, sets + 1, false);
+            int packets = pack(&frame);
+            const char *broken = judge(packets, sets + 1);
+            if (broken)
+                fprintf(stderr, "%d and a slice of %zu bytes: %s\n", sets, size, broken);
+            CHECK(!broken && (packets == 1 || frame.size > RTP_WHOLE));
+        }
+    chunk_free(&frame);
+}
+
 int main(void) {
+    test_one_slice();
     test_frames();
     test_judge();
     test_malformed();

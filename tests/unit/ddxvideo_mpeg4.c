@@ -3,8 +3,8 @@
 #include "mpeg4.h"
 
 #include "check.h"
+#include "rtp.h"
 
-#define ROOM 1160
 #define STARTS_MAX 200
 #define WIDTH 5000
 #define HEIGHT 3001
@@ -121,14 +121,13 @@ static bool may_begin(size_t at) {
     return false;
 }
 
-/* How many payloads begin where none may, for a packetiser that takes `room` bytes. */
-static int bad_begins(struct mpeg4_packer *packer, size_t room,
-                      bool (*next)(struct mpeg4_packer *, uint8_t *, size_t, size_t *)) {
-    uint8_t payload[ROOM];
+/* How many payloads begin where none may. */
+static int bad_begins(struct mpeg4_packer *packer, bool (*next)(struct mpeg4_packer *, uint8_t *, size_t *)) {
+    uint8_t payload[RTP_ROOM];
     size_t at = 0, size;
     int bad = 0;
-    while (next(packer, payload, room, &size)) {
-        CHECK(size <= room);
+    while (next(packer, payload, &size)) {
+        CHECK(size <= RTP_ROOM - (at ? 0 : RTP_FIRST_LESS));
         CHECK(!memcmp(payload, frame.data + at, size));
         bad += !may_begin(at);
         CHECK(may_begin(at) == mpeg4_is_start(payload, size) || !may_begin(at));
@@ -138,15 +137,16 @@ static int bad_begins(struct mpeg4_packer *packer, size_t room,
     return bad;
 }
 
-static bool ours(struct mpeg4_packer *packer, uint8_t *to, size_t room, size_t *size) {
+static bool ours(struct mpeg4_packer *packer, uint8_t *to, size_t *size) {
     bool last = false;
-    *size = mpeg4_pack_next(packer, to, room, &last);
+    *size = mpeg4_pack_next(packer, to, &last);
     CHECK(!*size || last == (packer->at == packer->end));
     return *size;
 }
 
 /* As libavformat does it: cut where the packet is full. */
-static bool blind(struct mpeg4_packer *packer, uint8_t *to, size_t room, size_t *size) {
+static bool blind(struct mpeg4_packer *packer, uint8_t *to, size_t *size) {
+    size_t room = RTP_ROOM - RTP_FIRST_LESS;
     *size = (size_t)(packer->end - packer->at) < room ? (size_t)(packer->end - packer->at) : room;
     memcpy(to, packer->at, *size);
     packer->at += *size;
@@ -168,16 +168,16 @@ static void test_begins(void) {
         int which = round % 8;
         begin_frame();
         vol(resolutions[which], round % 3, round % 3 == 2);
-        vop(false, 0, time_bits[which], 1, 8, ROOM * 3 / 4);
+        vop(false, 0, time_bits[which], 1, 8, RTP_ROOM * 3 / 4);
         mpeg4_pack(&packer, frame.data, frame.bits / 8);
-        CHECK_EQUAL(bad_begins(&packer, ROOM, ours), 0);
+        CHECK_EQUAL(bad_begins(&packer, ours), 0);
         for (unsigned fcode = 1; fcode <= 7; fcode++) { /* the following frames have no VOL header */
             begin_frame();
-            vop(true, fcode, time_bits[which], fcode % 3, 8, ROOM * 3 / 4);
+            vop(true, fcode, time_bits[which], fcode % 3, 8, RTP_ROOM * 3 / 4);
             mpeg4_pack(&packer, frame.data, frame.bits / 8);
-            CHECK_EQUAL(bad_begins(&packer, ROOM, ours), 0);
+            CHECK_EQUAL(bad_begins(&packer, ours), 0);
             mpeg4_pack(&packer, frame.data, frame.bits / 8);
-            blind_ones += bad_begins(&packer, ROOM, blind);
+            blind_ones += bad_begins(&packer, blind);
         }
     }
     CHECK(blind_ones > 1000); /* the check can fail */
@@ -188,24 +188,24 @@ static void test_too_large(void) {
     struct mpeg4_packer packer = {0};
     begin_frame();
     vol(25, false, false);
-    vop(false, 0, 5, 0, 5, 4 * ROOM);
+    vop(false, 0, 5, 0, 5, 4 * RTP_ROOM);
     mpeg4_pack(&packer, frame.data, frame.bits / 8);
-    int bad = bad_begins(&packer, ROOM, ours);
+    int bad = bad_begins(&packer, ours);
     CHECK(bad > 0 && bad <= 5 * 4);
 }
 
 /* After a gap, all is left out up to the next start. */
 static void test_gaps(void) {
     struct mpeg4_packer packer = {0};
-    uint8_t payload[50][ROOM];
+    uint8_t payload[50][RTP_ROOM];
     size_t size[50], total = 0;
     int count = 0;
     bool last;
     begin_frame();
     vol(25, false, false);
-    vop(false, 0, 5, 0, 6, 3 * ROOM);
+    vop(false, 0, 5, 0, 6, 3 * RTP_ROOM);
     mpeg4_pack(&packer, frame.data, frame.bits / 8);
-    while (count < 50 && (size[count] = mpeg4_pack_next(&packer, payload[count], ROOM, &last)))
+    while (count < 50 && (size[count] = mpeg4_pack_next(&packer, payload[count], &last)))
         total += size[count++];
     CHECK(count > 6);
     for (int missing = -1; missing < count; missing++) {

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "bits.h"
+#include "rtp.h"
 
 #define TYPE 0x1f       /* of a NAL unit's first byte: type, */
 #define IMPORTANCE 0x60 /* nal_ref_idc, */
@@ -11,6 +12,7 @@
 #define FU_START 0x80
 #define FU_END 0x40
 #define FU_HEADER 2
+#define FU_ROOM (RTP_ROOM - FU_HEADER)
 
 static const uint8_t start_code[4] = {0, 0, 0, 1};
 
@@ -41,7 +43,7 @@ bool h264_next_nal(const uint8_t **at, const uint8_t *end, struct h264_nal *nal)
 }
 
 void h264_pack(struct h264_packer *packer, const uint8_t *frame, size_t size) {
-    *packer = (struct h264_packer){.at = frame, .end = frame + size};
+    *packer = (struct h264_packer){.at = frame, .end = frame + size, .less = RTP_FIRST_LESS};
     packer->has_nal = h264_next_nal(&packer->at, packer->end, &packer->nal);
 }
 
@@ -49,19 +51,20 @@ static void advance(struct h264_packer *packer) {
     packer->has_nal = h264_next_nal(&packer->at, packer->end, &packer->nal);
 }
 
-static size_t pack_fragment(struct h264_packer *packer, uint8_t *to, size_t room) {
+static size_t pack_fragment(struct h264_packer *packer, uint8_t *to) {
     uint8_t position = 0;
 
     if (!packer->fragmented) {
         packer->fragmented = packer->nal.data[0];
         packer->nal.data++; /* its first byte travels in the FU's two */
         packer->nal.size--;
+        packer->parts = (unsigned)((packer->nal.size + packer->less + FU_ROOM - 1) / FU_ROOM);
+        packer->parts = packer->parts < 2 ? 2 : packer->parts; /* a single one is no fragment */
         position = FU_START;
     }
-    size_t size = packer->nal.size;
-    if (size > room - FU_HEADER)
-        size = room - FU_HEADER;
-    else
+    size_t all = packer->nal.size + packer->less; /* as if the header's share were the payload's */
+    size_t size = (all + packer->parts - 1) / packer->parts - packer->less;
+    if (!--packer->parts)
         position |= FU_END;
     to[0] = (packer->fragmented & (uint8_t)~TYPE) | H264_FU_A;
     to[1] = position | (packer->fragmented & TYPE);
@@ -75,14 +78,14 @@ static size_t pack_fragment(struct h264_packer *packer, uint8_t *to, size_t room
     return FU_HEADER + size;
 }
 
-/* As many whole NAL units as fit; at least the first one does. */
-static size_t pack_whole(struct h264_packer *packer, uint8_t *to, size_t room) {
+/* As many whole NAL units as are not too much for one packet; at least the first one is not. */
+static size_t pack_whole(struct h264_packer *packer, uint8_t *to) {
     struct h264_nal first = packer->nal;
     size_t used = 1 + 2 + first.size; /* as STAP-A */
     unsigned count = 0;
 
     to[0] = H264_STAP_A;
-    for (advance(packer); packer->has_nal && used + 2 + packer->nal.size <= room; advance(packer), count++) {
+    for (advance(packer); packer->has_nal && used + 2 + packer->nal.size <= RTP_WHOLE; advance(packer), count++) {
         put16(to + used, (uint16_t)packer->nal.size);
         memcpy(to + used + 2, packer->nal.data, packer->nal.size);
         to[0] |= packer->nal.data[0] & FORBIDDEN;
@@ -102,11 +105,12 @@ static size_t pack_whole(struct h264_packer *packer, uint8_t *to, size_t room) {
     return used;
 }
 
-size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, size_t room, bool *last) {
+size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, bool *last) {
     if (!packer->has_nal)
         return 0;
-    bool large = packer->fragmented || packer->nal.size > room;
-    size_t size = large ? pack_fragment(packer, to, room) : pack_whole(packer, to, room);
+    bool large = packer->fragmented || packer->nal.size > RTP_WHOLE;
+    size_t size = large ? pack_fragment(packer, to) : pack_whole(packer, to);
+    packer->less = 0;
     *last = !packer->has_nal;
     return size;
 }

@@ -1,5 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* H.264 in RTP (RFC 6184, packetization mode 1): single NAL units, STAP-A for small ones, FU-A for large ones. */
+/*
+ * H.264 in RTP (RFC 6184, packetization mode 1). A frame of up to RTP_WHOLE bytes is one packet: a NAL unit, or a
+ * STAP-A. Of a larger frame, each NAL unit of more than RTP_WHOLE bytes is split into FU-As whose packets are equal in
+ * size, to a byte; the smaller ones before it, which are parameter sets, share a packet of their own.
+ */
 #ifndef DDXVIDEO_H264_H
 #define DDXVIDEO_H264_H
 
@@ -23,13 +27,15 @@ struct h264_packer {
     struct h264_nal nal;     /* the next one, or what is left of it when it is fragmented */
     bool has_nal;
     uint8_t fragmented; /* the first byte of the NAL unit that is being fragmented, or 0 */
+    unsigned parts;     /* packets that the rest of it takes */
+    size_t less;        /* bytes that the next packet has less for its payload than others */
 };
 
 /* Begin with an encoded frame, which must stay as it is until all payloads were taken. */
 void h264_pack(struct h264_packer *packer, const uint8_t *frame, size_t size);
 
-/* The next payload into to[room]; its size, 0 when there is none left. *last: none follows. */
-size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, size_t room, bool *last);
+/* The next payload into to[RTP_ROOM]; its size, 0 when there is none left. *last: none follows. */
+size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, bool *last);
 
 /* ---- Payloads to frame ---- */
 

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "bits.h"
+#include "rtp.h"
 
 enum { VOL_FIRST = 0x20, VOL_LAST = 0x2f, VOS = 0xb0, GOV = 0xb3, VOP = 0xb6 }; /* the byte behind 00 00 01 */
 enum { STUDIO_FIRST = 0xe1, STUDIO_LAST = 0xe8 };                               /* profile_and_level_indication */
@@ -110,27 +111,38 @@ static const uint8_t *find_vop(struct mpeg4_packer *packer) {
 void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size) {
     packer->at = frame;
     packer->end = frame + size;
+    packer->less = RTP_FIRST_LESS;
     const uint8_t *vop = find_vop(packer);
     packer->marker_bits = vop_marker_bits(vop, (size_t)(packer->end - vop), packer->time_bits);
 }
 
-/* The last start of a video packet that a payload of `room` bytes reaches; the end of the room if there is none. */
-static const uint8_t *choose_cut(const struct mpeg4_packer *packer, size_t room) {
-    const uint8_t *most = packer->at + room;
+/*
+ * Where a payload of at most `room` bytes ends, and one as large as those after it, `share`, would: at the first start
+ * of a video packet from there on, else at the last one before it, else right there.
+ */
+static const uint8_t *choose_cut(const struct mpeg4_packer *packer, size_t share, size_t room) {
+    const uint8_t *best = packer->at + share;
 
-    for (const uint8_t *cut = most; cut > packer->at; cut--)
+    for (const uint8_t *cut = best; cut <= packer->at + room; cut++)
         if (is_marker(cut, packer->end, packer->marker_bits))
             return cut;
-    return most;
+    for (const uint8_t *cut = best; cut > packer->at; cut--)
+        if (is_marker(cut, packer->end, packer->marker_bits))
+            return cut;
+    return best;
 }
 
-size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, size_t room, bool *last) {
-    size_t size = (size_t)(packer->end - packer->at);
+size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, bool *last) {
+    size_t size = (size_t)(packer->end - packer->at), room = RTP_ROOM - packer->less;
 
     if (!size)
         return 0;
-    if (size > room)
-        size = (size_t)(choose_cut(packer, room) - packer->at);
+    if (size > room) {
+        size_t all = size + packer->less, parts = (all + RTP_ROOM - 1) / RTP_ROOM;
+
+        size = (size_t)(choose_cut(packer, (all + parts - 1) / parts - packer->less, room) - packer->at);
+    }
+    packer->less = 0;
     memcpy(to, packer->at, size);
     packer->at += size;
     *last = packer->at == packer->end;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * MPEG-4 part 2 in RTP (RFC 6416). Every packet begins at a header or at a video packet (its resync marker), so that
- * what arrives can be decoded without what does not; only a video packet too large for one packet is fragmented.
+ * what arrives can be decoded without what does not; only a video packet too large for one packet is fragmented. The
+ * packets of a frame are as equal in size as that allows.
  */
 #ifndef DDXVIDEO_MPEG4_H
 #define DDXVIDEO_MPEG4_H
@@ -12,13 +13,14 @@ struct mpeg4_packer {
     const uint8_t *at, *end;
     unsigned time_bits;   /* of vop_time_increment: the last VOL header told */
     unsigned marker_bits; /* zeros of this frame's resync marker */
+    size_t less;          /* bytes that the next packet has less for its payload than others */
 };
 
 /* Begin with an encoded frame. The packer must have seen the stream's frames from the first one on, or start as 0. */
 void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size);
 
 /* As h264_pack_next(). */
-size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, size_t room, bool *last);
+size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, bool *last);
 
 /* What a stream says of its pictures before one of them is decoded. */
 struct mpeg4_vol {

@@ -23,7 +23,12 @@
 #define RTP_DATAGRAM_MAX 2048 /* bytes that we accept */
 #define RTP_HEADER_MAX 40     /* bytes of the header that we write: of a frame's first packet, */
 #define RTP_HEADER_NEXT 20    /* and of its other packets */
+#define RTP_WHOLE 800         /* bytes of an encoded frame, up to which it is one packet */
 #define RTP_CLOCK 90000       /* Hz, of time stamps of both codecs */
+
+/* Payload of a packet of ours, and how much less of it is in the first packet of a frame, so that all are equal. */
+#define RTP_ROOM (RTP_PACKET_MAX - RTP_HEADER_NEXT)
+#define RTP_FIRST_LESS (RTP_HEADER_MAX - RTP_HEADER_NEXT)
 
 #define RTP_CAPTURE_URI "http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time"
 #define RTP_FRAME_URI "urn:ddxvideo:frame"

@@ -14,12 +14,11 @@
  * other is renewed, all of them within a second. Neither bits spent on what looks sharp, nor a second look at blocks
  * that are nearly empty: without both it takes less time, and the pictures are nearer to the camera's.
  */
-static void set_h264(AVCodecContext *context, AVDictionary **options, size_t room) {
+static void set_h264(AVCodecContext *context, AVDictionary **options) {
     av_dict_set(options, "preset", "ultrafast", 0);
     av_dict_set(options, "tune", "zerolatency", 0);
     av_dict_set(options, "intra-refresh", "1", 0);
     av_dict_set(options, "x264-params", "no-psy=1:no-dct-decimate=1", 0);
-    av_dict_set_int(options, "slice-max-size", (int64_t)room, 0);
     context->rc_buffer_size = (int)(context->bit_rate * 5 / 2 * context->time_base.num / context->time_base.den);
 }
 
@@ -73,7 +72,7 @@ int encoder_open(struct encoder *encoder, enum rtp_type type, const struct ddxvi
         return AVERROR(ENOMEM);
     set_common(encoder->context, geometry, bitrate);
     if (type == RTP_H264)
-        set_h264(encoder->context, &options, room);
+        set_h264(encoder->context, &options);
     else
         set_mpeg4(encoder->context, &options, room);
     int error = avcodec_open2(encoder->context, codec, &options);

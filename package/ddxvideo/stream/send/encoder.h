@@ -18,7 +18,7 @@ struct encoder {
     int64_t count;
 };
 
-/* `bitrate`: bit/s. `room`: bytes of a packet, which slices should fit in. 0, or a negative AVERROR. */
+/* `bitrate`: bit/s. `room`: bytes of a packet, for MPEG-4's video packets. 0, or a negative AVERROR. */
 int encoder_open(struct encoder *encoder, enum rtp_type type, const struct ddxvideo_geometry *geometry, long bitrate,
                  size_t room);
 void encoder_close(struct encoder *encoder);

@@ -29,8 +29,7 @@ static void fail(struct sender *sender, const char *what, const char *why) {
 /* ---- Packets ---- */
 
 static size_t next_payload(struct sender *sender, struct h264_packer *h264, uint8_t *to, bool *last) {
-    return sender->type == RTP_H264 ? h264_pack_next(h264, to, ROOM, last)
-                                    : mpeg4_pack_next(&sender->mpeg4, to, ROOM, last);
+    return sender->type == RTP_H264 ? h264_pack_next(h264, to, last) : mpeg4_pack_next(&sender->mpeg4, to, last);
 }
 
 /* True if at least one receiver was sent the whole frame. */
@@ -46,7 +45,7 @@ static bool send_frame(struct sender *sender, const AVPacket *encoded, const str
                                           .number = (uint32_t)stamp->frame,
                                           .count = sender->count++}};
     struct h264_packer h264;
-    uint8_t data[RTP_PACKET_MAX];
+    uint8_t data[RTP_HEADER_MAX + RTP_ROOM];
     size_t size;
     unsigned missed = 0;
 
