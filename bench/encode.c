@@ -1,10 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * encode CLIP h264|mpeg4 KBIT: ddxvideosend's encoder alone. Encodes the clip's pictures from its own memory, each when
- * it is due, again and again until it is killed: no store, no packets, no network. What the sender takes beyond this is
- * the sender's.
+ * encode CLIP h264|ultrafast|mpeg4 KBIT [FILE]: ddxvideosend's encoder alone (ultrafast: H.264 with that preset).
+ * Encodes the clip's pictures from its own memory, each when it is due, again and again until it is killed: no store,
+ * no packets, no network. What the sender takes beyond this is the sender's. With FILE: each picture once, without
+ * pauses, into that file; the CPU time that they took goes to standard output.
  */
 #include <errno.h>
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,7 +17,6 @@
 
 #define FRAMES_MAX 1000
 #define SECOND INT64_C(1000000000)
-#define ROOM (RTP_PACKET_MAX - RTP_HEADER_MAX) /* as the sender's */
 
 static struct ddxvideo_picture picture[FRAMES_MAX];
 
@@ -42,29 +43,63 @@ static unsigned load(const char *path, struct y4m_reader *reader) {
     return count;
 }
 
+static void wait_until_due(struct timespec *due, const struct ddxvideo_geometry *geometry) {
+    int64_t next = due->tv_nsec + SECOND * geometry->rate_den / geometry->rate_num;
+
+    due->tv_sec += next / SECOND;
+    due->tv_nsec = next % SECOND;
+    clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, due, NULL);
+}
+
+static int encode_for_ever(struct encoder *encoder, unsigned count) {
+    struct encoded encoded;
+    struct timespec due;
+
+    clock_gettime(CLOCK_MONOTONIC, &due);
+    for (unsigned number = 0;; number = (number + 1) % count) {
+        int error = encoder_encode(encoder, &picture[number], 0, &encoded);
+        if (error)
+            return fail("encoder", av_err2str(error));
+        wait_until_due(&due, &encoder->geometry);
+    }
+}
+
+static int encode_once(struct encoder *encoder, unsigned count, const char *path) {
+    struct encoded encoded;
+    uint64_t bytes = 0;
+    FILE *file = fopen(path, "we");
+    int error = 0;
+
+    if (!file)
+        return fail(path, strerror(errno));
+    clock_t begin = clock();
+    for (unsigned number = 0; number < count && !error; number++) {
+        error = encoder_encode(encoder, &picture[number], 0, &encoded);
+        if (!error)
+            bytes += fwrite(encoded.data, 1, encoded.size, file);
+    }
+    printf("{\"frames\":%u,\"bytes\":%" PRIu64 ",\"cpu_us\":%.0f}\n", count, bytes,
+           (double)(clock() - begin) / CLOCKS_PER_SEC * 1e6);
+    if (error)
+        fail("encoder", av_err2str(error));
+    return fclose(file) || error;
+}
+
 int main(int argc, char **argv) {
     static struct y4m_reader reader;
-    struct encoder encoder;
-    if (argc != 4 || (strcmp(argv[2], "h264") != 0 && strcmp(argv[2], "mpeg4") != 0))
-        return fail("usage", "encode CLIP h264|mpeg4 KBIT");
+    static struct encoder encoder;
+    if (argc < 4 || argc > 5 || (strcmp(argv[2], "h264") && strcmp(argv[2], "ultrafast") && strcmp(argv[2], "mpeg4")))
+        return fail("usage", "encode CLIP h264|ultrafast|mpeg4 KBIT [FILE]");
     unsigned count = load(argv[1], &reader);
     const struct ddxvideo_geometry *geometry = &reader.header.geometry;
     if (!count || !geometry->rate_num)
         return fail(argv[1], count ? "no frame rate" : reader.error);
-    av_log_set_level(AV_LOG_ERROR);
-    int error = encoder_open(&encoder, *argv[2] == 'h' ? RTP_H264 : RTP_MPEG4, geometry, atol(argv[3]) * 1000, ROOM);
+    av_log_set_level(AV_LOG_FATAL);
+    const struct encoder_settings settings = {.type = *argv[2] == 'm' ? RTP_MPEG4 : RTP_H264,
+                                              .bitrate = atol(argv[3]) * 1000,
+                                              .fast = *argv[2] == 'u'};
+    int error = encoder_open(&encoder, &settings, geometry);
     if (error)
         return fail("encoder", av_err2str(error));
-    struct timespec due;
-    clock_gettime(CLOCK_MONOTONIC, &due);
-    for (unsigned number = 0;; number = (number + 1) % count) {
-        const AVPacket *packet;
-        error = encoder_encode(&encoder, &picture[number], &packet);
-        if (error)
-            return fail("encoder", av_err2str(error));
-        int64_t next = due.tv_nsec + SECOND * geometry->rate_den / geometry->rate_num;
-        due.tv_sec += next / SECOND;
-        due.tv_nsec = next % SECOND;
-        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
-    }
+    return argc == 5 ? encode_once(&encoder, count, argv[4]) : encode_for_ever(&encoder, count);
 }

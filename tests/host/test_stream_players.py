@@ -20,6 +20,7 @@ from .stream import Stream
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
 CODECS = ["h264", "mpeg4"]
+JOIN = 5  # s until the first whole picture at the latest: H.264 is renewed column by column
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +61,7 @@ def test_check() -> None:
 
 def test_ffprobe(sent: Stream) -> None:
     shown = json.loads(run(sent, "ffprobe", "-v", "error", *WHITELIST, "-show_streams", "-show_frames", "-of", "json",
-                           "-read_intervals", "%+#90", "stream.sdp"))
+                           "-read_intervals", f"%+#{JOIN * numbered_clip.RATE + 50}", "stream.sdp"))
     assert (shown["streams"][0]["width"], shown["streams"][0]["height"]) == (352, 288)
     assert len(shown["frames"]) > 20
 
@@ -120,9 +121,9 @@ def test_gstreamer(sent: Stream) -> None:
     h264 = "H264" in (sent.folder / "stream.sdp").read_text()
     chain = ["rtph264depay", "!", "h264parse", "!", "video/x-h264,stream-format=byte-stream"] if h264 else \
         ["rtpmp4vdepay"]
-    subprocess.run([*sent.network.inside, "timeout", "--preserve-status", "--signal=INT", "4", "gst-launch-1.0", "-q",
-                    "-e", "filesrc", "location=stream.sdp", "!", "sdpdemux", "!", *chain, "!", "filesink",
-                    "location=seen.es"], cwd=sent.folder, timeout=60, check=False)
+    subprocess.run([*sent.network.inside, "timeout", "--preserve-status", "--signal=INT", str(JOIN + 3),
+                    "gst-launch-1.0", "-q", "-e", "filesrc", "location=stream.sdp", "!", "sdpdemux", "!", *chain, "!",
+                    "filesink", "location=seen.es"], cwd=sent.folder, timeout=60, check=False)
     run(sent, "ffmpeg", "-v", "error", "-nostdin", "-f", "h264" if h264 else "m4v", "-i", "seen.es", "-fps_mode",
         "passthrough", "-pix_fmt", "yuv420p", "-y", "seen.y4m")
     numbers = [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(sent.folder / "seen.y4m")]

@@ -1,29 +1,47 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures to H.264 or MPEG-4 without delay: each picture gives its packet at once. */
+/* Pictures to H.264 or MPEG-4 without delay: each picture gives its frame at once. */
 #ifndef DDXVIDEO_ENCODER_H
 #define DDXVIDEO_ENCODER_H
 
-#include <ddxvideo.h>
-#include <libavcodec/avcodec.h>
-
+#include "encode_h264.h"
+#include "encode_mpeg4.h"
 #include "rtp.h"
+
+struct encoder_settings {
+    enum rtp_type type;
+    long bitrate; /* bit/s */
+    bool fast;    /* H.264: preset ultrafast, half the time, for slow processors; superfast is better by 2 dB */
+};
 
 struct encoder {
     enum rtp_type type;
     struct ddxvideo_geometry geometry; /* of the pictures that it takes */
     /* private: */
-    AVCodecContext *context;
-    AVFrame *frame;
-    AVPacket *packet;
-    int64_t count;
+    int64_t count; /* pictures so far */
+    bool key;      /* MPEG-4: the next frame is to be a key frame */
+    struct encode_h264 h264;
+    struct encode_mpeg4 mpeg4;
 };
 
-/* `bitrate`: bit/s. `room`: bytes of a packet, for MPEG-4's video packets. 0, or a negative AVERROR. */
-int encoder_open(struct encoder *encoder, enum rtp_type type, const struct ddxvideo_geometry *geometry, long bitrate,
-                 size_t room);
+/* 0, or a negative AVERROR. Close it in any case. */
+int encoder_open(struct encoder *encoder, const struct encoder_settings *settings,
+                 const struct ddxvideo_geometry *geometry);
 void encoder_close(struct encoder *encoder);
+bool encoder_is_open(const struct encoder *encoder);
 
-/* The encoded picture; it is the encoder's, until the next call. 0, or a negative AVERROR. */
-int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *view, const AVPacket **packet);
+/*
+ * Encode a picture. `wanted`: bytes that the frame should have; 0: what the bitrate gives each frame. H.264's frames
+ * are mostly within 30 % of it, and on average a little smaller; after the wish has risen, one more frame is as small
+ * as before. MPEG-4's key frames are several times as large; there, the mean of half a second follows the wishes. The
+ * encoded frame is the encoder's, until the next call. 0, or a negative AVERROR.
+ */
+int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *picture, size_t wanted,
+                   struct encoded *encoded);
+
+/*
+ * Make it possible to begin with one of the next frames: H.264's next frames renew the picture column by column, or do
+ * so after the renewal that is under way; MPEG-4's next frame is a key frame.
+ */
+void encoder_refresh(struct encoder *encoder);
 
 #endif

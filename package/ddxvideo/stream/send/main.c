@@ -5,13 +5,15 @@
 #include "sender.h"
 
 int main(int argc, char **argv) {
-    const char *codec = "h264";
+    const char *codec = "h264", *preset = "superfast";
     struct sender sender = {
         .name = "video", .bitrate = 400, .outlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
         {"bitrate", "KBIT", "kbit/s of encoded video (default: 400)", OPTION_NUMBER, &sender.bitrate, 16, 100000},
+        {"preset", "PRESET", "of H.264: superfast, or ultrafast for slow processors (default: superfast)", OPTION_TEXT,
+         &preset, 0, 0},
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &sender.outlet.port, 2, 65532},
         {"group", "ADDRESS", "multicast group (default: " NETWORK_GROUP "), or none", OPTION_TEXT, &sender.outlet.group,
          0, 0},
@@ -42,6 +44,11 @@ int main(int argc, char **argv) {
         sender.type = *codec == 'h' ? RTP_H264 : RTP_MPEG4;
     } else {
         say("-codec %s: h264 or mpeg4 is needed; see ddxvideosend -help", codec);
+        return EXIT_USAGE;
+    }
+    sender.fast = !strcmp(preset, "ultrafast");
+    if (!sender.fast && strcmp(preset, "superfast") != 0) {
+        say("-preset %s: superfast or ultrafast is needed; see ddxvideosend -help", preset);
         return EXIT_USAGE;
     }
     if (sender.outlet.port % 2) {

@@ -18,7 +18,6 @@ static const char *const reasons[] = {"store", "encode", "network", NULL};
 static const char *const names[] = {"packets", "bytes", "lost_busy", "lost_route", "lost_other"};
 
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
-#define ROOM (RTP_PACKET_MAX - RTP_HEADER_MAX)
 
 static void fail(struct sender *sender, const char *what, const char *why) {
     say("%s: %s", what, why);
@@ -33,7 +32,7 @@ static size_t next_payload(struct sender *sender, struct h264_packer *h264, uint
 }
 
 /* True if at least one receiver was sent the whole frame. */
-static bool send_frame(struct sender *sender, const AVPacket *encoded, const struct ddx_frame *frame,
+static bool send_frame(struct sender *sender, const struct encoded *encoded, const struct ddx_frame *frame,
                        const struct ddxvideo_stamp *stamp) {
     struct rtp_packet packet = {.type = (uint8_t)sender->type,
                                 .time = sender->time_offset + rtp_time(stamp->time),
@@ -50,9 +49,9 @@ static bool send_frame(struct sender *sender, const AVPacket *encoded, const str
     unsigned missed = 0;
 
     if (sender->type == RTP_H264)
-        h264_pack(&h264, encoded->data, (size_t)encoded->size);
+        h264_pack(&h264, encoded->data, encoded->size);
     else
-        mpeg4_pack(&sender->mpeg4, encoded->data, (size_t)encoded->size);
+        mpeg4_pack(&sender->mpeg4, encoded->data, encoded->size);
     while ((size = next_payload(sender, &h264, data + RTP_HEADER_MAX, &packet.marker))) {
         uint8_t header[RTP_HEADER_MAX];
 
@@ -89,12 +88,14 @@ static void tell_network(struct sender *sender, bool good) {
 static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry *geometry, bool *fresh) {
     const struct ddxvideo_geometry *now = &sender->encoder.geometry;
 
-    *fresh = !sender->encoder.context || !ddxvideo_same_layout(now, geometry) || now->rate_num != geometry->rate_num ||
-             now->rate_den != geometry->rate_den;
+    *fresh = !encoder_is_open(&sender->encoder) || !ddxvideo_same_layout(now, geometry) ||
+             now->rate_num != geometry->rate_num || now->rate_den != geometry->rate_den;
     if (!*fresh)
         return true;
+    const struct encoder_settings settings = {
+        .type = sender->type, .bitrate = sender->bitrate * 1000, .fast = sender->fast};
     encoder_close(&sender->encoder);
-    int error = encoder_open(&sender->encoder, sender->type, geometry, sender->bitrate * 1000, ROOM);
+    int error = encoder_open(&sender->encoder, &settings, geometry);
     if (!error) {
         say("sending %s, %dx%d, %ld kbit/s, SSRC %08" PRIx32, sender->name, geometry->width, geometry->height,
             sender->bitrate, sender->ssrc);
@@ -115,14 +116,14 @@ static int sdp_path(const struct sender *sender, char *path) {
 }
 
 /* Pictures are sent all the same where the description cannot be written. */
-static void save_sdp(struct sender *sender, const AVPacket *encoded) {
+static void save_sdp(struct sender *sender, const struct encoded *encoded) {
     const struct ddxvideo_geometry *geometry = &sender->encoder.geometry;
     struct sdp sdp = {.name = sender->program.instance,
                       .address = sender->outlet.receiver[0],
                       .ttl = (int)sender->outlet.ttl,
                       .type = sender->type,
                       .frame = encoded->data,
-                      .size = (size_t)encoded->size,
+                      .size = encoded->size,
                       .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
     char path[PATH_MAX];
     int error = sdp_path(sender, path);
@@ -152,7 +153,7 @@ static void follow(struct sender *sender, const struct ddx_frame *frame) {
 
 static void handle(struct sender *sender, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
-    const AVPacket *encoded;
+    struct encoded encoded;
     uint64_t missed = frame->missed;
     bool fresh;
 
@@ -169,20 +170,20 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
         ddx_stats_lost(sender->book, LOST_ENCODE, 1);
         return;
     }
-    error = encoder_encode(&sender->encoder, &view, &encoded);
+    error = encoder_encode(&sender->encoder, &view, 0, &encoded);
     if (error) {
         say("frame %d is lost in the encoder: %s", view.stamp.frame, av_err2str(error));
         ddx_stats_lost(sender->book, LOST_ENCODE, 1);
         return;
     }
-    bool good = send_frame(sender, encoded, frame, &view.stamp);
+    bool good = send_frame(sender, &encoded, frame, &view.stamp);
     if (good)
         ddx_stats_out(sender->book, 1, ddx_time_now() - frame->time);
     else
         ddx_stats_lost(sender->book, LOST_NETWORK, 1);
     tell_network(sender, good);
     if (fresh && sender->sdp)
-        save_sdp(sender, encoded);
+        save_sdp(sender, &encoded);
 }
 
 static void take_frame(struct sender *sender, double timeout) {
@@ -225,7 +226,7 @@ int sender_run(struct sender *sender) {
     const char *wrong = outlet_open(&sender->outlet, text);
     if (wrong)
         say("%s", wrong);
-    av_log_set_level(AV_LOG_ERROR);
+    av_log_set_level(AV_LOG_FATAL); /* MPEG-4's encoder reports each frame that is larger than wanted as an error */
     sender->counters = (struct counters){.instance = sender->program.instance,
                                          .names = names,
                                          .values = sender->counts,

@@ -14,6 +14,7 @@ struct sender {
     const char *name; /* of the video item */
     enum rtp_type type;
     long bitrate; /* kbit/s */
+    bool fast;    /* preset ultrafast */
     struct outlet outlet;
     const char *sdp; /* file, or folder with a slash at its end, or NULL */
     /* how it stands */
