@@ -37,6 +37,16 @@ def test_every_frame_arrives(stream: Stream, clip: pathlib.Path, codec: str) -> 
     assert drawn(stream.folder / "seen.y4m") == list(range(FRAMES))
 
 
+def test_the_first_frames_are_counted(stream: Stream, clip: pathlib.Path) -> None:
+    """A writer publishes all its frames at once after the sender has waited for the item: none of them is missed
+    without being counted."""
+    sender = stream.send(*TO_RELAY)
+    wait_until(lambda: "waiting for video" in stream.desk.errors(sender))
+    stream.play(clip, "-rate", "0", readers=0)
+    (_, _, sent), = finish(sender)
+    assert (sent["in"], sent["out"] + sent["lost"]["store"]) == (FRAMES, FRAMES) and sent["out"] > 0
+
+
 def test_what_waits_at_the_end(stream: Stream, clip: pathlib.Path) -> None:
     """Told to stop while frames wait in the store, or packets in the socket: none goes without being counted."""
     decode = stream.decode()

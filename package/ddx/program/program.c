@@ -266,6 +266,13 @@ DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK
     }
 }
 
+void program_say_awaited(DDX_STORE_ITEM *item, const char *name) {
+    struct ddx_item_info info;
+
+    if (!ddx_store_item_info(item, &info) && !*info.type)
+        say("waiting for %s: %s", name, ddx_error_text(-ENOENT));
+}
+
 DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book) {
     bool said = false;
     int64_t begin = ddx_time_now();

@@ -116,6 +116,9 @@ DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK 
 /* The item, also when nobody has created it yet: for who must not miss its first value. Else as program_find(). */
 DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book);
 
+/* Says that nobody has created this item yet, if that is so. */
+void program_say_awaited(DDX_STORE_ITEM *item, const char *name);
+
 /*
  * A number that is another one each time; no secret. Never waits, as getrandom() does for seconds on a machine that has
  * just started.

@@ -412,13 +412,10 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
 
 /* Say once that there is no such item, when that lasts. */
 static void tell_waiting(struct recorder *recorder) {
-    struct ddx_item_info info;
-
     if (recorder->seen || recorder->said_waiting || ddx_time_now() - recorder->begin < WAITING_NS)
         return;
     recorder->said_waiting = true;
-    if (!ddx_store_item_info(recorder->video, &info) && !*info.type)
-        say("waiting for %s: %s", recorder->name, ddx_error_text(-ENOENT));
+    program_say_awaited(recorder->video, recorder->name);
 }
 
 static void record(struct recorder *recorder) {

@@ -17,6 +17,7 @@ enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK };
 static const char *const reasons[] = {"store", "encode", "network", NULL};
 static const char *const names[] = {"packets", "bytes", "lost_busy", "lost_route", "lost_other"};
 
+#define WAITING INT64_C(1000000000) /* ns until the sender says that it waits for the item */
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
 
 static void fail(struct sender *sender, const char *what, const char *why) {
@@ -142,13 +143,29 @@ static void remove_sdp(const struct sender *sender) {
         unlink(path);
 }
 
-/* After the first read, which may have given a frame: what was written since it began is ours to send. What nobody
- * sent since a forerunner died is counted. */
+/*
+ * After the first read, which may have given a frame: what was written since it began is ours to send, and all of an
+ * item that was not there when the sender came. What no sender sent since a forerunner died is counted.
+ */
 static void follow(struct sender *sender, const struct ddx_frame *frame) {
     uint64_t seen = ddx_store_seen(sender->video);
+    uint64_t from = frame ? seen - frame->missed - 1 : seen;
+    uint64_t before = sender->awaited ? from : 0; /* written between the wait and the first read */
 
-    ddx_stats_follow(sender->book, frame ? seen - frame->missed - 1 : seen);
+    ddx_stats_follow(sender->book, from - before);
     sender->follows = true;
+    if (before) {
+        ddx_stats_in(sender->book, before, from);
+        ddx_stats_lost(sender->book, LOST_STORE, before);
+    }
+}
+
+/* Say once that there is no such item, when that lasts. */
+static void tell_waiting(struct sender *sender) {
+    if (sender->said_waiting || encoder_is_open(&sender->encoder) || ddx_time_now() - sender->begin < WAITING)
+        return;
+    sender->said_waiting = true;
+    program_say_awaited(sender->video, sender->name);
 }
 
 static void handle(struct sender *sender, const struct ddx_frame *frame) {
@@ -206,6 +223,7 @@ static void take_frame(struct sender *sender, double timeout) {
 static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
         take_frame(sender, sender->follows ? READ_TIMEOUT : 0);
+        tell_waiting(sender);
         program_tick(sender->book);
     }
     /* What was published before we were told to stop: the newest is sent, and those before it are counted. */
@@ -239,8 +257,10 @@ int sender_run(struct sender *sender) {
         sender->status = EXIT_FAILED;
     else if (id) {
         remove_sdp(sender);
-        sender->video = program_find(id, sender->name, sender->book);
+        sender->begin = ddx_time_now();
+        sender->video = program_await(id, sender->name, sender->book);
         sender->status = sender->video || errno == EINTR ? EXIT_OK : EXIT_FAILED;
+        sender->awaited = sender->video && !*ddx_store_item_type(sender->video);
         counters_open(&sender->counters, id);
         if (sender->video)
             send_all(sender);

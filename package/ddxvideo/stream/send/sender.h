@@ -24,7 +24,10 @@ struct sender {
     uint64_t counts[5];
     struct encoder encoder;
     struct mpeg4_packer mpeg4;
+    bool awaited; /* the item was not there when the sender came: all that is written to it is ours to send */
     bool follows; /* what is written now is ours to send */
+    bool said_waiting;
+    int64_t begin; /* of the wait for the item */
     bool failing;   /* packets do not go out, said so */
     uint16_t sequence;
     uint32_t ssrc, time_offset;
