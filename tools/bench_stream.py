@@ -34,7 +34,7 @@ from parts.media.footage import footage
 SIZE = 352, 288
 RATE, SECONDS, WARM_UP = 25, 15, 2
 BITRATE = 200
-LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 2.0
+LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 4.0
 CODECS = ["h264", "mpeg4"]
 CLIP = OUTPUT / "bench/stream.y4m"
 ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
