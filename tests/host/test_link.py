@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The lossy link: it loses the packets that its pattern names, and counts what both ends really sent and received."""
+from __future__ import annotations
+
+import itertools
+import json
+import pathlib
+import random
+import subprocess
+import sys
+
+import pytest
+
+from parts.link import loss
+from parts.link.link import Counts, Link, Node, Way
+from parts.link.relay import Flow
+from parts.link.relay import Way as RelayWay
+
+from .programs import wait_until
+
+PEER = (sys.executable, "-B", "-S", str(pathlib.Path(__file__).with_name("udp_peer.py")))
+PORT, GROUP = 8000, "239.255.20.5"
+COUNT, SIZE, HEADERS = 1500, 100, 28
+PATTERNS = [loss.NOTHING, loss.EveryThird(), loss.Iid(0.3), loss.Bursts(0.3), loss.Outages(0.3, 2)]
+Peer = subprocess.Popen[str]
+
+
+def receiver(node: Node, *words: object) -> Peer:
+    """Listens when this returns."""
+    peer = node.popen([*PEER, "receive", *map(str, words)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+    assert peer.stdout and peer.stdout.readline() == "ready\n"
+    return peer
+
+
+def sender(node: Node, *words: object) -> Peer:
+    return node.popen([*PEER, "send", *map(str, words)])
+
+
+def came(peer: Peer, delay_ms: float = 0) -> list[int]:
+    """The numbers that a receiver saw, none of them earlier than possible."""
+    found: dict[str, list[int]] = json.loads(peer.communicate()[0])
+    assert all(transit >= delay_ms * 1e6 for transit in found["transit_ns"])
+    return found["numbers"]
+
+
+def all_arrived(link: Link, count: int) -> Counts:
+    """Once the relay has done with so many packets in each direction."""
+    def done() -> bool:
+        found = link.counts()
+        return all(way.packets == count == way.lost + way.delivered for way in (*found.down, *found.up))
+
+    wait_until(done)
+    return link.counts()
+
+
+def both_ways(link: Link, seconds: float = 0) -> tuple[Counts, list[int], list[int]]:
+    """Numbered packets from the robot to the operator and back; the counts, and what came at either end."""
+    robot, operator = link.robot, link.operator[0]
+    receivers = [receiver(operator, PORT), receiver(robot, PORT + 1)]
+    extra = [str(seconds)] if seconds else []
+    for process in [sender(robot, operator.address, PORT, COUNT, SIZE, *extra),
+                    sender(operator, robot.address, PORT + 1, COUNT, SIZE, *extra)]:
+        assert process.wait() == 0
+    counts = all_arrived(link, COUNT)
+    down, up = (came(peer, link.delay_ms) for peer in receivers)
+    return counts, down, up
+
+
+def expected(pattern: loss.Pattern, seed: int, direction: str, operator: int = 0) -> list[int]:
+    """The numbers that a pattern leaves, if it is no outage in time."""
+    judge = loss.judge(pattern, seed, operator, direction)
+    return [number for number in range(COUNT) if not judge(0)]
+
+
+def disagreements(way: Way, port: int, numbers: list[int]) -> list[str]:
+    """What the relay counted other than what was sent and received."""
+    packet = SIZE + HEADERS
+    right = Flow(COUNT, COUNT * packet, COUNT - len(numbers), len(numbers), len(numbers) * packet)
+    found = [] if way.ports == {port: right} else [f"{way.ports} instead of {port}: {right}"]
+    if numbers != sorted(set(numbers)):
+        found.append("packets repeated or out of order")
+    return found
+
+
+@pytest.mark.parametrize("pattern", PATTERNS, ids=str)
+def test_counts_are_what_both_ends_saw(pattern: loss.Pattern) -> None:
+    with Link(loss=pattern, delay_ms=1, seed=7) as link:
+        counts, down, up = both_ways(link, 0.15 if pattern.shared else 0)
+    assert disagreements(counts.down[0], PORT, down) == [] and disagreements(counts.up[0], PORT + 1, up) == []
+    assert disagreements(counts.down[0], PORT, down[:-1])
+    assert counts.overrun == 0
+    if pattern.shared:
+        assert all(0 < len(numbers) < COUNT for numbers in (down, up))
+    else:
+        assert (down, up) == (expected(pattern, 7, "down"), expected(pattern, 7, "up"))
+
+
+def test_one_direction_and_a_change() -> None:
+    """Reports blocked; then nothing is, and later the same packets as in another link of that seed."""
+    with Link(seed=5, back=loss.ALL) as link:
+        _, down, up = both_ways(link)
+        assert (len(down), len(up)) == (COUNT, 0)
+    with Link(seed=5) as link:
+        link.lose(loss.Iid(0.3))
+        _, down, up = both_ways(link)
+    assert (down, up) == (expected(loss.Iid(0.3), 5, "down"), expected(loss.Iid(0.3), 5, "up"))
+    assert down != expected(loss.Iid(0.3), 6, "down")
+
+
+def test_group_of_four() -> None:
+    """One packet of the group is lost for each operator independently; each answers to the robot alone."""
+    pattern = loss.Iid(0.3)
+    with Link(operators=4, loss=pattern, delay_ms=1, seed=3, back=loss.NOTHING) as link:
+        receivers = [receiver(node, PORT, GROUP) for node in link.operator]
+        reports = receiver(link.robot, PORT + 1)
+        senders = [sender(node, link.robot.address, PORT + 1, COUNT, SIZE) for node in link.operator]
+        senders.append(sender(link.robot, GROUP, PORT, COUNT, SIZE))
+        assert [process.wait() for process in senders] == [0] * 5
+        counts = all_arrived(link, COUNT)
+        got = [came(peer) for peer in receivers]
+        assert sorted(came(reports)) == sorted([*range(COUNT)] * 4)
+    assert got == [expected(pattern, 3, "down", number) for number in range(4)]
+    assert [disagreements(way, PORT, numbers) for way, numbers in zip(counts.down, got)] == [[]] * 4
+    for one, other in itertools.combinations([set(range(COUNT)) - set(numbers) for numbers in got], 2):
+        assert 0.06 < len(one & other) / COUNT < 0.12  # 0.3 x 0.3
+
+
+def test_ipv6() -> None:
+    with Link(loss=loss.EveryThird()) as link:
+        peer = receiver(link.operator[0], PORT)
+        assert sender(link.robot, "fd20::2", PORT, 30, SIZE).wait() == 0
+        wait_until(lambda: link.counts().down[0].delivered == 20)
+        assert len(came(peer)) == 20
+        assert link.counts().down[0].ports[PORT] == Flow(30, 30 * (SIZE + 48), 10, 20, 20 * (SIZE + 48))
+
+
+def test_most_in_a_second() -> None:
+    """Of any second, not of those that a clock begins."""
+    way, flow = RelayWay(0), Flow()
+    for number in range(40):
+        way.lost(flow, 100, number / 8)
+    assert way.peak == 8 * 100
+    for now in (6.75, 7.0, 7.71875, 7.96875):
+        way.lost(flow, 5000, now)
+    assert way.peak == 3 * 5000
+    assert flow == Flow(44, 40 * 100 + 4 * 5000)
+
+
+def runs(lost: list[bool]) -> list[int]:
+    """Lengths of what is lost in a row."""
+    return [len(list(group)) for bad, group in itertools.groupby(lost) if bad]
+
+
+@pytest.mark.parametrize("pattern, rate, length", [(loss.EveryThird(), 1 / 3, 1), (loss.Iid(0.1), 0.1, 1 / 0.9),
+                                                   (loss.Iid(0.3), 0.3, 1 / 0.7), (loss.Bursts(0.3), 0.3, 5),
+                                                   (loss.Bursts(0.1, 3), 0.1, 3), (loss.Outages(0.3), 0.3, 40),
+                                                   (loss.Outages(0.1, 200), 0.1, 200)], ids=str)
+def test_patterns_lose_what_they_say(pattern: loss.Pattern, rate: float, length: float) -> None:
+    """200,000 packets, one a millisecond: how many are lost, and how many in a row."""
+    judge = pattern.judge(random.Random(1))
+    lost = [judge(number / 1000) for number in range(200000)]
+    assert sum(lost) / len(lost) == pytest.approx(rate, rel=0.06)
+    in_a_row = runs(lost)
+    assert sum(in_a_row) / len(in_a_row) == pytest.approx(length, rel=0.06)
+    again = pattern.judge(random.Random(1))
+    assert [again(number / 1000) for number in range(2000)] == lost[:2000]

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A robot and its operators, each in a network namespace of its own, with a lossy link between them.
+
+    with Link(operators=2, loss=Iid(0.3), delay_ms=2, seed=7) as link:
+        link.operator[0].popen(["decode", ...])
+        link.robot.popen(["ddxvideosend", ...])
+        link.counts().down[0].bytes
+
+`down` is from the robot to an operator, `up` the way back. The link decides on each UDP packet, on one of a group for
+each operator by itself; all else, such as ARP and IGMP, passes. Operators do not see each other. The namespaces end
+with the link and the programs in them.
+"""
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import pathlib
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import Any
+
+from parts.common import MORTAL, SBIN, TOP, Failed
+from parts.link import loss
+from parts.link.relay import HOST, Flow
+
+Words = Sequence[str | os.PathLike[str]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Node:
+    """One end of the link. `inside` goes before a command."""
+    address: str
+    inside: tuple[str, ...]
+
+    def popen(self, words: Words, **options: Any) -> subprocess.Popen[str]:
+        return subprocess.Popen([*MORTAL, *self.inside, *words], text=True, **options)
+
+    def run(self, words: Words, **options: Any) -> subprocess.CompletedProcess[str]:
+        return subprocess.run([*MORTAL, *self.inside, *words], text=True, check=True, **options)
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """One direction of one operator."""
+    ports: dict[int, Flow]  # by UDP port of the destination
+    peak: int               # most bytes in any second
+
+    def total(self, what: Callable[[Flow], int]) -> int:
+        return sum(map(what, self.ports.values()))
+
+    @property
+    def packets(self) -> int:
+        return self.total(lambda flow: flow.packets)
+
+    @property
+    def bytes(self) -> int:
+        return self.total(lambda flow: flow.bytes)
+
+    @property
+    def lost(self) -> int:
+        return self.total(lambda flow: flow.lost)
+
+    @property
+    def delivered(self) -> int:
+        return self.total(lambda flow: flow.delivered)
+
+
+@dataclasses.dataclass(frozen=True)
+class Counts:
+    down: list[Way]
+    up: list[Way]
+    late_ms: float  # that a packet waited beyond the delay, at most: how far the machine kept up
+    overrun: int    # packets that came faster than the relay took them; the counts lack these
+
+
+def counted(ways: list[dict[str, Any]]) -> list[Way]:
+    return [Way({int(port): Flow(**flow) for port, flow in way["ports"].items()}, way["peak"]) for way in ways]
+
+
+class Link:
+    """`back`: what the way back loses, if it is not the same as `loss`."""
+
+    def __init__(self, operators: int = 1, loss: loss.Pattern = loss.NOTHING, delay_ms: float = 0, seed: int = 1,
+                 back: loss.Pattern | None = None) -> None:
+        self._words = [str(operators), str(delay_ms), str(seed)]
+        self.delay_ms, self._operators, self._loss, self._back = delay_ms, operators, loss, back
+
+    def __enter__(self) -> Link:
+        user = [] if os.geteuid() == 0 else ["unshare", "--map-root-user"]
+        self.relay = subprocess.Popen([*user, *MORTAL, sys.executable, "-B", "-m", "parts.link.relay", *self._words],
+                                      cwd=TOP / "tools", env={**os.environ, **SBIN}, text=True,
+                                      stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        process = pathlib.Path(f"/proc/{self.relay.pid}")
+        enter = ["nsenter", *([f"--user={process}/ns/user", "--preserve-credentials"] if user else [])]
+        nodes = [Node(f"{HOST}{number}", (*enter, f"--net={process}/fd/{namespace}"))
+                 for number, namespace in enumerate(self._answer(), 1)]
+        self.robot, self.operator = nodes[0], nodes[1:]
+        self.lose(self._loss, self._back)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        self.relay.communicate()
+
+    def _answer(self) -> Any:
+        assert self.relay.stdout
+        if not (line := self.relay.stdout.readline()):
+            raise Failed("the relay of the lossy link has stopped")
+        return json.loads(line)
+
+    def _order(self, order: dict[str, Any]) -> Any:
+        assert self.relay.stdin
+        self.relay.stdin.write(json.dumps(order) + "\n")
+        self.relay.stdin.flush()
+        return self._answer()
+
+    def lose(self, pattern: loss.Pattern, back: loss.Pattern | None = None, operator: int | None = None) -> None:
+        """From now on this, for one operator or all of them; the next packet is the first one of the pattern."""
+        self._order({"lose": [[one, direction, loss.pack(what)] for one in range(self._operators)
+                              if operator in (None, one)
+                              for direction, what in (("down", pattern), ("up", pattern if back is None else back))]})
+
+    def counts(self) -> Counts:
+        found = self._order({"counts": True})
+        return Counts(counted(found["down"]), counted(found["up"]), found["late_ms"], found["overrun"])

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The relay of a lossy link, a process: makes the network namespaces and holds the other ends of their TAP devices.
+
+python -m parts.link.relay OPERATORS DELAY_MS SEED. Prints its namespaces as file descriptors, the robot's first; others
+open them as /proc/<pid>/fd/<number>. Then each line of standard input is an order in JSON, answered by a line:
+{"lose": [[operator, direction, pattern], ...]} or {"counts": true}. Exits when standard input is closed.
+"""
+from __future__ import annotations
+
+import collections
+import contextlib
+import ctypes
+import dataclasses
+import fcntl
+import json
+import os
+import random
+import select
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+from parts.link import loss
+
+DEVICE, QUEUE = "link0", 10000  # packets that wait for the relay: more than a test sends at once
+TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 2, 0x1000
+CLONE_NEWNET = 0x40000000
+ETHERNET, UDP = 14, 17
+FRAME_MAX = 65536
+BATCH = 64  # frames of one device, before the others have their turn
+HOST = "10.20.0."  # the robot is 1, operators 2 and above
+SETUP = """\
+link set lo up
+link set {device} address {mac} txqueuelen {queue} multicast on up
+address add {address}/24 dev {device}
+address add fd20::{number}/64 dev {device} nodad
+route add default dev {device}
+"""
+# Known before the first packet: those that waited for an answer would mix with later ones.
+NEIGHBOUR = "neigh add {address} lladdr {mac} nud permanent dev {device}\n"
+LIBC = ctypes.CDLL(None, use_errno=True)
+
+
+def check(result: int, what: str) -> None:
+    if result:
+        raise OSError(ctypes.get_errno(), f"{what}: {os.strerror(ctypes.get_errno())}")
+
+
+@contextlib.contextmanager
+def inside(namespace: int) -> Iterator[None]:
+    home = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
+    check(LIBC.setns(namespace, CLONE_NEWNET), "setns")
+    try:
+        yield
+    finally:
+        check(LIBC.setns(home, CLONE_NEWNET), "setns")
+        os.close(home)
+
+
+def mac(number: int) -> bytes:
+    return bytes([2, 0, 0, 0, 0, number])
+
+
+class Port:
+    """A namespace and the relay's end of its TAP device."""
+
+    def __init__(self, number: int, neighbours: Iterable[int]) -> None:
+        check(LIBC.unshare(CLONE_NEWNET), "unshare")
+        self.namespace = os.open("/proc/thread-self/ns/net", os.O_RDONLY)
+        self.tap = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK)
+        fcntl.ioctl(self.tap, TUNSETIFF, struct.pack("16sH22x", DEVICE.encode(), IFF_TAP | IFF_NO_PI))
+        lines = SETUP.format(device=DEVICE, queue=QUEUE, mac=mac(number).hex(":"), number=number,
+                             address=f"{HOST}{number}")
+        for other in neighbours:
+            lines += "".join(NEIGHBOUR.format(address=address, mac=mac(other).hex(":"), device=DEVICE)
+                             for address in (f"{HOST}{other}", f"fd20::{other}"))
+        subprocess.run(["ip", "-batch", "-"], input=lines, text=True, check=True)
+
+    def overrun(self) -> int:
+        """Packets that the device dropped because the relay was too slow."""
+        with inside(self.namespace), open("/proc/thread-self/net/dev") as file:
+            line = next(line for line in file if line.strip().startswith(DEVICE))
+        return int(line.split(":")[1].split()[11])
+
+
+@dataclasses.dataclass
+class Flow:
+    """UDP to one port. Bytes include the IP header."""
+    packets: int = 0
+    bytes: int = 0
+    lost: int = 0
+    delivered: int = 0
+    delivered_bytes: int = 0
+
+
+class Way:
+    """One direction between the robot and an operator."""
+
+    def __init__(self, target: int) -> None:
+        self.target = target
+        self.flows: dict[int, Flow] = {}
+        self.second: collections.deque[tuple[float, int]] = collections.deque()  # what came in the last second
+        self.load = self.peak = 0  # bytes in that second, and the most there ever was
+        self.judge, self.begin = loss.NOTHING.judge(random.Random()), 0.0
+
+    def lose(self, judge: loss.Judge) -> None:
+        self.judge, self.begin = judge, time.monotonic()
+
+    def lost(self, flow: Flow, size: int, now: float) -> bool:
+        """Count a packet, and decide on it."""
+        flow.packets += 1
+        flow.bytes += size
+        self.second.append((now, size))
+        self.load += size
+        while self.second[0][0] <= now - 1:
+            self.load -= self.second.popleft()[1]
+        self.peak = max(self.peak, self.load)
+        lost = self.judge(now - self.begin)
+        flow.lost += lost
+        return lost
+
+    def counts(self) -> dict[str, Any]:
+        return {"peak": self.peak, "ports": {port: dataclasses.asdict(flow) for port, flow in self.flows.items()}}
+
+
+def udp_port(frame: bytes) -> int | None:
+    """The destination; None if the frame is no UDP packet, 0 in a later fragment of one."""
+    kind = frame[12:ETHERNET]
+    if kind == b"\x08\x00" and frame[ETHERNET + 9] == UDP:
+        if frame[ETHERNET + 6] & 0x1F or frame[ETHERNET + 7]:
+            return 0
+        start = ETHERNET + 4 * (frame[ETHERNET] & 15)
+    elif kind == b"\x86\xdd" and frame[ETHERNET + 6] == UDP:
+        start = ETHERNET + 40
+    else:
+        return None
+    return int.from_bytes(frame[start + 2:start + 4], "big")
+
+
+class Relay:
+    def __init__(self, operators: int, delay: float, seed: int) -> None:
+        self.delay, self.seed = delay, seed
+        others = range(2, operators + 2)
+        self.ports = [Port(1, others), *(Port(number, [1]) for number in others)]
+        self.down = [Way(self.ports[1 + one].tap) for one in range(operators)]
+        self.up = [Way(self.ports[0].tap) for _ in range(operators)]
+        self.waiting: collections.deque[tuple[float, Way, Flow | None, bytes]] = collections.deque()
+        self.late = 0.0  # s that a packet waited beyond its delay, at most
+
+    def ways(self, port: int, frame: bytes) -> list[Way]:
+        """Where the frame goes. Operators do not see each other."""
+        if port:
+            return [self.up[port - 1]]
+        if frame[0] & 1:
+            return self.down
+        number = frame[5] - 2
+        return self.down[number:number + 1] if frame[:5] == mac(0)[:5] and number >= 0 else []
+
+    def take(self, port: int, frame: bytes) -> None:
+        now, to = time.monotonic(), udp_port(frame)
+        for way in self.ways(port, frame):
+            flow = None
+            if to is not None:
+                flow = way.flows.setdefault(to, Flow())
+                if way.lost(flow, len(frame) - ETHERNET, now):
+                    continue
+            self.waiting.append((now + self.delay, way, flow, frame))
+
+    def deliver(self) -> float | None:
+        """All that is due; seconds until the next packet is."""
+        while self.waiting:
+            due, way, flow, frame = self.waiting[0]
+            now = time.monotonic()
+            if now < due:
+                return due - now
+            self.waiting.popleft()
+            self.late = max(self.late, now - due)
+            try:
+                os.write(way.target, frame)
+            except BlockingIOError:
+                continue  # is missing in `delivered`
+            if flow:
+                flow.delivered += 1
+                flow.delivered_bytes += len(frame) - ETHERNET
+        return None
+
+    def read(self, port: int) -> None:
+        for _ in range(BATCH):
+            try:
+                self.take(port, os.read(self.ports[port].tap, FRAME_MAX))
+            except BlockingIOError:
+                return
+
+    def obey(self, order: dict[str, Any]) -> dict[str, Any]:
+        for operator, direction, packed in order.get("lose", []):
+            way: Way = getattr(self, direction)[operator]
+            way.lose(loss.judge(loss.unpack(packed), self.seed, operator, direction))
+        if "counts" not in order:
+            return {}
+        return {"down": [way.counts() for way in self.down], "up": [way.counts() for way in self.up],
+                "late_ms": 1000 * self.late, "overrun": sum(port.overrun() for port in self.ports)}
+
+    def run(self) -> None:
+        taps = {port.tap: number for number, port in enumerate(self.ports)}
+        while True:
+            for ready in select.select([0, *taps], [], [], self.deliver())[0]:
+                if ready:
+                    self.read(taps[ready])
+                elif line := sys.stdin.readline():
+                    print(json.dumps(self.obey(json.loads(line))), flush=True)
+                else:
+                    return
+
+
+def main() -> None:
+    relay = Relay(int(sys.argv[1]), float(sys.argv[2]) / 1000, int(sys.argv[3]))
+    with contextlib.suppress(PermissionError):  # what the programs at both ends compute must not become a delay
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    print(json.dumps([port.namespace for port in relay.ports]), flush=True)
+    relay.run()
+
+
+if __name__ == "__main__":
+    main()
