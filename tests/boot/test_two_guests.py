@@ -55,7 +55,7 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
             network(operator, "10.0.0.2")
             service(operator, "ddxvideosave", "name=seen\\n", ".seen")
             service(operator, "decode", "enabled=yes\\ninterface=eth0\\n")
-            operator.wait_until("grep -q ':1F40 ' /proc/net/udp")  # port 8000: before anybody sends
+            operator.wait_until("cat /proc/net/udp* | grep -q ':1F40 '")  # port 8000: before anybody sends
             network(robot, "10.0.0.1")
             service(robot, "ddxvideosend", "enabled=yes\\ncodec=mpeg4\\ninterface=eth0\\n")
             sent, mended = watch(robot, segment)

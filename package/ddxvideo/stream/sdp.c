@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "sdp.h"
 
-#include <arpa/inet.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -12,7 +11,6 @@
 
 #include "h264.h"
 #include "mpeg4.h"
-#include "network.h"
 
 #define PARAMETERS_MAX 200 /* bytes of a parameter set or a header that goes into the file */
 
@@ -81,15 +79,14 @@ static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
 
 size_t sdp_write(const struct sdp *sdp, char *data) {
     struct text text = {data, 0};
-    char host[INET_ADDRSTRLEN];
+    bool ipv6 = network_is_ipv6(&sdp->address);
+    char host[NETWORK_TEXT_MAX];
 
-    inet_ntop(AF_INET, &sdp->address.sin_addr, host, sizeof host);
-    add(&text, "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=%.100s\r\n", sdp->name);
-    if (network_is_group(&sdp->address))
-        add(&text, "c=IN IP4 %s/%d\r\n", host, sdp->ttl);
-    else
-        add(&text, "c=IN IP4 %s\r\n", host);
-    add(&text, "t=0 0\r\nm=video %u RTP/AVP %d\r\n", ntohs(sdp->address.sin_port), sdp->type);
+    add(&text, "v=0\r\no=- 0 0 IN IP4 127.0.0.1\r\ns=%.100s\r\nc=IN %s %s", sdp->name, ipv6 ? "IP6" : "IP4",
+        network_host(&sdp->address, host));
+    if (network_is_group(&sdp->address) && !ipv6) /* RFC 4566, 5.7: a TTL for IPv4 only */
+        add(&text, "/%d", sdp->ttl);
+    add(&text, "\r\nt=0 0\r\nm=video %u RTP/AVP %d\r\n", network_port(&sdp->address), sdp->type);
     if (!(sdp->type == RTP_H264 ? add_h264(&text, sdp) : add_mpeg4(&text, sdp)))
         return 0;
     if (sdp->rate > 0)

@@ -3,16 +3,16 @@
 #ifndef DDXVIDEO_SDP_H
 #define DDXVIDEO_SDP_H
 
-#include <netinet/in.h>
 #include <stddef.h>
 #include <stdint.h>
 
+#include "network.h"
 #include "rtp.h"
 
 struct sdp {
     const char *name; /* of the session */
-    struct sockaddr_in address;
-    int ttl;
+    struct network_address address;
+    int ttl; /* IPv4 groups; IPv6 has none in a description */
     enum rtp_type type;
     const uint8_t *frame; /* the stream's first one, with its parameter sets or headers */
     size_t size;

@@ -8,11 +8,11 @@
 #include "network.h"
 
 struct inlet {
-    const char *group; /* dotted address, or NULL for none */
+    const char *group; /* address, or NULL for none */
     long port;
-    const char *interface; /* NULL: as the routing table says */
+    const char *interface; /* name or number; NULL: as the routing table says */
     /* how it stands */
-    struct sockaddr_in address;
+    struct network_address address;
     int fd;
     bool joined;
 };

@@ -8,8 +8,8 @@ int main(int argc, char **argv) {
     static struct viewer viewer = {.inlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT}, .patience = 20};
     const struct option_entry options[] = {
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &viewer.inlet.port, 2, 65532},
-        {"group", "ADDRESS", "multicast group (default: " NETWORK_GROUP "), or none", OPTION_TEXT, &viewer.inlet.group,
-         0, 0},
+        {"group", "ADDRESS", "multicast group, IPv4 or IPv6 (default: " NETWORK_GROUP "), or none", OPTION_TEXT,
+         &viewer.inlet.group, 0, 0},
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
          &viewer.inlet.interface, 0, 0},
         {"headless", NULL, "no window", OPTION_FLAG, &viewer.headless, 0, 0},

@@ -7,7 +7,9 @@
 int main(int argc, char **argv) {
     const char *codec = "h264", *preset = "superfast";
     struct sender sender = {
-        .name = "video", .bitrate = 400, .outlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
+        .name = "video",
+        .bitrate = 400,
+        .outlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
@@ -15,10 +17,10 @@ int main(int argc, char **argv) {
         {"preset", "PRESET", "of H.264: superfast, or ultrafast for slow processors (default: superfast)", OPTION_TEXT,
          &preset, 0, 0},
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &sender.outlet.port, 2, 65532},
-        {"group", "ADDRESS", "multicast group (default: " NETWORK_GROUP "), or none", OPTION_TEXT, &sender.outlet.group,
-         0, 0},
-        {"to", "ADDRESS,...", "single receivers, as well as the group; ADDRESS or ADDRESS:PORT", OPTION_TEXT,
-         &sender.outlet.to, 0, 0},
+        {"group", "ADDRESS", "multicast group, IPv4 or IPv6 (default: " NETWORK_GROUP "), or none", OPTION_TEXT,
+         &sender.outlet.group, 0, 0},
+        {"to", "ADDRESS,...", "single receivers, as well as the group: 10.0.0.2, 10.0.0.2:8000, [fd00::2]:8000",
+         OPTION_TEXT, &sender.outlet.to, 0, 0},
         {"ttl", "HOPS", "how many routers a multicast packet may pass, and one (default: 1)", OPTION_NUMBER,
          &sender.outlet.ttl, 0, 255},
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,

@@ -3,7 +3,6 @@
 #ifndef DDXVIDEO_OUTLET_H
 #define DDXVIDEO_OUTLET_H
 
-#include <netinet/in.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -12,18 +11,21 @@
 
 #define OUTLET_RECEIVERS 16
 
+/* One socket for each kind of address. */
+enum { OUTLET_IPV4, OUTLET_IPV6, OUTLET_SOCKETS };
+
 /* Why a packet did not go out. */
 enum outlet_loss { OUTLET_BUSY, OUTLET_ROUTE, OUTLET_OTHER, OUTLET_LOSSES };
 
 struct outlet {
-    const char *group; /* dotted address, or NULL for no group */
+    const char *group; /* address, or NULL for no group */
     long port;
     long ttl;
-    const char *interface; /* NULL: as the routing table says */
-    const char *to;        /* "address[:port],..." or NULL */
+    const char *interface; /* name or number; NULL: as the routing table says */
+    const char *to;        /* "address,..." as network_parse() reads them, or NULL */
     /* how it stands */
-    int fd;
-    struct sockaddr_in receiver[OUTLET_RECEIVERS];
+    int fd[OUTLET_SOCKETS]; /* -1: no receiver needs it */
+    struct network_address receiver[OUTLET_RECEIVERS];
     unsigned receivers;
     uint64_t packets, bytes, lost[OUTLET_LOSSES]; /* over all receivers */
     int error;                                    /* errno of the last one that did not go out */
@@ -32,7 +34,7 @@ struct outlet {
 /* Understand the settings; NULL, or what is wrong with them, in text[NETWORK_ERROR_MAX]. */
 const char *outlet_parse(struct outlet *outlet, char *text);
 
-/* NULL, or what failed, in text. Close it in any case. */
+/* Opens the sockets that the receivers need. NULL, or what failed, in text. Close it in any case. */
 const char *outlet_open(struct outlet *outlet, char *text);
 void outlet_close(struct outlet *outlet);
 
