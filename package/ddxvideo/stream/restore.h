@@ -1,0 +1,92 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The receiver's part of repair (repair.h): restores lost media packets from media packets and repair packets, in
+ * whatever order they come. Each repair packet is an equation between packets that it covers; the equations that are
+ * kept are solved as far as possible at any time (Gauss-Jordan elimination, one equation for each call).
+ *
+ * Limits: fixed memory, the last REPAIR_PACKETS media packets and as many equations. A call does at most 512
+ * multiplications of a symbol by a coefficient, usually as many as packets are covered. No function here blocks,
+ * allocates memory or reads a clock.
+ *
+ * One struct is for one media stream (SSRC). A source that changes its SSRC needs restore_init() again.
+ */
+#ifndef DDXVIDEO_RESTORE_H
+#define DDXVIDEO_RESTORE_H
+
+#include "repair.h"
+
+#define RESTORE_JUMP 1000 /* packets ahead or back; a number from further away is believed when another one follows it */
+#define RESTORE_AHEAD 128 /* how far a repair packet may reach beyond the newest media packet that came */
+
+/* What became of repair packets: RECEIVED = REFUSED + USELESS + EXPIRED + CORRUPT + RESTORED + those that wait. */
+enum restore_count {
+    RESTORE_RECEIVED,
+    RESTORE_REFUSED,  /* no repair packet of this stream, or from an impossible place */
+    RESTORE_USELESS,  /* everything that it covers came, or was restored before */
+    RESTORE_EXPIRED,  /* covers packets that were given up */
+    RESTORE_CORRUPT,  /* contradicted others, or waited together with one that did */
+    RESTORE_RESTORED, /* each of these stands for one media packet that was restored */
+    RESTORE_COUNTS
+};
+
+/* A media packet that came or was restored, or an equation. `factor` is only used by equations. */
+struct restore_symbol {
+    uint16_t size;                     /* bytes; what follows counts as zeros */
+    uint8_t factor[REPAIR_PACKETS];    /* of each packet, by sequence number */
+    uint8_t data[REPAIR_SYMBOL_MAX];   /* the source symbol; the sum */
+};
+
+struct restore {
+    uint32_t ssrc;
+    bool begun;                            /* a media packet came */
+    bool has_strange;
+    uint16_t strange;                      /* the number that would follow a packet from far away */
+    uint16_t came;                         /* newest media packet that came */
+    uint16_t newest;                       /* that is known to have been sent */
+    uint16_t floor;                        /* packets before this one are not waited for */
+    unsigned rows;                         /* equations that wait */
+    unsigned ready;                        /* restored packets that wait for restore_take() */
+    uint64_t count[RESTORE_COUNTS];
+    uint64_t wrong; /* packets that were restored, and then came with other contents: the restored ones were forged */
+    uint8_t state[REPAIR_PACKETS];         /* by sequence number, as all below; see restore.c */
+    struct restore_symbol slot[REPAIR_PACKETS];
+    struct restore_symbol row; /* the equation that is being worked at */
+};
+
+void restore_init(struct restore *restore, uint32_t media_ssrc);
+
+/*
+ * A media packet came, a whole RTP packet. The first one begins the stream: packets before it are not waited for. 0;
+ * -EALREADY if it came or was restored before; -ERANGE if it is too old, or a single packet from far away;
+ * -EBADMSG if it is no RTP packet of this SSRC, or longer than RTP_PACKET_MAX. Packets that are REPAIR_PACKETS or more
+ * before the newest one are given up.
+ */
+int restore_source(struct restore *restore, const uint8_t *packet, size_t size);
+
+/*
+ * A repair packet came. 0 if it brings something; -EALREADY if not (it is counted as useless, expired or corrupt);
+ * -EBADMSG if it was refused.
+ */
+int restore_repair(struct restore *restore, const uint8_t *packet, size_t size);
+
+/*
+ * The next restored packet, the oldest first, each one once; false if there is none. To be called until it returns false
+ * after each packet that came. *packet is valid until the next call of another function here. The packet is an RTP packet
+ * of this SSRC with this sequence number, RTP_PACKET_MAX bytes at most; its payload is as credible as the repair packets.
+ */
+bool restore_take(struct restore *restore, const uint8_t **packet, size_t *size, uint16_t *sequence);
+
+/*
+ * How many more repair packets are needed to restore all that is missing from *base, the oldest missing packet, to
+ * *highest, the newest packet known to have been sent. 0 with *base = *highest + 1 if none is missing. False before the
+ * first media packet.
+ */
+bool restore_missing(const struct restore *restore, unsigned *missing, uint16_t *base, uint16_t *highest);
+
+/*
+ * Packets before `sequence` are not waited for any longer: equations that contain them are dropped, the others stay.
+ * A number beyond the newest packet + 1 counts as that. One that has been passed changes nothing.
+ */
+void restore_give_up(struct restore *restore, uint16_t sequence);
+
+#endif
