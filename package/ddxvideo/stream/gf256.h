@@ -3,6 +3,7 @@
 #ifndef DDXVIDEO_GF256_H
 #define DDXVIDEO_GF256_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -18,5 +19,8 @@ void gf256_add(uint8_t *to, const uint8_t *from, uint8_t factor, size_t size);
 static inline void gf256_scale(uint8_t *at, uint8_t factor, size_t size) {
     gf256_add(at, at, factor ^ 1, size);
 }
+
+/* Whether all of the bytes are 0. */
+bool gf256_is_zero(const uint8_t *data, size_t size);
 
 #endif

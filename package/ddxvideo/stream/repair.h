@@ -3,38 +3,32 @@
  * Repair packets: their format, and the sender's window from which they are made. Any receiver that lost n of the
  * packets that a window covers needs n repair packets over that window, whichever these are; restore.h does that.
  *
- * A repair packet is an RTP packet (RFC 3550) with payload type REPAIR_TYPE, its own SSRC and sequence numbers, the time
- * stamp of the newest packet that it covers, and one CSRC: the SSRC of the media stream. Its payload, by RFC 8681, "RLC
- * over GF(2^8)", section 4.1.3, big endian:
+ * A repair packet is an RTP packet (RFC 3550) with payload type REPAIR_TYPE, its own SSRC and sequence numbers, the
+ * time stamp of the newest packet that it covers, and one CSRC: the SSRC of the media stream. Its payload, by RFC 8681,
+ * "RLC over GF(2^8)", section 4.1.3, big endian:
  *
  *   16 bits  Repair_Key, from which the coefficients follow (coefficients.h)
  *    4 bits  DT, density, always 15: no coefficient is 0
  *   12 bits  NSS, number of packets covered, 1 to REPAIR_PACKETS
  *   32 bits  FSS_ESI, the first of them; the others follow it without a gap
- *   bytes    repair symbol: the sum of coefficient times source symbol over GF(256)
+ *   bytes    repair symbol: the sum of coefficient times source symbol (symbol.h), as long as the longest of them
  *
  * ESI, the number of a media packet: its RTP sequence number, extended by the number of wraps since the stream began.
  * Receivers need the low 16 bits only. So media packets carry no Explicit Source FEC Payload ID, and any RTP player can
  * read them: that is the one difference from RFC 8681.
- *
- * The source symbol of a media packet (ADUI, section 3.2): flow number 0 (1 byte), length of the packet (2 bytes), the
- * whole RTP packet. A repair symbol is as long as the longest source symbol in its window; shorter ones count as if
- * zeros followed them.
  *
  * No function here blocks, allocates memory or reads a clock.
  */
 #ifndef DDXVIDEO_REPAIR_H
 #define DDXVIDEO_REPAIR_H
 
-#include "rtp.h"
+#include "symbol.h"
 
 #define REPAIR_TYPE 98     /* RTP payload type */
 #define REPAIR_FRAMES 25   /* most frames that a repair packet covers */
 #define REPAIR_PACKETS 256 /* most media packets that a repair packet covers */
 #define REPAIR_HEADER 24   /* bytes before the repair symbol */
-#define REPAIR_PREFIX 3    /* bytes of a source symbol before the RTP packet */
-#define REPAIR_SYMBOL_MAX (REPAIR_PREFIX + RTP_PACKET_MAX)
-#define REPAIR_MAX (REPAIR_HEADER + REPAIR_SYMBOL_MAX) /* bytes of a repair packet */
+#define REPAIR_MAX (REPAIR_HEADER + SYMBOL_MAX) /* bytes of a repair packet */
 
 /* A repair packet that was received. */
 struct repair_packet {
@@ -46,18 +40,11 @@ struct repair_packet {
     uint16_t count; /* media packets covered, 1 to REPAIR_PACKETS */
     uint32_t first; /* ESI */
     const uint8_t *symbol;
-    size_t size; /* bytes of the symbol, at most REPAIR_SYMBOL_MAX, enough for an RTP header */
+    size_t size; /* bytes of the symbol, at most SYMBOL_MAX, enough for an RTP header */
 };
 
 /* False if this is no repair packet as described above. packet->symbol points into the data. */
 bool repair_parse(const uint8_t *data, size_t size, struct repair_packet *packet);
-
-/* A media packet that was sent. */
-struct repair_source {
-    uint16_t frame;
-    uint16_t size;                     /* bytes of the symbol */
-    uint8_t symbol[REPAIR_SYMBOL_MAX]; /* with its prefix */
-};
 
 /* The last media packets sent, at most REPAIR_PACKETS of them, of at most REPAIR_FRAMES frames. */
 struct repair_window {
@@ -66,7 +53,8 @@ struct repair_window {
     uint16_t sequence; /* of the next repair packet; also its Repair_Key */
     unsigned count;    /* packets in the window */
     uint32_t newest;   /* ESI of the last one */
-    struct repair_source source[REPAIR_PACKETS]; /* by ESI */
+    uint16_t frame[REPAIR_PACKETS];       /* of each packet, by ESI */
+    struct symbol source[REPAIR_PACKETS]; /* by ESI */
 };
 
 /* An empty window. `sequence`: of the first repair packet, at random (RFC 3550). */
@@ -74,9 +62,9 @@ void repair_window_init(struct repair_window *window, uint32_t media_ssrc, uint3
 
 /*
  * Keep a copy of an RTP packet that has been sent. `esi`: extended sequence number; one that does not follow the last
- * one empties the window first. `frame`: the number of the packet's frame, counted from frame to frame. Packets that are
- * too old or too many leave the window. 0, or -EMSGSIZE for a packet that is shorter than an RTP header or longer than
- * RTP_PACKET_MAX: the window stays as it is.
+ * one empties the window first. `frame`: the number of the packet's frame, counted from frame to frame. Packets that
+ * are too old or too many leave the window. 0, or -EMSGSIZE for a packet that is shorter than an RTP header or longer
+ * than RTP_PACKET_MAX: the window stays as it is.
  */
 int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame, const uint8_t *packet, size_t size);
 

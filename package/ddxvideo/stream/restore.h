@@ -15,42 +15,51 @@
 
 #include "repair.h"
 
-#define RESTORE_JUMP 1000 /* packets ahead or back; a number from further away is believed when another one follows it */
+/* A media packet that is further ahead than this, or before the window, is believed when another one follows it. */
+#define RESTORE_JUMP 1000
 #define RESTORE_AHEAD 128 /* how far a repair packet may reach beyond the newest media packet that came */
 
 /* What became of repair packets: RECEIVED = REFUSED + USELESS + EXPIRED + CORRUPT + RESTORED + those that wait. */
 enum restore_count {
     RESTORE_RECEIVED,
     RESTORE_REFUSED,  /* no repair packet of this stream, or from an impossible place */
-    RESTORE_USELESS,  /* everything that it covers came, or was restored before */
+    RESTORE_USELESS,  /* all that it covers came or was restored; or no media packet has come yet */
     RESTORE_EXPIRED,  /* covers packets that were given up */
     RESTORE_CORRUPT,  /* contradicted others, or waited together with one that did */
     RESTORE_RESTORED, /* each of these stands for one media packet that was restored */
     RESTORE_COUNTS
 };
 
-/* A media packet that came or was restored, or an equation. `factor` is only used by equations. */
-struct restore_symbol {
-    uint16_t size;                     /* bytes; what follows counts as zeros */
-    uint8_t factor[REPAIR_PACKETS];    /* of each packet, by sequence number */
-    uint8_t data[REPAIR_SYMBOL_MAX];   /* the source symbol; the sum */
+/* What is known of a media packet. */
+enum restore_state {
+    RESTORE_MISSING,
+    RESTORE_ROW, /* missing; an equation whose oldest missing packet it is is kept in its place */
+    RESTORE_CAME,
+    RESTORE_READY, /* restored, waits for restore_take() */
+    RESTORE_TAKEN
+};
+
+/* A media packet that came or was restored, or an equation. */
+struct restore_slot {
+    struct symbol symbol;           /* the source symbol; the sum */
+    uint8_t factor[REPAIR_PACKETS]; /* only of an equation: of each packet, by sequence number */
 };
 
 struct restore {
     uint32_t ssrc;
-    bool begun;                            /* a media packet came */
+    bool begun; /* a media packet came */
     bool has_strange;
-    uint16_t strange;                      /* the number that would follow a packet from far away */
-    uint16_t came;                         /* newest media packet that came */
-    uint16_t newest;                       /* that is known to have been sent */
-    uint16_t floor;                        /* packets before this one are not waited for */
-    unsigned rows;                         /* equations that wait */
-    unsigned ready;                        /* restored packets that wait for restore_take() */
+    uint16_t strange; /* the number that would follow a packet from far away */
+    uint16_t came;    /* newest media packet that came */
+    uint16_t newest;  /* newest media packet that is known to have been sent */
+    uint16_t floor;   /* packets before this one are not waited for */
+    unsigned rows;    /* equations that wait */
+    unsigned ready;   /* restored packets that wait for restore_take() */
     uint64_t count[RESTORE_COUNTS];
     uint64_t wrong; /* packets that were restored, and then came with other contents: the restored ones were forged */
-    uint8_t state[REPAIR_PACKETS];         /* by sequence number, as all below; see restore.c */
-    struct restore_symbol slot[REPAIR_PACKETS];
-    struct restore_symbol row; /* the equation that is being worked at */
+    uint8_t state[REPAIR_PACKETS]; /* enum restore_state, by sequence number */
+    struct restore_slot slot[REPAIR_PACKETS]; /* by sequence number */
+    struct restore_slot row; /* the equation that is being worked at */
 };
 
 void restore_init(struct restore *restore, uint32_t media_ssrc);
@@ -64,15 +73,16 @@ void restore_init(struct restore *restore, uint32_t media_ssrc);
 int restore_source(struct restore *restore, const uint8_t *packet, size_t size);
 
 /*
- * A repair packet came. 0 if it brings something; -EALREADY if not (it is counted as useless, expired or corrupt);
- * -EBADMSG if it was refused.
+ * A repair packet came. 0 if it became an equation, which may have been solved at once; -EALREADY if it says nothing
+ * new, or nothing of use (it is counted as useless, expired or corrupt); -EBADMSG if it was refused.
  */
 int restore_repair(struct restore *restore, const uint8_t *packet, size_t size);
 
 /*
- * The next restored packet, the oldest first, each one once; false if there is none. To be called until it returns false
- * after each packet that came. *packet is valid until the next call of another function here. The packet is an RTP packet
- * of this SSRC with this sequence number, RTP_PACKET_MAX bytes at most; its payload is as credible as the repair packets.
+ * The next restored packet, the oldest first, each one once; false if there is none. To be called until it returns
+ * false after each packet that came: one that leaves the window before is not given out. *packet is valid until the
+ * next call of another function here. It is an RTP packet of this SSRC with this sequence number, RTP_PACKET_MAX bytes
+ * at most; its payload is as credible as the repair packets.
  */
 bool restore_take(struct restore *restore, const uint8_t **packet, size_t *size, uint16_t *sequence);
 

@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "repair.h"
+
+#include <errno.h>
+#include <string.h>
+
+#include "bits.h"
+#include "coefficients.h"
+#include "gf256.h"
+
+#define FIRST_BYTE 0x81 /* version 2, no padding, no extension, one CSRC */
+#define FIXED 12        /* bytes of the shortest RTP packet's header */
+#define DENSITY 15
+
+bool repair_parse(const uint8_t *data, size_t size, struct repair_packet *packet) {
+    if (size < REPAIR_HEADER + SYMBOL_PREFIX + FIXED || size > REPAIR_MAX || data[0] != FIRST_BYTE ||
+        (data[1] & 0x7f) != REPAIR_TYPE)
+        return false;
+    uint16_t shape = get16(data + 18);
+    *packet = (struct repair_packet){.sequence = get16(data + 2),
+                                     .time = get32(data + 4),
+                                     .ssrc = get32(data + 8),
+                                     .media_ssrc = get32(data + 12),
+                                     .key = get16(data + 16),
+                                     .count = shape & 0xfff,
+                                     .first = get32(data + 20),
+                                     .symbol = data + REPAIR_HEADER,
+                                     .size = size - REPAIR_HEADER};
+    return shape >> 12 == DENSITY && packet->count && packet->count <= REPAIR_PACKETS;
+}
+
+void repair_window_init(struct repair_window *window, uint32_t media_ssrc, uint32_t repair_ssrc, uint16_t sequence) {
+    window->media_ssrc = media_ssrc;
+    window->repair_ssrc = repair_ssrc;
+    window->sequence = sequence;
+    window->newest = 0;
+    window->count = 0;
+}
+
+static unsigned slot_of(uint32_t esi) {
+    return esi % REPAIR_PACKETS;
+}
+
+int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame, const uint8_t *packet, size_t size) {
+    if (size < FIXED || size > RTP_PACKET_MAX)
+        return -EMSGSIZE;
+    if (esi != window->newest + 1)
+        window->count = 0;
+    if (window->count == REPAIR_PACKETS)
+        window->count--;
+    while (window->count && (uint16_t)(frame - window->frame[slot_of(esi - window->count)]) >= REPAIR_FRAMES)
+        window->count--;
+    symbol_set(&window->source[slot_of(esi)], packet, size);
+    window->frame[slot_of(esi)] = frame;
+    window->newest = esi;
+    window->count++;
+    return 0;
+}
+
+/* The sum over the newest `count` packets; returns its size. */
+static size_t put_symbol(const struct repair_window *window, unsigned count, uint8_t *to) {
+    uint8_t factor[REPAIR_PACKETS];
+    struct symbol sum = {.size = 0};
+
+    repair_coefficients(window->sequence, factor, count);
+    for (unsigned i = 0; i < count; i++)
+        symbol_add(&sum, &window->source[slot_of(window->newest + 1 - count + i)], factor[i]);
+    memcpy(to, sum.data, sum.size);
+    return sum.size;
+}
+
+size_t repair_make(struct repair_window *window, uint32_t first, uint8_t *to) {
+    int32_t before = (int32_t)(window->newest - first); /* the newest one */
+    unsigned count = window->count, wanted = before < 0 ? 1 : (unsigned)before + 1;
+
+    if (!count)
+        return 0;
+    if (count > wanted)
+        count = wanted;
+    const uint8_t *newest = window->source[slot_of(window->newest)].data + SYMBOL_PREFIX;
+    uint8_t *at = to;
+    *at++ = FIRST_BYTE;
+    *at++ = REPAIR_TYPE;
+    at = put16(at, window->sequence);
+    memcpy(at, newest + 4, 4); /* its time stamp */
+    at = put32(at + 4, window->repair_ssrc);
+    at = put32(at, window->media_ssrc);
+    at = put16(at, window->sequence);
+    at = put16(at, (uint16_t)(DENSITY << 12 | count));
+    at = put32(at, window->newest + 1 - count);
+    at += put_symbol(window, count, at);
+    window->sequence++;
+    return (size_t)(at - to);
+}
