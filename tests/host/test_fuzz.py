@@ -24,7 +24,9 @@ def test_nothing_is_found(target: str) -> None:
     assert executed and executed[0] > 10 * len(corpus)  # it did go beyond what is committed
 
 
-def test_a_planted_fault_is_found(tmp_path: pathlib.Path) -> None:
-    """The sizes in an aggregate are believed."""
-    fine, text = fuzz.fuzz("rtp", 60, "-DDDX_FAULT_STAP", corpus=tmp_path)
-    assert not fine and "AddressSanitizer" in text and "unpack_aggregate" in text
+@pytest.mark.parametrize("target, fault, found", [
+    ("rtp", "STAP", ["AddressSanitizer", "unpack_aggregate"]),  # the sizes in an aggregate are believed
+    ("repair", "BELIEVE", ["fuzz/repair.c"])])  # so is the length of a restored packet
+def test_a_planted_fault_is_found(target: str, fault: str, found: list[str], tmp_path: pathlib.Path) -> None:
+    fine, text = fuzz.fuzz(target, 60, f"-DDDX_FAULT_{fault}", corpus=tmp_path)
+    assert not fine and all(word in text for word in found), text[-5000:]
