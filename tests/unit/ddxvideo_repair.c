@@ -53,6 +53,24 @@ static void test_bytes(void) {
     CHECK_EQUAL(make(0x1fffe).key, 0xabce); /* each one is different */
 }
 
+/* The example of docs/streaming.md. */
+static void test_example(void) {
+    static const char expected[] =
+        "816200010000005a00002002000010010001f002000000070000a3aef200a0000000700000dcc4364c";
+    char found[2 * REPAIR_MAX + 1] = "";
+    repair_window_init(&stream.window, SSRC, REPAIR_SSRC, 1);
+    for (uint32_t esi = 7; esi < 9; esi++) {
+        uint8_t data[14];
+        struct rtp_packet rtp = {.type = RTP_H264, .sequence = (uint16_t)esi, .time = 90, .ssrc = SSRC};
+        memcpy(data + rtp_write(data, &rtp), "ab", 2);
+        CHECK(!repair_window_add(&stream.window, esi, 1, data, esi == 7 ? 13 : 14));
+    }
+    size_t size = repair_make(&stream.window, 0, packet);
+    for (size_t i = 0; i < size; i++)
+        sprintf(found + 2 * i, "%02x", packet[i]);
+    CHECK(!strcmp(found, expected));
+}
+
 /* What is covered: from `first`, at most 25 frames and 256 packets, always the newest one. */
 static void test_window(void) {
     stream_init(&stream, 1000);
@@ -118,6 +136,7 @@ static void test_refused(void) {
 
 int main(void) {
     test_bytes();
+    test_example();
     test_window();
     test_refused();
     return 0;
