@@ -16,6 +16,8 @@ int main(void) {
                (unsigned long long)frame.missed, sum); /* time: of the write, not of the capture */
         ddx_store_release(item);
     }
+    if (!item)
+        perror("video"); /* also without a store: ECONNREFUSED */
     ddx_store_close(id);
     return item ? 0 : 1;
 }
