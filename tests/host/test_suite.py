@@ -126,11 +126,12 @@ def test_a_group_is_no_part_of_a_name() -> None:
     assert suite.plain("tests/x.py::test_it[a@b]") == "tests/x.py::test_it[a@b]"
 
 
-def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path) -> None:
+def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = Suite()
     result.pytest([], ["--no-such-option"])
     assert outcomes(result) == ["failed"] and result.verdict(places / "flaky.txt") == 1
     assert Suite().verdict(places / "flaky.txt") == 1
+    assert "no test has a name that matches" in capsys.readouterr().out
 
 
 def test_a_test_that_ends_its_process_has_failed(places: pathlib.Path) -> None:

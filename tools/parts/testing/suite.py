@@ -180,6 +180,8 @@ class Suite:
         for test in flaky:
             say(f"FLAKY {test.name}: {first_words(test.failure)}")
         passed = len(self.tests) - len(failed) - skipped
+        if not self.tests:
+            say("no test has a name that matches")
         say(f"{passed} passed, {len(failed)} failed, {skipped} skipped")
         return 1 if failed or not passed else 0
 
