@@ -18,12 +18,14 @@ VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
 STREAM = [f"stream/{name}.c" for name in ("chunk", "h264", "intake", "mpeg4", "reorder", "rtp")]
 REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "restore", "rtp", "symbol")]
+SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/y4m_{name}.c" for name in ("convert", "layout", "parse", "read")] + ["common/video_item.c"]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
     f"log/{name}.c" for name in ("declaration", "form", "schema")]
 # Sources of each, below a package.
-TARGETS = {"mcap": (LOG, MCAP), "repair": (VIDEO, REPAIR), "rtp": (VIDEO, STREAM), "y4m": (VIDEO, Y4M)}
-LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "repair": [], "rtp": [],
+TARGETS = {"mcap": (LOG, MCAP), "repair": (VIDEO, REPAIR), "rtp": (VIDEO, STREAM), "sap": (VIDEO, SAP),
+           "y4m": (VIDEO, Y4M)}
+LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "repair": [], "rtp": [], "sap": [],
                                    "y4m": ["-lddx", "-lswscale", "-lavutil"]}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]

@@ -118,6 +118,11 @@ bool network_is_group(const struct network_address *address) {
                                     : IN_MULTICAST(ntohl(address->v4.sin_addr.s_addr));
 }
 
+bool network_is_any(const struct network_address *address) {
+    return network_is_ipv6(address) ? IN6_IS_ADDR_UNSPECIFIED(&address->v6.sin6_addr)
+                                    : address->v4.sin_addr.s_addr == htonl(INADDR_ANY);
+}
+
 socklen_t network_size(const struct network_address *address) {
     return network_is_ipv6(address) ? sizeof address->v6 : sizeof address->v4;
 }

@@ -50,6 +50,9 @@ static inline bool network_is_ipv6(const struct network_address *address) {
 
 bool network_is_group(const struct network_address *address);
 
+/* 0.0.0.0 or :: */
+bool network_is_any(const struct network_address *address);
+
 /* Bytes of the socket address, as sendto() and bind() take it. */
 socklen_t network_size(const struct network_address *address);
 

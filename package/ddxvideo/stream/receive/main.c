@@ -2,9 +2,11 @@
 /* decode: shows what ddxvideosend sends. */
 #include <string.h>
 
+#include "list.h"
 #include "viewer.h"
 
 int main(int argc, char **argv) {
+    bool list = false;
     static struct viewer viewer = {.inlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT}, .patience = 20};
     const struct option_entry options[] = {
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &viewer.inlet.port, 2, 65532},
@@ -19,6 +21,8 @@ int main(int argc, char **argv) {
         {"print", NULL, "a line for each frame shown: its number, its latency", OPTION_FLAG, &viewer.print, 0, 0},
         {"reorder", "MS", "wait so long for a packet that others overtook (default: 20)", OPTION_NUMBER,
          &viewer.patience, 0, 1000},
+        {"list", NULL, "print the streams that are announced in the network, after 6 seconds", OPTION_FLAG, &list, 0,
+         0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
@@ -45,5 +49,7 @@ int main(int argc, char **argv) {
         say("%s; see decode -help", wrong);
         return EXIT_USAGE;
     }
-    return viewer.program.check ? EXIT_OK : viewer_run(&viewer);
+    if (viewer.program.check)
+        return EXIT_OK;
+    return list ? list_run(viewer.inlet.interface) : viewer_run(&viewer);
 }

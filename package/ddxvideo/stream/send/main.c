@@ -5,7 +5,7 @@
 #include "sender.h"
 
 int main(int argc, char **argv) {
-    const char *codec = "h264", *preset = "superfast";
+    const char *codec = "h264", *preset = "superfast", *sap = "yes";
     struct sender sender = {
         .name = "video",
         .bitrate = 400,
@@ -27,6 +27,8 @@ int main(int argc, char **argv) {
          &sender.outlet.interface, 0, 0},
         {"sdp", "FILE", "write a description of the stream for players; FOLDER/: FOLDER/<instance>.sdp", OPTION_TEXT,
          &sender.sdp, 0, 0},
+        {"sap", "yes|no", "announce the stream to the group's listeners: players, decode -list (default: yes)",
+         OPTION_TEXT, &sap, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
@@ -55,6 +57,11 @@ int main(int argc, char **argv) {
     }
     if (sender.outlet.port % 2) {
         say("-port %ld: an even number is needed; see ddxvideosend -help", sender.outlet.port);
+        return EXIT_USAGE;
+    }
+    sender.announce.off = !strcmp(sap, "no"); /* nor must a stream be announced that takes a key */
+    if (!sender.announce.off && strcmp(sap, "yes") != 0) {
+        say("-sap %s: yes or no is needed; see ddxvideosend -help", sap);
         return EXIT_USAGE;
     }
     if (!strcmp(sender.outlet.group, "none"))

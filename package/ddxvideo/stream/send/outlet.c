@@ -142,3 +142,23 @@ unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size) 
     }
     return missed;
 }
+
+bool outlet_send_to(const struct outlet *outlet, const struct network_address *to, const uint8_t *data, size_t size) {
+    return sendto(fd_for(outlet, to), data, size, MSG_NOSIGNAL, &to->any, network_size(to)) == (ssize_t)size;
+}
+
+bool outlet_origin(const struct outlet *outlet, const struct network_address *to, struct network_address *own) {
+    struct sockaddr_storage name;
+    socklen_t size = sizeof name;
+    int fd = socket(to->any.sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+
+    if (fd < 0)
+        return false;
+    if (outlet->interface)
+        choose_interface(fd, network_is_ipv6(to), outlet->interface);
+    /* Nothing is sent: the kernel only looks for the way. */
+    bool found = !connect(fd, &to->any, network_size(to)) && !getsockname(fd, (struct sockaddr *)&name, &size) &&
+                 network_from(own, &name) && !network_is_any(own);
+    close(fd);
+    return found;
+}

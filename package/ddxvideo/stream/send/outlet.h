@@ -41,4 +41,10 @@ void outlet_close(struct outlet *outlet);
 /* To all receivers. Returns a bit for each one that did not get it. */
 unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size);
 
+/* To an address of the same kind as a receiver's; the counters are left alone. Whether the kernel took it. */
+bool outlet_send_to(const struct outlet *outlet, const struct network_address *to, const uint8_t *data, size_t size);
+
+/* This machine's address in packets to `to`; false where there is no way, or no address, at the moment. */
+bool outlet_origin(const struct outlet *outlet, const struct network_address *to, struct network_address *own);
+
 #endif

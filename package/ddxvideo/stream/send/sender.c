@@ -116,16 +116,21 @@ static int sdp_path(const struct sender *sender, char *path) {
     return size < PATH_MAX ? 0 : -ENAMETOOLONG;
 }
 
+static struct sdp describe(const struct sender *sender, const struct encoded *encoded, const char *name) {
+    const struct ddxvideo_geometry *geometry = &sender->encoder.geometry;
+
+    return (struct sdp){.name = name,
+                        .address = sender->outlet.receiver[0],
+                        .ttl = (int)sender->outlet.ttl,
+                        .type = sender->type,
+                        .frame = encoded->data,
+                        .size = encoded->size,
+                        .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
+}
+
 /* Pictures are sent all the same where the description cannot be written. */
 static void save_sdp(struct sender *sender, const struct encoded *encoded) {
-    const struct ddxvideo_geometry *geometry = &sender->encoder.geometry;
-    struct sdp sdp = {.name = sender->program.instance,
-                      .address = sender->outlet.receiver[0],
-                      .ttl = (int)sender->outlet.ttl,
-                      .type = sender->type,
-                      .frame = encoded->data,
-                      .size = encoded->size,
-                      .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
+    struct sdp sdp = describe(sender, encoded, sender->program.instance);
     char path[PATH_MAX];
     int error = sdp_path(sender, path);
 
@@ -133,6 +138,17 @@ static void save_sdp(struct sender *sender, const struct encoded *encoded) {
         error = sdp_save(&sdp, path);
     if (error)
         say("-sdp %s: no description for players: %s", sender->sdp, strerror(-error));
+}
+
+/* The name has the machine's, since a player shows the streams of all robots in one list. */
+static void announce_sdp(struct sender *sender, const struct encoded *encoded) {
+    char host[HOST_NAME_MAX + 1] = "", name[HOST_NAME_MAX + DDX_NAME_MAX + 2], text[SDP_MAX];
+
+    gethostname(host, sizeof host - 1);
+    snprintf(name, sizeof name, "%s %s", host, sender->program.instance);
+    struct sdp sdp = describe(sender, encoded, name);
+    if (sdp_write(&sdp, text))
+        announce_describe(&sender->announce, 0, sender->ssrc, text);
 }
 
 /* What is there describes the stream of a forerunner, which may have had other settings. */
@@ -201,6 +217,8 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
     tell_network(sender, good);
     if (fresh && sender->sdp)
         save_sdp(sender, &encoded);
+    if (fresh)
+        announce_sdp(sender, &encoded);
 }
 
 static void take_frame(struct sender *sender, double timeout) {
@@ -224,11 +242,13 @@ static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
         take_frame(sender, sender->follows ? READ_TIMEOUT : 0);
         tell_waiting(sender);
+        announce_tick(&sender->announce, &sender->outlet, ddx_time_now());
         program_tick(sender->book);
     }
     /* What was published before we were told to stop: the newest is sent, and those before it are counted. */
     if (!sender->done)
         take_frame(sender, 0);
+    announce_end(&sender->announce, &sender->outlet);
 }
 
 /* ---- Start and end ---- */

@@ -2,6 +2,7 @@
 #ifndef DDXVIDEO_SENDER_H
 #define DDXVIDEO_SENDER_H
 
+#include "announce.h"
 #include "counters.h"
 #include "encoder.h"
 #include "mpeg4.h"
@@ -16,6 +17,7 @@ struct sender {
     long bitrate; /* kbit/s */
     bool fast;    /* preset ultrafast */
     struct outlet outlet;
+    struct announce announce;
     const char *sdp; /* file, or folder with a slash at its end, or NULL */
     /* how it stands */
     DDX_STATS_BOOK *book;

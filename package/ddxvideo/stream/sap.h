@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Announcements of streams (SAP, RFC 2974): messages with a stream's description (SDP), sent to a multicast group of
+ * their own. No sockets, no clock. What comes in is not trusted.
+ */
+#ifndef DDXVIDEO_SAP_H
+#define DDXVIDEO_SAP_H
+
+#include "network.h"
+
+#define SAP_PORT 9875
+#define SAP_MAX 1400 /* bytes of a message of ours; the RFC wants less than 1024 where that is possible */
+
+struct sap {
+    bool deletion;
+    uint16_t hash;                 /* with the origin, the name of this version of the announcement */
+    struct network_address origin; /* the announcing machine; its port means nothing */
+    const uint8_t *text;           /* SDP, not terminated; of a deletion, its o= line, or nothing */
+    size_t size;
+};
+
+/* A message into to[SAP_MAX]: its size; 0 if it is larger than that. */
+size_t sap_write(const struct sap *sap, uint8_t *to);
+
+/*
+ * Reads a message; sap->text points into the data. False for what is no announcement of a description that can be read:
+ * another version, encrypted or compressed, another type than application/sdp, an announcement without a text, zero
+ * bytes in the text, no origin (0.0.0.0). The authentication is skipped, not checked.
+ */
+bool sap_parse(const uint8_t *data, size_t size, struct sap *sap);
+
+/* The hash of a description: another description has, very likely, another one. Never 0. */
+uint16_t sap_hash(const uint8_t *text, size_t size);
+
+/* Where streams of this group are announced: the group for announcements of the same scope, with SAP_PORT. */
+void sap_group(const struct network_address *stream, struct network_address *group);
+
+#endif

@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The sender's announcements (SAP): each description of a stream goes to the announcements' group of the same scope as
+ * the stream's group, every ANNOUNCE_INTERVAL, and is taken back at the end. Nothing waits: what the kernel does not
+ * take at once is left out, and the next announcement follows. Streams to single receivers alone are not announced.
+ */
+#ifndef DDXVIDEO_ANNOUNCE_H
+#define DDXVIDEO_ANNOUNCE_H
+
+#include "outlet.h"
+#include "sap.h"
+#include "sdp.h"
+
+/*
+ * RFC 2974 lets all announcements of a group take 4000 bit/s, and lets none come more often than every 300 s. A player
+ * that is opened should not take so long to find a robot; two announcements of 500 bytes each 5 s take 1600 bit/s.
+ */
+#define ANNOUNCE_INTERVAL INT64_C(5000000000) /* ns */
+#define ANNOUNCE_STREAMS 2
+
+struct announce_stream {
+    uint32_t session, version; /* of the o= line */
+    char body[SDP_MAX];        /* the description from its s= line on; empty: none */
+    bool announced;            /* as follows: */
+    struct network_address origin;
+    uint16_t hash;
+    char line[160]; /* its o= line */
+};
+
+struct announce {
+    bool off; /* what to do; set it for streams that not everybody may see */
+    int64_t due;
+    struct announce_stream stream[ANNOUNCE_STREAMS];
+    uint64_t messages;
+};
+
+/* Takes over a description, as sdp_write() makes it, of stream `which`; `session`: a number for each run. */
+void announce_describe(struct announce *announce, unsigned which, uint32_t session, const char *sdp);
+
+/* Sends what is due; call it often. Bytes that went out, IP and UDP headers included. */
+size_t announce_tick(struct announce *announce, struct outlet *outlet, int64_t now);
+
+/* Takes the announcements back. */
+void announce_end(struct announce *announce, struct outlet *outlet);
+
+#endif
