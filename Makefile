@@ -38,6 +38,7 @@ run: setup-build ## a clip through the appliance in QEMU, frame by frame; output
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
 test-long: setup ## the tests that take minutes and hours; output/long/<test>.json; goes on where it was broken off
+	@tools/setup long
 	@$(PYTHON) tools/gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)')
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
 	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')

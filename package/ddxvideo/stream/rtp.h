@@ -36,6 +36,7 @@
 
 /* Payload types, which also tell the codec. */
 enum rtp_type { RTP_H264 = 96, RTP_MPEG4 = 97 };
+#define RTP_TS 33 /* MPEG-TS, RFC 2250: for other players */
 
 struct rtp_frame {
     uint16_t count; /* of frames in this stream */

@@ -77,6 +77,13 @@ static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
     return true;
 }
 
+static bool add_codec(struct text *text, const struct sdp *sdp) {
+    if (sdp->type != RTP_TS)
+        return sdp->type == RTP_H264 ? add_h264(text, sdp) : add_mpeg4(text, sdp);
+    add(text, "a=rtpmap:%d MP2T/%d\r\n", sdp->type, RTP_CLOCK);
+    return true;
+}
+
 size_t sdp_write(const struct sdp *sdp, char *data) {
     struct text text = {data, 0};
     bool ipv6 = network_is_ipv6(&sdp->address);
@@ -87,12 +94,14 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
     if (network_is_group(&sdp->address) && !ipv6) /* RFC 4566, 5.7: a TTL for IPv4 only */
         add(&text, "/%d", sdp->ttl);
     add(&text, "\r\nt=0 0\r\nm=video %u RTP/AVP %d\r\n", network_port(&sdp->address), sdp->type);
-    if (!(sdp->type == RTP_H264 ? add_h264(&text, sdp) : add_mpeg4(&text, sdp)))
+    if (!add_codec(&text, sdp))
         return 0;
     if (sdp->rate > 0)
         add(&text, "a=framerate:%.3f\r\n", sdp->rate);
-    add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI
-               "\r\na=extmap:3 " RTP_SOURCE_URI "\r\na=recvonly\r\n");
+    if (sdp->type != RTP_TS)
+        add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI "\r\na=extmap:3 " RTP_SOURCE_URI
+                   "\r\n");
+    add(&text, "a=recvonly\r\n");
     return text.length;
 }
 

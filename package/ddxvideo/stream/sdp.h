@@ -13,7 +13,7 @@ struct sdp {
     const char *name; /* of the session */
     struct network_address address;
     int ttl; /* IPv4 groups; IPv6 has none in a description */
-    enum rtp_type type;
+    int type; /* enum rtp_type, or RTP_TS, which needs no frame */
     const uint8_t *frame; /* the stream's first one, with its parameter sets or headers */
     size_t size;
     double rate; /* frames per second */

@@ -4,6 +4,19 @@
 
 #include "sender.h"
 
+/* What is wrong with -ts, or NULL. A stream that takes a key would have to refuse it, too: nothing encrypts MPEG-TS. */
+static const char *check_ts(const struct sender *sender) {
+    long port = sender->ts.port, stream = sender->outlet.port;
+
+    if (!port)
+        return NULL;
+    if (port % 2)
+        return "an even number is needed";
+    if (port >= stream && port < stream + NETWORK_PORTS)
+        return "this port is reserved for the stream itself";
+    return ts_is_possible() ? NULL : "this takes a ddxvideosend with libavformat, and its format mpegts";
+}
+
 int main(int argc, char **argv) {
     const char *codec = "h264", *preset = "superfast", *sap = "yes";
     struct sender sender = {
@@ -27,6 +40,8 @@ int main(int argc, char **argv) {
          &sender.outlet.interface, 0, 0},
         {"sdp", "FILE", "write a description of the stream for players; FOLDER/: FOLDER/<instance>.sdp", OPTION_TEXT,
          &sender.sdp, 0, 0},
+        {"ts", "PORT", "the same video as MPEG-TS over RTP as well, at this even port: for VLC", OPTION_NUMBER,
+         &sender.ts.port, 2, 65534},
         {"sap", "yes|no", "announce the stream to the group's listeners: players, decode -list (default: yes)",
          OPTION_TEXT, &sap, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
@@ -57,6 +72,11 @@ int main(int argc, char **argv) {
     }
     if (sender.outlet.port % 2) {
         say("-port %ld: an even number is needed; see ddxvideosend -help", sender.outlet.port);
+        return EXIT_USAGE;
+    }
+    const char *wrong_ts = check_ts(&sender);
+    if (wrong_ts) {
+        say("-ts %ld: %s; see ddxvideosend -help", sender.ts.port, wrong_ts);
         return EXIT_USAGE;
     }
     sender.announce.off = !strcmp(sap, "no"); /* nor must a stream be announced that takes a key */

@@ -15,7 +15,8 @@
 
 enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK };
 static const char *const reasons[] = {"store", "encode", "network", NULL};
-static const char *const names[] = {"packets", "bytes", "lost_busy", "lost_route", "lost_other"};
+static const char *const names[] = {"packets", "bytes", "lost_busy", "lost_route", "lost_other",
+                                    "ts_packets", "ts_lost"};
 
 #define WAITING INT64_C(1000000000) /* ns until the sender says that it waits for the item */
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
@@ -69,7 +70,7 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
 static void show_counts(struct sender *sender) {
     const struct outlet *outlet = &sender->outlet;
     const uint64_t now[] = {outlet->packets, outlet->bytes, outlet->lost[OUTLET_BUSY], outlet->lost[OUTLET_ROUTE],
-                            outlet->lost[OUTLET_OTHER]};
+                            outlet->lost[OUTLET_OTHER], sender->ts.outlet.packets, sender->ts.lost};
 
     memcpy(sender->counts, now, sizeof now);
 }
@@ -142,13 +143,30 @@ static void save_sdp(struct sender *sender, const struct encoded *encoded) {
 
 /* The name has the machine's, since a player shows the streams of all robots in one list. */
 static void announce_sdp(struct sender *sender, const struct encoded *encoded) {
-    char host[HOST_NAME_MAX + 1] = "", name[HOST_NAME_MAX + DDX_NAME_MAX + 2], text[SDP_MAX];
+    char host[HOST_NAME_MAX + 1] = "", name[HOST_NAME_MAX + DDX_NAME_MAX + 20], text[SDP_MAX];
 
     gethostname(host, sizeof host - 1);
     snprintf(name, sizeof name, "%s %s", host, sender->program.instance);
     struct sdp sdp = describe(sender, encoded, name);
     if (sdp_write(&sdp, text))
         announce_describe(&sender->announce, 0, sender->ssrc, text);
+    if (!sender->ts.muxer)
+        return;
+    snprintf(name + strlen(name), sizeof name - strlen(name), " MPEG-TS");
+    sdp.type = RTP_TS;
+    sdp.address = sender->ts.outlet.receiver[0];
+    if (sdp_write(&sdp, text))
+        announce_describe(&sender->announce, 1, sender->ts.ssrc, text);
+}
+
+/* The stream goes on without it. */
+static void begin_ts(struct sender *sender) {
+    int error = ts_open(&sender->ts, &sender->outlet, sender->type, sender->program.instance);
+
+    if (error) {
+        say("-ts %ld: %s; the stream goes on without it", sender->ts.port, av_err2str(error));
+        ts_close(&sender->ts);
+    }
 }
 
 /* What is there describes the stream of a forerunner, which may have had other settings. */
@@ -215,6 +233,9 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
     else
         ddx_stats_lost(sender->book, LOST_NETWORK, 1);
     tell_network(sender, good);
+    if (fresh && sender->ts.port && !sender->ts.muxer)
+        begin_ts(sender);
+    ts_send(&sender->ts, encoded.data, encoded.size, view.stamp.time);
     if (fresh && sender->sdp)
         save_sdp(sender, &encoded);
     if (fresh)
@@ -273,6 +294,8 @@ int sender_run(struct sender *sender) {
     sender->ssrc = (uint32_t)program_random();
     sender->sequence = (uint16_t)program_random();
     sender->time_offset = (uint32_t)program_random();
+    sender->ts.ssrc = (uint32_t)program_random();
+    sender->ts.sequence = (uint16_t)program_random();
     if (wrong || (id && !program_attach(&sender->program, sender->book, id, sender->name)))
         sender->status = EXIT_FAILED;
     else if (id) {
@@ -286,6 +309,7 @@ int sender_run(struct sender *sender) {
             send_all(sender);
     }
     encoder_close(&sender->encoder);
+    ts_close(&sender->ts);
     counters_print(&sender->counters, stdout);
     program_report(sender->book);
     counters_close(&sender->counters);

@@ -8,6 +8,7 @@
 #include "mpeg4.h"
 #include "outlet.h"
 #include "program.h"
+#include "ts.h"
 
 struct sender {
     /* what to do */
@@ -17,13 +18,14 @@ struct sender {
     long bitrate; /* kbit/s */
     bool fast;    /* preset ultrafast */
     struct outlet outlet;
+    struct ts ts;
     struct announce announce;
     const char *sdp; /* file, or folder with a slash at its end, or NULL */
     /* how it stands */
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
     struct counters counters;
-    uint64_t counts[5];
+    uint64_t counts[7];
     struct encoder encoder;
     struct mpeg4_packer mpeg4;
     bool awaited; /* the item was not there when the sender came: all that is written to it is ours to send */

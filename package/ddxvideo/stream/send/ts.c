@@ -1,0 +1,184 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "ts.h"
+
+#ifdef WITH_AVFORMAT
+#include <libavformat/avformat.h>
+#include <string.h>
+
+#include "h264.h"
+#include "mpeg4.h"
+
+#define PACKET 188        /* bytes of a packet of MPEG-TS */
+#define PAYLOAD (7 * PACKET) /* in an RTP packet: as usual, and within an Ethernet frame */
+#define HEADER 12
+#define LEAD 90000 /* 90 kHz: the first frame's time */
+
+#if LIBAVFORMAT_VERSION_MAJOR >= 61
+#define BYTES const uint8_t
+#else
+#define BYTES uint8_t
+#endif
+
+bool ts_is_possible(void) {
+    return av_guess_format("mpegts", NULL, NULL);
+}
+
+/* What the muxer has written, at most PAYLOAD bytes: an RTP packet. */
+static int send_packet(void *opaque, BYTES *data, int size) {
+    struct ts *ts = opaque;
+    const struct rtp_packet head = {.type = RTP_TS, .sequence = ts->sequence++, .time = ts->time, .ssrc = ts->ssrc};
+    uint8_t packet[HEADER + PAYLOAD];
+    size_t length = rtp_write(packet, &head);
+
+    if ((size_t)size > sizeof packet - length)
+        return AVERROR(EINVAL);
+    memcpy(packet + length, data, (size_t)size);
+    for (unsigned missed = outlet_send(&ts->outlet, packet, length + (size_t)size); missed; missed &= missed - 1)
+        ts->lost++;
+    return size;
+}
+
+/* Two receivers at one address have one port now. */
+static void take_receivers(struct ts *ts, const struct outlet *outlet) {
+    struct outlet *to = &ts->outlet;
+
+    *to = *outlet;
+    to->packets = to->bytes = 0;
+    to->receivers = 0;
+    for (unsigned i = 0; i < outlet->receivers; i++) {
+        struct network_address *address = &to->receiver[to->receivers];
+        unsigned same = 0;
+
+        *address = outlet->receiver[i];
+        network_set_port(address, (uint16_t)ts->port);
+        while (memcmp(&to->receiver[same], address, sizeof *address) != 0)
+            same++;
+        to->receivers += same == to->receivers;
+    }
+}
+
+static AVIOContext *open_output(struct ts *ts) {
+    uint8_t *buffer = av_malloc(PAYLOAD);
+    AVIOContext *output = buffer ? avio_alloc_context(buffer, PAYLOAD, 1, ts, NULL, send_packet, NULL) : NULL;
+
+    if (!output)
+        av_free(buffer);
+    return output;
+}
+
+/*
+ * A player that joins needs the tables first (pat_period, s). With the length of each frame in its head (PES), the
+ * player need not wait for the next frame to know the end of this one.
+ */
+static int begin(struct ts *ts, const char *name) {
+    AVDictionary *options = NULL;
+
+    av_dict_set(&options, "pat_period", "0.3", 0);
+    av_dict_set(&options, "sdt_period", "2", 0);
+    av_dict_set(&options, "omit_video_pes_length", "0", 0);
+    av_dict_set(&ts->muxer->metadata, "service_name", name, 0);
+    av_dict_set(&ts->muxer->metadata, "service_provider", "DDXVIDEO", 0);
+    ts->muxer->flags |= AVFMT_FLAG_FLUSH_PACKETS | AVFMT_FLAG_CUSTOM_IO;
+    ts->muxer->max_delay = 0;
+    int error = avformat_write_header(ts->muxer, &options);
+    if (error >= 0 && av_dict_count(options)) /* a player would wait longer than we promise */
+        error = AVERROR_OPTION_NOT_FOUND;
+    av_dict_free(&options);
+    return error < 0 ? error : 0;
+}
+
+int ts_open(struct ts *ts, const struct outlet *outlet, enum rtp_type type, const char *name) {
+    int error = avformat_alloc_output_context2(&ts->muxer, NULL, "mpegts", NULL);
+
+    if (error < 0)
+        return error;
+    take_receivers(ts, outlet);
+    AVStream *stream = avformat_new_stream(ts->muxer, NULL);
+    ts->packet = av_packet_alloc();
+    ts->muxer->pb = open_output(ts);
+    if (!stream || !ts->packet || !ts->muxer->pb)
+        return AVERROR(ENOMEM);
+    stream->codecpar->codec_type = AVMEDIA_TYPE_VIDEO;
+    stream->codecpar->codec_id = type == RTP_H264 ? AV_CODEC_ID_H264 : AV_CODEC_ID_MPEG4;
+    ts->type = type;
+    ts->last = -1;
+    return begin(ts, name);
+}
+
+void ts_close(struct ts *ts) {
+    if (ts->muxer && ts->muxer->pb) {
+        av_freep(&ts->muxer->pb->buffer);
+        avio_context_free(&ts->muxer->pb);
+    }
+    avformat_free_context(ts->muxer);
+    ts->muxer = NULL;
+    av_packet_free(&ts->packet);
+}
+
+/* Whether the frame has what a decoder needs to begin. */
+static bool can_begin(enum rtp_type type, const uint8_t *data, size_t size) {
+    struct h264_nal nal;
+
+    if (type == RTP_MPEG4)
+        return mpeg4_headers(data, size);
+    for (const uint8_t *at = data; h264_next_nal(&at, data + size, &nal);)
+        if ((nal.data[0] & 31) == H264_SPS)
+            return true;
+    return false;
+}
+
+/* Times rise: two frames of one moment differ. */
+static int64_t next_time(struct ts *ts, int64_t time) {
+    if (ts->last < 0)
+        ts->first = time;
+    int64_t at = LEAD + av_rescale(time - ts->first, RTP_CLOCK, 1000000000);
+    if (at <= ts->last)
+        at = ts->last + 1;
+    return ts->last = at;
+}
+
+size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
+    uint64_t packets = ts->outlet.packets, bytes = ts->outlet.bytes;
+    AVPacket *packet = ts->packet;
+
+    if (!ts->muxer)
+        return 0;
+    packet->data = (uint8_t *)(uintptr_t)data;
+    packet->size = (int)size;
+    packet->pts = packet->dts = next_time(ts, time);
+    packet->flags = can_begin(ts->type, data, size) ? AV_PKT_FLAG_KEY : 0;
+    ts->time = (uint32_t)packet->pts;
+    if (av_write_frame(ts->muxer, packet) < 0)
+        return 0;
+    packets = ts->outlet.packets - packets;
+    bytes = ts->outlet.bytes - bytes;
+    return (bytes + packets * network_overhead(&ts->outlet.receiver[0])) / ts->outlet.receivers;
+}
+
+#else
+
+bool ts_is_possible(void) {
+    return false;
+}
+
+int ts_open(struct ts *ts, const struct outlet *outlet, enum rtp_type type, const char *name) {
+    (void)ts;
+    (void)outlet;
+    (void)type;
+    (void)name;
+    return 0;
+}
+
+void ts_close(struct ts *ts) {
+    (void)ts;
+}
+
+size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
+    (void)ts;
+    (void)data;
+    (void)size;
+    (void)time;
+    return 0;
+}
+
+#endif

@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The encoded frames as MPEG-TS over RTP (payload type 33, RFC 2250) as well, for players that know nothing else; the
+ * same bits, not encoded again. It goes to the stream's receivers at a port of its own, with its own SSRC and sequence.
+ */
+#ifndef DDXVIDEO_TS_H
+#define DDXVIDEO_TS_H
+
+#include "outlet.h"
+#include "rtp.h"
+
+struct AVFormatContext;
+struct AVPacket;
+
+struct ts {
+    long port; /* what to do; 0: nothing */
+    uint32_t ssrc;
+    uint16_t sequence;
+    /* how it stands */
+    enum rtp_type type;
+    struct outlet outlet; /* the sender's sockets, which stay the sender's */
+    struct AVFormatContext *muxer;
+    struct AVPacket *packet;
+    int64_t first, last; /* time of the first frame, ns; of the last one, 90 kHz */
+    uint32_t time;       /* RTP's, of the frame */
+    uint64_t lost;       /* packets that a receiver was not sent */
+};
+
+/* Whether this program, and the FFmpeg beside it, can do that. */
+bool ts_is_possible(void);
+
+/* `outlet`: open. `name`: what players show. 0, or a negative AVERROR. Close it in any case. */
+int ts_open(struct ts *ts, const struct outlet *outlet, enum rtp_type type, const char *name);
+void ts_close(struct ts *ts);
+
+/*
+ * Send a frame, captured at `time` (ns). Never waits. The bytes that a receiver got, IP and UDP headers included; 0 if
+ * it is not open, or the muxer refuses the frame.
+ */
+size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time);
+
+#endif
