@@ -16,8 +16,8 @@ import sys
 import tempfile
 import time
 
-from bench_stream import Programs
 from parts.bench.measure import percentile
+from parts.bench.programs import Programs
 from parts.common import OUTPUT, TOP, Failed, finish, run, say, wait_until
 from parts.image import native
 

@@ -14,29 +14,23 @@ import dataclasses
 import json
 import os
 import pathlib
-import signal
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from typing import Any
 
-import numpy
-
+from parts.bench.clips import RATE, numbered
 from parts.bench.measure import cpus, percentile
-from parts.common import MORTAL, OUTPUT, TOP, Failed, finish, say, wait_until
+from parts.bench.programs import Programs, cpu_seconds
+from parts.common import MORTAL, OUTPUT, Failed, finish, say, wait_until
 from parts.image import native
 from parts.media import clip as made_up
-from parts.media.clip import draw_number, frame_number
-from parts.media.footage import footage
 
-SIZE = 352, 288
-RATE, SECONDS, WARM_UP = 25, 15, 2
+SECONDS, WARM_UP = 15, 2
 BITRATE = 200
 LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 4.0
 CODECS = ["h264", "mpeg4"]
-CLIP = OUTPUT / "bench/stream.y4m"
 ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
 
 
@@ -49,7 +43,8 @@ class Plan:
     least: int  # frames that have to arrive
 
 
-WHOLE = Plan(CLIP, WARM_UP, SECONDS - WARM_UP - 2, SECONDS * RATE // 2)
+def whole() -> Plan:
+    return Plan(numbered("real", SECONDS), WARM_UP, SECONDS - WARM_UP - 2, SECONDS * RATE // 2)
 
 
 def short(folder: pathlib.Path) -> Plan:
@@ -57,98 +52,12 @@ def short(folder: pathlib.Path) -> Plan:
     return Plan(made_up.write(folder / "short.y4m", 1), 0.1, 0.5, 1)
 
 
-def numbered_clip() -> pathlib.Path:
-    """The real clip with a number in each picture."""
-    if CLIP.exists():
-        return CLIP
-    CLIP.parent.mkdir(parents=True, exist_ok=True)
-    frames = SECONDS * RATE
-    plain = footage(CLIP.with_suffix(".plain.y4m"), frames, f"{SIZE[0]}x{SIZE[1]}")
-    luma = SIZE[0] * SIZE[1]
-    with plain.open("rb") as source, CLIP.with_suffix(".new").open("wb") as target:
-        target.write(source.readline())
-        for number in range(frames):
-            target.write(source.readline())
-            plane = numpy.frombuffer(source.read(luma), numpy.uint8).reshape(SIZE[1], SIZE[0]).copy()
-            draw_number(plane, number)
-            target.write(plane.tobytes() + source.read(luma // 2))
-    plain.unlink()
-    CLIP.with_suffix(".new").rename(CLIP)
-    return CLIP
-
-
-class Programs:
-    """A store and what talks to it, in a folder; ended together."""
-
-    def __init__(self, folder: pathlib.Path) -> None:
-        root = OUTPUT / "desk/root"
-        self.folder = folder
-        self.bin = root / "usr/bin"
-        self.environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder)}
-        self.running: list[subprocess.Popen[bytes]] = []
-        self.start("store", "-m", "64M")
-
-    def start(self, name: str, *words: str) -> subprocess.Popen[bytes]:
-        process = subprocess.Popen([self.bin / name, *words], env=self.environment, stdout=subprocess.DEVNULL,
-                                   stderr=subprocess.DEVNULL, cwd=self.folder)
-        self.running.append(process)
-        return process
-
-    def count(self, instance: str, what: str) -> int:
-        """One of a program's counters; 0 before it has begun."""
-        done = subprocess.run([self.bin / "ddxctl", "stats", "-json"], env=self.environment, stdout=subprocess.PIPE,
-                              stderr=subprocess.DEVNULL, text=True, check=False)
-        return sum(int(one[what]) for one in map(json.loads, done.stdout.splitlines()) if one["instance"] == instance)
-
-    def end(self) -> None:
-        for process in reversed(self.running):
-            process.terminate()
-            process.wait(10)
-
-
-def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
-    """Of all its threads, ended ones included."""
-    fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
-    tasks = pathlib.Path(f"/proc/{process.pid}/task").iterdir()
-    exact = sum(float((task / "schedstat").read_text().split()[0]) for task in tasks) / 1e9
-    ticks = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-    return max(exact, ticks)
-
-
-def watch(item: str) -> None:
-    """In a process of its own, until it is told to stop: a JSON list of [number in the picture, when it was there, time
-    of the write]."""
-    import ddx  # found by PYTHONPATH
-    found: list[tuple[int | None, int, int]] = []
-    stopped: list[int] = []
-    signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
-    with ddx.Store() as store:
-        while not stopped:
-            try:
-                with store.item(item) as video:
-                    while not stopped:
-                        with video.acquire(0.2, ddx.NEXT) as frame:
-                            number = frame_number(frame["y"].tobytes(), *SIZE)
-                            found.append((number, time.monotonic_ns(), frame.time))
-            except (ddx.Error, TimeoutError):
-                time.sleep(0.01)
-    print(json.dumps(found))
-
-
-def stop(watcher: subprocess.Popen[str]) -> list[tuple[int | None, int, int]]:
-    watcher.terminate()
-    return list(json.loads(watcher.communicate(timeout=60)[0]))
-
-
 def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
     programs = Programs(folder)
-    me = [sys.executable, "-B", __file__, "-watch"]
-    environment = {**programs.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools"}
     try:
         decode = programs.start("decode", "-headless", "-name", "seen")
         sender = programs.start("ddxvideosend", "-codec", codec, "-bitrate", str(BITRATE))
-        watchers = [subprocess.Popen([*me, item], env=environment, stdout=subprocess.PIPE, text=True)
-                    for item in ("video", "seen")]
+        watchers = [programs.watch(item) for item in ("video", "seen")]
         loader = programs.start("ddxvideoload", str(plan.clip), "-readers", "2")
         wait_until(lambda: programs.count("ddxvideoload", "out") > 0, "the clip is not played")
         time.sleep(plan.warm_up)
@@ -160,11 +69,11 @@ def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
         decode_percent = 100 * (cpu_seconds(decode) - decode_before) / seconds
         loader.wait(30)
         time.sleep(0.5)  # the last frames are on their way
-        video, seen = map(stop, watchers)
+        video, seen = [watcher.stop() for watcher in watchers]
     finally:
         programs.end()
-    ready = {number: written for number, _, written in video if number is not None}
-    latency = [(written - ready[number]) / 1e6 for number, _, written in seen if number in ready]
+    ready = {number: written for number, written in video if number is not None}
+    latency = [(written - ready[number]) / 1e6 for number, written in seen if number in ready]
     if len(latency) < plan.least:
         raise Failed(f"{codec}: only {len(latency)} frames arrived")
     return {"codec": codec, "latency_ms": latency, "sender_percent": sender_percent, "decode_percent": decode_percent}
@@ -230,22 +139,18 @@ def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-rounds", type=int, default=2)
     parser.add_argument("-short", action="store_true")
-    parser.add_argument("-watch", metavar="ITEM", help=argparse.SUPPRESS)
     options = parser.parse_args()
-    if options.watch:
-        watch(options.watch)
-        return 0
     from bench import own_network
     if not os.environ.get("DDX_BENCH_INSIDE"):
         native.build()
         if not options.short:
-            numbered_clip()
+            numbered("real", SECONDS)
     own_network()
     if options.short:
         with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
             measure(1, short(pathlib.Path(name)))
         return 0
-    rows = measure(options.rounds, WHOLE)
+    rows = measure(options.rounds, whole())
     (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), "stream": rows}, indent=1) + "\n")
     return 0
 

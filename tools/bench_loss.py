@@ -1,0 +1,161 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The stream's part of make bench over a lossy link: how many frames are usable, beside other ways to send them.
+
+bench_loss.py [-seeds N] [-cases WORD+WORD,...] [-sender WORDS] [-receiver WORDS] [-short]
+
+A case plays 10 s of a numbered clip (real, moving, drawn) from a robot to an operator, in network namespaces with a
+relay between them that loses packets: one second without loss, then a pattern; frames count from the second after. Each
+line of cases has a run without loss that the others are compared with. A case's name has its facts: "ddxvideo, iid 30,
+real, reports, RTT 4 ms, seed 1"; -cases takes those whose name has all words of one of the lists. -sender and -receiver
+are further options of ddxvideosend and decode. Writes output/bench/loss.json and loss.html, which has pictures of the
+screen. -short: a second of a made-up clip, for the gate: no file is written, and nothing is judged.
+"""
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import functools
+import json
+import os
+import pathlib
+import subprocess
+import tempfile
+from collections.abc import Iterator
+
+from parts.bench import loss_page
+from parts.bench.clips import RATE, numbered
+from parts.bench.loss_figures import DEADLINE_MS, WORSE
+from parts.bench.loss_peers import OURS, PEERS, Ours
+from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
+from parts.common import OUTPUT, BadInput, Failed, finish, say
+from parts.image import native
+from parts.media import clip as made_up
+
+BITRATE, WIRE = 200, 250
+CLIPS = ["real", "moving", "drawn"]
+SEEDS, FEW_SEEDS = 5, 2
+AT = 6 * RATE  # the frame that the page shows
+SHORT = Plan(1, 0.2, 0.4)
+SHORT_CASE = Case(OURS, "iid 30", "short")
+
+
+def plan(seeds: int) -> Iterator[Case]:
+    """All cases with loss."""
+    few = range(1, min(seeds, FEW_SEEDS) + 1)
+    for reports in (True, False):
+        for seed in range(1, seeds + 1):
+            for name in CLIPS:
+                yield from (Case(OURS, column, name, seed, reports) for column in COLUMNS)
+        yield from (Case(OURS, "iid 30", "real", seed, reports, join=True) for seed in few)
+    for seed in few:
+        yield from (Case(OURS, column, "real", seed, rtt_ms=10) for column in COLUMNS)
+        yield from (Case(OURS, column, "real", seed, operators=4) for column in COLUMNS)
+        for peer in PEERS:
+            if peer is not Ours:
+                yield from (Case(peer.name, column, "real", seed, peer.reports) for column in COLUMNS)
+
+
+def chosen(cases: Iterator[Case], words: str) -> list[Case]:
+    lists = [one.split("+") for one in words.split(",")]
+    found = [case for case in cases if any(all(word in str(case) for word in one) for one in lists)]
+    if not found:
+        raise BadInput(f"no case has all words of one of the lists {words}")
+    return found
+
+
+def our_options(more: str) -> list[str]:
+    """The wire rate is limited where the sender can do that."""
+    root = OUTPUT / "desk/root"
+    text = subprocess.run([root / "usr/bin/ddxvideosend", "-help"], stdout=subprocess.PIPE, text=True, check=True,
+                          env={**os.environ, **native.environment(root)}).stdout
+    wire = ["-wire", str(WIRE)] if "-wire" in text else []
+    return ["-bitrate", str(BITRATE), *wire, *more.split()]
+
+
+def makers(sender: str, receiver: str) -> dict[str, Maker]:
+    ours = functools.partial(Ours, sender=our_options(sender), receiver=receiver.split())
+    return {**{peer.name: peer for peer in PEERS}, OURS: ours}
+
+
+class Bench:
+    """Runs cases, each after the run without loss that it is compared with."""
+
+    def __init__(self, made: dict[str, Maker], clips: dict[str, pathlib.Path], when: Plan = Plan()) -> None:
+        self.made, self.clips, self.when = made, clips, when
+        self.clean: dict[tuple[object, ...], dict[int, float]] = {}
+        self.rows: list[dict[str, object]] = []
+        self.screens: dict[tuple[str, str], bytes] = {}
+        self.failed: list[str] = []
+
+    def run(self, case: Case) -> None:
+        if case.reference not in self.clean:
+            self.clean[case.reference] = {}
+            self._run(case.clean)
+        if self.clean[case.reference]:
+            self._run(case)
+
+    def _run(self, case: Case) -> None:
+        try:
+            found = take(case, self.made[case.peer], self.clips[case.clip], self.when)
+            if case == case.clean:
+                self.clean[case.reference] = found.views[0].best()
+            row = judge(found, self.clean[case.reference])
+        except (Failed, OSError, subprocess.SubprocessError, ZeroDivisionError) as error:
+            self.failed.append(f"{case}: {error}")
+            say(f"bench: {self.failed[-1]}")
+            return
+        self.rows.append(row)
+        say(f"{case}: usable {row['usable']} %, whole {row['whole']} %, shown {row['shown']} %, {row['screen_db']} dB, "
+            f"{row['wire_kbit']} kbit/s, p50 {row['p50_ms']} ms, p99 {row['p99_ms']} ms")
+        self._keep_screen(found)
+
+    def _keep_screen(self, found: Take) -> None:
+        """Of the first seed."""
+        case, view = found.case, found.views[0]
+        if case.clip == "real" and case.seed == 1 and AT in view.written:
+            name = loss_page.title(dataclasses.asdict(case))
+            self.screens[name, case.column] = loss_page.jpeg(view.screen(AT))
+
+
+def write(bench: Bench, about: str) -> None:
+    file = OUTPUT / "bench/loss.json"
+    file.write_text(json.dumps({"about": about, "rows": bench.rows, "failed": bench.failed}, indent=1) + "\n")
+    file.with_suffix(".html").write_text(loss_page.page(bench.rows, bench.screens, about))
+    say(f"bench: {file.relative_to(OUTPUT.parent)} and .html")
+
+
+def short(made: dict[str, Maker]) -> int:
+    with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
+        path = made_up.write(pathlib.Path(name) / "short.y4m", int(SHORT.seconds))
+        bench = Bench(made, {"short": path}, SHORT)
+        bench.run(SHORT_CASE)
+        loss_page.print_table(bench.rows)
+        loss_page.page(bench.rows, bench.screens, "")
+    return 1 if bench.failed else 0
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-seeds", type=int, default=SEEDS)
+    parser.add_argument("-cases", default="", help="only these: words of their names joined by +, lists by commas")
+    parser.add_argument("-sender", default="", help="more options of ddxvideosend")
+    parser.add_argument("-receiver", default="", help="more options of decode")
+    parser.add_argument("-short", action="store_true")
+    options = parser.parse_args()
+    native.build()
+    made = makers(options.sender, options.receiver)
+    if options.short:
+        return short(made)
+    wanted = chosen(plan(options.seeds), options.cases)
+    bench = Bench(made, {name: numbered(name, int(SECONDS)) for name in sorted({case.clip for case in wanted})})
+    for case in wanted:
+        bench.run(case)
+    loss_page.print_table(bench.rows)
+    write(bench, f"CIF, {RATE} frames a second, ddxvideosend {' '.join(our_options(options.sender))}; usable: within "
+                 f"{DEADLINE_MS} ms and {WORSE:g} dB of the run without loss")
+    return 1 if bench.failed else 0
+
+
+if __name__ == "__main__":
+    finish("bench", main)

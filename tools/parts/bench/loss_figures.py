@@ -1,0 +1,102 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Figures of one run over a lossy link, from the pictures that were shown.
+
+Usable: shown within DEADLINE of the robot's write, and at most WORSE dB below the same frame of the run without loss.
+The screen for a frame is the newest picture that was there at the frame's deadline and is not of a later frame: what an
+operator sees who accepts that delay. Compared with the source picture, it includes the error of a picture that is too
+old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three planes."""
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy
+from numpy.typing import NDArray
+
+from parts.bench.clips import PICTURE, Pictures
+from parts.bench.loss_peers import Shown
+from parts.bench.measure import percentile
+
+DEADLINE_MS, WORSE = 100, 3.0
+MS = 1e6  # ns
+NOTHING = numpy.full(PICTURE, 128, numpy.uint8)  # before the first picture
+PERFECT = 99.0  # dB
+
+Picture = NDArray[numpy.uint8]
+
+
+def psnr(one: Picture, other: Picture) -> float:
+    error = float(numpy.square(numpy.subtract(one, other, dtype=numpy.int16), dtype=numpy.int32).mean())
+    return 10 * math.log10(255 ** 2 / error) if error else PERFECT
+
+
+def mean(values: list[float]) -> float:
+    return sum(values) / len(values) if values else float("nan")
+
+
+@dataclasses.dataclass
+class View:
+    """The clip as one operator saw it."""
+    source: Pictures
+    written: dict[int, int]
+    shown: Shown
+
+    def __post_init__(self) -> None:
+        count = min(len(self.shown.pictures), len(self.shown.times))
+        self.copies: dict[int, list[int]] = {}  # of each frame, in the order in which they were shown
+        last = -1
+        self.order: list[int] = []  # number of each picture; where it cannot be read, the one after the picture before
+        for index, number in enumerate(self.shown.numbers[:count]):
+            last = last + 1 if number is None else number
+            self.order.append(last)
+            if number in self.written and self.delay(last, index) >= 0:
+                self.copies.setdefault(last, []).append(index)
+        self.quality = {number: [psnr(self.shown.pictures[index], self.source[number]) for index in indices]
+                        for number, indices in self.copies.items()}
+
+    def delay(self, number: int, index: int) -> float:
+        """ms"""
+        return (self.shown.times[index] - self.written[number]) / MS
+
+    def first_good(self, number: int, wanted: float) -> float | None:
+        """ms until the frame was there in this quality."""
+        return next((self.delay(number, index) for index, quality in zip(self.copies.get(number, []),
+                                                                         self.quality.get(number, []))
+                     if quality >= wanted), None)
+
+    def screen(self, number: int) -> Picture:
+        """At the frame's deadline."""
+        deadline = self.written[number] + DEADLINE_MS * MS
+        there = [index for index, known in enumerate(self.order)
+                 if known <= number and self.shown.times[index] <= deadline]
+        picture: Picture = self.shown.pictures[there[-1]] if there else NOTHING
+        return picture
+
+    def best(self) -> dict[int, float]:
+        """Quality of each frame that was shown."""
+        return {number: max(qualities) for number, qualities in self.quality.items()}
+
+
+def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str, float]:
+    """`clean`: best() of the run without loss. A frame which that run lacks has to be as good as its mean."""
+    usual = mean(list(clean.values()))
+    good = {number: view.first_good(number, clean.get(number, usual) - WORSE) for number in frames}
+    usable = [number for number, delay in good.items() if delay is not None and delay <= DEADLINE_MS]
+    shown = [number for number in frames if number in view.copies]
+    delays = [delay for delay in good.values() if delay is not None]
+    screen = [psnr(view.screen(number), view.source[number]) for number in frames]
+    return {"usable": 100 * len(usable) / len(frames),
+            "whole": 100 * sum(delay is not None for delay in good.values()) / len(frames),
+            "shown": 100 * len(shown) / len(frames), "screen_db": mean(screen),
+            "frame_db": mean([view.best()[number] for number in shown]), "p50_ms": percentile(delays, 50),
+            "p99_ms": percentile(delays, 99)}
+
+
+def usable_at(view: View, clean: dict[int, float], time: int) -> float | None:
+    """s from this time until a frame written later was usable; None if none was."""
+    usual = mean(list(clean.values()))
+    ready = [view.shown.times[view.copies[number][0]] for number in sorted(view.copies)
+             if view.written.get(number, 0) >= time
+             and (delay := view.first_good(number, clean.get(number, usual) - WORSE)) is not None
+             and delay <= DEADLINE_MS]
+    return (min(ready) - time) / 1e9 if ready else None

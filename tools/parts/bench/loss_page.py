@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The page of the benchmark over a lossy link: a table, and what an operator saw; one file."""
+from __future__ import annotations
+
+import base64
+import html
+import subprocess
+from typing import Any
+
+from parts.bench.clips import SIZE
+from parts.bench.loss_figures import Picture, mean
+from parts.bench.loss_run import CLEAN, COLUMNS
+from parts.common import MORTAL, say
+
+Rows = list[dict[str, Any]]
+STYLE = ("body{font:14px sans-serif;margin:2em}table{border-collapse:collapse}td,th{padding:2px 10px;text-align:right}"
+         "th:first-child{text-align:left}img{width:264px;display:block}.pictures td,.pictures th{padding:2px;"
+         "text-align:center;vertical-align:top}")
+
+
+def jpeg(picture: Picture) -> bytes:
+    words = ["ffmpeg", "-v", "error", "-f", "rawvideo", "-pix_fmt", "yuv420p", "-s", SIZE, "-i", "pipe:0", "-q:v", "5",
+             "-pix_fmt", "yuvj420p", "-f", "mjpeg", "pipe:1"]
+    return subprocess.run([*MORTAL, *words], input=picture.tobytes(), stdout=subprocess.PIPE, check=True).stdout
+
+
+def title(row: dict[str, Any]) -> str:
+    """All cases of one line of the table; the column and the seed are not part of it."""
+    parts = [str(row["peer"]), "reports" if row["reports"] else "one-way", f"RTT {row['rtt_ms']:g} ms"]
+    parts += [f"{row['operators']} operators"] if row["operators"] > 1 else []
+    return ", ".join([*parts, "joins at"] if row["join"] else parts)
+
+
+def lines(rows: Rows) -> dict[str, Rows]:
+    found: dict[str, Rows] = {}
+    for row in rows:
+        found.setdefault(title(row), []).append(row)
+    return found
+
+
+def average(rows: Rows, what: str) -> float:
+    return mean([row[what] for row in rows if row.get(what) is not None])
+
+
+def number(value: float, digits: int = 1) -> str:
+    return "-" if value != value else f"{value:.{digits}f}"
+
+
+def cell(rows: Rows, column: str) -> str:
+    """Usable %, whole frames whenever they came %, dB on the screen; of a join the seconds."""
+    some = [row for row in rows if row["column"] == column]
+    if not some:
+        return "-"
+    if some[0]["join"]:
+        return "never" if any(row["join_s"] is None for row in some) else f"{max(row['join_s'] for row in some):.2f} s"
+    return " / ".join(number(average(some, what)) for what in ("usable", "whole", "screen_db"))
+
+
+def summary(rows: Rows) -> list[list[str]]:
+    """The table, its head first."""
+    table = [["usable % / whole whenever % / dB on screen", *COLUMNS, "clean dB", "wire kbit/s", "peak", "back",
+              "clean p50, p99 ms", "iid 30 p99"]]
+    for name, mine in lines(rows).items():
+        clean = [row for row in mine if row["column"] == CLEAN]
+        table.append([name, *(cell(mine, column) for column in COLUMNS), number(average(clean, "screen_db")),
+                      number(average(mine, "wire_kbit"), 0),
+                      number(max(row["wire_peak_kbit"] for row in mine), 0), number(average(mine, "back_kbit"), 0),
+                      f"{number(average(clean, 'p50_ms'))}, {number(average(clean, 'p99_ms'))}",
+                      number(average([row for row in mine if row["column"] == "iid 30"], "p99_ms"))])
+    return table
+
+
+def print_table(rows: Rows) -> None:
+    table = summary(rows)
+    widths = [max(len(line[at]) for line in table) for at in range(len(table[0]))]
+    for line in table:
+        say("  ".join(text.rjust(width) if at else text.ljust(width)
+                      for at, (text, width) in enumerate(zip(line, widths))))
+
+
+def _row(cells: list[str], head: bool) -> str:
+    first, *others = [html.escape(text) for text in cells]
+    kind = "th" if head else "td"
+    return f"<tr><th>{first}</th>" + "".join(f"<{kind}>{text}</{kind}>" for text in others) + "</tr>"
+
+
+def _pictures(screens: dict[tuple[str, str], bytes]) -> str:
+    """A line for each peer; `screens` by line and column."""
+    columns = [column for column in (CLEAN, *COLUMNS) if any(column == one for _, one in screens)]
+    text = "<tr><th></th>" + "".join(f"<th>{column}</th>" for column in columns) + "</tr>"
+    for name in dict.fromkeys(name for name, _ in screens):
+        text += f"<tr><th>{html.escape(name)}</th>"
+        for column in columns:
+            data = base64.b64encode(screens.get((name, column), b"")).decode()
+            text += f'<td><img src="data:image/jpeg;base64,{data}" alt="{column}"></td>' if data else "<td>-</td>"
+        text += "</tr>"
+    return text
+
+
+def page(rows: Rows, screens: dict[tuple[str, str], bytes], about: str) -> str:
+    table = summary(rows)
+    return "\n".join([
+        "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>The stream over a lossy link</title>",
+        f"<style>{STYLE}</style><h1>The stream over a lossy link</h1>", f"<p>{html.escape(about)}</p><table>",
+        *(_row(line, not at) for at, line in enumerate(table)), "</table>",
+        "<h2>On the operator's screen</h2><p>The same frame of the clip, at its deadline.</p>",
+        f"<table class=pictures>{_pictures(screens)}</table>"]) + "\n"

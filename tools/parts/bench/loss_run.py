@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""One run of a peer over a lossy link: a clip without loss at first, then with a pattern, and what came of it."""
+from __future__ import annotations
+
+import dataclasses
+import math
+import pathlib
+import tempfile
+import time
+from collections.abc import Callable
+from typing import Any
+
+from parts.bench.clips import pictures
+from parts.bench.loss_figures import View, figures, mean, usable_at
+from parts.bench.loss_peers import Peer
+from parts.link.link import Link, Way
+from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Pattern
+
+SECONDS = 10.0  # of the clip
+ONSET, SETTLED = 1.0, 2.0  # s after the first frame: the loss begins, and what counts begins
+JOIN = 2.0  # s after the first frame: a receiver joins
+RECOVERY = 0.5  # s after the onset of the loss, from which frames have to be usable again
+CLEAN = "clean"
+COLUMNS: dict[str, Pattern] = {"every 3rd": EveryThird(), "iid 10": Iid(0.1), "iid 30": Iid(0.3),
+                               "bursts of 5": Bursts(0.3, 5), "outages": Outages(0.3, 40)}
+Maker = Callable[[Link, pathlib.Path, pathlib.Path], Peer]
+
+
+@dataclasses.dataclass(frozen=True)
+class Case:
+    """`reports`: whether the way back works. `join`: the receiver starts in the midst, all is lost from the start."""
+    peer: str
+    column: str
+    clip: str
+    seed: int = 1
+    reports: bool = True
+    rtt_ms: float = 4
+    operators: int = 1
+    join: bool = False
+
+    @property
+    def reference(self) -> tuple[object, ...]:
+        """Cases with the same one are compared with the same run without loss."""
+        return self.peer, self.clip, self.reports, self.rtt_ms, self.operators
+
+    @property
+    def clean(self) -> Case:
+        return dataclasses.replace(self, column=CLEAN, seed=1, join=False)
+
+    def __str__(self) -> str:
+        way = "reports" if self.reports else "one-way"
+        return (f"{self.peer}, {self.column}, {self.clip}, {way}, RTT {self.rtt_ms:g} ms, seed {self.seed}"
+                + (f", {self.operators} operators" if self.operators > 1 else "") + (", join" if self.join else ""))
+
+
+@dataclasses.dataclass(frozen=True)
+class Plan:
+    """When it is lost and measured, s after the first frame."""
+    seconds: float = SECONDS
+    onset: float = ONSET
+    settled: float = SETTLED
+
+
+@dataclasses.dataclass
+class Take:
+    case: Case
+    views: list[View]
+    onset: int   # ns
+    joined: int  # ns
+    settled: int
+    wire: dict[str, float]
+
+    def frames(self) -> list[int]:
+        """Those that count."""
+        return [number for number, written in sorted(self.views[0].written.items()) if written >= self.settled]
+
+
+def rate(before: Way, after: Way, seconds: float) -> float:
+    """kbit/s, IP and UDP headers included"""
+    return 8 * (after.bytes - before.bytes) / seconds / 1000
+
+
+def take(case: Case, maker: Maker, clip: pathlib.Path, plan: Plan) -> Take:
+    pattern = COLUMNS.get(case.column, NOTHING)
+    back = pattern if case.reports else ALL
+    with (tempfile.TemporaryDirectory(prefix="ddx-bench-") as name,
+          Link(case.operators, delay_ms=case.rtt_ms / 2, seed=case.seed, loss=pattern if case.join else NOTHING,
+               back=back if case.join or not case.reports else NOTHING) as link):
+        peer = maker(link, clip, pathlib.Path(name))
+        try:
+            return _take(case, peer, link, clip, plan, lambda: link.lose(pattern, back))
+        finally:
+            peer.end()
+
+
+def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lose: Callable[[], None]) -> Take:
+    begin = 0.0
+
+    def sleep_until(second: float) -> int:
+        time.sleep(max(0.0, begin + second - time.monotonic()))
+        return time.monotonic_ns()
+
+    if not case.join:
+        peer.receive()
+    peer.send()
+    peer.play()
+    begin = time.monotonic()
+    onset = joined = sleep_until(JOIN if case.join else plan.onset)
+    if case.join:
+        peer.receive()
+        joined = time.monotonic_ns()
+    else:
+        lose()
+    settled = sleep_until(JOIN + 1 if case.join else plan.settled)
+    before, begin_wire = link.counts(), time.monotonic()
+    sleep_until(plan.seconds)
+    after, seconds = link.counts(), time.monotonic() - begin_wire
+    source, written = pictures(clip), peer.written()
+    views = [View(source, written, shown) for shown in peer.shown()]
+    wire = {"wire_kbit": rate(before.down[0], after.down[0], seconds),
+            "wire_peak_kbit": max(way.peak for way in after.down) * 8 / 1000,
+            "back_kbit": mean([rate(*ways, seconds) for ways in zip(before.up, after.up)]),
+            "late_ms": after.late_ms, "overrun": after.overrun}
+    return Take(case, views, onset, joined, settled, wire)
+
+
+def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
+    """The figures of a run; of several operators the mean, and the worst one's usable frames."""
+    frames = found.frames()
+    each = [figures(view, clean, frames) for view in found.views]
+    row: dict[str, Any] = {**dataclasses.asdict(found.case), "frames": len(frames)}
+    row |= {key: mean([one[key] for one in each]) for key in each[0]}
+    row["usable_worst"] = min(one["usable"] for one in each)
+    if found.case.join:
+        row["join_s"] = usable_at(found.views[0], clean, found.joined)
+    elif found.case.column != CLEAN:
+        row |= after_onset(found, clean)
+    return {key: rounded(value) for key, value in {**row, **found.wire}.items()}
+
+
+def rounded(value: Any) -> Any:
+    """JSON has no number for a mean of nothing."""
+    if not isinstance(value, float):
+        return value
+    return None if math.isnan(value) else round(value, 2)
+
+
+def after_onset(found: Take, clean: dict[int, float]) -> dict[str, float]:
+    """Usable frames between the time at which they have to be usable again and the time from which all count."""
+    view = found.views[0]
+    begin = found.onset + int(RECOVERY * 1e9)
+    frames = [number for number, written in view.written.items() if begin <= written < found.settled]
+    return {"usable_after_onset": figures(view, clean, frames)["usable"]} if frames else {}

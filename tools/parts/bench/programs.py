@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The desk build's programs for a benchmark of the stream: a store and its clients, and what they count and cost."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from parts.common import MORTAL, OUTPUT, TOP
+from parts.image import native
+
+
+class Programs:
+    """A store and its clients, in a folder; stopped together. `inside` goes before the command of a program that
+    needs the network, such as a namespace's."""
+
+    def __init__(self, folder: pathlib.Path, inside: Sequence[str] = ()) -> None:
+        root = OUTPUT / "desk/root"
+        self.folder, self.inside = folder, inside
+        self.bin = root / "usr/bin"
+        self.environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder)}
+        self.running: list[subprocess.Popen[bytes]] = []
+        self.start("store", "-m", "64M")
+
+    def start(self, name: str, *words: str) -> subprocess.Popen[bytes]:
+        command = [*MORTAL, *self.inside, str(self.bin / name), *words]
+        with open(self.folder / f"errors-{len(self.running)}-{name}", "w") as errors:
+            process = subprocess.Popen(command, env=self.environment, stdout=subprocess.DEVNULL, stderr=errors,
+                                       cwd=self.folder)
+        self.running.append(process)
+        return process
+
+    def watch(self, item: str, pictures: pathlib.Path | None = None) -> Watcher:
+        command = [*MORTAL, sys.executable, "-B", "-m", "parts.bench.watch", item]
+        command += [str(pictures)] if pictures else []
+        environment = {**self.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools"}
+        return Watcher(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
+
+    def _counters(self, instance: str) -> list[dict[str, int]]:
+        """Of a program that has begun; else none."""
+        done = subprocess.run([self.bin / "ddxctl", "stats", "-json"], env=self.environment, stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True, check=False)
+        return [one for one in map(json.loads, done.stdout.splitlines()) if one["instance"] == instance]
+
+    def answers(self, instance: str) -> bool:
+        return bool(self._counters(instance))
+
+    def count(self, instance: str, what: str) -> int:
+        """One of a program's counters; 0 before it has begun."""
+        return sum(int(one[what]) for one in self._counters(instance))
+
+    def end(self) -> None:
+        for process in reversed(self.running):
+            process.terminate()
+            process.wait(10)
+
+
+class Watcher:
+    """Reads the number in each picture of an item, see parts/bench/watch.py."""
+
+    def __init__(self, process: subprocess.Popen[str]) -> None:
+        self.process = process
+
+    def stop(self) -> list[tuple[int | None, int]]:
+        """[number in the picture, ns of the write] of all pictures."""
+        self.process.terminate()
+        return [(number, written) for number, written in json.loads(self.process.communicate(timeout=60)[0])]
+
+
+def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
+    """Of all its threads, ended ones included."""
+    fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
+    tasks = pathlib.Path(f"/proc/{process.pid}/task").iterdir()
+    exact = sum(float((task / "schedstat").read_text().split()[0]) for task in tasks) / 1e9
+    ticks = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return max(exact, ticks)
