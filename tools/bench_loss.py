@@ -14,7 +14,6 @@ screen. -short: a second of a made-up clip, for the gate: no file is written, an
 from __future__ import annotations
 
 import argparse
-import dataclasses
 import functools
 import json
 import os
@@ -25,7 +24,7 @@ from collections.abc import Iterator
 
 from parts.bench import loss_page
 from parts.bench.clips import RATE, numbered
-from parts.bench.loss_figures import DEADLINE_MS, WORSE
+from parts.bench.loss_figures import WORSE
 from parts.bench.loss_peers import OURS, PEERS, Ours
 from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
 from parts.common import OUTPUT, BadInput, Failed, finish, say
@@ -114,7 +113,7 @@ class Bench:
         """Of the first seed."""
         case, view = found.case, found.views[0]
         if case.clip == "real" and case.seed == 1 and AT in view.written:
-            name = loss_page.title(dataclasses.asdict(case))
+            name = loss_page.title(self.rows[-1])
             self.screens[name, case.column] = loss_page.jpeg(view.screen(AT))
 
 
@@ -153,7 +152,7 @@ def main() -> int:
         bench.run(case)
     loss_page.print_table(bench.rows)
     write(bench, f"CIF, {RATE} frames a second, ddxvideosend {' '.join(our_options(options.sender))}; usable: within "
-                 f"{DEADLINE_MS} ms and {WORSE:g} dB of the run without loss")
+                 f"{Ours.deadline_ms} ms and {WORSE:g} dB of the run without loss")
     return 1 if bench.failed else 0
 
 

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Figures of one run over a lossy link, from the pictures that were shown.
 
-Usable: shown within DEADLINE of the robot's write, and at most WORSE dB below the same frame of the run without loss.
-The screen for a frame is the newest picture that was there at the frame's deadline and is not of a later frame: what an
-operator sees who accepts that delay. Compared with the source picture, it includes the error of a picture that is too
-old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three planes."""
+Usable: shown within the peer's deadline after the robot's write, and at most WORSE dB below the same frame of the run
+without loss. The screen for a frame is the newest picture that was there at the frame's deadline and is not of a later
+frame: what an operator sees who accepts that delay. Compared with the source picture, it includes the error of a
+picture that is too old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three
+planes."""
 from __future__ import annotations
 
 import dataclasses
@@ -17,7 +18,7 @@ from parts.bench.clips import PICTURE, Pictures
 from parts.bench.loss_peers import Shown
 from parts.bench.measure import percentile
 
-DEADLINE_MS, WORSE = 100, 3.0
+WORSE = 3.0  # dB
 MS = 1e6  # ns
 NOTHING = numpy.full(PICTURE, 128, numpy.uint8)  # before the first picture
 PERFECT = 99.0  # dB
@@ -40,6 +41,7 @@ class View:
     source: Pictures
     written: dict[int, int]
     shown: Shown
+    deadline_ms: int
 
     def __post_init__(self) -> None:
         count = min(len(self.shown.pictures), len(self.shown.times))
@@ -66,7 +68,7 @@ class View:
 
     def screen(self, number: int) -> Picture:
         """At the frame's deadline."""
-        deadline = self.written[number] + DEADLINE_MS * MS
+        deadline = self.written[number] + self.deadline_ms * MS
         there = [index for index, known in enumerate(self.order)
                  if known <= number and self.shown.times[index] <= deadline]
         picture: Picture = self.shown.pictures[there[-1]] if there else NOTHING
@@ -81,7 +83,7 @@ def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str,
     """`clean`: best() of the run without loss. A frame which that run lacks has to be as good as its mean."""
     usual = mean(list(clean.values()))
     good = {number: view.first_good(number, clean.get(number, usual) - WORSE) for number in frames}
-    usable = [number for number, delay in good.items() if delay is not None and delay <= DEADLINE_MS]
+    usable = [number for number, delay in good.items() if delay is not None and delay <= view.deadline_ms]
     shown = [number for number in frames if number in view.copies]
     delays = [delay for delay in good.values() if delay is not None]
     screen = [psnr(view.screen(number), view.source[number]) for number in frames]
@@ -98,5 +100,5 @@ def usable_at(view: View, clean: dict[int, float], time: int) -> float | None:
     ready = [view.shown.times[view.copies[number][0]] for number in sorted(view.copies)
              if view.written.get(number, 0) >= time
              and (delay := view.first_good(number, clean.get(number, usual) - WORSE)) is not None
-             and delay <= DEADLINE_MS]
+             and delay <= view.deadline_ms]
     return (min(ready) - time) / 1e9 if ready else None

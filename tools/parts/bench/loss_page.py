@@ -9,6 +9,7 @@ from typing import Any
 
 from parts.bench.clips import SIZE
 from parts.bench.loss_figures import Picture, mean
+from parts.bench.loss_peers import Peer
 from parts.bench.loss_run import CLEAN, COLUMNS
 from parts.common import MORTAL, say
 
@@ -27,6 +28,7 @@ def jpeg(picture: Picture) -> bytes:
 def title(row: dict[str, Any]) -> str:
     """All cases of one line of the table; the column and the seed are not part of it."""
     parts = [str(row["peer"]), "reports" if row["reports"] else "one-way", f"RTT {row['rtt_ms']:g} ms"]
+    parts += [f"within {row['deadline_ms']} ms"] if row["deadline_ms"] > Peer.deadline_ms else []
     parts += [f"{row['operators']} operators"] if row["operators"] > 1 else []
     return ", ".join([*parts, "joins at"] if row["join"] else parts)
 

@@ -19,6 +19,7 @@ from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Patt
 SECONDS = 10.0  # of the clip
 ONSET, SETTLED = 1.0, 2.0  # s after the first frame: the loss begins, and what counts begins
 JOIN = 2.0  # s after the first frame: a receiver joins
+TAIL = 5  # frames
 RECOVERY = 0.5  # s after the onset of the loss, from which frames have to be usable again
 CLEAN = "clean"
 COLUMNS: dict[str, Pattern] = {"every 3rd": EveryThird(), "iid 10": Iid(0.1), "iid 30": Iid(0.3),
@@ -71,8 +72,9 @@ class Take:
     wire: dict[str, float]
 
     def frames(self) -> list[int]:
-        """Those that count."""
-        return [number for number, written in sorted(self.views[0].written.items()) if written >= self.settled]
+        """Those that count; not the last ones, which a program may hold back until another one comes."""
+        numbers = [number for number, written in sorted(self.views[0].written.items()) if written >= self.settled]
+        return numbers[:-TAIL]
 
 
 def rate(before: Way, after: Way, seconds: float) -> float:
@@ -116,7 +118,7 @@ def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lo
     sleep_until(plan.seconds)
     after, seconds = link.counts(), time.monotonic() - begin_wire
     source, written = pictures(clip), peer.written()
-    views = [View(source, written, shown) for shown in peer.shown()]
+    views = [View(source, written, shown, peer.deadline_ms) for shown in peer.shown()]
     wire = {"wire_kbit": rate(before.down[0], after.down[0], seconds),
             "wire_peak_kbit": max(way.peak for way in after.down) * 8 / 1000,
             "back_kbit": mean([rate(*ways, seconds) for ways in zip(before.up, after.up)]),
@@ -128,7 +130,8 @@ def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
     """The figures of a run; of several operators the mean, and the worst one's usable frames."""
     frames = found.frames()
     each = [figures(view, clean, frames) for view in found.views]
-    row: dict[str, Any] = {**dataclasses.asdict(found.case), "frames": len(frames)}
+    row: dict[str, Any] = {**dataclasses.asdict(found.case), "deadline_ms": found.views[0].deadline_ms,
+                           "frames": len(frames)}
     row |= {key: mean([one[key] for one in each]) for key in each[0]}
     row["usable_worst"] = min(one["usable"] for one in each)
     if found.case.join:
