@@ -67,6 +67,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 	@tools/setup bench
 	@$(PYTHON) tools/bench.py $(RUN_BENCH)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stream.py)
+	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_loss.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_replay.py)
 bench-record: setup  ## frames lost on slow and frozen disks, beside a naive writer: DURATION=600, CASES=; docs/recording.md
 	@$(PYTHON) tools/bench_record.py $(if $(DURATION),-duration '$(DURATION)') $(if $(CASES),-cases '$(CASES)')

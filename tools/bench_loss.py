@@ -25,12 +25,14 @@ from collections.abc import Iterator
 from parts.bench import loss_page
 from parts.bench.clips import RATE, numbered
 from parts.bench.loss_figures import WORSE
-from parts.bench.loss_peers import OURS, PEERS, Ours
+from parts.bench.loss_gstreamer import BlockCode, Fec, Retransmission
+from parts.bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
 from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
 from parts.common import OUTPUT, BadInput, Failed, finish, say
 from parts.image import native
 from parts.media import clip as made_up
 
+PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Fec, BlockCode]
 BITRATE, WIRE = 200, 250
 CLIPS = ["real", "moving", "drawn"]
 SEEDS, FEW_SEEDS = 5, 2

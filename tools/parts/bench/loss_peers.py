@@ -11,13 +11,13 @@ import pathlib
 import subprocess
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy
 
 from parts.bench.clips import HEIGHT, PICTURE, RATE, SIZE, WIDTH, Pictures, pictures
 from parts.bench.programs import Programs, Watcher
-from parts.common import MORTAL, wait_until
+from parts.common import MORTAL, TOP, wait_until
 from parts.link.link import Link, Node
 from parts.media.clip import frame_number
 
@@ -123,23 +123,36 @@ class Piped(Peer):
     video_kbit = 0  # of the encoder
     deadline_ms = 250  # these tools hold a frame or two back by themselves; only what they lose shall count
 
+    def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path) -> None:
+        super().__init__(link, clip, folder)
+        self.running: list[subprocess.Popen[bytes]] = []
+        self.threads: list[threading.Thread] = []
+
     def sender_words(self, to: str) -> list[str]:
         raise NotImplementedError
 
     def receiver_words(self, robot: str) -> list[str]:
         raise NotImplementedError
 
-    def _start(self, node: Node, words: Sequence[str], name: str, stdin: int, stdout: int) -> subprocess.Popen[bytes]:
+    def start(self, node: Node, words: Sequence[str], name: str, stdin: int, stdout: int) -> subprocess.Popen[bytes]:
         with open(self.folder / f"errors-{name}", "w") as errors:
-            return subprocess.Popen([*MORTAL, *node.inside, *words], stdin=stdin, stdout=stdout, stderr=errors)
+            process = subprocess.Popen([*MORTAL, *node.inside, *words], stdin=stdin, stdout=stdout, stderr=errors,
+                                       cwd=TOP / "tools")
+        self.running.append(process)
+        return process
+
+    def _thread(self, work: Callable[[], None]) -> threading.Thread:
+        thread = threading.Thread(target=work)
+        thread.start()
+        self.threads.append(thread)
+        return thread
 
     def receive(self) -> None:
         self.times: list[int] = []
         words = self.receiver_words(self.link.robot.address)
-        self.receiver = self._start(self.link.operator[0], words, "receiver", subprocess.DEVNULL,
+        self.receiver = self.start(self.link.operator[0], words, "receiver", subprocess.DEVNULL,
                                     subprocess.PIPE)
-        self.reader = threading.Thread(target=self._read)
-        self.reader.start()
+        self._thread(self._read)
 
     def _read(self) -> None:
         assert self.receiver.stdout
@@ -150,13 +163,12 @@ class Piped(Peer):
 
     def send(self) -> None:
         time.sleep(1)  # the receiver has to listen; these programs do not say when
-        self.sender = self._start(self.link.robot, self.sender_words(self.link.operator[0].address), "sender",
+        self.sender = self.start(self.link.robot, self.sender_words(self.link.operator[0].address), "sender",
                                   subprocess.PIPE, subprocess.DEVNULL)
 
     def play(self) -> None:
         self.wrote: dict[int, int] = {}
-        self.feeder = threading.Thread(target=self._feed)
-        self.feeder.start()
+        self.feeder = self._thread(self._feed)
         wait_until(lambda: bool(self.wrote) or not self.feeder.is_alive(), "the clip is not played")
 
     def _feed(self) -> None:
@@ -182,11 +194,11 @@ class Piped(Peer):
         return [Shown([frame_number(picture.tobytes(), WIDTH, HEIGHT) for picture in shown], self.times, shown)]
 
     def end(self) -> None:
-        for process in (self.sender, self.receiver):
+        for process in self.running:
             process.kill()
             process.wait()
-        self.feeder.join()
-        self.reader.join()
+        for thread in self.threads:
+            thread.join()
 
 
 class FFmpeg(Piped):
@@ -228,6 +240,3 @@ class Rist(FFmpeg):
 
     def url(self, host: str, receives: bool) -> str:
         return f"rist://{'@' if receives else ''}{host}:{PORT}?rist_profile=simple&buffer={self.latency_ms}"
-
-
-PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist]
