@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "budget.h"
+
+#define SECOND INT64_C(1000000000)
+#define MICROSECOND INT64_C(1000)
+
+/* How long the rate takes for these bytes, rounded up: never more is sent than was paid for. */
+static int64_t price(const struct budget *budget, size_t bytes) {
+    return ((int64_t)bytes * 8 * SECOND + budget->rate - 1) / budget->rate;
+}
+
+static int64_t worth(const struct budget *budget, int64_t ns) {
+    return ns / MICROSECOND * budget->rate / (8 * SECOND / MICROSECOND);
+}
+
+static void advance(struct budget *budget, int64_t now) {
+    if (now > budget->now)
+        budget->now = now;
+    if (budget->spent < budget->now - budget->depth)
+        budget->spent = budget->now - budget->depth;
+}
+
+void budget_init(struct budget *budget, int64_t rate, int64_t depth, double share, int64_t now) {
+    *budget = (struct budget){
+        .rate = rate, .depth = depth, .now = now, .spent = now - (int64_t)((double)depth * share)};
+}
+
+int64_t budget_tokens(struct budget *budget, int64_t now) {
+    advance(budget, now);
+    return worth(budget, budget->now - budget->spent);
+}
+
+int64_t budget_size(const struct budget *budget) {
+    return worth(budget, budget->depth);
+}
+
+bool budget_take(struct budget *budget, int64_t now, size_t bytes) {
+    advance(budget, now);
+    int64_t cost = price(budget, bytes);
+    if (cost > budget->now - budget->spent)
+        return false;
+    budget->spent += cost;
+    return true;
+}
+
+int64_t budget_ready(const struct budget *budget, size_t bytes) {
+    int64_t cost = price(budget, bytes);
+
+    return cost > budget->depth ? INT64_MAX : budget->spent + cost;
+}

@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * What one receiver still needs, by its reports. No sockets, no clock.
+ *
+ * A report covers all packets sent until a time that follows from the report alone: the newest packet that arrived
+ * was sent at a known time, and nothing newer arrived for `age`. So each packet sent until then, less a margin for
+ * jitter, is there, counted as missing, or lost; later ones are in flight. This needs neither the round trip time nor
+ * the receiver's clock, and tells a lost last packet from one that is on its way.
+ *
+ * Rules, each found in the simulation (tests/unit/ddxvideo_repair_sim.c):
+ * - Only a report orders repair packets. A rule that repeats them after a time sends each of them twice at a long way.
+ * - One packet for each missing one at first. After DEFICIT_LATE twice, after DEFICIT_VERY_LATE three times as many:
+ *   few frames get that old, and the picture of each later frame depends on them.
+ * - Losses that come in runs need more at once. The mean length of the runs is 1.4 at 30 % independent loss, where
+ *   nothing is added, and 3 to 5 in bursts.
+ * - Silence: a receiver that misses something reports every 10 ms. So silence means that nothing is missing, or that
+ *   nothing gets through; no packet is sent, but where losses come in runs, since reports are lost in runs, too.
+ */
+#ifndef DDXVIDEO_DEFICIT_H
+#define DDXVIDEO_DEFICIT_H
+
+#include "history.h"
+#include "report.h"
+
+#define DEFICIT_MARGIN INT64_C(3000000)     /* ns, jitter of packets that is not taken for a loss */
+#define DEFICIT_LATE INT64_C(60000000)      /* ns since the oldest missing frame was handed over */
+#define DEFICIT_VERY_LATE INT64_C(80000000) /* ns */
+#define DEFICIT_SILENCE INT64_C(40000000)   /* ns beyond the round trip time until silence is suspect */
+#define DEFICIT_AGAIN INT64_C(15000000)     /* ns between packets that are sent on suspicion */
+#define DEFICIT_SUSPECT INT64_C(120000000)  /* ns after which a silent receiver is waited for */
+
+struct deficit {
+    bool begun;
+    int64_t covered;     /* packets sent until then are there, missing or lost */
+    int64_t trip;        /* ns, smoothed round trip time */
+    int64_t heard;       /* when the last report came */
+    int64_t suspected;   /* when packets were last sent on suspicion */
+    uint32_t base, highest, repair; /* of the last report, extended; `repair`: the newest repair packet that arrived */
+    unsigned missing;
+    double loss;    /* 0 to 1, as reported */
+    unsigned run;   /* packets lost since the last one that arrived */
+    double run_mean;
+    unsigned wanted; /* repair packets that are to be sent now */
+    uint32_t first;  /* the oldest media packet that they have to cover */
+};
+
+/*
+ * A report came. 0; -EBADMSG if it is about packets that were never sent or claims to know of them before they were
+ * sent; -ESTALE if it is older than one before, or about packets that are forgotten.
+ */
+int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,
+                   const struct report *report);
+
+/* When deficit_silence() may want packets; INT64_MAX if it will not before the next report or packet. */
+int64_t deficit_deadline(const struct deficit *deficit, const struct history *media);
+
+/* No report came for a while: `wanted` may grow. */
+void deficit_silence(struct deficit *deficit, const struct history *media, int64_t now);
+
+#endif

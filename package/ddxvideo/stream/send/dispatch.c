@@ -1,0 +1,265 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "dispatch.h"
+
+#include <stddef.h>
+#include <string.h>
+
+#include "bits.h"
+
+#define MS INT64_C(1000000)
+#define SECOND INT64_C(1000000000)
+#define BUCKET (300 * MS)
+#define FULL 0.85           /* how full the bucket is kept, for bursts of losses */
+#define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
+#define HORIZON 4          /* frames in which it is brought back to that */
+#define FADE (1 - 1.0 / 75) /* of the shares, each frame */
+#define LEAST 100          /* bytes of a frame; less is not worth its headers */
+#define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
+#define GAP MS             /* between packets, at most */
+#define STOPPED (200 * MS) /* without reports: they have just stopped */
+#define REDUCED 0.5        /* of the rate, then */
+#define ADVANCE_FRAMES 8
+#define LONGER 1.1         /* a repair packet than a media packet */
+#define ADVANCE_WHOLE 3    /* each third one covers the whole window */
+#define FIXED 12           /* bytes of an RTP header */
+
+void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *settings, int64_t now) {
+    memset(dispatch, 0, offsetof(struct dispatch, window));
+    dispatch->settings = *settings;
+    dispatch->next = now;
+    dispatch->refreshed = now - SECOND;
+    budget_init(&dispatch->budget, settings->wire - settings->wire / 200, BUCKET, BEGIN, now);
+    feedback_init(&dispatch->feedback, settings->media_ssrc, settings->wire, now);
+    repair_window_init(&dispatch->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
+}
+
+/* ---- What comes in ---- */
+
+static bool enqueue(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packet) {
+    if (dispatch->waiting == DISPATCH_QUEUE || packet->size < FIXED || packet->size > RTP_PACKET_MAX)
+        return false;
+    struct dispatch_slot *slot = &dispatch->queue[(dispatch->head + dispatch->waiting++) % DISPATCH_QUEUE];
+    slot->frame = frame;
+    slot->size = (uint16_t)packet->size;
+    slot->written = now;
+    memcpy(slot->data, packet->data, packet->size);
+    return true;
+}
+
+void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packets,
+                    unsigned count) {
+    dispatch->count[DISPATCH_FRAMES]++;
+    dispatch->count[DISPATCH_PACKETS] += count;
+    dispatch->media_share *= FADE;
+    dispatch->repair_share *= FADE;
+    for (unsigned i = 0; i < count; i++)
+        dispatch->count[DISPATCH_DROPPED] += !enqueue(dispatch, now, frame, &packets[i]);
+    if (dispatch->waiting)
+        dispatch->gap = dispatch->settings.interval / 2 / dispatch->waiting;
+    if (dispatch->gap > GAP)
+        dispatch->gap = GAP;
+}
+
+void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
+    dispatch->refresh |= feedback_report(&dispatch->feedback, now, data, size, address);
+}
+
+bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now) {
+    if (!dispatch->refresh || now - dispatch->refreshed < SECOND)
+        return false;
+    dispatch->refresh = false;
+    dispatch->refreshed = now;
+    return true;
+}
+
+/* ---- Repair ---- */
+
+/* Repair packets that are sent in advance for each media packet. */
+static double ratio_in_advance(const struct dispatch *dispatch, int64_t now) {
+    int64_t silence = feedback_silence(&dispatch->feedback, now);
+    double ratio = 0.35 + 5 * dispatch->feedback.loss;
+
+    if (!dispatch->settings.repair || silence < STOPPED)
+        return 0;
+    if (silence == INT64_MAX)
+        return dispatch->settings.ratio;
+    return ratio > 2.5 ? 2.5 : ratio;
+}
+
+/* The oldest packet of the last `frames` frames in the window. */
+static uint32_t frames_back(const struct dispatch *dispatch, unsigned frames) {
+    const struct repair_window *window = &dispatch->window;
+    uint16_t newest = window->frame[window->newest % REPAIR_PACKETS];
+    uint32_t first = window->newest;
+
+    for (unsigned i = 1; i < window->count; i++) {
+        if ((uint16_t)(newest - window->frame[(window->newest - i) % REPAIR_PACKETS]) >= frames)
+            break;
+        first = window->newest - i;
+    }
+    return first;
+}
+
+/* Whether a repair packet is to be sent now; *first: what it covers. */
+static bool needs_repair(struct dispatch *dispatch, int64_t now, uint32_t *first, bool *in_advance) {
+#ifdef DDX_FAULT_OFF
+    return false;
+#endif
+    if (!dispatch->settings.repair || !dispatch->window.count)
+        return false;
+    *in_advance = !feedback_wanted(&dispatch->feedback, now, first);
+    if (!*in_advance)
+        return true;
+    *first = frames_back(dispatch, dispatch->advance % ADVANCE_WHOLE ? ADVANCE_FRAMES : REPAIR_FRAMES);
+    return !dispatch->waiting && dispatch->owed >= 1;
+}
+
+/* Bytes that a repair packet takes on the wire. */
+static size_t repair_bytes(const struct dispatch *dispatch, uint32_t first) {
+    const struct repair_window *window = &dispatch->window;
+    size_t longest = 0;
+
+    for (unsigned i = 0; i < window->count; i++) {
+        uint32_t esi = window->newest - i;
+
+        if (window->source[esi % REPAIR_PACKETS].size > longest)
+            longest = window->source[esi % REPAIR_PACKETS].size;
+        if (esi == first)
+            break;
+    }
+    return REPAIR_HEADER + longest + dispatch->settings.header;
+}
+
+static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size) {
+    struct history *repairs = &dispatch->feedback.repairs;
+    uint32_t first;
+    bool in_advance;
+
+    if (!needs_repair(dispatch, now, &first, &in_advance))
+        return false;
+    size_t bytes = repair_bytes(dispatch, first);
+    if (!budget_take(&dispatch->budget, now, bytes))
+        return false;
+    uint32_t number = repairs->count ? repairs->newest + 1 : dispatch->window.sequence;
+    *size = repair_make(&dispatch->window, first, to);
+    history_add(repairs, number, now, now);
+    if (in_advance) {
+        dispatch->owed--;
+        dispatch->advance++;
+    } else {
+        feedback_paid(&dispatch->feedback, now, bytes);
+    }
+    dispatch->count[DISPATCH_REPAIRS]++;
+    dispatch->count[DISPATCH_BYTES] += bytes;
+    dispatch->count[DISPATCH_REPAIR_BYTES] += bytes;
+    dispatch->repair_share += (double)bytes;
+    dispatch->next = now + GAP;
+    return true;
+}
+
+/* ---- Media ---- */
+
+static size_t media_bytes(const struct dispatch *dispatch) {
+    return dispatch->queue[dispatch->head].size + dispatch->settings.header;
+}
+
+static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size) {
+    const struct dispatch_slot *slot = &dispatch->queue[dispatch->head];
+
+    if (!dispatch->waiting || !budget_take(&dispatch->budget, now, media_bytes(dispatch)))
+        return false;
+    uint16_t sequence = get16(slot->data + 2);
+    dispatch->esi = dispatch->begun ? dispatch->esi + (uint16_t)(sequence - dispatch->esi) : sequence;
+    dispatch->begun = true;
+    memcpy(to, slot->data, slot->size);
+    *size = slot->size;
+    repair_window_add(&dispatch->window, dispatch->esi, slot->frame, slot->data, slot->size);
+    history_add(&dispatch->feedback.sent, dispatch->esi, now, slot->written);
+    dispatch->count[DISPATCH_SENT]++;
+    dispatch->count[DISPATCH_BYTES] += media_bytes(dispatch);
+    dispatch->media_share += (double)media_bytes(dispatch);
+    dispatch->owed = ratio_in_advance(dispatch, now) > 0 ? dispatch->owed + ratio_in_advance(dispatch, now) : 0;
+    dispatch->head = (dispatch->head + 1) % DISPATCH_QUEUE;
+    dispatch->waiting--;
+    dispatch->next = now + dispatch->gap;
+    return true;
+}
+
+/* ---- What goes out ---- */
+
+bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size, enum dispatch_port *port) {
+    if (now < dispatch->next)
+        return false;
+    *port = DISPATCH_REPAIR;
+    if (send_repair(dispatch, now, to, size))
+        return true;
+    *port = DISPATCH_MEDIA;
+    return send_media(dispatch, now, to, size);
+}
+
+int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now) {
+    int64_t time = dispatch->settings.repair ? feedback_deadline(&dispatch->feedback, now) : INT64_MAX, ready;
+    uint32_t first;
+    bool in_advance;
+
+    if (needs_repair(dispatch, now, &first, &in_advance)) {
+        ready = budget_ready(&dispatch->budget, repair_bytes(dispatch, first));
+        time = ready < time ? ready : time;
+    }
+    if (dispatch->waiting) {
+        ready = budget_ready(&dispatch->budget, media_bytes(dispatch));
+        time = ready < time ? ready : time;
+    }
+    return time < dispatch->next ? dispatch->next : time;
+}
+
+bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size) {
+    size_t bytes = size + dispatch->settings.header;
+
+    if (!budget_take(&dispatch->budget, now, bytes))
+        return false;
+    dispatch->count[DISPATCH_BYTES] += bytes;
+    return true;
+}
+
+/* Bytes of repair for each byte of media: as in the last seconds, at least as many as are about to be sent in
+ * advance. */
+static double repair_part(const struct dispatch *dispatch, int64_t now) {
+    double past = dispatch->media_share > 0 ? dispatch->repair_share / dispatch->media_share : 0;
+    double ahead = ratio_in_advance(dispatch, now) * LONGER;
+
+    return past > ahead ? past : ahead;
+}
+
+/* Repair, or a packet of the last frame, cannot be paid for within half a frame interval: another frame would add to
+ * what is missing, and be late. */
+static bool is_behind(struct dispatch *dispatch, int64_t now) {
+    int64_t late = dispatch->settings.interval / 2;
+    uint32_t first;
+    bool in_advance;
+
+    if (dispatch->waiting && now - dispatch->queue[dispatch->head].written > late)
+        return true;
+    return needs_repair(dispatch, now, &first, &in_advance) && !in_advance &&
+           budget_ready(&dispatch->budget, repair_bytes(dispatch, first)) > now + late;
+}
+
+size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
+    const struct dispatch_settings *settings = &dispatch->settings;
+    int64_t silence = feedback_silence(&dispatch->feedback, now);
+    double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
+    double wire = (double)dispatch->budget.rate * frame, video = (double)settings->video * frame;
+    double spare = (double)budget_tokens(&dispatch->budget, now) - FULL * (double)budget_size(&dispatch->budget);
+
+    if (is_behind(dispatch, now))
+        return 0;
+    if (silence >= STOPPED && silence < FEEDBACK_GONE) {
+        wire *= REDUCED;
+        spare = spare > 0 ? 0 : spare;
+    }
+    double bytes = (wire + spare / HORIZON) / (1 + repair_part(dispatch, now));
+    bytes -= FRAME_HEADERS + (double)settings->header;
+    if (bytes > video)
+        bytes = video;
+    return bytes < LEAST ? LEAST : (size_t)bytes;
+}

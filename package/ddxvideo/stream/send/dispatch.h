@@ -1,0 +1,107 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Which packet is sent when: packets of encoded frames, paced; repair packets in answer to reports, or in advance
+ * where no reports come; everything within the budget. No sockets, no clock, no threads: the caller passes the time
+ * (CLOCK_MONOTONIC, ns) and serialises the calls. Fixed memory. No call blocks; each one's work is bounded.
+ *
+ * Budget. Repair goes first: a picture with a gap is worth nothing, and neither are those after it. What repair took,
+ * the next frame gets less (dispatch_allowance()). A packet that the bucket cannot pay for waits.
+ *
+ * Pacing. The first packet of a frame goes at once, the others at most 1 ms apart and within half a frame interval.
+ *
+ * Without reports for a second, or from the start: so many repair packets follow each frame as suit the last loss
+ * that was reported, or settings.ratio. Each third one covers the whole window and the others ADVANCE_FRAMES only: a
+ * repair packet is as long as the longest packet that it covers, and a shorter window has a shorter one. When reports
+ * have just stopped, the same in advance, while the rate is reduced: the way may be congested.
+ */
+#ifndef DDXVIDEO_DISPATCH_H
+#define DDXVIDEO_DISPATCH_H
+
+#include "feedback.h"
+#include "repair.h"
+
+#define DISPATCH_QUEUE 256  /* media packets that wait for their time */
+#define DISPATCH_RATIO 1.85 /* of repair packets to media packets, for 30 % loss */
+
+enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
+
+enum dispatch_count {
+    DISPATCH_FRAMES,       /* that were handed over */
+    DISPATCH_PACKETS,      /* of these = sent + dropped + those that wait */
+    DISPATCH_SENT,
+    DISPATCH_DROPPED,      /* no room in the queue, or no RTP packet */
+    DISPATCH_REPAIRS,      /* repair packets sent */
+    DISPATCH_BYTES,        /* of everything sent, IP and UDP headers included */
+    DISPATCH_REPAIR_BYTES, /* of repair packets, as well */
+    DISPATCH_COUNTS
+};
+
+struct dispatch_settings {
+    int64_t wire;     /* bit/s of everything sent to a receiver, 50,000 at least: the bucket must hold a packet */
+    int64_t video;    /* bit/s of encoded frames, at most */
+    int64_t interval; /* ns from frame to frame */
+    size_t header;    /* bytes around an RTP packet: IP and UDP headers, what encryption adds */
+    bool repair;      /* repair packets are sent */
+    double ratio;     /* of repair packets to media packets where no receiver ever reported: DISPATCH_RATIO */
+    uint32_t media_ssrc, repair_ssrc;
+    uint16_t repair_sequence; /* of the first repair packet, at random */
+};
+
+struct dispatch_packet {
+    const uint8_t *data; /* a whole RTP packet */
+    size_t size;         /* RTP_PACKET_MAX at most */
+};
+
+struct dispatch_slot {
+    uint16_t frame;
+    uint16_t size;
+    int64_t written;
+    uint8_t data[RTP_PACKET_MAX];
+};
+
+struct dispatch {
+    struct dispatch_settings settings; /* `video` and `interval` may be changed at any time */
+    uint64_t count[DISPATCH_COUNTS];
+    struct budget budget;
+    struct feedback feedback;
+    int64_t next, gap;        /* when the next packet may go; ns between packets */
+    bool begun;               /* a media packet was sent */
+    uint32_t esi;             /* its extended sequence number */
+    unsigned head, waiting;   /* of the queue */
+    double owed;              /* repair packets to be sent in advance */
+    unsigned advance;         /* that were sent in advance */
+    double media_share, repair_share; /* bytes sent, old ones fade */
+    bool refresh;
+    int64_t refreshed;
+    struct repair_window window;
+    struct dispatch_slot queue[DISPATCH_QUEUE];
+};
+
+void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *settings, int64_t now);
+
+/* Bytes that the next frame may have; 0: there is no room for a frame, and it is to be dropped before it is encoded. */
+size_t dispatch_allowance(struct dispatch *dispatch, int64_t now);
+
+/* An encoded frame, in packets whose sequence numbers follow each other; `frame`: its number, counted from frame to
+ * frame. The packets are copied. */
+void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packets,
+                    unsigned count);
+
+/* A datagram came on the port for reports. `address`: a hash of where it came from. */
+void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data, size_t size, uint64_t address);
+
+/* The next packet that is due: to[REPAIR_MAX], its size, and the port that it belongs to. False if none is due. To be
+ * called until it returns false at dispatch_deadline(), and after each of the other calls. The packet counts as sent.
+ * */
+bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size, enum dispatch_port *port);
+
+/* When the next packet is due if nothing else happens; INT64_MAX if none is. */
+int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now);
+
+/* Other packets (announcements, another copy of the stream) count, too. False: not now, the budget is used up. */
+bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size);
+
+/* A receiver needs a whole picture; true at most once a second, and then the request is done with. */
+bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now);
+
+#endif

@@ -1,0 +1,194 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "feedback.h"
+
+#include <errno.h>
+
+#define SECOND INT64_C(1000000000)
+#define REPORTS 200         /* that are read of a reporter in a second */
+#define CLAIMS_DEPTH (2 * SECOND)
+#define CLAIMS_ALL 0.7 /* parts of the rate: four receivers at 30 % loss need 0.58 */
+#define CLAIMS_EACH 0.65
+#define CLAIMS_HOPELESS 0.25
+#define CLAIM 1400 /* bytes that must be left: more than any repair packet */
+
+/* Shares of 1 kbit/s are enough for the bucket, and keep the rate positive. */
+static void init_claims(struct budget *claims, int64_t rate, double share, int64_t now) {
+    budget_init(claims, 1000 + (int64_t)((double)rate * share), CLAIMS_DEPTH, 1, now);
+}
+
+void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int64_t now) {
+    *feedback = (struct feedback){.media = media, .rate = rate, .heard = INT64_MIN};
+    init_claims(&feedback->claims, rate, CLAIMS_ALL, now);
+}
+
+int64_t feedback_silence(const struct feedback *feedback, int64_t now) {
+    return feedback->heard == INT64_MIN ? INT64_MAX : now - feedback->heard;
+}
+
+static bool is_active(const struct feedback_reporter *reporter, int64_t now) {
+    return reporter->used && now - reporter->deficit.heard < FEEDBACK_GONE;
+}
+
+/* ---- Reporters ---- */
+
+static unsigned sharing(const struct feedback *feedback, uint64_t address) {
+    unsigned count = 0;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        count += feedback->reporter[i].used && feedback->reporter[i].address == address;
+    return count;
+}
+
+/* A place for a new reporter: a free one, one of a reporter that is gone, or else one of an address that has several,
+ * if the new one's address has none. NULL if there is no room. */
+static struct feedback_reporter *find_room(struct feedback *feedback, int64_t now, uint64_t address) {
+    struct feedback_reporter *shared = NULL;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        struct feedback_reporter *reporter = &feedback->reporter[i];
+
+        if (!is_active(reporter, now))
+            return reporter;
+        if (sharing(feedback, reporter->address) > 1)
+            shared = reporter;
+    }
+    return sharing(feedback, address) ? NULL : shared;
+}
+
+static struct feedback_reporter *find(struct feedback *feedback, uint32_t ssrc, uint64_t address) {
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        struct feedback_reporter *reporter = &feedback->reporter[i];
+
+        if (reporter->used && reporter->ssrc == ssrc && reporter->address == address)
+            return reporter;
+    }
+    return NULL;
+}
+
+static void begin(struct feedback *feedback, struct feedback_reporter *reporter, const struct report *report,
+                  uint64_t address, int64_t now) {
+    *reporter = (struct feedback_reporter){.used = true, .ssrc = report->reporter, .address = address};
+    budget_init(&reporter->reports, 8 * REPORTS, SECOND / 2, 1, now);
+    init_claims(&reporter->claims, feedback->rate, CLAIMS_EACH, now);
+    init_claims(&reporter->hopeless, feedback->rate, CLAIMS_HOPELESS, now);
+}
+
+static enum feedback_count verdict(int error) {
+    return !error ? FEEDBACK_USED : error == -ESTALE ? FEEDBACK_STALE : FEEDBACK_GARBAGE;
+}
+
+/* A new reporter gets its place only with a report that can be true. */
+static enum feedback_count first_report(struct feedback *feedback, int64_t now, const struct report *report,
+                                        uint64_t address) {
+    struct deficit deficit = {0};
+    int error = deficit_report(&deficit, &feedback->sent, &feedback->repairs, now, report);
+    struct feedback_reporter *room = error ? NULL : find_room(feedback, now, address);
+
+    if (error || !room)
+        return error ? verdict(error) : FEEDBACK_FLOOD;
+    begin(feedback, room, report, address, now);
+    room->deficit = deficit;
+    return FEEDBACK_USED;
+}
+
+static enum feedback_count use(struct feedback *feedback, int64_t now, const struct report *report, uint64_t address) {
+    struct feedback_reporter *reporter = find(feedback, report->reporter, address);
+
+    if (!reporter)
+        return first_report(feedback, now, report, address);
+    if (!budget_take(&reporter->reports, now, 1))
+        return FEEDBACK_FLOOD;
+    return verdict(deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report));
+}
+
+static double worst_loss(const struct feedback *feedback, int64_t now) {
+    double worst = 0;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct feedback_reporter *reporter = &feedback->reporter[i];
+
+        if (is_active(reporter, now) && reporter->deficit.loss > worst)
+            worst = reporter->deficit.loss;
+    }
+    return worst;
+}
+
+bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
+    struct report report;
+    enum feedback_count result = FEEDBACK_GARBAGE;
+
+    feedback->count[FEEDBACK_RECEIVED]++;
+#ifdef DDX_FAULT_DEAF
+    size = 0;
+#endif
+    if (!report_parse(data, size, &report) && report.media == feedback->media)
+        result = report.has_state ? use(feedback, now, &report, address) : FEEDBACK_USED;
+    feedback->count[result]++;
+    if (result != FEEDBACK_USED)
+        return false;
+    if (report.has_state) {
+        feedback->heard = now;
+        feedback->loss = worst_loss(feedback, now);
+    }
+    return report.refresh;
+}
+
+/* ---- What is wanted ---- */
+
+static struct budget *purse(struct feedback_reporter *reporter) {
+    return reporter->deficit.loss > FEEDBACK_HOPELESS ? &reporter->hopeless : &reporter->claims;
+}
+
+/* Whether it may cause another repair packet. When all together have claimed enough, those that claimed little still
+ * may. */
+static bool may_claim(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
+    struct budget *own = purse(reporter);
+    bool enough = budget_tokens(&feedback->claims, now) < CLAIM;
+
+    return budget_tokens(own, now) >= (enough && budget_size(own) / 2 > CLAIM ? budget_size(own) / 2 : CLAIM);
+}
+
+unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first) {
+    unsigned wanted = 0;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        struct feedback_reporter *reporter = &feedback->reporter[i];
+        struct deficit *deficit = &reporter->deficit;
+
+        if (!is_active(reporter, now))
+            continue;
+        deficit_silence(deficit, &feedback->sent, now);
+        if (!deficit->wanted || !may_claim(feedback, reporter, now))
+            continue;
+        if (!wanted || (int32_t)(deficit->first - *first) < 0)
+            *first = deficit->first;
+        if (deficit->wanted > wanted)
+            wanted = deficit->wanted;
+    }
+    return wanted;
+}
+
+void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes) {
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        struct feedback_reporter *reporter = &feedback->reporter[i];
+
+        if (!is_active(reporter, now) || !reporter->deficit.wanted || !may_claim(feedback, reporter, now))
+            continue;
+        reporter->deficit.wanted--;
+        budget_take(purse(reporter), now, bytes);
+    }
+    budget_take(&feedback->claims, now, bytes);
+}
+
+int64_t feedback_deadline(const struct feedback *feedback, int64_t now) {
+    int64_t least = INT64_MAX;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct feedback_reporter *reporter = &feedback->reporter[i];
+        int64_t time = is_active(reporter, now) ? deficit_deadline(&reporter->deficit, &feedback->sent) : INT64_MAX;
+
+        if (time < least)
+            least = time;
+    }
+    return least;
+}

@@ -1,0 +1,54 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* When the last packets of an RTP stream were sent. Fixed memory, no clock. Numbers are extended sequence numbers. */
+#ifndef DDXVIDEO_HISTORY_H
+#define DDXVIDEO_HISTORY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define HISTORY_PACKETS 256
+
+struct history {
+    unsigned count;  /* packets that are remembered */
+    uint32_t newest; /* number of the last one */
+    int64_t sent[HISTORY_PACKETS];
+    int64_t written[HISTORY_PACKETS]; /* when the frame of the packet was handed over */
+};
+
+static inline bool history_has(const struct history *history, uint32_t number) {
+    return history->newest - number < history->count;
+}
+
+static inline int64_t history_sent(const struct history *history, uint32_t number) {
+    return history->sent[number % HISTORY_PACKETS];
+}
+
+static inline int64_t history_written(const struct history *history, uint32_t number) {
+    return history->written[number % HISTORY_PACKETS];
+}
+
+/* A packet is sent. If its number does not follow the last one, the packets before it are forgotten. */
+static inline void history_add(struct history *history, uint32_t number, int64_t sent, int64_t written) {
+    if (number != history->newest + 1)
+        history->count = 0;
+    history->newest = number;
+    history->sent[number % HISTORY_PACKETS] = sent;
+    history->written[number % HISTORY_PACKETS] = written;
+    history->count += history->count < HISTORY_PACKETS;
+}
+
+/* The newest packet that has this sequence number, as far as it was ever sent. */
+static inline uint32_t history_find(const struct history *history, uint16_t sequence) {
+    return history->newest - (uint16_t)(history->newest - sequence);
+}
+
+/* How many packets after `number` were sent, until this time. */
+static inline unsigned history_until(const struct history *history, uint32_t number, int64_t time) {
+    unsigned count = 0;
+
+    while (history_has(history, number + count + 1) && history_sent(history, number + count + 1) <= time)
+        count++;
+    return count;
+}
+
+#endif

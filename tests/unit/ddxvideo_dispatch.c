@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The sender's rules one by one: budget, order, reports that must not count. The figures are in
+ * ddxvideo_repair_sim.c. */
+#include "dispatch.h"
+
+#include <errno.h>
+
+#include "bits.h"
+
+#include "check.h"
+
+#define MS INT64_C(1000000)
+#define SSRC 7u
+#define HEADER 28
+#define INTERVAL (40 * MS)
+
+static struct dispatch dispatch;
+static int64_t now;
+static uint16_t sequence, frame;
+
+static void begin(int64_t wire) {
+    struct dispatch_settings settings = {.wire = wire, .video = wire, .interval = INTERVAL, .header = HEADER,
+                                         .repair = true, .media_ssrc = SSRC, .repair_ssrc = 8,
+                                         .repair_sequence = 65535};
+
+    now = 5000 * MS;
+    sequence = 65534;
+    frame = 0;
+    dispatch_init(&dispatch, &settings, now);
+}
+
+static void write_frame(unsigned count, size_t size) {
+    static uint8_t data[300][RTP_PACKET_MAX];
+    struct dispatch_packet packets[300];
+
+    for (unsigned i = 0; i < count; i++) {
+        struct rtp_packet packet = {.type = RTP_H264, .marker = i + 1 == count, .sequence = sequence++, .ssrc = SSRC};
+        rtp_write(data[i], &packet);
+        packets[i] = (struct dispatch_packet){data[i], size};
+    }
+    dispatch_frame(&dispatch, now, frame++, packets, count);
+}
+
+/* How many packets are due now, on each port. */
+static void expect(unsigned media, unsigned repairs) {
+    uint8_t data[REPAIR_MAX];
+    unsigned sent[2] = {0};
+    enum dispatch_port port;
+    size_t size;
+
+    while (dispatch_next(&dispatch, now, data, &size, &port))
+        sent[port]++;
+    CHECK_EQUAL(sent[DISPATCH_MEDIA], media);
+    CHECK_EQUAL(sent[DISPATCH_REPAIR], repairs);
+    CHECK(dispatch_deadline(&dispatch, now) > now);
+}
+
+/* All that is due within this time. */
+static void run(int64_t time, unsigned media, unsigned repairs) {
+    uint64_t media_before = dispatch.count[DISPATCH_SENT], repairs_before = dispatch.count[DISPATCH_REPAIRS];
+    int64_t end = now + time, next;
+    uint8_t data[REPAIR_MAX];
+    enum dispatch_port port;
+    size_t size;
+
+    for (; now <= end; now = next) {
+        while (dispatch_next(&dispatch, now, data, &size, &port))
+            ;
+        next = dispatch_deadline(&dispatch, now);
+        CHECK(next > now);
+    }
+    now = end;
+    CHECK_EQUAL(dispatch.count[DISPATCH_SENT] - media_before, media);
+    CHECK_EQUAL(dispatch.count[DISPATCH_REPAIRS] - repairs_before, repairs);
+}
+
+static void report_as(uint32_t reporter, uint64_t address, uint16_t highest, uint16_t base, uint16_t missing,
+                      int64_t age, enum feedback_count expected) {
+    struct report report = {.reporter = reporter, .media = SSRC, .has_state = true, .highest = highest, .base = base,
+                            .missing = missing, .age = age};
+    uint64_t before = dispatch.feedback.count[expected];
+    uint8_t data[REPORT_MAX];
+
+    dispatch_report(&dispatch, now, data, report_write(data, &report), address);
+    CHECK_EQUAL(dispatch.feedback.count[expected] - before, 1);
+}
+
+static void report(uint16_t highest, uint16_t base, uint16_t missing, int64_t age) {
+    report_as(1, 1, highest, base, missing, age, FEEDBACK_USED);
+}
+
+/* The first packet at once, the others within half an interval. */
+static void check_pacing(void) {
+    begin(10000000);
+    write_frame(1, 100);
+    expect(1, 0);
+    now += INTERVAL;
+    write_frame(40, 1000);
+    expect(1, 0);
+    run(INTERVAL / 2, 39, 0);
+    now += INTERVAL;
+    write_frame(3, 1000);
+    expect(1, 0);
+    run(2 * MS, 2, 0);
+    CHECK_EQUAL(dispatch_deadline(&dispatch, now), INT64_MAX);
+}
+
+static void check_queue(void) {
+    begin(10000000);
+    write_frame(DISPATCH_QUEUE + 5, 100);
+    write_frame(1, RTP_PACKET_MAX + 1);
+    CHECK_EQUAL(dispatch.count[DISPATCH_DROPPED], 6);
+    run(1000 * MS, DISPATCH_QUEUE, 0);
+    CHECK_EQUAL(dispatch.count[DISPATCH_PACKETS], DISPATCH_QUEUE + 6);
+}
+
+/* What cannot be paid waits, and there is no room for another frame meanwhile. */
+static void check_budget(void) {
+    begin(80000);
+    CHECK(dispatch_allowance(&dispatch, now) > 0);
+    write_frame(20, 1000);
+    run(INTERVAL, 1, 0); /* half the bucket is 1500 bytes */
+    CHECK_EQUAL(dispatch_allowance(&dispatch, now), 0);
+    CHECK(!dispatch_other(&dispatch, now, 1000));
+    run(2100 * MS, 19, 0); /* 20,560 bytes are 2,056 ms, and half the bucket was there */
+    CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 20 * (1000 + HEADER));
+    run(1000 * MS, 0, 0);
+    CHECK(dispatch_other(&dispatch, now, 1000));
+    CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 21 * (1000 + HEADER));
+}
+
+/* Three packets across the wrap; the last one is lost, then its repair, too. */
+static void check_answer(void) {
+    begin(1000000);
+    for (int i = 0; i < 3; i++) {
+        write_frame(1, 500);
+        run(INTERVAL - 1, 1, 0);
+        now++;
+    }
+    report(65535, 0, 0, 0); /* that one was sent long ago: the last one is in flight */
+    expect(0, 0);
+    report(65535, 0, 0, 43 * MS);
+    expect(0, 1);
+    now += 5 * MS;
+    report(65535, 0, 0, 48 * MS); /* the repair packet is in flight */
+    expect(0, 0);
+    now += 45 * MS;
+    report(65535, 0, 0, 93 * MS); /* it is lost, too, and 90 ms have passed */
+    run(5 * MS, 0, 3);
+}
+
+static void check_reports_that_do_not_count(void) {
+    begin(1000000);
+    report_as(1, 1, 0, 1, 0, 0, FEEDBACK_GARBAGE); /* nothing was sent */
+    write_frame(1, 500);
+    write_frame(1, 500);
+    run(INTERVAL, 2, 0);
+    report_as(1, 1, 65535, 0, 0, 41 * MS, FEEDBACK_GARBAGE); /* received before it was sent */
+    report_as(1, 1, 100, 101, 0, 0, FEEDBACK_STALE);         /* never sent */
+    report_as(1, 1, 65535, 0, 0, REPORT_OLDEST, FEEDBACK_STALE);
+    report_as(1, 1, 65535, 0, 0, 20 * MS, FEEDBACK_USED);
+    report_as(1, 1, 65535, 65535, 1, 10 * MS, FEEDBACK_STALE); /* older than the one before */
+    expect(0, 0);
+    dispatch.feedback.media++;
+    report_as(1, 1, 65535, 65535, 1, 30 * MS, FEEDBACK_GARBAGE); /* of another stream */
+}
+
+static void check_reporters(void) {
+    begin(1000000);
+    write_frame(1, 500);
+    run(INTERVAL, 1, 0);
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        report_as(i, 1, 65534, 65535, 0, 0, FEEDBACK_USED);
+    report_as(100, 1, 65534, 65535, 0, 0, FEEDBACK_FLOOD); /* the same address once more */
+    report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);  /* takes the place of one that shares */
+    report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_FLOOD);
+    for (unsigned i = 0; i < 99; i++) /* 200 a second, 100 at once */
+        report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);
+    report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);
+    report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_FLOOD);
+    now += FEEDBACK_GONE;
+    report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_USED); /* the others are gone */
+}
+
+static void check_refresh(void) {
+    struct report report = {.reporter = 1, .media = SSRC, .refresh = true};
+    uint8_t data[REPORT_MAX];
+    size_t size = report_write(data, &report);
+
+    begin(1000000);
+    CHECK(!dispatch_wants_refresh(&dispatch, now));
+    for (int i = 0; i < 3; i++) {
+        dispatch_report(&dispatch, now, data, size, 1);
+        dispatch_report(&dispatch, now, data, size, 2);
+        CHECK(dispatch_wants_refresh(&dispatch, now));
+        dispatch_report(&dispatch, now, data, size, 1);
+        now += 999 * MS;
+        CHECK(!dispatch_wants_refresh(&dispatch, now));
+        now += MS;
+    }
+}
+
+/* A clock that goes back gives no bytes. */
+static void check_clock(void) {
+    struct budget budget;
+
+    budget_init(&budget, 80000, 300 * MS, 1, now);
+    CHECK_EQUAL(budget_size(&budget), 3000);
+    CHECK(budget_take(&budget, now, 3000) && !budget_take(&budget, now, 1));
+    CHECK(!budget_take(&budget, now - 1000 * MS, 1));
+    CHECK_EQUAL(budget_tokens(&budget, now - 1000 * MS), 0);
+    CHECK_EQUAL(budget_ready(&budget, 1000), now + 100 * MS);
+    CHECK(!budget_take(&budget, now + 100 * MS - 1, 1000) && budget_take(&budget, now + 100 * MS, 1000));
+    CHECK_EQUAL(budget_ready(&budget, 3001), INT64_MAX);
+}
+
+int main(void) {
+    check_pacing();
+    check_queue();
+    check_budget();
+    check_answer();
+    check_reports_that_do_not_count();
+    check_reporters();
+    check_refresh();
+    check_clock();
+    return 0;
+}
