@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "reporter.h"
+
+#define MS INT64_C(1000000)
+#define RATE 29500        /* bit/s */
+#define BUCKET (160 * MS) /* ten reports */
+#define SPARE 5           /* reports that must be left after a repetition */
+#define DUE (4 * MS)      /* jitter after which a packet is late */
+#define FIRST_INTERVAL (40 * MS)
+#define JUMP (10000 * MS) /* a time stamp further away begins again */
+#define SLOT (500 * MS)
+
+void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header,
+                   int64_t now) {
+    *reporter = (struct reporter){.ssrc = ssrc,
+                                  .media_ssrc = media_ssrc,
+                                  .header = header,
+                                  .interval = FIRST_INTERVAL,
+                                  .slot_begin = now};
+    budget_init(&reporter->budget, RATE, BUCKET, 1, now);
+}
+
+/* ---- What came ---- */
+
+static void rotate(struct reporter *reporter, int64_t now) {
+    for (unsigned turns = 0; now - reporter->slot_begin >= SLOT && turns < REPORTER_SLOTS; turns++) {
+        for (unsigned i = REPORTER_SLOTS - 1; i; i--) {
+            reporter->expected[i] = reporter->expected[i - 1];
+            reporter->received[i] = reporter->received[i - 1];
+        }
+        reporter->expected[0] = reporter->received[0] = 0;
+        reporter->slot_begin += SLOT;
+    }
+    if (now - reporter->slot_begin >= SLOT)
+        reporter->slot_begin = now;
+}
+
+static void arrive(struct reporter *reporter, struct reporter_stream *stream, int64_t now, uint16_t sequence) {
+    rotate(reporter, now);
+    reporter->received[0]++;
+    if (!stream->begun)
+        reporter->expected[0]++;
+    else if (rtp_after(sequence, stream->highest))
+        reporter->expected[0] += (uint16_t)(sequence - stream->highest);
+    if (!stream->begun || rtp_after(sequence, stream->highest))
+        stream->highest = sequence;
+    stream->begun = true;
+    reporter->arrived = now;
+    reporter->fresh = true;
+}
+
+/* When a frame comes; each of its packets after the first has the same time stamp and is ignored. The offset follows
+ * early arrivals at once and late ones slowly, the interval the same: a loss shows a longer one. */
+static void learn_frame(struct reporter *reporter, int64_t now, uint32_t time) {
+    int64_t step = (int64_t)(int32_t)(time - reporter->time) * 100000 / 9;
+    int64_t offset = now - reporter->stamp - step;
+
+    if (step <= 0 && step > -JUMP)
+        return;
+    if (step < JUMP && step > 0) {
+        reporter->interval = step < reporter->interval ? step : reporter->interval + (step - reporter->interval) / 16;
+        reporter->offset = offset < reporter->offset ? offset : reporter->offset + (offset - reporter->offset) / 64;
+    } else {
+        reporter->offset = offset;
+    }
+    reporter->stamp += step;
+    reporter->time = time;
+}
+
+void reporter_media(struct reporter *reporter, int64_t now, uint16_t sequence, uint32_t time, bool marker) {
+    if (!reporter->media.begun) {
+        reporter->time = time;
+        reporter->stamp = 0;
+        reporter->offset = now;
+    }
+    learn_frame(reporter, now, time);
+    if (!reporter->media.begun || rtp_after(sequence, reporter->media.highest))
+        reporter->open = !marker;
+    arrive(reporter, &reporter->media, now, sequence);
+}
+
+void reporter_repair(struct reporter *reporter, int64_t now, uint16_t sequence) {
+    arrive(reporter, &reporter->repair, now, sequence);
+}
+
+/* ---- What is reported ---- */
+
+static uint8_t loss_of(const struct reporter *reporter) {
+    unsigned expected = 0, received = 0;
+
+    for (unsigned i = 0; i < REPORTER_SLOTS; i++) {
+        expected += reporter->expected[i];
+        received += reporter->received[i];
+    }
+    return received >= expected ? 0 : (uint8_t)((expected - received) * 255u / expected);
+}
+
+int64_t reporter_deadline(const struct reporter *reporter, const struct restore *restore) {
+    int64_t due = reporter->offset + reporter->stamp + reporter->interval + DUE, time;
+    int64_t repeat = reporter->reported + REPORTER_REPEAT;
+    size_t bytes = reporter->header + (reporter->refresh ? REPORT_MAX : REPORT_SIZE);
+    uint16_t base, highest;
+    unsigned missing;
+
+    if (!reporter->media.begun || !restore_missing(restore, &missing, &base, &highest))
+        return INT64_MAX;
+    if (reporter->open && highest == reporter->media.highest)
+        due = reporter->arrived + DUE;
+    time = missing || due < repeat ? repeat : due;
+    if (reporter->fresh) {
+        time = reporter->arrived;
+    } else if (reporter->again && repeat < time && budget_ready(&reporter->budget, (1 + SPARE) * bytes) < time) {
+        time = repeat;
+        bytes *= 1 + SPARE;
+    }
+    if (!reporter->fresh && time > reporter->arrived + REPORTER_QUIET)
+        return INT64_MAX;
+    int64_t ready = budget_ready(&reporter->budget, bytes);
+    return ready > time ? ready : time;
+}
+
+size_t reporter_next(struct reporter *reporter, int64_t now, const struct restore *restore, uint8_t *to) {
+    struct report report = {.reporter = reporter->ssrc,
+                            .media = reporter->media_ssrc,
+                            .has_state = true,
+                            .has_repair = reporter->repair.begun,
+                            .highest_repair = reporter->repair.highest,
+                            .age = now - reporter->arrived,
+                            .refresh = reporter->refresh};
+    unsigned missing;
+
+    if (now < reporter_deadline(reporter, restore))
+        return 0;
+    restore_missing(restore, &missing, &report.base, &report.highest);
+    rotate(reporter, now);
+    report.missing = (uint16_t)missing;
+    report.loss = loss_of(reporter);
+    size_t size = report_write(to, &report);
+    if (!budget_take(&reporter->budget, now, reporter->header + size))
+        return 0;
+    reporter->again = reporter->fresh;
+    reporter->fresh = false;
+    reporter->reported = now;
+    return size;
+}
