@@ -1,0 +1,104 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Sender and receivers in one process, on a virtual clock: 2,000 frames of 40 ms for each pattern of losses, which
+ * both directions have. A frame is usable if it and all frames before it were there 100 ms after it was handed to the
+ * sender. The sizes of frames follow the allowance, up to 30 % more or less. The first second loses nothing: how a
+ * receiver joins is another subject.
+ */
+#include "repair_sim.h"
+
+/* The mean of four seeds, with both round trip times. */
+static void expect(struct run run, double figure, double least_video) {
+    double sum = 0, video = 0, mean = 0, most = 0;
+
+    for (unsigned i = 0; i < 4; i++) {
+        run.trip = i % 2 ? 4 * MS : 10 * MS;
+        run.receivers = run.receivers ? run.receivers : 1;
+        simulate(&run, 1 + i);
+        check_books(&run);
+        double part = usable(&run, CALM, FRAMES);
+        sum += part / 4;
+        video += video_kbit() / 4;
+        mean += kbit(0, FRAMES) / 4;
+        most = fmax(most, peak());
+        printf("%s%.2f", i ? ", " : run.name, part);
+    }
+    printf(": usable %.2f %% of %g, video %.0f, wire %.1f, at most %.1f kbit/s\n", sum, figure, video, mean, most);
+    CHECK(sum >= figure && video >= least_video);
+}
+
+/* Loss begins at frame 1000: from half a second later on, all is as before. */
+static void check_sudden(void) {
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .begin = 1000};
+
+    for (uint64_t seed = 1; seed <= 3; seed++) {
+        simulate(&run, seed);
+        check_books(&run);
+        CHECK(usable(&run, CALM, 1000) == 100);
+        printf("loss from 0 to 30 %% at once: usable from 0.5 s to 2.5 s later %.2f %%\n", usable(&run, 1013, 1063));
+        CHECK(usable(&run, 1013, 1063) >= 98);
+    }
+}
+
+/* Reports stop at frame 1000: at first less is sent, after a second as much as before, with repair in advance. */
+static void check_hush(void) {
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000};
+
+    simulate(&run, 1);
+    check_books(&run);
+    printf("reports stop: %.0f kbit/s, then %.0f, %.0f; usable %.2f %%, after 2 s %.2f %%\n", kbit(975, 25),
+           kbit(1009, 12), kbit(1050, 100), usable(&run, 1000, 1050), usable(&run, 1050, FRAMES));
+    CHECK(kbit(1009, 12) < 0.9 * WIRE / 1000);
+    CHECK(kbit(1050, 100) > 0.95 * WIRE / 1000);
+    CHECK(usable(&run, 1050, FRAMES) >= 98);
+}
+
+/* Forged reports leave enough for the honest receiver, garbage changes nothing. */
+static void check_forged(void) {
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .forgers = 20};
+
+    simulate(&run, 1);
+    check_books(&run);
+    printf("forged reports: usable %.2f %%, video %.0f kbit/s\n", usable(&run, CALM, FRAMES), video_kbit());
+    CHECK(usable(&run, CALM, FRAMES) >= 99);
+    CHECK(video_kbit() >= 30);
+    CHECK(dispatch.feedback.count[FEEDBACK_FLOOD] > 1000);
+
+    run.forgers = 0;
+    simulate(&run, 1);
+    double before = usable(&run, CALM, FRAMES);
+    uint64_t bytes = video_bytes;
+    run.garbage = 400; /* 10,000 a second */
+    simulate(&run, 1);
+    check_books(&run);
+    CHECK(usable(&run, CALM, FRAMES) == before && video_bytes == bytes);
+    CHECK_EQUAL(dispatch.feedback.count[FEEDBACK_GARBAGE], 400 * FRAMES);
+}
+
+static const struct {
+    double figure, video; /* percent, kbit/s: the least */
+    struct run run;
+} expected[] = {
+    {99.5, 140, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3}},
+    {97, 80, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3}},
+    {100, 135, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3}},
+    {99.9, 190, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
+    {98.5, 80, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3}},
+    {87, 90, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3}},
+    {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .receivers = 4}},
+    {100, 55, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
+    {99.9, 55, {.name = "one-way, independent 10 %", .loss = INDEPENDENT, .part = 0.1, .silent = true}},
+    {99, 55, {.name = "one-way, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .silent = true}},
+    {88, 55, {.name = "one-way, bursts of exactly 5", .loss = FIVES, .part = 0.3, .silent = true}},
+    {80, 55, {.name = "one-way, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .silent = true}},
+    {80, 55, {.name = "one-way, outages", .loss = OUTAGES, .part = 0.3, .silent = true}},
+};
+
+int main(void) {
+    for (size_t i = 0; i < sizeof expected / sizeof *expected; i++)
+        expect(expected[i].run, expected[i].figure, expected[i].video);
+    check_sudden();
+    check_hush();
+    check_forged();
+    return 0;
+}

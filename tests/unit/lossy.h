@@ -1,0 +1,113 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A lossy way for packets, on a virtual clock: which packets it loses, and when the others arrive, in their order. */
+#ifndef LOSSY_H
+#define LOSSY_H
+
+#include <math.h>
+
+#include "repair.h"
+
+#include "check.h"
+
+#define MS INT64_C(1000000)
+#define LOSSY_PACKETS 512
+#define LOSSY_JITTER 500000 /* ns */
+
+static uint64_t random_state;
+
+static inline double random_share(void) { /* 0 to 1 */
+    random_state ^= random_state << 13;
+    random_state ^= random_state >> 7;
+    random_state ^= random_state << 17;
+    return (double)(random_state >> 11) / 9007199254740992.0;
+}
+
+static inline void random_begin(uint64_t seed) {
+    random_state = seed * UINT64_C(0x9E3779B97F4A7C15) + 1;
+    for (int i = 0; i < 10; i++)
+        random_share();
+}
+
+enum loss { EVERY_THIRD, INDEPENDENT, BURSTS, FIVES, OUTAGES };
+
+/* Bursts: Gilbert's model, mean 5 packets; fives: bursts of exactly 5. Outages: exponential, mean 40 ms, at the same
+ * times in both directions. */
+struct loser {
+    enum loss loss;
+    double part; /* of the packets, or of the time */
+    unsigned count;
+    bool bad;
+    unsigned left;  /* of a burst of five */
+    int64_t change; /* when an outage begins or is over */
+};
+
+static inline bool is_outage(struct loser *loser, int64_t now) {
+    for (; loser->part > 0 && now >= loser->change; loser->bad = !loser->bad) {
+        double mean = loser->bad ? 40 * (1 - loser->part) / loser->part : 40;
+
+        loser->change += (int64_t)(-log(1 - random_share()) * mean * (double)MS);
+    }
+    return loser->bad;
+}
+
+static inline bool is_lost(struct loser *loser, int64_t now) {
+    double enter = loser->part * 0.2 / (1 - loser->part);
+
+    switch (loser->loss) {
+    case EVERY_THIRD: return loser->part > 0 && ++loser->count % 3 == 0;
+    case INDEPENDENT: return random_share() < loser->part;
+    case BURSTS: loser->bad = loser->bad ? random_share() >= 0.2 : random_share() < enter; return loser->bad;
+    case FIVES:
+        if (!loser->left && random_share() < enter)
+            loser->left = 5;
+        return loser->left && loser->left--;
+    case OUTAGES: return is_outage(loser, now);
+    }
+    return false;
+}
+
+struct lossy_packet {
+    int64_t arrival;
+    size_t size;
+    int port;
+    uint8_t data[REPAIR_MAX];
+};
+
+struct lossy {
+    struct loser *loser; /* may be shared */
+    int64_t delay, newest;
+    unsigned head, count;
+    uint64_t sent, lost;
+    struct lossy_packet packet[LOSSY_PACKETS];
+};
+
+static inline void lossy_send(struct lossy *way, int64_t now, int port, const uint8_t *data, size_t size) {
+    int64_t arrival = now + way->delay + (int64_t)(random_share() * LOSSY_JITTER);
+
+    way->sent++;
+    if (is_lost(way->loser, now)) {
+        way->lost++;
+        return;
+    }
+    CHECK(way->count < LOSSY_PACKETS && size <= REPAIR_MAX);
+    struct lossy_packet *packet = &way->packet[(way->head + way->count++) % LOSSY_PACKETS];
+    way->newest = packet->arrival = arrival > way->newest ? arrival : way->newest;
+    packet->size = size;
+    packet->port = port;
+    memcpy(packet->data, data, size);
+}
+
+static inline int64_t lossy_next(const struct lossy *way) {
+    return way->count ? way->packet[way->head].arrival : INT64_MAX;
+}
+
+static inline const struct lossy_packet *lossy_take(struct lossy *way, int64_t now) {
+    if (lossy_next(way) > now)
+        return NULL;
+    const struct lossy_packet *packet = &way->packet[way->head];
+    way->head = (way->head + 1) % LOSSY_PACKETS;
+    way->count--;
+    return packet;
+}
+
+#endif

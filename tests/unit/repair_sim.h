@@ -1,0 +1,309 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Sender and receivers of a repaired stream in one process, on a virtual clock. */
+#ifndef REPAIR_SIM_H
+#define REPAIR_SIM_H
+
+#include <errno.h>
+
+#include "dispatch.h"
+#include "reporter.h"
+
+#include "bits.h"
+
+#include "lossy.h"
+
+#define FRAMES 2000
+#define CALM 25 /* frames without loss, not counted */
+#define INTERVAL (40 * MS)
+#define IN_TIME (100 * MS)
+#define RECEIVERS 4
+#define WIRE 250000
+#define SSRC 0x1001u
+#define HEADER 28
+#define MOST 64 /* packets of a frame */
+
+static struct frame {
+    int64_t written;
+    unsigned packets; /* 0: dropped before it was encoded */
+    uint16_t sequence;
+} frames[FRAMES];
+
+static struct receiver {
+    struct restore restore;
+    struct reporter reporter;
+    struct loser down, up, both;
+    struct lossy from, to; /* the sender */
+    unsigned got[FRAMES];  /* packets of each frame */
+    bool usable[FRAMES];
+    unsigned next;   /* the first frame that is not whole */
+    unsigned newest; /* of which a packet is there */
+    unsigned broken; /* frames before this one follow one that was given up */
+} receivers[RECEIVERS];
+
+struct run {
+    const char *name;
+    enum loss loss;
+    double part;
+    int64_t trip; /* ns there and back */
+    unsigned receivers;
+    bool silent;        /* no reports */
+    unsigned begin;     /* frame from which on packets are lost */
+    unsigned hush;      /* frame from which on no report arrives, 0: never */
+    unsigned forgers;   /* that claim to miss much */
+    unsigned garbage;   /* datagrams to the sender with each frame */
+};
+
+static struct dispatch dispatch;
+static int64_t now, start;
+static uint64_t wire[FRAMES * 4 + 400]; /* bytes of each 10 ms */
+static uint16_t sequence;
+static unsigned frame_count;
+static uint64_t video_bytes;
+
+/* ---- Sender ---- */
+
+static size_t make_packet(uint8_t *to, unsigned frame, size_t payload, bool first, bool last) {
+    size_t extension = first ? 28 : 8;
+    uint8_t *at = to;
+
+    *at++ = 0x90;
+    *at++ = (uint8_t)(RTP_H264 | last << 7);
+    at = put16(at, sequence++);
+    at = put32(at, frame * 3600);
+    at = put32(at, SSRC);
+    at = put16(at, 0xBEDE);
+    at = put16(at, (uint16_t)(extension / 4 - 1));
+    memset(at, 0, extension - 4);
+    at += extension - 4;
+    put32(at, frame);
+    memset(at + 4, (int)(frame ^ payload), payload - 4);
+    return (size_t)(at - to) + payload;
+}
+
+/* Equal packets; one packet for a frame of up to 800 bytes. */
+static void write_frame(void) {
+    static uint8_t data[MOST][RTP_PACKET_MAX];
+    struct dispatch_packet packets[MOST];
+    struct frame *frame = &frames[frame_count];
+    size_t allowed = dispatch_allowance(&dispatch, now);
+    size_t size = frame_count ? (size_t)((double)allowed * (0.7 + 0.6 * random_share())) : 4000;
+    unsigned count = !allowed ? 0 : size <= 800 ? 1 : size <= 1160 ? 2 : (unsigned)(size + 1159) / 1160;
+
+    *frame = (struct frame){.written = now, .packets = count, .sequence = sequence};
+    for (unsigned i = 0; i < count; i++) {
+        packets[i].data = data[i];
+        size_t part = size * (i + 1) / count - size * i / count;
+        packets[i].size = make_packet(data[i], frame_count, part, !i, i + 1 == count);
+    }
+    dispatch_frame(&dispatch, now, (uint16_t)frame_count, packets, count);
+    video_bytes += frame_count < CALM ? 0 : count ? size : 0;
+    frame_count++;
+}
+
+static void send_due(const struct run *run) {
+    uint8_t data[REPAIR_MAX];
+    enum dispatch_port port;
+    size_t size;
+
+    while (dispatch_next(&dispatch, now, data, &size, &port)) {
+        wire[(now - start) / (10 * MS)] += size + HEADER;
+        for (unsigned i = 0; i < run->receivers; i++)
+            lossy_send(&receivers[i].from, now, port, data, size);
+    }
+    CHECK(dispatch_deadline(&dispatch, now) > now);
+}
+
+static void forge(const struct run *run) {
+    uint8_t data[REPORT_MAX] = {0};
+
+    for (unsigned i = 0; i < run->forgers; i++) {
+        struct report report = {.reporter = i, .media = SSRC, .has_state = true, .highest = (uint16_t)(sequence - 1),
+                                .base = (uint16_t)(sequence - 200), .missing = 199, .loss = i & 1 ? 250 : 0};
+        dispatch_report(&dispatch, now, data, report_write(data, &report), 666);
+    }
+    for (unsigned i = 0; i < run->garbage; i++) {
+        data[i % REPORT_MAX] = (uint8_t)(i * 77);
+        dispatch_report(&dispatch, now, data, i % (REPORT_MAX + 1), i);
+    }
+}
+
+/* ---- Receivers ---- */
+
+static bool is_whole(const struct receiver *receiver, unsigned frame) {
+    const struct frame *wanted = &frames[frame];
+
+    if (frame >= frame_count)
+        return false;
+    return wanted->packets ? receiver->got[frame] == wanted->packets : frame < receiver->newest;
+}
+
+/* A frame that is 25 frames old is beyond repair. All before the newest one is given up, too, and what follows is
+ * broken until a refresh is through. */
+static void give_up(struct receiver *receiver) {
+    receiver->next = receiver->newest;
+    receiver->broken = receiver->newest + REPAIR_FRAMES;
+    restore_give_up(&receiver->restore, frames[receiver->next].sequence);
+}
+
+static void got_packet(struct receiver *receiver, const uint8_t *data, size_t size) {
+    struct rtp_packet packet;
+
+    CHECK(rtp_parse(data, size, &packet));
+    unsigned frame = get32(packet.payload);
+    CHECK(frame < frame_count && packet.payload[packet.size - 1] == (uint8_t)(frame ^ packet.size));
+    receiver->got[frame]++;
+    if (frame > receiver->newest)
+        receiver->newest = frame;
+    for (; is_whole(receiver, receiver->next); receiver->next++)
+        receiver->usable[receiver->next] = frames[receiver->next].packets && receiver->next >= receiver->broken &&
+                                           now - frames[receiver->next].written <= IN_TIME;
+    if (receiver->newest > receiver->next + REPAIR_FRAMES)
+        give_up(receiver);
+}
+
+static void got_datagram(struct receiver *receiver, const struct lossy_packet *packet) {
+    const uint8_t *restored;
+    uint16_t number;
+    size_t size;
+
+    if (packet->port == DISPATCH_MEDIA) {
+        reporter_media(&receiver->reporter, now, get16(packet->data + 2), get32(packet->data + 4),
+                       packet->data[1] >> 7);
+        if (!restore_source(&receiver->restore, packet->data, packet->size))
+            got_packet(receiver, packet->data, packet->size);
+    } else if (restore_repair(&receiver->restore, packet->data, packet->size) != -EBADMSG) {
+        reporter_repair(&receiver->reporter, now, get16(packet->data + 2));
+    }
+    while (restore_take(&receiver->restore, &restored, &size, &number))
+        got_packet(receiver, restored, size);
+}
+
+static void receive_due(const struct run *run, struct receiver *receiver) {
+    const struct lossy_packet *packet;
+    uint8_t data[REPORT_MAX];
+    size_t size;
+
+    while ((packet = lossy_take(&receiver->from, now)))
+        got_datagram(receiver, packet);
+    while (!run->silent && (size = reporter_next(&receiver->reporter, now, &receiver->restore, data)))
+        lossy_send(&receiver->to, now, 0, data, size);
+    CHECK(run->silent || reporter_deadline(&receiver->reporter, &receiver->restore) > now);
+    while ((packet = lossy_take(&receiver->to, now)))
+        if (!run->hush || frame_count < run->hush)
+            dispatch_report(&dispatch, now, packet->data, packet->size, (uint64_t)(receiver - receivers));
+}
+
+/* ---- A run ---- */
+
+static void begin(const struct run *run, uint64_t seed) {
+    struct dispatch_settings settings = {.wire = WIRE, .video = WIRE, .interval = INTERVAL, .header = HEADER,
+                                         .repair = true, .ratio = DISPATCH_RATIO, .media_ssrc = SSRC, .repair_ssrc = 2,
+                                         .repair_sequence = 65000};
+
+    random_begin(seed);
+    now = start = 1000 * MS;
+    sequence = 65000; /* both wrap soon */
+    frame_count = 0;
+    video_bytes = 0;
+    memset(wire, 0, sizeof wire);
+    dispatch_init(&dispatch, &settings, now);
+    for (unsigned i = 0; i < run->receivers; i++) {
+        struct receiver *receiver = &receivers[i];
+
+        memset(receiver, 0, sizeof *receiver);
+        restore_init(&receiver->restore, SSRC);
+        reporter_init(&receiver->reporter, 100 + i, SSRC, HEADER, now);
+        receiver->down.loss = receiver->up.loss = receiver->both.loss = run->loss;
+        receiver->down.change = receiver->up.change = receiver->both.change = now;
+        receiver->from.loser = run->loss == OUTAGES ? &receiver->both : &receiver->down;
+        receiver->to.loser = run->loss == OUTAGES ? &receiver->both : &receiver->up;
+        receiver->from.delay = receiver->to.delay = run->trip / 2;
+    }
+}
+
+static int64_t next_event(const struct run *run) {
+    int64_t time = frame_count < FRAMES ? start + frame_count * INTERVAL : start + FRAMES * INTERVAL + 200 * MS;
+
+    for (unsigned i = 0; i < run->receivers; i++) {
+        const struct receiver *receiver = &receivers[i];
+        const int64_t times[] = {lossy_next(&receiver->from), lossy_next(&receiver->to),
+                                 run->silent ? INT64_MAX : reporter_deadline(&receiver->reporter, &receiver->restore)};
+        for (unsigned j = 0; j < 3; j++)
+            time = times[j] < time ? times[j] : time;
+    }
+    int64_t due = dispatch_deadline(&dispatch, now);
+    return due < time ? due : time;
+}
+
+static void simulate(const struct run *run, uint64_t seed) {
+    begin(run, seed);
+    while (now < start + FRAMES * INTERVAL + 200 * MS) {
+        if (frame_count < FRAMES && now >= start + frame_count * INTERVAL) {
+            bool lossy = frame_count >= (run->begin ? run->begin : CALM);
+            for (unsigned i = 0; i < run->receivers; i++)
+                receivers[i].down.part = receivers[i].up.part = receivers[i].both.part = lossy ? run->part : 0;
+            write_frame();
+            send_due(run);
+            forge(run);
+        }
+        send_due(run);
+        for (unsigned i = 0; i < run->receivers; i++)
+            receive_due(run, &receivers[i]);
+        send_due(run);
+        int64_t next = next_event(run);
+        CHECK(next > now);
+        now = next;
+    }
+}
+
+/* ---- What came of it ---- */
+
+/* Usable frames in percent, of the receiver that has the fewest. */
+static double usable(const struct run *run, unsigned from, unsigned to) {
+    double least = 100;
+
+    for (unsigned i = 0; i < run->receivers; i++) {
+        unsigned count = 0;
+        for (unsigned frame = from; frame < to; frame++)
+            count += receivers[i].usable[frame];
+        least = fmin(least, 100.0 * count / (to - from));
+    }
+    return least;
+}
+
+static double kbit(unsigned from, unsigned frames_after) {
+    uint64_t bytes = 0;
+
+    for (unsigned i = from * 4; i < (from + frames_after) * 4; i++)
+        bytes += wire[i];
+    return (double)bytes * 8 / (double)(frames_after * INTERVAL / MS);
+}
+
+static double video_kbit(void) {
+    return (double)video_bytes * 8 / (double)((FRAMES - CALM) * INTERVAL / MS);
+}
+
+static double peak(void) {
+    double most = 0;
+
+    for (unsigned frame = 0; frame + 25 <= FRAMES; frame++)
+        most = fmax(most, kbit(frame, 25));
+    return most;
+}
+
+static void check_books(const struct run *run) {
+    const uint64_t *count = dispatch.count, *reports = dispatch.feedback.count;
+    uint64_t sum = 0;
+
+    CHECK_EQUAL(count[DISPATCH_PACKETS], count[DISPATCH_SENT] + count[DISPATCH_DROPPED] + dispatch.waiting);
+    CHECK_EQUAL(receivers[0].from.sent, count[DISPATCH_SENT] + count[DISPATCH_REPAIRS]);
+    for (unsigned i = FEEDBACK_RECEIVED + 1; i < FEEDBACK_COUNTS; i++)
+        sum += reports[i];
+    CHECK_EQUAL(reports[FEEDBACK_RECEIVED], sum);
+    CHECK(kbit(0, FRAMES) <= WIRE / 1000.0);
+    CHECK(peak() <= 1.3 * WIRE / 1000);
+    for (unsigned i = 0; i < run->receivers; i++)
+        CHECK((double)receivers[i].to.sent * (REPORT_SIZE + HEADER) * 8 <= 30 * (double)(FRAMES * INTERVAL / MS));
+}
+
+#endif
