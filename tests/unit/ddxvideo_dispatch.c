@@ -129,24 +129,28 @@ static void check_budget(void) {
     CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 21 * (1000 + HEADER));
 }
 
-/* Three packets across the wrap; the last one is lost, then its repair, too. */
+/* Three packets across the wrap, 5 ms there and back; the last one is lost, then its repair, too. */
 static void check_answer(void) {
     begin(1000000);
-    for (int i = 0; i < 3; i++) {
-        write_frame(1, 500);
-        run(INTERVAL - 1, 1, 0);
-        now++;
-    }
-    report(65535, 0, 0, 0); /* that one was sent long ago: the last one is in flight */
+    write_frame(1, 500);
+    run(INTERVAL, 1, 0);
+    write_frame(1, 500);
+    run(5 * MS, 1, 0);
+    report(65535, 0, 0, 0);
+    run(35 * MS, 0, 0);
+    write_frame(1, 500);
+    run(5 * MS, 1, 0);
+    report(65535, 0, 0, 40 * MS); /* the last packet is in flight */
     expect(0, 0);
-    report(65535, 0, 0, 43 * MS);
+    now += 10 * MS;
+    report(65535, 0, 0, 50 * MS);
     expect(0, 1);
     now += 5 * MS;
-    report(65535, 0, 0, 48 * MS); /* the repair packet is in flight */
+    report(65535, 0, 0, 55 * MS); /* the repair packet is in flight */
     expect(0, 0);
-    now += 45 * MS;
-    report(65535, 0, 0, 93 * MS); /* it is lost, too, and 90 ms have passed */
-    run(5 * MS, 0, 3);
+    now += 50 * MS;
+    report(65535, 0, 0, 105 * MS); /* it is lost, too, and 70 ms have passed */
+    run(5 * MS, 0, 2);
 }
 
 static void check_reports_that_do_not_count(void) {

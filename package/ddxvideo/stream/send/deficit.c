@@ -5,6 +5,9 @@
 
 #define RUN_ALONE 1.5 /* mean length of runs up to which losses count as independent */
 #define MOST_MORE 8   /* packets that are added because of runs */
+#define MANY 4
+#define LOSS_MOST 0.5 /* for which packets are added */
+#define SHORT_WAY INT64_C(12000000) /* ns there and back */
 #define MOST_SUSPECTED 4
 #define RUN_LONGEST 16 /* a longer run is an outage, which ends by itself */
 
@@ -29,8 +32,16 @@ static unsigned more_in_runs(const struct deficit *deficit, double factor, unsig
     return more < 0 ? 0 : more > most ? most : (unsigned)more;
 }
 
-/* How many packets are to be in flight for `needed` missing ones. */
+/*
+ * How many packets are to be in flight for `needed` missing ones. At a long way fewer rounds are left, as if it were
+ * later. That a few all arrive is likely; of many, some are lost.
+ */
 static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t age) {
+    double loss = deficit->loss < LOSS_MOST ? deficit->loss : LOSS_MOST;
+
+    if (needed >= MANY)
+        needed = (unsigned)(needed / (1 - loss));
+    age += deficit->trip > SHORT_WAY ? 2 * (deficit->trip - SHORT_WAY) : 0;
     unsigned packets = age < DEFICIT_LATE ? needed : age < DEFICIT_VERY_LATE ? 2 * needed : 3 * needed;
 
     return packets + (deficit->run ? more_in_runs(deficit, 1.5, MOST_MORE) : 0);
