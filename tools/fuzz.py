@@ -16,7 +16,8 @@ from parts.image import native
 FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
-STREAM = [f"stream/{name}.c" for name in ("chunk", "h264", "intake", "mpeg4", "reorder", "rtp")]
+STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "coefficients", "gf256", "h264", "intake", "mpeg4",
+                                          "reorder", "repair", "restore", "rtp", "symbol")]
 REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "restore", "rtp", "symbol")]
 SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/y4m_{name}.c" for name in ("convert", "layout", "parse", "read")] + ["common/video_item.c"]

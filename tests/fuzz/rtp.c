@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: datagrams into the intake (RTP, order, H.264 and MPEG-4 payloads). The input is a row of them: a byte
- * for the milliseconds since the one before, two for the size, then the datagram.
+ * Fuzz target: datagrams into the intake (RTP, order, repair, H.264 and MPEG-4 payloads). The input is a row of them: a
+ * byte for the milliseconds since the one before, two for the size, of which the highest bit is the port (1: that of
+ * repair packets), then the datagram.
  */
 #include <assert.h>
 #include <stdlib.h>
@@ -14,7 +15,7 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 /* Every byte of a frame is looked at: the sanitizer knows which of them are not there. */
-static unsigned look_at(const struct intake_frame *frame) {
+static unsigned look_at(const struct assembly_frame *frame) {
     unsigned sum = 0;
     assert(frame->type == RTP_H264 || frame->type == RTP_MPEG4);
     assert(!frame->size || frame->data);
@@ -28,7 +29,7 @@ static unsigned look_at(const struct intake_frame *frame) {
 
 static void take_all(struct intake *intake, int64_t now) {
     static volatile unsigned sum;
-    struct intake_frame frame;
+    struct assembly_frame frame;
     while (intake_take(intake, now, &frame))
         sum = sum + look_at(&frame);
 }
@@ -38,15 +39,19 @@ static void check_counts(const struct intake *intake) {
     const uint64_t *count = intake->count;
     uint64_t known = count[INTAKE_USED] + count[INTAKE_LATE] + count[INTAKE_DUPLICATE] + count[INTAKE_FOREIGN] +
                      count[INTAKE_GARBAGE] + intake->reorder.waiting;
-    assert(count[INTAKE_RECEIVED] == known);
+    assert(count[INTAKE_RECEIVED] + count[INTAKE_RESTORED] == known);
+    known = count[INTAKE_RESTORED] + count[INTAKE_REPAIR_REFUSED] + count[INTAKE_REPAIR_USELESS] +
+            count[INTAKE_REPAIR_EXPIRED] + count[INTAKE_REPAIR_CORRUPT] + intake->restore.rows;
+    assert(count[INTAKE_REPAIR_RECEIVED] == known);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     static struct intake intake;
     int64_t now = MS;
-    intake_init(&intake, 20 * MS);
+    intake_init(&intake, 20 * MS, true);
     while (size >= 3) {
-        size_t bytes = (size_t)(data[1] << 8 | data[2]) % (RTP_DATAGRAM_MAX + 8);
+        bool repair = data[1] >> 7;
+        size_t bytes = (size_t)((data[1] & 0x7f) << 8 | data[2]) % (RTP_DATAGRAM_MAX + 8);
         now += data[0] * MS;
         data += 3;
         size -= 3;
@@ -54,14 +59,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
             bytes = size;
         uint8_t *datagram = malloc(bytes ? bytes : 1); /* exactly as large as it is */
         memcpy(datagram, data, bytes);
-        intake_put(&intake, datagram, bytes, now);
+        if (repair)
+            intake_put_repair(&intake, datagram, bytes);
+        else
+            intake_put(&intake, datagram, bytes, now);
         free(datagram);
         take_all(&intake, now);
         check_counts(&intake);
         data += bytes;
         size -= bytes;
     }
-    struct intake_frame last;
+    struct assembly_frame last;
     while (intake_take_last(&intake, &last))
         look_at(&last);
     check_counts(&intake);

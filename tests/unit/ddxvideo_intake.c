@@ -22,7 +22,8 @@ struct source {
     uint32_t ssrc;
     uint16_t sequence;
     uint16_t count;
-    bool plain; /* no extension */
+    uint8_t window; /* frames that repair packets reach back */
+    bool plain;     /* no extension */
 };
 
 struct datagram {
@@ -40,6 +41,7 @@ static struct datagram make(struct source *source, uint32_t frame, unsigned inde
                                 .has_count = !source->plain,
                                 .has_source = !source->plain && !index,
                                 .frame = {.count = source->count,
+                                          .window = source->window,
                                           .capture = CAPTURE + frame * 40 * MS,
                                           .sequence = frame + 1,
                                           .number = frame}};
@@ -66,7 +68,7 @@ static uint64_t count_of(const struct intake *intake, enum intake_count which) {
 static const char *play(struct intake *intake, struct source *source, const char *order) {
     static char out[200];
     struct datagram datagrams[26];
-    struct intake_frame frame;
+    struct assembly_frame frame;
     *out = 0;
     for (unsigned i = 0; i < 26; i++)
         datagrams[i] = make(source, i, 0, 1);
@@ -92,7 +94,7 @@ static void check_order(const char *order, const char *expected, unsigned lost, 
     for (int wrap = 0; wrap < 2; wrap++) { /* also where the sequence numbers start again from 0 */
         struct intake intake;
         struct source source = {.ssrc = SSRC, .sequence = wrap ? 65533 : 100, .count = wrap ? 65530 : 0};
-        intake_init(&intake, PATIENCE);
+        intake_init(&intake, PATIENCE, true);
         const char *found = play(&intake, &source, order);
         if (strcmp(found, expected))
             fprintf(stderr, "%s gives %s, not %s\n", order, found, expected);
@@ -125,14 +127,14 @@ static void test_order(void) {
     check_order("ac ce e", "a!c-!e-", 2, 0, 2, 0);
 }
 
-/* Frames of several packets: each packet's absence shows, in its own frame or, for a last one, in this or the next. */
+/* Frames of several packets: each packet's absence shows in its own frame, and in the next one if it was the last. */
 static void test_frames(void) {
     for (unsigned missing = 0; missing < 12; missing++) {
         struct intake intake;
         struct source source = {.ssrc = SSRC};
-        struct intake_frame frame;
-        unsigned found = 0, damaged = 0, bytes = 0;
-        intake_init(&intake, PATIENCE);
+        struct assembly_frame frame;
+        unsigned found = 0, damaged = 0, incomplete = 0, bytes = 0;
+        intake_init(&intake, PATIENCE, true);
         for (unsigned i = 0; i < 12; i++) {
             struct datagram datagram = make(&source, i / 4, i % 4, 4);
             if (i != missing)
@@ -147,6 +149,7 @@ static void test_frames(void) {
                 CHECK(frame.derived == (missing == 4 * found && found > 0));
                 found++;
                 damaged += frame.damaged;
+                incomplete += frame.incomplete;
                 bytes += (unsigned)frame.size;
             }
         }
@@ -155,10 +158,12 @@ static void test_frames(void) {
             CHECK_EQUAL(frame.frame.number, found);
             found++;
             damaged += frame.damaged;
+            incomplete += frame.incomplete;
             bytes += (unsigned)frame.size;
         }
         CHECK_EQUAL(found, 3);
-        CHECK(missing == 0 ? damaged == 0 : damaged >= 1);
+        CHECK(damaged >= 1);
+        CHECK_EQUAL(incomplete, 1);
         CHECK_EQUAL(bytes, 11 * 7);
         intake_free(&intake);
     }
@@ -168,8 +173,8 @@ static void test_frames(void) {
 static void test_derived(void) {
     struct intake intake;
     struct source source = {.ssrc = SSRC, .count = 65534};
-    struct intake_frame frame;
-    intake_init(&intake, PATIENCE);
+    struct assembly_frame frame;
+    intake_init(&intake, PATIENCE, true);
     for (uint32_t i = 10; i < 20; i++) {
         for (unsigned index = 0; index < 2; index++) {
             struct datagram datagram = make(&source, i, index, 2);
@@ -203,8 +208,8 @@ static void test_counts(void) {
     struct source source = {.ssrc = SSRC, .sequence = 60000}, foreign = {.ssrc = 0x2002};
     struct datagram queue[QUEUE];
     unsigned waiting = 0, dropped = 0, duplicated = 0, strangers = 0, garbage = 0, frames = 0, missing = 0;
-    struct intake_frame frame;
-    intake_init(&intake, PATIENCE);
+    struct assembly_frame frame;
+    intake_init(&intake, PATIENCE, true);
     for (unsigned i = 0; i < PACKETS; i++, now += 3 * MS) {
         struct datagram datagram = make(&source, i / 2, i % 2, 2);
         bool quiet = i < 2 || i >= PACKETS - 100; /* a loss at the very end is not seen */
@@ -252,7 +257,7 @@ static void test_counts(void) {
 
 static unsigned send(struct intake *intake, struct source *source, uint32_t frame) {
     struct datagram datagram = make(source, frame, 0, 1);
-    struct intake_frame out;
+    struct assembly_frame out;
     unsigned found = 0;
     put(intake, &datagram);
     while (intake_take(intake, now, &out))
@@ -264,7 +269,7 @@ static unsigned send(struct intake *intake, struct source *source, uint32_t fram
 static void test_sources(void) {
     struct intake intake;
     struct source one = {.ssrc = SSRC, .sequence = 7}, two = {.ssrc = 0x2002, .sequence = 9000}, three = {.ssrc = 3};
-    intake_init(&intake, PATIENCE);
+    intake_init(&intake, PATIENCE, true);
     for (uint32_t i = 0; i < 100; i++, now += 40 * MS) {
         CHECK_EQUAL(send(&intake, &one, i), 1);
         CHECK_EQUAL(send(&intake, &two, i), 0);
@@ -283,7 +288,7 @@ static void test_sources(void) {
     intake_free(&intake);
 
     /* A single stray packet at the start does not keep the stream out. */
-    intake_init(&intake, PATIENCE);
+    intake_init(&intake, PATIENCE, true);
     one = (struct source){.ssrc = SSRC};
     CHECK_EQUAL(send(&intake, &two, 0), 1);
     CHECK_EQUAL(send(&intake, &one, 0), 0);
@@ -297,7 +302,7 @@ static void test_quick_restart(void) {
     struct intake intake;
     struct source one = {.ssrc = SSRC}, two = {.ssrc = 0x2002, .sequence = 65530}, stray = {.ssrc = 3};
     unsigned found = 0;
-    intake_init(&intake, PATIENCE);
+    intake_init(&intake, PATIENCE, true);
     for (uint32_t i = 0; i < 5; i++, now += 40 * MS)
         found += send(&intake, &one, i);
     for (uint32_t i = 0; i < 20; i++, now += 40 * MS) {
@@ -329,7 +334,7 @@ static void test_jumps(void) {
     for (unsigned i = 0; i < sizeof(jumps) / sizeof(*jumps); i++) {
         struct intake intake;
         struct source source = {.ssrc = SSRC, .sequence = 20000};
-        intake_init(&intake, PATIENCE);
+        intake_init(&intake, PATIENCE, true);
         for (uint32_t frame = 0; frame < 10; frame++)
             CHECK_EQUAL(send(&intake, &source, frame), 1);
         source.sequence = (uint16_t)(source.sequence + jumps[i]);
@@ -347,7 +352,7 @@ static void test_jumps(void) {
 static void test_stray(void) {
     struct intake intake;
     struct source source = {.ssrc = SSRC, .sequence = 20000}, stray = {.ssrc = SSRC, .sequence = 40000};
-    intake_init(&intake, PATIENCE);
+    intake_init(&intake, PATIENCE, true);
     for (uint32_t frame = 0; frame < 20; frame++) {
         CHECK_EQUAL(send(&intake, &source, frame), 1);
         if (frame % 5 == 0) {
@@ -364,10 +369,284 @@ static void test_stray(void) {
 static void test_plain(void) {
     struct intake intake;
     struct source source = {.ssrc = SSRC, .plain = true};
-    intake_init(&intake, PATIENCE);
+    intake_init(&intake, PATIENCE, true);
     for (uint32_t i = 0; i < 10; i++)
         CHECK_EQUAL(send(&intake, &source, i), 1);
     intake_free(&intake);
+}
+
+/* ---- Repair ---- */
+
+#define WINDOW 25
+
+/* A sender that repairs, and its receiver. Frames that come out must be whole, in their order, one after the other. */
+struct pair {
+    struct source source;
+    struct repair_window window;
+    uint32_t esi; /* of the next packet */
+    uint32_t frame;
+    struct intake intake;
+    unsigned came, damaged, incomplete, missing;
+};
+
+static void begin_source(struct pair *pair, uint32_t ssrc, uint16_t sequence) {
+    pair->source = (struct source){.ssrc = ssrc, .sequence = sequence, .count = 65530, .window = WINDOW};
+    pair->esi = sequence;
+    pair->frame = 0;
+    repair_window_init(&pair->window, ssrc, ssrc + 1, 65530);
+}
+
+static struct pair *new_pair(uint16_t sequence, bool repairs) {
+    struct pair *pair = calloc(1, sizeof(*pair));
+    begin_source(pair, SSRC, sequence);
+    intake_init(&pair->intake, PATIENCE, repairs);
+    return pair;
+}
+
+static void take(struct pair *pair) {
+    struct assembly_frame frame;
+    while (intake_take(&pair->intake, now, &frame)) {
+        pair->came++;
+        pair->damaged += frame.damaged;
+        pair->incomplete += frame.incomplete;
+        pair->missing += frame.missing;
+    }
+}
+
+/* A frame; `lost`: bit n for its packet n. */
+static void send_frame(struct pair *pair, unsigned packets, unsigned lost) {
+    for (unsigned i = 0; i < packets; i++) {
+        struct datagram datagram = make(&pair->source, pair->frame, i, packets);
+        CHECK_EQUAL(repair_window_add(&pair->window, pair->esi++, pair->source.count, datagram.data, datagram.size), 0);
+        if (!(lost >> i & 1))
+            put(&pair->intake, &datagram);
+        take(pair);
+    }
+    pair->frame++;
+    now += 40 * MS;
+}
+
+static void send_repair(struct pair *pair) {
+    uint8_t data[REPAIR_MAX];
+    size_t size = repair_make(&pair->window, pair->esi - REPAIR_PACKETS, data);
+    uint8_t *copy = malloc(size);
+    memcpy(copy, data, size);
+    intake_put_repair(&pair->intake, copy, size);
+    free(copy);
+    take(pair);
+}
+
+static unsigned wanted(const struct pair *pair) {
+    unsigned missing;
+    uint16_t base, highest;
+    CHECK(restore_missing(&pair->intake.restore, &missing, &base, &highest));
+    return missing;
+}
+
+static void check_sums(const struct pair *pair) {
+    const struct intake *intake = &pair->intake;
+    CHECK_EQUAL(count_of(intake, INTAKE_RECEIVED) + count_of(intake, INTAKE_RESTORED),
+                count_of(intake, INTAKE_USED) + count_of(intake, INTAKE_LATE) + count_of(intake, INTAKE_DUPLICATE) +
+                    count_of(intake, INTAKE_FOREIGN) + count_of(intake, INTAKE_GARBAGE) + intake->reorder.waiting);
+    CHECK_EQUAL(count_of(intake, INTAKE_REPAIR_RECEIVED),
+                count_of(intake, INTAKE_RESTORED) + count_of(intake, INTAKE_REPAIR_REFUSED) +
+                    count_of(intake, INTAKE_REPAIR_USELESS) + count_of(intake, INTAKE_REPAIR_EXPIRED) +
+                    count_of(intake, INTAKE_REPAIR_CORRUPT) + intake->restore.rows);
+}
+
+static void end_pair(struct pair *pair) {
+    check_sums(pair);
+    intake_free(&pair->intake);
+    free(pair);
+}
+
+/* What is missing is waited for, longer than for a packet that others overtook; then all that waited comes at once. */
+static void test_restored(void) {
+    for (unsigned wrap = 0; wrap < 2; wrap++) {
+        struct pair *pair = new_pair(wrap ? 65530 : 100, true);
+        for (unsigned i = 0; i < 3; i++) {
+            send_frame(pair, 2, 0);
+            CHECK_EQUAL(pair->came, i + 1);
+        }
+        struct source again = pair->source;
+        struct datagram late = make(&again, 3, 0, 2);
+        send_frame(pair, 2, 1);
+        for (unsigned i = 0; i < 5; i++)
+            send_frame(pair, 2, i == 2 ? 3 : 0);
+        CHECK_EQUAL(pair->came, 3);
+        CHECK_EQUAL(wanted(pair), 3);
+        for (unsigned i = 0; i < 3; i++) {
+            CHECK_EQUAL(pair->came, 3);
+            send_repair(pair);
+        }
+        CHECK_EQUAL(pair->came, 9);
+        CHECK_EQUAL(wanted(pair), 0);
+        CHECK_EQUAL(pair->damaged + pair->missing, 0);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), 3);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_LOST) + count_of(&pair->intake, INTAKE_REORDERED), 0);
+        put(&pair->intake, &late);
+        take(pair);
+        send_repair(pair);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_DUPLICATE), 1);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_USELESS), 1);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_WRONG), 0);
+        send_frame(pair, 2, 0);
+        CHECK_EQUAL(pair->came, 10);
+        end_pair(pair);
+    }
+}
+
+/* The last packets of what was sent: only repair packets show that they are missing. */
+static void test_restored_end(void) {
+    struct pair *pair = new_pair(7, true);
+    send_frame(pair, 3, 0);
+    send_frame(pair, 3, 6);
+    send_frame(pair, 1, 1);
+    CHECK_EQUAL(wanted(pair), 0);
+    send_repair(pair);
+    CHECK_EQUAL(wanted(pair), 2);
+    send_repair(pair);
+    send_repair(pair);
+    CHECK_EQUAL(pair->came, 3);
+    CHECK_EQUAL(pair->damaged + pair->missing, 0);
+    end_pair(pair);
+}
+
+/* Frames sent after one that is missing, until it is given up. */
+static unsigned frames_until_given_up(struct pair *pair, unsigned packets, int64_t interval, unsigned most) {
+    unsigned frames = 0;
+    send_frame(pair, packets, 0);
+    send_frame(pair, packets, (1u << packets) - 1);
+    for (; pair->came == 1 && frames < most; frames++, now += interval - 40 * MS)
+        send_frame(pair, packets, 0);
+    CHECK_EQUAL(pair->missing, pair->came > 1);
+    CHECK_EQUAL(pair->came, pair->came > 1 ? frames + 1 : 1);
+    CHECK_EQUAL(pair->damaged, pair->came > 1); /* the first one after the gap, */
+    CHECK_EQUAL(pair->incomplete, 0);           /* which is whole */
+    CHECK_EQUAL(count_of(&pair->intake, INTAKE_LOST), pair->came > 1 ? packets : 0);
+    return frames;
+}
+
+/* A gap is given up when the sender's window has passed it, or the packets' places are used up, or after a second. */
+static void test_give_up(void) {
+    static const struct {
+        unsigned packets;
+        int64_t interval;
+        unsigned frames;
+    } cases[] = {{2, 20 * MS, WINDOW + 1}, {12, 40 * MS, 256 / 12 + 1}, {1, 300 * MS, 5}, {1, 200 * MS, 6}};
+    for (unsigned i = 0; i < sizeof(cases) / sizeof(*cases); i++) {
+        struct pair *pair = new_pair(65500, true);
+        CHECK_EQUAL(frames_until_given_up(pair, cases[i].packets, cases[i].interval, 100), cases[i].frames);
+        CHECK_EQUAL(wanted(pair), 0); /* no report asks for it */
+        send_repair(pair);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_RECEIVED), 1);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), 0);
+        end_pair(pair);
+    }
+    /* Between frames, the deadline shows when to look. */
+    struct pair *pair = new_pair(1, true);
+    send_frame(pair, 1, 0);
+    send_frame(pair, 1, 1);
+    int64_t since = now;
+    send_frame(pair, 1, 0);
+    CHECK_EQUAL(intake_deadline(&pair->intake), since + INTAKE_REPAIR);
+    now = since + INTAKE_REPAIR;
+    take(pair);
+    CHECK_EQUAL(pair->came, 2);
+    CHECK_EQUAL(intake_deadline(&pair->intake), INT64_MAX);
+    end_pair(pair);
+}
+
+/* A receiver that shows damaged frames at once, and a sender without repair: only the patience counts. */
+static void test_patience(void) {
+    for (unsigned plain = 0; plain < 2; plain++) {
+        struct pair *pair = new_pair(1, plain);
+        pair->source.window = plain ? 0 : WINDOW;
+        send_frame(pair, 2, 0);
+        send_frame(pair, 2, 1);
+        take(pair);
+        CHECK_EQUAL(pair->came, 2);
+        CHECK_EQUAL(pair->incomplete, 1);
+        send_repair(pair);
+        CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_EXPIRED), 1);
+        end_pair(pair);
+    }
+}
+
+/* At 30 % loss of all packets, when as many repair packets are sent as are needed, no frame is lost or damaged. */
+static void test_seeded_loss(void) {
+    struct pair *pair = new_pair(60000, true);
+    unsigned lost = 0;
+    for (unsigned i = 0; i < 4000; i++) {
+        unsigned packets = 1 + next_random(3), mask = 0;
+        for (unsigned bit = 0; i > 0 && bit < packets; bit++)
+            mask |= (unsigned)(next_random(10) < 3) << bit;
+        lost += (unsigned)__builtin_popcount(mask);
+        send_frame(pair, packets, mask);
+        for (unsigned n = wanted(pair); n; n--)
+            if (next_random(10) >= 3)
+                send_repair(pair);
+        if (i % 100 == 99)
+            check_sums(pair);
+    }
+    send_frame(pair, 1, 0);
+    while (wanted(pair))
+        send_repair(pair);
+    CHECK(lost > 2000);
+    CHECK_EQUAL(pair->came, 4001);
+    CHECK_EQUAL(pair->damaged + pair->missing, 0);
+    CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), lost);
+    CHECK_EQUAL(count_of(&pair->intake, INTAKE_LOST), 0);
+    end_pair(pair);
+}
+
+/* A sender that restarts while a packet of the former one is waited for: each one's repair packets are its own. */
+static void test_repair_of_sources(void) {
+    struct pair *pair = new_pair(5, true);
+    send_frame(pair, 2, 0);
+    send_frame(pair, 2, 1);
+    send_frame(pair, 2, 0);
+    send_frame(pair, 2, 1);
+    send_repair(pair); /* two are missing: it waits */
+    struct repair_window former = pair->window;
+    begin_source(pair, 0x2002, 9000);
+    for (unsigned i = 0; i < 11; i++)
+        send_frame(pair, 2, i == 5);
+    CHECK_EQUAL(pair->intake.ssrc, 0x2002);
+    CHECK_EQUAL(pair->came, 4 + 5); /* all of the former one, and the new one's up to the gap */
+    CHECK_EQUAL(pair->incomplete, 2);
+    CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_EXPIRED), 1);
+    send_repair(pair);
+    CHECK_EQUAL(pair->came, 4 + 11);
+    uint8_t data[REPAIR_MAX];
+    CHECK(!intake_put_repair(&pair->intake, data, repair_make(&former, 0, data)));
+    CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_REFUSED), 1);
+    end_pair(pair);
+}
+
+/* What is no repair packet changes nothing. */
+static void test_repair_garbage(void) {
+    struct pair *pair = new_pair(5, true);
+    uint8_t data[REPAIR_MAX];
+    send_frame(pair, 2, 0);
+    send_frame(pair, 2, 1);
+    for (unsigned i = 0; i < 20000; i++) {
+        size_t size = repair_make(&pair->window, 0, data);
+        for (unsigned n = 1 + next_random(3); n && i % 2; n--)
+            data[next_random(16)] = (uint8_t)next_random(256); /* its header */
+        if (i % 2 == 0)
+            memset(data, (int)next_random(256), size = next_random(sizeof(data)));
+        intake_put_repair(&pair->intake, data, size);
+        take(pair);
+        if (pair->intake.restore.rows || pair->came > 1)
+            break; /* one in many thousands is a repair packet after all */
+    }
+    check_sums(pair);
+    send_frame(pair, 2, 0);
+    send_repair(pair);
+    send_repair(pair);
+    CHECK_EQUAL(pair->came, 3);
+    end_pair(pair);
 }
 
 int main(void) {
@@ -380,5 +659,12 @@ int main(void) {
     test_jumps();
     test_stray();
     test_plain();
+    test_restored();
+    test_restored_end();
+    test_give_up();
+    test_patience();
+    test_seeded_loss();
+    test_repair_of_sources();
+    test_repair_garbage();
     return 0;
 }

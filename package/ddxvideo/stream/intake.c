@@ -1,19 +1,66 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "intake.h"
 
+#include <errno.h>
 #include <string.h>
 
-void intake_init(struct intake *intake, int64_t patience) {
-    memset(intake, 0, offsetof(struct intake, reorder));
-    reorder_init(&intake->reorder, patience);
+void intake_init(struct intake *intake, int64_t patience, bool repairs) {
+    memset(intake, 0, offsetof(struct intake, restore));
+    restore_init(&intake->restore, 0);
+    reorder_init(&intake->reorder);
     intake->patience = patience;
+    intake->repairs = repairs;
 }
 
 void intake_free(struct intake *intake) {
-    chunk_free(&intake->chunk);
+    assembly_free(&intake->assembly);
     slot_clear(intake->reorder.slot, REORDER_PACKETS);
     slot_clear(intake->queue, INTAKE_QUEUE);
     slot_clear(&intake->held, 1);
+}
+
+/* ---- Repair packets ---- */
+
+static void count_repair(struct intake *intake) {
+    static const enum intake_count counts[RESTORE_COUNTS] = {
+        [RESTORE_RECEIVED] = INTAKE_REPAIR_RECEIVED, [RESTORE_REFUSED] = INTAKE_REPAIR_REFUSED,
+        [RESTORE_USELESS] = INTAKE_REPAIR_USELESS,   [RESTORE_EXPIRED] = INTAKE_REPAIR_EXPIRED,
+        [RESTORE_CORRUPT] = INTAKE_REPAIR_CORRUPT,   [RESTORE_RESTORED] = INTAKE_RESTORED};
+
+    for (unsigned i = 0; i < RESTORE_COUNTS; i++)
+        intake->count[counts[i]] = intake->repaired[i] + intake->restore.count[i];
+    intake->count[INTAKE_REPAIR_WRONG] = intake->wrong + intake->restore.wrong;
+}
+
+/* Another source, or another place in the count of this one: what waits for packets is not about them. */
+static void begin_repair(struct intake *intake) {
+    intake->restore.count[RESTORE_EXPIRED] += intake->restore.rows;
+    for (unsigned i = 0; i < RESTORE_COUNTS; i++)
+        intake->repaired[i] += intake->restore.count[i];
+    intake->wrong += intake->restore.wrong;
+    restore_init(&intake->restore, intake->ssrc);
+    count_repair(intake);
+}
+
+bool intake_put_repair(struct intake *intake, const uint8_t *data, size_t size) {
+    int error = restore_repair(&intake->restore, data, size);
+
+    count_repair(intake);
+    return error != -EBADMSG && intake->followed;
+}
+
+/* A media packet went into the order, or was late. Where numbers were passed over, they are not waited for. */
+static void tell_restore(struct intake *intake, const struct rtp_packet *packet, const uint8_t *data, size_t size,
+                         bool taken, uint16_t due) {
+    int passed = (int16_t)(intake->reorder.next - due);
+
+    if (passed < 0 || passed > REORDER_JUMP)
+        begin_repair(intake);
+    if (taken || (uint16_t)(intake->restore.newest - packet->sequence) < REPAIR_PACKETS)
+        restore_source(&intake->restore, data, size);
+    if (passed)
+        restore_give_up(&intake->restore, intake->reorder.next);
+    count_repair(intake);
 }
 
 /* ---- Which source ---- */
@@ -22,17 +69,15 @@ static void follow(struct intake *intake, const struct rtp_packet *packet, int64
     intake->followed = true;
     intake->confirmed = false;
     intake->ssrc = packet->ssrc;
+    intake->window = 0;
     intake->type = packet->type;
     intake->heard = now;
-    intake->fresh = true;
-    intake->open = false;
-    intake->known.there = false;
     intake->queued = 0;
     intake->in_sequence = false;
-    intake->h264 = (struct h264_unpacker){0};
-    intake->mpeg4 = (struct mpeg4_unpacker){0};
+    assembly_begin(&intake->assembly);
     intake->count[INTAKE_SOURCES]++;
-    reorder_init(&intake->reorder, intake->patience);
+    reorder_init(&intake->reorder);
+    begin_repair(intake);
 }
 
 /* A packet of another source than the one that is followed: from now on that one is, if it has the right to. */
@@ -56,51 +101,76 @@ static void hear_other(struct intake *intake, const struct rtp_packet *packet, c
     intake->switching = intake->in_sequence && (!intake->confirmed || now - intake->heard >= INTAKE_SILENCE);
 }
 
-static void put(struct intake *intake, uint16_t sequence, const uint8_t *data, size_t size, int64_t now) {
-    switch (reorder_put(&intake->reorder, sequence, data, size, now)) {
+static bool put(struct intake *intake, const struct rtp_packet *packet, const uint8_t *data, size_t size, int64_t now,
+                bool restored) {
+    uint16_t due = intake->reorder.next;
+    enum reorder_result result = reorder_put(&intake->reorder, packet->sequence, data, size, now);
+    bool taken = result == REORDER_TAKEN || result == REORDER_OUT_OF_TURN;
+
+    switch (result) {
     case REORDER_TAKEN: break;
-    case REORDER_OUT_OF_TURN: intake->count[INTAKE_REORDERED]++; break;
+    case REORDER_OUT_OF_TURN: intake->count[INTAKE_REORDERED] += !restored; break;
     case REORDER_DUPLICATE: intake->count[INTAKE_DUPLICATE]++; break;
     case REORDER_LATE: intake->count[INTAKE_LATE]++; break;
-    case REORDER_FULL: slot_fill(&intake->held, data, size, now); break;
+    case REORDER_FULL:
+        slot_fill(&intake->held, data, size, now);
+        intake->held_restored = restored;
+        return true;
     }
+    if (result == REORDER_TAKEN && packet->has_count) {
+        intake->newest = packet->frame.count;
+        intake->window = packet->frame.window;
+    }
+    if (!restored)
+        tell_restore(intake, packet, data, size, taken, due);
+    return taken;
 }
 
-void intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now) {
+bool intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now) {
     struct rtp_packet packet;
 
     intake->count[INTAKE_RECEIVED]++;
     intake->count[INTAKE_BYTES] += size;
     if (size > RTP_DATAGRAM_MAX || !rtp_parse(data, size, &packet)) {
         intake->count[INTAKE_GARBAGE]++;
-        return;
+        return false;
     }
     if (packet.type != RTP_H264 && packet.type != RTP_MPEG4) {
         intake->count[INTAKE_FOREIGN]++;
-        return;
+        return false;
     }
     if (!intake->followed) {
         follow(intake, &packet, now);
     } else if (packet.ssrc != intake->ssrc) {
         hear_other(intake, &packet, data, size, now);
-        return;
+        return false;
     } else if (packet.type != intake->type) {
         intake->count[INTAKE_FOREIGN]++;
-        return;
+        return false;
     } else {
         intake->confirmed = true;
         intake->queued = 0;
     }
     intake->heard = now;
-    put(intake, packet.sequence, data, size, now);
+    return put(intake, &packet, data, size, now, false);
 }
 
-static void put_slot(struct intake *intake, struct reorder_slot *slot) {
+static void put_slot(struct intake *intake, struct reorder_slot *slot, bool restored) {
     struct rtp_packet packet;
 
     slot->used = false;
     rtp_parse(slot->data, slot->size, &packet);
-    put(intake, packet.sequence, slot->data, slot->size, slot->arrival);
+    put(intake, &packet, slot->data, slot->size, slot->arrival, restored);
+}
+
+/* A packet that was restored takes its place; it is what the sender's repair packets made of it. */
+static void put_restored(struct intake *intake, const uint8_t *data, size_t size, int64_t now) {
+    struct rtp_packet packet;
+
+    if (!rtp_parse(data, size, &packet) || packet.type != intake->type)
+        intake->count[INTAKE_GARBAGE]++;
+    else
+        put(intake, &packet, data, size, now, true);
 }
 
 /* Follow the other source: its packets are taken out of the queue by put_next(). */
@@ -118,14 +188,28 @@ static void switch_over(struct intake *intake) {
     intake->replaying = true;
 }
 
+/* What has a place in the order now: the datagram that had none, and what was restored. False if there is none. */
+static bool put_waiting(struct intake *intake, int64_t now) {
+    const uint8_t *data;
+    size_t size;
+    uint16_t sequence;
+
+    if (intake->held.used) {
+        put_slot(intake, &intake->held, intake->held_restored);
+        return !intake->held.used;
+    }
+    if (!restore_take(&intake->restore, &data, &size, &sequence))
+        return false;
+    put_restored(intake, data, size, now);
+    return true;
+}
+
 /* What waits for its turn, once all that came before it is out. False if nothing does. */
 static bool put_next(struct intake *intake) {
-    if (intake->held.used)
-        put_slot(intake, &intake->held);
-    else if (intake->switching)
+    if (intake->switching)
         switch_over(intake);
     else if (intake->replaying && intake->taken < intake->queued)
-        put_slot(intake, &intake->queue[intake->taken++]);
+        put_slot(intake, &intake->queue[intake->taken++], false);
     else if (intake->replaying) {
         intake->replaying = false;
         intake->queued = 0;
@@ -134,108 +218,71 @@ static bool put_next(struct intake *intake) {
     return true;
 }
 
-/* ---- Frames ---- */
+/* ---- Gaps ---- */
 
-static void open_frame(struct intake *intake, const struct rtp_packet *packet) {
-    intake->chunk.size = 0;
-    intake->open = true;
-    intake->frame = (struct intake_frame){.type = (enum rtp_type)packet->type,
-                                          .first = intake->fresh,
-                                          .time = packet->time,
-                                          .has_count = packet->has_count,
-                                          .has_source = packet->has_source,
-                                          .frame = packet->frame};
-    if (packet->has_count && !intake->fresh)
-        intake->frame.missing = (uint16_t)(packet->frame.count - intake->expected);
-    if (intake->frame.missing > INT16_MAX)
-        intake->frame.missing = 0; /* the sender's count went back */
-    intake->expected = (uint16_t)(packet->frame.count + 1);
+static bool is_repairing(const struct intake *intake) {
+    return intake->repairs && intake->window;
 }
 
-/*
- * The first packet of the frame is missing. RTP's clock is the capture's, so the time is right to a unit of that clock.
- * The numbers are right if the sender has left out no frame of its source since the last frame whose numbers are known.
- */
-static void derive(struct intake *intake, struct intake_frame *frame) {
-    int64_t ticks = (int32_t)(frame->time - intake->known.time);
-    int frames = (int16_t)(frame->frame.count - intake->known.frame.count);
-
-    frame->has_source = frame->derived = true;
-    frame->frame.capture = intake->known.frame.capture + ticks * 1000000000 / RTP_CLOCK;
-    frame->frame.sequence = intake->known.frame.sequence + (uint32_t)frames;
-    frame->frame.number = intake->known.frame.number + (uint32_t)frames;
+/* Whether the sender's window has passed the packet that is due. */
+static bool is_out_of_window(const struct intake *intake) {
+    return (int16_t)(intake->newest - assembly_due(&intake->assembly)) > intake->window ||
+           rtp_after(intake->restore.floor, intake->reorder.next);
 }
 
-static void complete_numbers(struct intake *intake, struct intake_frame *frame) {
-    if (frame->has_source) {
-        intake->known.there = true;
-        intake->known.time = frame->time;
-        intake->known.frame = frame->frame;
-    } else if (frame->has_count && intake->known.there) {
-        derive(intake, frame);
-    }
-}
+/* The packet that is due is given up, if waiting for it has no use. */
+static bool give_up(struct intake *intake, int64_t now) {
+    bool hopeless = intake->held.used || intake->switching || now >= intake_deadline(intake) ||
+                    (is_repairing(intake) && is_out_of_window(intake));
 
-static bool close_frame(struct intake *intake, struct intake_frame *frame) {
-    if (!intake->open)
+    if (!hopeless || !reorder_give_up(&intake->reorder))
         return false;
-    intake->open = intake->fresh = false;
-    h264_unpack_end(&intake->h264, &intake->chunk);
-    *frame = intake->frame;
-    frame->data = intake->chunk.data;
-    frame->size = intake->chunk.size;
-    if (frame->data)
-        chunk_pad(&intake->chunk);
-    complete_numbers(intake, frame);
-    return true;
-}
-
-static void add(struct intake *intake, const struct rtp_packet *packet, unsigned lost, int64_t arrival) {
-    bool good = packet->type == RTP_H264
-                    ? h264_unpack(&intake->h264, &intake->chunk, packet->payload, packet->size, lost > 0)
-                    : mpeg4_unpack(&intake->mpeg4, &intake->chunk, packet->payload, packet->size, lost > 0);
-
-    intake->count[good ? INTAKE_USED : INTAKE_GARBAGE]++;
-    intake->frame.damaged |= lost || !good;
-    intake->frame.arrival = arrival;
-}
-
-bool intake_take(struct intake *intake, int64_t now, struct intake_frame *frame) {
-    for (;;) {
-        unsigned lost;
-        struct rtp_packet packet;
-        const struct reorder_slot *slot = reorder_peek(&intake->reorder, now, intake->held.used, &lost);
-
-        if (!slot && intake->switching && close_frame(intake, frame)) /* the end of what the former source said */
-            return true;
-        if (!slot && put_next(intake))
-            continue;
-        if (!slot)
-            return false;
-        rtp_parse(slot->data, slot->size, &packet);
-        if (intake->open && packet.time != intake->frame.time && close_frame(intake, frame)) {
-            frame->damaged = true; /* its last packet is missing */
-            return true;
-        }
-        if (!intake->open)
-            open_frame(intake, &packet);
-        add(intake, &packet, lost, slot->arrival);
-        intake->count[INTAKE_LOST] += lost;
-        reorder_take(&intake->reorder);
-        if (packet.marker && close_frame(intake, frame))
-            return true;
-    }
-}
-
-bool intake_take_last(struct intake *intake, struct intake_frame *frame) {
-    if (intake_take(intake, INT64_MAX, frame))
-        return true;
-    if (!close_frame(intake, frame))
-        return false;
-    frame->damaged = true; /* its last packet is missing */
+    restore_give_up(&intake->restore, intake->reorder.next);
+    count_repair(intake);
     return true;
 }
 
 int64_t intake_deadline(const struct intake *intake) {
-    return reorder_deadline(&intake->reorder);
+    int64_t since = reorder_waits_since(&intake->reorder);
+    int64_t patience = is_repairing(intake) ? INTAKE_REPAIR : intake->patience;
+
+    return since > INT64_MAX - patience ? INT64_MAX : since + patience;
+}
+
+/* ---- Frames ---- */
+
+/* A packet is due. Whether it ends a frame, its own or, as the first one of the next, the one before. */
+static bool take_packet(struct intake *intake, const struct reorder_slot *slot, unsigned lost,
+                        struct assembly_frame *frame) {
+    struct rtp_packet packet;
+
+    rtp_parse(slot->data, slot->size, &packet);
+    if (assembly_is_next(&intake->assembly, &packet))
+        return assembly_close(&intake->assembly, true, frame);
+    bool good = assembly_add(&intake->assembly, &packet, lost, slot->arrival);
+    intake->count[good ? INTAKE_USED : INTAKE_GARBAGE]++;
+    intake->count[INTAKE_LOST] += lost;
+    reorder_take(&intake->reorder);
+    return packet.marker && assembly_close(&intake->assembly, false, frame);
+}
+
+bool intake_take(struct intake *intake, int64_t now, struct assembly_frame *frame) {
+    for (;;) {
+        unsigned lost;
+        const struct reorder_slot *slot = reorder_peek(&intake->reorder, &lost);
+
+        if (slot) {
+            if (take_packet(intake, slot, lost, frame))
+                return true;
+        } else if (!put_waiting(intake, now) && !give_up(intake, now)) {
+            if (intake->switching && assembly_close(&intake->assembly, true, frame))
+                return true; /* the end of what the former source sent */
+            if (!put_next(intake))
+                return false;
+        }
+    }
+}
+
+bool intake_take_last(struct intake *intake, struct assembly_frame *frame) {
+    return intake_take(intake, INT64_MAX, frame) || assembly_close(&intake->assembly, true, frame);
 }

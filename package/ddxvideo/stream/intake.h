@@ -1,7 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Datagrams to encoded frames: which source is followed, its packets in order, each frame put together. No sockets, no
- * codec, no clock. Nothing that comes in is trusted.
+ * Datagrams to encoded frames: which source is followed, its packets in order, missing packets restored from repair
+ * packets. No sockets, no codec, no clock. Nothing that comes in is trusted.
+ *
+ * Packets after a missing one wait for it. While the sender sends repair packets, they wait as long as the missing one
+ * can be restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for
+ * INTAKE_REPAIR. Without repair they wait for the patience given. Then the missing packet is given up: it is lost.
  *
  * The source (SSRC) heard first is followed. Another one takes its place when it was silent for INTAKE_SILENCE, or had
  * sent a single packet only, and the new one sent two packets that follow each other: a restarted sender is followed,
@@ -10,15 +14,19 @@
 #ifndef DDXVIDEO_INTAKE_H
 #define DDXVIDEO_INTAKE_H
 
-#include "chunk.h"
-#include "h264.h"
-#include "mpeg4.h"
+#include "assembly.h"
 #include "reorder.h"
+#include "restore.h"
 
 #define INTAKE_SILENCE INT64_C(400000000) /* ns */
+#define INTAKE_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
 #define INTAKE_QUEUE 64                   /* packets of a possible successor that are kept meanwhile */
 
-/* What happened to the datagrams: received = used + late + duplicate + foreign + garbage (+ those that still wait). */
+/*
+ * What happened to the datagrams: received + restored = used + late + duplicate + foreign + garbage (+ those that still
+ * wait). Repair packets: repair_received = restored + repair_refused + repair_useless + repair_expired + repair_corrupt
+ * (+ those that still wait); see restore.h.
+ */
 enum intake_count {
     INTAKE_RECEIVED,
     INTAKE_BYTES,
@@ -30,33 +38,30 @@ enum intake_count {
     INTAKE_FOREIGN,   /* other payload types, other sources */
     INTAKE_GARBAGE,   /* no RTP, or a payload that cannot be */
     INTAKE_SOURCES,   /* sources followed so far */
+    INTAKE_RESTORED,  /* never came, or not yet, and restored from repair packets */
+    INTAKE_REPAIR_RECEIVED,
+    INTAKE_REPAIR_REFUSED,
+    INTAKE_REPAIR_USELESS,
+    INTAKE_REPAIR_EXPIRED,
+    INTAKE_REPAIR_CORRUPT,
+    INTAKE_REPAIR_WRONG, /* restored packets that then came with other contents */
     INTAKE_COUNTS
 };
-#define INTAKE_NAMES \
-    "received", "bytes", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage", "sources"
-
-struct intake_frame {
-    const uint8_t *data; /* valid until the next call; CHUNK_PADDING zero bytes behind it */
-    size_t size;
-    enum rtp_type type;
-    bool first;      /* of its source */
-    bool damaged;    /* packets are missing in it, or just before it */
-    uint32_t time;   /* RTP's */
-    int64_t arrival; /* of its last packet */
-    bool has_count;  /* frame.count and .window: the sender is one of ours */
-    bool has_source; /* frame.capture, .sequence and .number as well */
-    bool derived;    /* these are not from the frame's first packet, which is missing; see derive() */
-    struct rtp_frame frame;
-    unsigned missing; /* whole frames between the one before and this one that never came */
-};
+#define INTAKE_NAMES                                                                                        \
+    "received", "bytes", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage", "sources", \
+        "restored", "repair_received", "repair_refused", "repair_useless", "repair_expired", "repair_corrupt", \
+        "repair_wrong"
 
 struct intake {
     uint64_t count[INTAKE_COUNTS];
     int64_t patience;
+    bool repairs; /* a missing packet is waited for as long as it can be restored */
     /* the source that is followed */
     bool followed, confirmed;
     uint32_t ssrc;
     uint8_t type;
+    uint8_t window;  /* frames that its repair packets reach back, 0: it sends none; and its newest frame: */
+    uint16_t newest;
     int64_t heard; /* when it was heard last */
     /* another one that may become it: what it said since the source that is followed was heard last */
     uint32_t other;
@@ -67,37 +72,34 @@ struct intake {
     bool replaying; /* after the switch: they are taken one by one */
     /* a datagram that has to wait until what is there was taken out */
     struct reorder_slot held;
-    bool switching; /* the same, and then the other source is followed */
-    /* the frame that is put together */
-    struct chunk chunk;
-    struct intake_frame frame;
-    bool open;         /* a packet of it has come */
-    bool fresh;        /* no frame of this source was given out yet */
-    uint16_t expected; /* frame.count of the next frame */
-    struct {           /* the last frame whose first packet came, for those whose first packet is missing */
-        bool there;
-        uint32_t time; /* RTP's */
-        struct rtp_frame frame;
-    } known;
-    struct h264_unpacker h264;
-    struct mpeg4_unpacker mpeg4;
+    bool held_restored; /* it did not come, it was restored */
+    bool switching;     /* the same, and then the other source is followed */
+    struct assembly assembly;
+    uint64_t repaired[RESTORE_COUNTS], wrong; /* what `restore` had counted of former sources */
     /* last, since they are large: packets of the source that is followed, and of the other one */
+    struct restore restore;
     struct reorder reorder;
     struct reorder_slot queue[INTAKE_QUEUE];
 };
 
-/* `patience`: ns that a packet may wait for one before it. */
-void intake_init(struct intake *intake, int64_t patience);
+/* `patience`: ns that a packet may wait for one before it; `repairs`: longer, if the missing one may be restored. */
+void intake_init(struct intake *intake, int64_t patience, bool repairs);
 void intake_free(struct intake *intake);
 
-/* A datagram came. Take all frames out before the next one. */
-void intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now);
+/*
+ * A datagram came. Take all frames out before the next one. True if it is a packet of the source that is followed, and
+ * neither late nor a duplicate.
+ */
+bool intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now);
+
+/* A datagram came to the port of repair packets. Likewise. True if it is a repair packet of the source followed. */
+bool intake_put_repair(struct intake *intake, const uint8_t *data, size_t size);
 
 /* The next frame, as far as there is one. */
-bool intake_take(struct intake *intake, int64_t now, struct intake_frame *frame);
+bool intake_take(struct intake *intake, int64_t now, struct assembly_frame *frame);
 
 /* As intake_take(), when no datagram comes any more: none is waited for, and a frame without its end is given, too. */
-bool intake_take_last(struct intake *intake, struct intake_frame *frame);
+bool intake_take_last(struct intake *intake, struct assembly_frame *frame);
 
 /* When intake_take() may give a frame though no datagram comes; INT64_MAX if never. */
 int64_t intake_deadline(const struct intake *intake);

@@ -50,11 +50,10 @@ static void step(struct reorder *reorder, bool came) {
     reorder->next++;
 }
 
-void reorder_init(struct reorder *reorder, int64_t patience) {
+void reorder_init(struct reorder *reorder) {
     memset(reorder, 0, offsetof(struct reorder, slot));
     for (unsigned i = 0; i < REORDER_PACKETS; i++)
         reorder->slot[i].used = false;
-    reorder->patience = patience;
 }
 
 /* A number from far away is believed when it follows another such. */
@@ -109,25 +108,27 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
     return overtaken ? REORDER_OUT_OF_TURN : REORDER_TAKEN;
 }
 
-int64_t reorder_deadline(const struct reorder *reorder) {
+int64_t reorder_waits_since(const struct reorder *reorder) {
     int64_t first = INT64_MAX;
 
     for (unsigned i = 0; reorder->waiting && i < REORDER_PACKETS; i++)
         if (reorder->slot[i].used && reorder->slot[i].arrival < first)
             first = reorder->slot[i].arrival;
-    return first > INT64_MAX - reorder->patience ? INT64_MAX : first + reorder->patience;
+    return first;
 }
 
-const struct reorder_slot *reorder_peek(struct reorder *reorder, int64_t now, bool force, unsigned *lost) {
-    if (!reorder->waiting)
-        return NULL;
-    struct reorder_slot *slot = slot_of(reorder, reorder->next);
-    if (!slot->used && !force && now < reorder_deadline(reorder))
-        return NULL;
-    for (; !slot->used; slot = slot_of(reorder, reorder->next))
-        step(reorder, false);
+const struct reorder_slot *reorder_peek(const struct reorder *reorder, unsigned *lost) {
+    const struct reorder_slot *slot = &reorder->slot[reorder->next % REORDER_PACKETS];
+
     *lost = reorder->lost_before;
-    return slot;
+    return slot->used ? slot : NULL;
+}
+
+bool reorder_give_up(struct reorder *reorder) {
+    if (!reorder->waiting || slot_of(reorder, reorder->next)->used)
+        return false;
+    step(reorder, false);
+    return true;
 }
 
 void reorder_take(struct reorder *reorder) {

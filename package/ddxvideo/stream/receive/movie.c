@@ -24,7 +24,7 @@ bool movie_is_possible(const char *path) {
 }
 
 /* What a player needs to begin: parameter sets, or the headers before the first picture. */
-static bool find_parameters(struct chunk *found, const struct intake_frame *frame) {
+static bool find_parameters(struct chunk *found, const struct assembly_frame *frame) {
     static const uint8_t start_code[] = {0, 0, 0, 1};
     struct h264_nal nal;
 
@@ -40,7 +40,7 @@ static bool find_parameters(struct chunk *found, const struct intake_frame *fram
     return true;
 }
 
-static int set_parameters(AVCodecParameters *parameters, const struct intake_frame *frame) {
+static int set_parameters(AVCodecParameters *parameters, const struct assembly_frame *frame) {
     struct chunk found = {0};
 
     if (find_parameters(&found, frame) && found.size)
@@ -53,7 +53,7 @@ static int set_parameters(AVCodecParameters *parameters, const struct intake_fra
     return parameters->extradata ? 0 : AVERROR(ENOMEM);
 }
 
-static int set_stream(struct movie *movie, const struct intake_frame *frame, const AVCodecContext *decoder) {
+static int set_stream(struct movie *movie, const struct assembly_frame *frame, const AVCodecContext *decoder) {
     AVStream *stream = avformat_new_stream(movie->file, NULL);
 
     if (!stream)
@@ -73,7 +73,7 @@ static int set_stream(struct movie *movie, const struct intake_frame *frame, con
     return set_parameters(parameters, frame);
 }
 
-static int begin(struct movie *movie, const struct intake_frame *frame, const AVCodecContext *decoder) {
+static int begin(struct movie *movie, const struct assembly_frame *frame, const AVCodecContext *decoder) {
     const char *format = strcasecmp(extension(movie->path), "avi") ? "matroska" : "avi";
 
     movie->packet = av_packet_alloc();
@@ -91,7 +91,7 @@ static int begin(struct movie *movie, const struct intake_frame *frame, const AV
     return error < 0 ? error : 0;
 }
 
-static int write_frame(struct movie *movie, const struct intake_frame *frame, int64_t time) {
+static int write_frame(struct movie *movie, const struct assembly_frame *frame, int64_t time) {
     AVStream *stream = movie->file->streams[0];
     int64_t at = av_rescale_q(time - movie->first, (AVRational){1, NS}, stream->time_base);
 
@@ -107,7 +107,7 @@ static int write_frame(struct movie *movie, const struct intake_frame *frame, in
     return av_write_frame(movie->file, packet);
 }
 
-int movie_add(struct movie *movie, const struct intake_frame *frame, int64_t time, const AVCodecContext *decoder) {
+int movie_add(struct movie *movie, const struct assembly_frame *frame, int64_t time, const AVCodecContext *decoder) {
     if (!movie->path || movie->ended || !frame->size)
         return 0;
     int error = 0;
@@ -149,7 +149,7 @@ bool movie_is_possible(const char *path) {
     return false;
 }
 
-int movie_add(struct movie *movie, const struct intake_frame *frame, int64_t time, const AVCodecContext *decoder) {
+int movie_add(struct movie *movie, const struct assembly_frame *frame, int64_t time, const AVCodecContext *decoder) {
     (void)movie;
     (void)frame;
     (void)time;

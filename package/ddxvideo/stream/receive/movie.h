@@ -27,7 +27,7 @@ bool movie_is_possible(const char *path);
  * Add a frame; the file begins with the first one that a player can begin with. `time`: ns, of any clock. `decoder`:
  * has decoded the frame, and knows size and rate. 0, or a negative AVERROR, once; then the file has ended.
  */
-int movie_add(struct movie *movie, const struct intake_frame *frame, int64_t time, const AVCodecContext *decoder);
+int movie_add(struct movie *movie, const struct assembly_frame *frame, int64_t time, const AVCodecContext *decoder);
 
 /* Finish the file. 0, or a negative AVERROR. */
 int movie_close(struct movie *movie);

@@ -29,7 +29,7 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 /* ---- Frames ---- */
 
 /* When the frame was captured, on this machine's monotonic clock; the wall clocks of both have to agree. */
-static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct intake_frame *frame) {
+static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct assembly_frame *frame) {
     int64_t wall_offset = ddxvideo_wall_offset();
     struct ddxvideo_stamp stamp = {.time = frame->arrival, .wall_offset = wall_offset};
 
@@ -82,7 +82,7 @@ static void say_store(struct viewer *viewer, int error) {
     viewer->said_store = error != 0;
 }
 
-static void show(struct viewer *viewer, const struct intake_frame *frame, const AVFrame *picture, bool damaged) {
+static void show(struct viewer *viewer, const struct assembly_frame *frame, const AVFrame *picture, bool damaged) {
     struct ddxvideo_stamp stamp = stamp_of(viewer, frame);
     int error = output_write(&viewer->output, viewer->id, picture, viewer->decoder.context->framerate, &stamp);
 
@@ -103,7 +103,7 @@ static void show(struct viewer *viewer, const struct intake_frame *frame, const 
     }
 }
 
-static void record(struct viewer *viewer, const struct intake_frame *frame) {
+static void record(struct viewer *viewer, const struct assembly_frame *frame) {
     int64_t time = frame->has_source ? frame->frame.capture : frame->arrival;
     int error = movie_add(&viewer->movie, frame, time, viewer->decoder.context);
 
@@ -113,7 +113,7 @@ static void record(struct viewer *viewer, const struct intake_frame *frame) {
     }
 }
 
-static void begin_source(struct viewer *viewer, const struct intake_frame *frame) {
+static void begin_source(struct viewer *viewer, const struct assembly_frame *frame) {
     int error = decoder_open(&viewer->decoder, frame->type, &viewer->limits);
 
     if (error)
@@ -123,7 +123,7 @@ static void begin_source(struct viewer *viewer, const struct intake_frame *frame
     say("receiving %s, SSRC %08" PRIx32, frame->type == RTP_H264 ? "H.264" : "MPEG-4", viewer->intake.ssrc);
 }
 
-static void handle(struct viewer *viewer, const struct intake_frame *frame) {
+static void handle(struct viewer *viewer, const struct assembly_frame *frame) {
     bool damaged = false;
 
     if (frame->first)
@@ -149,7 +149,7 @@ static void handle(struct viewer *viewer, const struct intake_frame *frame) {
 /* ---- Packets ---- */
 
 static void take_frames(struct viewer *viewer) {
-    struct intake_frame frame;
+    struct assembly_frame frame;
 
     while (intake_take(&viewer->intake, ddx_time_now(), &frame))
         handle(viewer, &frame);
@@ -200,7 +200,7 @@ static void view(struct viewer *viewer) {
     }
     /* What was there before we were told to stop; also what waits for a packet that comes no more. */
     read_packets(viewer);
-    struct intake_frame frame;
+    struct assembly_frame frame;
     while (intake_take_last(&viewer->intake, &frame))
         handle(viewer, &frame);
 }
@@ -262,7 +262,7 @@ int viewer_run(struct viewer *viewer) {
         return EXIT_USAGE;
     }
     av_log_set_level(AV_LOG_FATAL); /* what arrives may be anything */
-    intake_init(&viewer->intake, viewer->patience * MS);
+    intake_init(&viewer->intake, viewer->patience * MS, true);
     viewer->counters = (struct counters){
         .instance = viewer->program.instance, .names = names, .values = viewer->intake.count, .count = INTAKE_COUNTS};
     if (prepare(viewer))

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Packets of one source, in their order, to encoded frames. */
+#ifndef DDXVIDEO_ASSEMBLY_H
+#define DDXVIDEO_ASSEMBLY_H
+
+#include "h264.h"
+#include "mpeg4.h"
+#include "rtp.h"
+
+struct assembly_frame {
+    const uint8_t *data; /* valid until the next call; CHUNK_PADDING zero bytes behind it */
+    size_t size;
+    enum rtp_type type;
+    bool first;      /* of its source */
+    bool incomplete; /* packets are missing in it */
+    bool damaged;    /* incomplete, or packets or frames just before it are missing */
+    uint32_t time;   /* RTP's */
+    int64_t arrival; /* of its last packet */
+    bool has_count;  /* frame.count and .window: the sender is one of ours */
+    bool has_source; /* frame.capture, .sequence and .number as well */
+    bool derived;    /* these are not from the frame's first packet, which is missing; see derive() */
+    struct rtp_frame frame;
+    unsigned missing; /* whole frames between the one before and this one that never came */
+};
+
+struct assembly {
+    struct chunk chunk;
+    struct assembly_frame frame; /* that is put together */
+    bool open;                   /* a packet of it has come */
+    bool fresh;                  /* no frame of this source was given out yet */
+    uint16_t expected;           /* frame.count of the next frame */
+    struct {                     /* the last frame whose first packet came, for those whose first packet is missing */
+        bool there;
+        uint32_t time; /* RTP's */
+        struct rtp_frame frame;
+    } known;
+    struct h264_unpacker h264;
+    struct mpeg4_unpacker mpeg4;
+};
+
+/* A new source. An assembly starts as 0. */
+void assembly_begin(struct assembly *assembly);
+void assembly_free(struct assembly *assembly);
+
+/* Whether the packet begins another frame than the one that is open, whose last packet is missing then. */
+bool assembly_is_next(const struct assembly *assembly, const struct rtp_packet *packet);
+
+/* Add a packet to the frame; `lost`: packets that are missing before it. False if its payload is malformed. */
+bool assembly_add(struct assembly *assembly, const struct rtp_packet *packet, unsigned lost, int64_t arrival);
+
+/* The frame is whole, or, with `cut`, its last packet is missing. False if none is open. */
+bool assembly_close(struct assembly *assembly, bool cut, struct assembly_frame *frame);
+
+/* Number of the frame that the next packet belongs to, at least; of senders that count their frames. */
+uint16_t assembly_due(const struct assembly *assembly);
+
+#endif
