@@ -10,12 +10,13 @@
 #include <stdint.h>
 
 /*
- * A stream has four ports from an even one on: RTP, RTCP (reports), repair packets, one in reserve; today only the
- * first is used. So a second stream of the same machine goes to port 8004.
+ * A stream has four ports from an even one on: RTP, RTCP (reports), repair packets, one in reserve. So a second stream
+ * of the same machine goes to port 8004.
  */
 #define NETWORK_GROUP "239.255.20.5" /* in the range for use within a site */
 #define NETWORK_PORT 8000
 #define NETWORK_PORTS 4
+#define NETWORK_REPAIR 2 /* the port of repair packets, from the first one on */
 
 #define NETWORK_ERROR_MAX 200
 #define NETWORK_TEXT_MAX 80 /* bytes of an address as text, with the terminating zero */

@@ -12,7 +12,12 @@ _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads 
 /* All pictures in use may have so many times the pixels of the largest one, or so many, if that is more. */
 #define PICTURES 8
 #define PICTURES_LEAST (INT64_C(32) << 20)
-#define PICTURES_BESIDE 4 /* in use beside the reference frames */
+#define PICTURES_BESIDE 5 /* in use beside the reference frames */
+/* A renewal that has begun takes at most so many frames; then another one is asked for. */
+#define RENEWAL 50
+#define SEI 6            /* NAL unit type */
+#define RECOVERY_POINT 6 /* first byte of such a NAL unit: the type of the message in it */
+#define IDR 5            /* NAL unit type */
 
 static bool is_shown(enum AVPixelFormat format) {
     return format == AV_PIX_FMT_YUV420P || format == AV_PIX_FMT_YUVJ420P;
@@ -74,6 +79,7 @@ int decoder_open(struct decoder *decoder, enum rtp_type type, const struct decod
         return AVERROR_DECODER_NOT_FOUND;
     decoder->type = type;
     decoder->limits = *limits;
+    decoder->recovering = decoder->wanting = true;
     decoder->context = avcodec_alloc_context3(codec);
     decoder->picture = av_frame_alloc();
     decoder->next = av_frame_alloc();
@@ -105,6 +111,49 @@ bool decoder_can_begin(enum rtp_type type, const uint8_t *data, size_t size) {
     return false;
 }
 
+/* Whether pictures become whole from this frame on, at once or step by step. */
+static bool renews(enum rtp_type type, const uint8_t *data, size_t size) {
+    struct h264_nal nal;
+
+    if (type == RTP_MPEG4)
+        return decoder_can_begin(type, data, size);
+    for (const uint8_t *at = data; h264_next_nal(&at, data + size, &nal);) {
+        int unit = nal.data[0] & 31;
+
+        if (unit == IDR || (unit == SEI && nal.size > 1 && nal.data[1] == RECOVERY_POINT))
+            return true;
+    }
+    return false;
+}
+
+void decoder_lose(struct decoder *decoder) {
+    if (!decoder->context)
+        return;
+    avcodec_flush_buffers(decoder->context);
+    decoder->joined = false;
+    decoder->recovering = true;
+    decoder_want_renewal(decoder);
+}
+
+void decoder_want_renewal(struct decoder *decoder) {
+    decoder->wanting = true;
+    decoder->frames = 0;
+}
+
+bool decoder_wants_renewal(const struct decoder *decoder) {
+    return decoder->context && decoder->wanting && !decoder->refusal;
+}
+
+/* A frame is decoded: whether a renewal is still wanted after it. */
+static void follow_renewal(struct decoder *decoder, const uint8_t *data, size_t size) {
+    if (renews(decoder->type, data, size)) {
+        decoder->wanting = false;
+        decoder->frames = 0;
+    } else if (decoder->recovering && ++decoder->frames > RENEWAL) {
+        decoder_want_renewal(decoder);
+    }
+}
+
 /* The last picture that the frame gives, should there be several; NULL if none. */
 static const AVFrame *decode(struct decoder *decoder, const uint8_t *data, size_t size) {
     AVFrame *picture = decoder->picture;
@@ -124,6 +173,11 @@ static const AVFrame *decode(struct decoder *decoder, const uint8_t *data, size_
     return found && picture->format >= 0 && picture->data[0] ? picture : NULL;
 }
 
+/* libavcodec's MPEG-4 decoder gives pictures that refer to missing ones. */
+static bool is_whole(const struct decoder *decoder, const AVFrame *picture) {
+    return !decoder->recovering || decoder->type == RTP_H264 || picture->pict_type == AV_PICTURE_TYPE_I;
+}
+
 /* Whether what libavcodec made of the frame can be shown; it is asked again, since others may have told otherwise. */
 static bool take_picture(struct decoder *decoder, const AVFrame *picture) {
     return is_shown(picture->format) ? take_size(decoder, picture->width, picture->height, 1) : refuse_format(decoder);
@@ -140,14 +194,16 @@ const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size
     decoder->refusal = DECODER_SHOWS;
     if (decoder->type == RTP_H264 || take_mpeg4(decoder, data, size))
         picture = decode(decoder, data, size);
-    if (picture && !take_picture(decoder, picture))
+    if (picture && !(take_picture(decoder, picture) && is_whole(decoder, picture)))
         picture = NULL;
+    follow_renewal(decoder, data, size);
     if (decoder->refusal) /* what follows belongs to it, up to the next place where one can begin */
         decoder->joined = false;
     if (!picture) {
         decoder->refusal = decoder->refusal ? decoder->refusal : before;
         return NULL;
     }
+    decoder->recovering = false;
     *damaged = picture->decode_error_flags || picture->flags & AV_FRAME_FLAG_CORRUPT;
     return picture;
 }

@@ -28,7 +28,10 @@ struct decoder {
     AVFrame *picture, *next;
     AVPacket *packet;
     enum rtp_type type;
-    bool joined; /* it has begun at a place where one can begin */
+    bool joined;     /* it has begun at a place where one can begin */
+    bool recovering; /* no whole picture since decoder_open() or decoder_lose() */
+    bool wanting;    /* the sender should renew the picture */
+    unsigned frames; /* while it recovers, since a renewal began */
     struct decoder_limits limits;
     enum decoder_refusal refusal; /* why no picture was given lately */
     int width, height;            /* that were refused */
@@ -44,6 +47,17 @@ void decoder_close(struct decoder *decoder);
  * gives no picture, and decoder->refusal says why, until it, or another one from the same source, can be shown.
  */
 const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged);
+
+/*
+ * Frames before the next one are missing, and pictures that refer to them are not wanted. No picture is given until one
+ * is whole again: with H.264 at the end of a renewal (a recovery point) or at an IDR picture, with MPEG-4 at the next
+ * key frame. The sender is to be asked for a renewal as long as decoder_wants_renewal() is true.
+ */
+void decoder_lose(struct decoder *decoder);
+bool decoder_wants_renewal(const struct decoder *decoder);
+
+/* Pictures with missing parts are wanted, and the next ones as well, but a renewal would be good. */
+void decoder_want_renewal(struct decoder *decoder);
 
 /* Whether a frame brings along what a decoder needs to begin: parameter sets, or a VOL header. */
 bool decoder_can_begin(enum rtp_type type, const uint8_t *data, size_t size);

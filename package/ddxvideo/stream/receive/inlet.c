@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "inlet.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/socket.h>
@@ -22,25 +23,42 @@ const char *inlet_parse(struct inlet *inlet, char *text) {
     return text;
 }
 
+static int open_port(long port, int *fd) {
+    int opened = listen_open((uint16_t)port);
+
+    *fd = opened < 0 ? -1 : opened;
+    return opened < 0 ? opened : 0;
+}
+
 int inlet_open(struct inlet *inlet) {
-    inlet->fd = listen_open((uint16_t)inlet->port);
-    return inlet->fd < 0 ? inlet->fd : 0;
+    return open_port(inlet->port, &inlet->fd[INLET_MEDIA]);
+}
+
+int inlet_open_repair(struct inlet *inlet) {
+    return open_port(inlet->port + NETWORK_REPAIR, &inlet->fd[INLET_REPAIR]);
 }
 
 int inlet_join(struct inlet *inlet) {
     if (inlet->joined || !inlet->group)
         return 0;
-    int error = listen_join(inlet->fd, &inlet->address, inlet->interface);
-    inlet->joined = !error;
-    return error;
+    for (int port = 0; port < INLET_PORTS; port++) {
+        int error = inlet->fd[port] < 0 ? 0 : listen_join(inlet->fd[port], &inlet->address, inlet->interface);
+
+        if (error && error != -EADDRINUSE) /* joined by an earlier attempt */
+            return error;
+    }
+    inlet->joined = true;
+    return 0;
 }
 
 void inlet_close(struct inlet *inlet) {
-    if (inlet->fd >= 0)
-        close(inlet->fd);
-    inlet->fd = -1;
+    for (int port = 0; port < INLET_PORTS; port++) {
+        if (inlet->fd[port] >= 0)
+            close(inlet->fd[port]);
+        inlet->fd[port] = -1;
+    }
 }
 
-ssize_t inlet_read(struct inlet *inlet, void *data, size_t size) {
-    return recv(inlet->fd, data, size, MSG_TRUNC);
+ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size) {
+    return recv(inlet->fd[port], data, size, MSG_TRUNC);
 }

@@ -7,7 +7,8 @@
 
 int main(int argc, char **argv) {
     bool list = false;
-    static struct viewer viewer = {.inlet = {.fd = -1, .group = NETWORK_GROUP, .port = NETWORK_PORT}, .patience = 20};
+    static struct viewer viewer = {.inlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT},
+                                   .patience = 20};
     const struct option_entry options[] = {
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &viewer.inlet.port, 2, 65532},
         {"group", "ADDRESS", "multicast group, IPv4 or IPv6 (default: " NETWORK_GROUP "), or none", OPTION_TEXT,
@@ -19,8 +20,9 @@ int main(int argc, char **argv) {
          &viewer.output.name, 0, 0},
         {"record", "FILE", "record the stream as it comes, as .avi or .mkv", OPTION_TEXT, &viewer.movie.path, 0, 0},
         {"print", NULL, "a line for each frame shown: its number, its latency", OPTION_FLAG, &viewer.print, 0, 0},
-        {"reorder", "MS", "wait so long for a packet that others overtook (default: 20)", OPTION_NUMBER,
-         &viewer.patience, 0, 1000},
+        {"conceal", NULL, "show damaged frames at once", OPTION_FLAG, &viewer.conceal, 0, 0},
+        {"reorder", "MS", "wait so long for a packet that others overtook, where nothing repairs (default: 20)",
+         OPTION_NUMBER, &viewer.patience, 0, 1000},
         {"list", NULL, "print the streams that are announced in the network, after 6 seconds", OPTION_FLAG, &list, 0,
          0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
@@ -29,12 +31,14 @@ int main(int argc, char **argv) {
     viewer.program = (struct program){
         .name = "decode",
         .purpose = "Receives a stream of ddxvideosend, from its multicast group or sent to this machine alone, and\n"
-                   "shows each frame as soon as its last packet is there. Missing packets leave marks in the picture\n"
-                   "that are gone after a second or two; a restarted sender is followed.",
+                   "shows each frame as soon as its last packet is there. Missing packets are restored from repair\n"
+                   "packets, on port + 2; meanwhile the last good picture stays. With -conceal, missing packets leave\n"
+                   "marks in the picture, until the sender renews it. A restarted sender is followed.",
         .notes =
             "The latency is from the capture to the picture; between two machines it is as right as their clocks\n"
-            "agree. Counters: lost.network = no packet of the frame came, lost.join = before the first frame that\n"
-            "can be shown, lost.decode = nothing in what came that can be shown. Packets: item `<instance>.packets`.\n"
+            "agree. Counters: lost.network = packets of the frame were lost, lost.join = before the first frame that\n"
+            "can be shown, lost.refresh = refers to lost frames, lost.decode = nothing in it can be shown,\n"
+            "lost.newer = a newer frame took its place on the screen. Packets: item `<instance>.packets`.\n"
             "The window closes on q and Escape.",
         .options = options,
     };

@@ -8,17 +8,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { LOST_NETWORK, LOST_JOIN, LOST_DECODE, LOST_STORE };
-static const char *const reasons[] = {"network", "join", "decode", "store", NULL};
+#include "show.h"
+
+static const char *const reasons[] = VIEWER_REASONS;
 static const char *const names[] = {INTAKE_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
-#define IDLE (100 * MS)  /* look up at least so often, */
-#define WINDOW (10 * MS) /* with a window */
+#define IDLE (100 * MS)                   /* look up at least so often, */
+#define WINDOW (10 * MS)                  /* with a window */
 #define PIXELS_MAX (INT64_C(4096) * 4096) /* of a picture that no store has to hold */
-#define SAID_STORE 31                     /* a bit beside those of enum decoder_refusal */
-#define BATCH 1024       /* packets, more than the socket holds: who floods us does not keep us from the rest */
+#define BATCH 64                          /* packets of each port: floods do not keep decode from its other work */
+#define ALL 1024                          /* packets, more than the sockets hold */
 
 static void fail(struct viewer *viewer, const char *what, const char *why) {
     say("%s: %s", what, why);
@@ -27,81 +28,6 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 }
 
 /* ---- Frames ---- */
-
-/* When the frame was captured, on this machine's monotonic clock; the wall clocks of both have to agree. */
-static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct assembly_frame *frame) {
-    int64_t wall_offset = ddxvideo_wall_offset();
-    struct ddxvideo_stamp stamp = {.time = frame->arrival, .wall_offset = wall_offset};
-
-    if (frame->has_source) {
-        stamp.frame = (int)(frame->frame.number & INT32_MAX);
-        stamp.time = frame->frame.capture - wall_offset;
-        stamp.source_sequence = frame->frame.sequence;
-    }
-    DDX_STATS stats;
-    ddx_stats_get(viewer->book, &stats);
-    stamp.source_lost = (int64_t)(stats.in - stats.out);
-    return stamp;
-}
-
-/* Once a source: the network must not fill the log. */
-static bool says_first(struct viewer *viewer, unsigned bit) {
-    bool first = !(viewer->said & 1u << bit);
-
-    viewer->said |= 1u << bit;
-    return first;
-}
-
-static void say_refusal(struct viewer *viewer) {
-    const struct decoder *decoder = &viewer->decoder;
-    char limit[80] = "";
-
-    if (!decoder->refusal || !says_first(viewer, decoder->refusal))
-        return;
-    snprintf(limit, sizeof limit, "more than %" PRId64 " pixels%s", viewer->limits.pixels,
-             viewer->output.name ? ", what the store can hold" : "");
-    const char *why = decoder->refusal == DECODER_SIZE     ? limit
-                      : decoder->refusal == DECODER_FRAMES ? "it wants too many reference frames of this size"
-                      : decoder->refusal == DECODER_ODD    ? "the store needs an even width and height"
-                                                           : "it is not 8-bit 4:2:0";
-    if (decoder->refusal == DECODER_FORMAT)
-        say("a stream that cannot be shown: %s; its frames count as lost.decode", why);
-    else
-        say("a stream of %dx%d that cannot be shown: %s; its frames count as lost.decode", decoder->width,
-            decoder->height, why);
-}
-
-static void say_store(struct viewer *viewer, int error) {
-    if (output_is_refused(error)) {
-        if (says_first(viewer, SAID_STORE))
-            say("%s: the store refuses the pictures: %s; trying again", viewer->output.name, ddx_error_text(error));
-        return;
-    }
-    if (error && !viewer->said_store) /* it hangs, or is started anew: it will be back */
-        say("%s: the store does not answer; trying again", viewer->output.name);
-    viewer->said_store = error != 0;
-}
-
-static void show(struct viewer *viewer, const struct assembly_frame *frame, const AVFrame *picture, bool damaged) {
-    struct ddxvideo_stamp stamp = stamp_of(viewer, frame);
-    int error = output_write(&viewer->output, viewer->id, picture, viewer->decoder.context->framerate, &stamp);
-
-    say_store(viewer, error);
-    const char *wrong = viewer->display ? display_show(viewer->display, picture) : NULL;
-    if (wrong)
-        fail(viewer, "window", wrong);
-    int64_t latency = ddx_time_now() - stamp.time;
-    if (error && !viewer->display) {
-        ddx_stats_lost(viewer->book, output_is_refused(error) ? LOST_DECODE : LOST_STORE, 1);
-        return;
-    }
-    ddx_stats_out(viewer->book, 1, latency);
-    if (viewer->print) {
-        printf("frame %d sequence %" PRId64 " latency_us %" PRId64 "%s\n", stamp.frame, stamp.source_sequence,
-               latency / 1000, damaged ? " damaged" : "");
-        fflush(stdout);
-    }
-}
 
 static void record(struct viewer *viewer, const struct assembly_frame *frame) {
     int64_t time = frame->has_source ? frame->frame.capture : frame->arrival;
@@ -123,6 +49,32 @@ static void begin_source(struct viewer *viewer, const struct assembly_frame *fra
     say("receiving %s, SSRC %08" PRIx32, frame->type == RTP_H264 ? "H.264" : "MPEG-4", viewer->intake.ssrc);
 }
 
+/* The frame's picture; NULL if it gives none, or none that is wanted. */
+static const AVFrame *decode(struct viewer *viewer, const struct assembly_frame *frame, bool *damaged) {
+    struct decoder *decoder = &viewer->decoder;
+
+    if (frame->damaged && viewer->conceal)
+        decoder_want_renewal(decoder);
+    else if (frame->damaged)
+        decoder_lose(decoder);
+    if (frame->incomplete && !viewer->conceal)
+        return NULL;
+    return decoder_decode(decoder, frame->data, frame->size, damaged);
+}
+
+/* Why there is no picture of the frame. */
+static enum viewer_loss loss_of(const struct viewer *viewer, const struct assembly_frame *frame) {
+    const struct decoder *decoder = &viewer->decoder;
+
+    if (!frame->size)
+        return LOST_NETWORK;
+    if (!viewer->shown && !decoder->refusal)
+        return LOST_JOIN;
+    if (frame->incomplete && !viewer->conceal)
+        return LOST_NETWORK;
+    return decoder->recovering && !decoder->refusal ? LOST_REFRESH : LOST_DECODE;
+}
+
 static void handle(struct viewer *viewer, const struct assembly_frame *frame) {
     bool damaged = false;
 
@@ -130,20 +82,25 @@ static void handle(struct viewer *viewer, const struct assembly_frame *frame) {
         begin_source(viewer, frame);
     ddx_stats_in(viewer->book, 1 + frame->missing, 0);
     ddx_stats_lost(viewer->book, LOST_NETWORK, frame->missing);
-    const AVFrame *picture = viewer->done ? NULL : decoder_decode(&viewer->decoder, frame->data, frame->size, &damaged);
+    const AVFrame *picture = viewer->done ? NULL : decode(viewer, frame, &damaged);
     if (!viewer->done)
         record(viewer, frame);
     if (picture) {
         viewer->shown = true;
-        show(viewer, frame, picture, damaged || frame->damaged);
+        show_picture(viewer, frame, picture, damaged || (frame->damaged && viewer->conceal));
     } else {
-        bool begun = viewer->shown || viewer->decoder.refusal;
-
-        ddx_stats_lost(viewer->book, !frame->size ? LOST_NETWORK : begun ? LOST_DECODE : LOST_JOIN, 1);
-        say_refusal(viewer);
+        ddx_stats_lost(viewer->book, loss_of(viewer, frame), 1);
+        show_refusal(viewer);
     }
     ddx_stats_write(viewer->book);
     counters_write(&viewer->counters);
+}
+
+static void put_on_screen(struct viewer *viewer) {
+    const char *wrong = show_newest(viewer);
+
+    if (wrong)
+        fail(viewer, "window", wrong);
 }
 
 /* ---- Packets ---- */
@@ -155,13 +112,28 @@ static void take_frames(struct viewer *viewer) {
         handle(viewer, &frame);
 }
 
-static void read_packets(struct viewer *viewer) {
+/* A datagram that came to one of the ports. False if there is none. */
+static bool read_packet(struct viewer *viewer, enum inlet_port port) {
     uint8_t data[RTP_DATAGRAM_MAX];
-    ssize_t size;
+    ssize_t size = inlet_read(&viewer->inlet, port, data, sizeof data);
 
-    for (int i = 0; i < BATCH && (size = inlet_read(&viewer->inlet, data, sizeof data)) >= 0; i++) {
+    if (size < 0)
+        return false;
+    if (port == INLET_MEDIA)
         intake_put(&viewer->intake, data, (size_t)size, ddx_time_now());
-        take_frames(viewer);
+    else
+        intake_put_repair(&viewer->intake, data, (size_t)size);
+    take_frames(viewer);
+    return true;
+}
+
+/* The ports by turns, so that a flood on one of them keeps no packet of the other one waiting. */
+static void read_packets(struct viewer *viewer, int most) {
+    bool media = true, repair = true;
+
+    for (int i = 0; i < most && (media || repair); i++) {
+        media = read_packet(viewer, INLET_MEDIA);
+        repair = read_packet(viewer, INLET_REPAIR);
     }
 }
 
@@ -179,30 +151,34 @@ static void join(struct viewer *viewer) {
 }
 
 static void wait_for_packets(const struct viewer *viewer) {
-    struct pollfd wanted = {.fd = viewer->inlet.fd, .events = POLLIN};
+    struct pollfd wanted[INLET_PORTS];
     int64_t now = ddx_time_now(), limit = viewer->display ? WINDOW : IDLE;
     int64_t until = intake_deadline(&viewer->intake);
     int64_t wait = until <= now ? 0 : until - now < limit ? until - now : limit;
     const struct timespec timeout = {.tv_nsec = (long)wait};
 
-    ppoll(&wanted, 1, &timeout, NULL);
+    for (int port = 0; port < INLET_PORTS; port++)
+        wanted[port] = (struct pollfd){.fd = viewer->inlet.fd[port], .events = POLLIN};
+    ppoll(wanted, INLET_PORTS, &timeout, NULL);
 }
 
 static void view(struct viewer *viewer) {
     while (!program_stopping() && !viewer->done) {
         join(viewer);
         wait_for_packets(viewer);
-        read_packets(viewer);
+        read_packets(viewer, BATCH);
         take_frames(viewer);
+        put_on_screen(viewer);
         if (viewer->display && !display_tick(viewer->display))
             viewer->done = true;
         program_tick(viewer->book);
     }
     /* What was there before we were told to stop; also what waits for a packet that comes no more. */
-    read_packets(viewer);
+    read_packets(viewer, ALL);
     struct assembly_frame frame;
     while (intake_take_last(&viewer->intake, &frame))
         handle(viewer, &frame);
+    put_on_screen(viewer);
 }
 
 /* ---- Start and end ---- */
@@ -247,8 +223,15 @@ static bool prepare(struct viewer *viewer) {
         viewer->status = EXIT_FAILED;
         return false;
     }
+    error = inlet_open_repair(&viewer->inlet);
+    if (error)
+        say("port %ld: %s; going on without repair packets", viewer->inlet.port + NETWORK_REPAIR, strerror(-error));
+    intake_init(&viewer->intake, viewer->patience * MS, !viewer->conceal && !error);
     if (!viewer->headless && !(viewer->display = display_open(viewer->program.instance, &wrong)))
         say("no window: %s; going on without one, as with -headless", wrong);
+    viewer->newest.picture = av_frame_alloc();
+    if (!viewer->newest.picture)
+        return false;
     if (!attach(viewer))
         return false;
     find_limits(viewer);
@@ -262,7 +245,6 @@ int viewer_run(struct viewer *viewer) {
         return EXIT_USAGE;
     }
     av_log_set_level(AV_LOG_FATAL); /* what arrives may be anything */
-    intake_init(&viewer->intake, viewer->patience * MS, true);
     viewer->counters = (struct counters){
         .instance = viewer->program.instance, .names = names, .values = viewer->intake.count, .count = INTAKE_COUNTS};
     if (prepare(viewer))
@@ -278,6 +260,7 @@ int viewer_run(struct viewer *viewer) {
     ddx_stats_close(viewer->book);
     output_close(&viewer->output);
     ddx_store_close(viewer->id);
+    av_frame_free(&viewer->newest.picture);
     display_close(viewer->display);
     decoder_close(&viewer->decoder);
     intake_free(&viewer->intake);

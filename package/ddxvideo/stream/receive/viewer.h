@@ -11,12 +11,25 @@
 #include "output.h"
 #include "program.h"
 
+enum viewer_loss { LOST_NETWORK, LOST_JOIN, LOST_REFRESH, LOST_DECODE, LOST_STORE, LOST_NEWER };
+#define VIEWER_REASONS {"network", "join", "refresh", "decode", "store", "newer", NULL}
+
+/* The newest picture, on its way to the screen. */
+struct newest {
+    AVFrame *picture;
+    struct ddxvideo_stamp stamp;
+    bool damaged;
+    bool waits;   /* it is not on the screen */
+    bool counted; /* as shown */
+};
+
 struct viewer {
     /* what to do */
     struct program program;
     struct inlet inlet;
     long patience; /* ms that a packet waits for one before it */
     bool headless, print;
+    bool conceal; /* show damaged pictures */
     const char *record; /* file, or NULL */
     struct output_item output;
     /* how it stands */
@@ -26,6 +39,7 @@ struct viewer {
     struct intake intake;
     struct decoder decoder;
     struct display *display; /* NULL: headless */
+    struct newest newest;
     struct movie movie;
     bool shown;      /* a picture of the present source was */
     int64_t joining; /* when to try to join the group again */
