@@ -6,7 +6,7 @@ WHAT: drop, duplicate, reorder (a packet that up to three later ones overtake), 
 foreign (an H.264 packet of another source, or another payload type), garbage (no RTP). `copy=FILE` keeps what came.
 
 At first everything passes. USR1 begins the mischief, and `bad` is printed; USR1 again ends it, and `good` is printed
-when what waited has gone on. TERM: prints what it did, as JSON.
+when what waited has gone on. TERM: prints what it did, as JSON. What comes from TO, reports, goes back to the sender.
 """
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ class Relay:
         self.inlet = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.inlet.bind(("127.0.0.1", source))
         self.target = ("127.0.0.1", target)
+        self.sender: tuple[str, int] | None = None
         self.random = random.Random(seed)
         self.percent = {"drop": 0.0, "duplicate": 0.0, "reorder": 0.0, "delay": 0.0, "foreign": 0.0, "garbage": 0.0}
         self.copy = None
@@ -65,6 +66,14 @@ class Relay:
             return b"\x80" + self.random.randbytes(self.random.randint(0, 10))
         return bytes([self.random.getrandbits(7)]) + self.random.randbytes(self.random.randint(0, 1400))
 
+    def receive(self) -> None:
+        packet, source = self.inlet.recvfrom(65536)
+        if source != self.target:
+            self.sender = source
+            self.handle(packet)
+        elif self.sender:
+            self.inlet.sendto(packet, self.sender)
+
     def handle(self, packet: bytes) -> None:
         self.did["came"] += 1
         if self.copy:
@@ -99,7 +108,7 @@ class Relay:
         while not (self.ended and idle):  # what came before TERM goes on
             self.inlet.settimeout(0.002 if self.held or self.ended else 0.05)
             try:
-                self.handle(self.inlet.recv(65536))
+                self.receive()
                 idle = False
             except TimeoutError:
                 idle = True

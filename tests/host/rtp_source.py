@@ -75,7 +75,7 @@ def large_mpeg4(width: int, height: int) -> bytes:
     return b"\0\0\1\xb0\1\0\0\1\xb5\x09\0\0\1\0\0\0\1\x20" + vol.bytes() + b"\0\0\1\xb6" + vop.bytes(noise)
 
 
-def _payloads(codec: int, frame: bytes) -> list[bytes]:
+def payloads(codec: int, frame: bytes) -> list[bytes]:
     """RFC 6184, 5.6 and 5.8; RFC 6416, where any cut is allowed."""
     if codec == MPEG4:
         return [frame[at:at + LARGEST] for at in range(0, len(frame), LARGEST)]
@@ -103,9 +103,9 @@ class Source:
         out = b""
         for frame in frames:
             self.time += 3600
-            payloads = _payloads(self.codec, frame)
-            for number, payload in enumerate(payloads):
-                marker = 0x80 * (number == len(payloads) - 1)
+            parts = payloads(self.codec, frame)
+            for number, payload in enumerate(parts):
+                marker = 0x80 * (number == len(parts) - 1)
                 head = struct.pack(">BBHII", 0x80, marker | self.codec, self.sequence & 0xffff, self.time, self.ssrc)
                 self.sequence += 1
                 out += struct.pack(">H", len(head + payload)) + head + payload

@@ -59,6 +59,9 @@ void inlet_close(struct inlet *inlet) {
     }
 }
 
-ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size) {
-    return recv(inlet->fd[port], data, size, MSG_TRUNC);
+ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size,
+                   struct sockaddr_storage *from) {
+    socklen_t length = sizeof *from;
+
+    return recvfrom(inlet->fd[port], data, size, MSG_TRUNC, (struct sockaddr *)from, &length);
 }

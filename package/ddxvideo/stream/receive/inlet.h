@@ -30,7 +30,11 @@ void inlet_close(struct inlet *inlet);
 /* Join the group unless that is done: to be tried again while there is no network. 0 or -errno. */
 int inlet_join(struct inlet *inlet);
 
-/* A datagram, without waiting: its size, which may be more than `size`; -1 if there is none. */
-ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size);
+/*
+ * A datagram, without waiting: its size, which may be more than `size`, and its sender, as sendto() takes it for the
+ * same socket; -1 if there is none.
+ */
+ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size,
+                   struct sockaddr_storage *from);
 
 #endif

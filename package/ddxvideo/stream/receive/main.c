@@ -21,6 +21,8 @@ int main(int argc, char **argv) {
         {"record", "FILE", "record the stream as it comes, as .avi or .mkv", OPTION_TEXT, &viewer.movie.path, 0, 0},
         {"print", NULL, "a line for each frame shown: its number, its latency", OPTION_FLAG, &viewer.print, 0, 0},
         {"conceal", NULL, "show damaged frames at once", OPTION_FLAG, &viewer.conceal, 0, 0},
+        {"silent", NULL, "send no reports, on a machine that must not transmit", OPTION_FLAG, &viewer.answer.silent, 0,
+         0},
         {"reorder", "MS", "wait so long for a packet that others overtook, where nothing repairs (default: 20)",
          OPTION_NUMBER, &viewer.patience, 0, 1000},
         {"list", NULL, "print the streams that are announced in the network, after 6 seconds", OPTION_FLAG, &list, 0,
@@ -33,7 +35,8 @@ int main(int argc, char **argv) {
         .purpose = "Receives a stream of ddxvideosend, from its multicast group or sent to this machine alone, and\n"
                    "shows each frame as soon as its last packet is there. Missing packets are restored from repair\n"
                    "packets, on port + 2; meanwhile the last good picture stays. With -conceal, missing packets leave\n"
-                   "marks in the picture, until the sender renews it. A restarted sender is followed.",
+                   "marks in the picture, until the sender renews it. A restarted sender is followed. The sender\n"
+                   "is sent reports on what is missing.",
         .notes =
             "The latency is from the capture to the picture; between two machines it is as right as their clocks\n"
             "agree. Counters: lost.network = packets of the frame were lost, lost.join = before the first frame that\n"

@@ -11,7 +11,7 @@
 #include "show.h"
 
 static const char *const reasons[] = VIEWER_REASONS;
-static const char *const names[] = {INTAKE_NAMES};
+static const char *const names[] = {INTAKE_NAMES, ANSWER_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
@@ -28,6 +28,12 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 }
 
 /* ---- Frames ---- */
+
+static void show_counters(struct viewer *viewer) {
+    memcpy(viewer->packets, viewer->intake.count, sizeof viewer->intake.count);
+    memcpy(viewer->packets + INTAKE_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
+    counters_write(&viewer->counters);
+}
 
 static void record(struct viewer *viewer, const struct assembly_frame *frame) {
     int64_t time = frame->has_source ? frame->frame.capture : frame->arrival;
@@ -93,7 +99,7 @@ static void handle(struct viewer *viewer, const struct assembly_frame *frame) {
         show_refusal(viewer);
     }
     ddx_stats_write(viewer->book);
-    counters_write(&viewer->counters);
+    show_counters(viewer);
 }
 
 static void put_on_screen(struct viewer *viewer) {
@@ -115,14 +121,17 @@ static void take_frames(struct viewer *viewer) {
 /* A datagram that came to one of the ports. False if there is none. */
 static bool read_packet(struct viewer *viewer, enum inlet_port port) {
     uint8_t data[RTP_DATAGRAM_MAX];
-    ssize_t size = inlet_read(&viewer->inlet, port, data, sizeof data);
+    struct sockaddr_storage from;
+    ssize_t came = inlet_read(&viewer->inlet, port, data, sizeof data, &from);
+    size_t size = (size_t)came;
+    int64_t now = ddx_time_now();
 
-    if (size < 0)
+    if (came < 0)
         return false;
-    if (port == INLET_MEDIA)
-        intake_put(&viewer->intake, data, (size_t)size, ddx_time_now());
-    else
-        intake_put_repair(&viewer->intake, data, (size_t)size);
+    if (port == INLET_REPAIR && intake_put_repair(&viewer->intake, data, size))
+        answer_repair(&viewer->answer, data, size, now);
+    if (port == INLET_MEDIA && intake_put(&viewer->intake, data, size, now))
+        answer_media(&viewer->answer, data, size, &from, now);
     take_frames(viewer);
     return true;
 }
@@ -153,7 +162,9 @@ static void join(struct viewer *viewer) {
 static void wait_for_packets(const struct viewer *viewer) {
     struct pollfd wanted[INLET_PORTS];
     int64_t now = ddx_time_now(), limit = viewer->display ? WINDOW : IDLE;
-    int64_t until = intake_deadline(&viewer->intake);
+    int64_t gap = intake_deadline(&viewer->intake);
+    int64_t report = answer_deadline(&viewer->answer, &viewer->intake.restore);
+    int64_t until = gap < report ? gap : report;
     int64_t wait = until <= now ? 0 : until - now < limit ? until - now : limit;
     const struct timespec timeout = {.tv_nsec = (long)wait};
 
@@ -162,12 +173,18 @@ static void wait_for_packets(const struct viewer *viewer) {
     ppoll(wanted, INLET_PORTS, &timeout, NULL);
 }
 
+static void report(struct viewer *viewer) {
+    answer_send(&viewer->answer, viewer->inlet.fd[INLET_MEDIA], &viewer->intake.restore,
+                decoder_wants_renewal(&viewer->decoder), ddx_time_now());
+}
+
 static void view(struct viewer *viewer) {
     while (!program_stopping() && !viewer->done) {
         join(viewer);
         wait_for_packets(viewer);
         read_packets(viewer, BATCH);
         take_frames(viewer);
+        report(viewer);
         put_on_screen(viewer);
         if (viewer->display && !display_tick(viewer->display))
             viewer->done = true;
@@ -244,11 +261,15 @@ int viewer_run(struct viewer *viewer) {
         say("-instance %s: %s", viewer->program.instance, ddx_error_text(-errno));
         return EXIT_USAGE;
     }
+    viewer->answer.ssrc = (uint32_t)program_random();
     av_log_set_level(AV_LOG_FATAL); /* what arrives may be anything */
-    viewer->counters = (struct counters){
-        .instance = viewer->program.instance, .names = names, .values = viewer->intake.count, .count = INTAKE_COUNTS};
+    viewer->counters = (struct counters){.instance = viewer->program.instance,
+                                         .names = names,
+                                         .values = viewer->packets,
+                                         .count = INTAKE_COUNTS + ANSWER_COUNTS};
     if (prepare(viewer))
         view(viewer);
+    show_counters(viewer);
     int error = movie_close(&viewer->movie);
     if (error < 0) {
         say("%s: %s", viewer->movie.path, av_err2str(error));

@@ -2,6 +2,7 @@
 #ifndef DDXVIDEO_VIEWER_H
 #define DDXVIDEO_VIEWER_H
 
+#include "answer.h"
 #include "counters.h"
 #include "decoder.h"
 #include "display.h"
@@ -36,7 +37,9 @@ struct viewer {
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;
+    uint64_t packets[INTAKE_COUNTS + ANSWER_COUNTS]; /* what the counters show */
     struct intake intake;
+    struct answer answer;
     struct decoder decoder;
     struct display *display; /* NULL: headless */
     struct newest newest;

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Reports to the sender of the source that is followed: to the address from which its media packets come, so that they
+ * pass a router with address translation. Nothing here waits.
+ */
+#ifndef DDXVIDEO_ANSWER_H
+#define DDXVIDEO_ANSWER_H
+
+#include "intake.h"
+#include "network.h"
+#include "reporter.h"
+
+enum answer_count { ANSWER_REPORTS, ANSWER_LOST, ANSWER_COUNTS };
+#define ANSWER_NAMES "reports", "reports_lost"
+
+struct answer {
+    bool silent;   /* nothing is sent */
+    uint32_t ssrc; /* of this receiver */
+    uint64_t count[ANSWER_COUNTS];
+    /* how it stands */
+    bool known; /* the source is one of ours, and this is where it sends from: */
+    struct sockaddr_storage to;
+    struct reporter reporter; /* of the source with this SSRC */
+};
+
+/* A media packet of the source that is followed came, neither late nor a duplicate. */
+void answer_media(struct answer *answer, const uint8_t *data, size_t size, const struct sockaddr_storage *from,
+                  int64_t now);
+
+/* One of its repair packets came. */
+void answer_repair(struct answer *answer, const uint8_t *data, size_t size, int64_t now);
+
+/* Send the report that is due, if one is, through this socket. `refresh`: ask for a renewal of the picture with it. */
+void answer_send(struct answer *answer, int fd, const struct restore *restore, bool refresh, int64_t now);
+
+/* When a report is due though no packet comes; INT64_MAX if never. */
+int64_t answer_deadline(const struct answer *answer, const struct restore *restore);
+
+#endif
