@@ -20,6 +20,7 @@ SECONDS = 10.0  # of the clip
 ONSET, SETTLED = 1.0, 2.0  # s after the first frame: the loss begins, and what counts begins
 JOIN = 2.0  # s after the first frame: a receiver joins
 TAIL = 5  # frames
+PAUSE_MS, LATE_MS = 120, 20
 RECOVERY = 0.5  # s after the onset of the loss, from which frames have to be usable again
 CLEAN = "clean"
 COLUMNS: dict[str, Pattern] = {"every 3rd": EveryThird(), "iid 10": Iid(0.1), "iid 30": Iid(0.3),
@@ -76,6 +77,15 @@ class Take:
         numbers = [number for number, written in sorted(self.views[0].written.items()) if written >= self.settled]
         return numbers[:-TAIL]
 
+    def pause_ms(self) -> float:
+        """The longest time between two frames of the robot's."""
+        times = sorted(self.views[0].written.values())
+        return max((after - before for before, after in zip(times, times[1:])), default=0) / 1e6
+
+    def disturbed(self) -> bool:
+        """The machine was too busy: the robot's frames did not come in time, or the relay did not pass packets on."""
+        return self.pause_ms() > PAUSE_MS or self.wire["late_ms"] > LATE_MS or self.wire["overrun"] > 0
+
 
 def rate(before: Way, after: Way, seconds: float) -> float:
     """kbit/s, IP and UDP headers included"""
@@ -131,7 +141,8 @@ def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
     frames = found.frames()
     each = [figures(view, clean, frames) for view in found.views]
     row: dict[str, Any] = {**dataclasses.asdict(found.case), "deadline_ms": found.views[0].deadline_ms,
-                           "frames": len(frames)}
+                           "frames": len(frames),
+                           "pause_ms": found.pause_ms()}
     row |= {key: mean([one[key] for one in each]) for key in each[0]}
     row["usable_worst"] = min(one["usable"] for one in each)
     if found.case.join:
