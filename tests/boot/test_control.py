@@ -87,7 +87,7 @@ def test_what_cannot_be_meant_is_told_and_not_tried_again(guest: Guest, lines: s
     ("add ddxvideosend.rear rear", "'rear' is not key=value"),
     ("add ddxvideosend.rear port=99999", "-port 99999: a number from 2 to 65532 is needed"),
     ("add ddxvideosend.rear codec=h265", "-codec h265: h264 or mpeg4 is needed"),
-    ("add ddxvideosend.rear speed=9", "there are: name codec bitrate port "),
+    ("add ddxvideosend.rear speed=9", "there are: name codec wire bitrate "),
     ("remove store", "is the image's"),
     ("reset", "needs a word: settings or everything"),
     ("reset all", "needs a word: settings or everything"),

@@ -61,9 +61,10 @@ def test_what_waits_at_the_end(stream: Stream, clip: pathlib.Path) -> None:
         process.send_signal(signal.SIGCONT)
         results += finish(process)
     (_, _, sent), (lines, _, shown) = results
-    assert (sent["in"], sent["out"], sent["lost"]["store"]) == (FRAMES, 2, FRAMES - 2)
-    assert (shown["in"], shown["out"]) == (2, 2)
-    assert printed(lines) == [0, FRAMES - 1]
+    # It stood still when it counted the first frame, perhaps with the second one on its way.
+    assert sent["in"] == FRAMES == sent["out"] + sent["lost"]["store"] and sent["out"] in (2, 3)
+    assert shown["in"] == shown["out"] == sent["out"]
+    assert printed(lines) == [0, 1][:sent["out"] - 1] + [FRAMES - 1]
 
 
 def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:

@@ -30,7 +30,7 @@ def root() -> pathlib.Path:
 def newer(root: pathlib.Path, tmp_path: pathlib.Path) -> pathlib.Path:
     """Another image's, with another opinion of what is on, and at which bit rate."""
     subprocess.run(["cp", "-a", root, tmp_path / "newer"], check=True)
-    for name, old, new in ((SAVE, "segment=256", "segment=64"), (SEND, "bitrate=400", "bitrate=321")):
+    for name, old, new in ((SAVE, "segment=256", "segment=64"), (SEND, "wire=400", "wire=321")):
         file = tmp_path / "newer/etc/default" / name
         assert file.read_text().count(f"{old}\n") == 1
         file.write_text(file.read_text().replace(old, new))
@@ -76,7 +76,7 @@ def test_a_toggle_holds_now_after_a_boot_and_in_another_image(root: pathlib.Path
         robot.sh(f"ddxctl enable {SAVE} && ddxctl enable {SEND} && ddxctl remove {REAR}")
         runs(robot, SAVE)
         runs(robot, SEND)
-        assert "-segment 64" in command(robot, SAVE) and "-bitrate 321" in command(robot, SEND)
+        assert "-segment 64" in command(robot, SAVE) and "-wire 321" in command(robot, SEND)
         assert REAR not in services(robot)
 
 

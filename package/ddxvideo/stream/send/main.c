@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* ddxvideosend: a video item of the store to the network. */
+#include <stdlib.h>
 #include <string.h>
 
 #include "sender.h"
+
+#define RATIO_MAX 4
 
 /* What is wrong with -ts, or NULL. A stream that takes a key would have to refuse it, too: nothing encrypts MPEG-TS. */
 static const char *check_ts(const struct sender *sender) {
@@ -17,16 +20,30 @@ static const char *check_ts(const struct sender *sender) {
     return ts_is_possible() ? NULL : "this takes a ddxvideosend with libavformat, and its format mpegts";
 }
 
+static bool parse_repair(struct sender *sender, const char *text) {
+    char *end;
+
+    sender->repairs = strcmp(text, "off") != 0;
+    sender->ratio = sender->repairs ? strtod(text, &end) : 0;
+    return !sender->repairs || (end != text && !*end && sender->ratio >= 0 && sender->ratio <= RATIO_MAX);
+}
+
 int main(int argc, char **argv) {
-    const char *codec = "h264", *preset = "superfast", *sap = "yes";
-    struct sender sender = {
+    const char *codec = "h264", *preset = "superfast", *sap = "yes", *repair = "0";
+    static struct sender sender = {
         .name = "video",
-        .bitrate = 400,
+        .wire = 400,
+        .bitrate = 100000,
         .outlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
-        {"bitrate", "KBIT", "kbit/s of encoded video (default: 400)", OPTION_NUMBER, &sender.bitrate, 16, 100000},
+        {"wire", "KBIT", "kbit/s of all that a receiver is sent, IP headers included (default: 400)",
+         OPTION_NUMBER, &sender.wire, 50, 100000},
+        {"bitrate", "KBIT", "kbit/s of encoded video, at most (default: what -wire leaves)", OPTION_NUMBER,
+         &sender.bitrate, 16, 100000},
+        {"repair", "RATIO", "repair packets a packet where no receiver reports, 0 to 4 (default: 0); off",
+         OPTION_TEXT, &repair, 0, 0},
         {"preset", "PRESET", "of H.264: superfast, or ultrafast for slow processors (default: superfast)", OPTION_TEXT,
          &preset, 0, 0},
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &sender.outlet.port, 2, 65532},
@@ -54,8 +71,9 @@ int main(int argc, char **argv) {
                    "while another is being encoded takes its turn only if no newer one has come.",
         .notes = "PORT is for RTP; the three behind it are reserved for this stream (reports, repair packets), so a\n"
                  "second stream goes to PORT + 4. Counters: lost.store = a newer frame came before it was read,\n"
-                 "lost.encode = the encoder failed, lost.network = no receiver was sent the whole frame. Packets and\n"
-                 "why they did not go out: item `<instance>.packets`.",
+                 "lost.encode = the encoder failed, lost.network = no receiver was sent the whole frame,\n"
+                 "lost.rate = -wire had nothing left for it. Packets and why they did not go out: item\n"
+                 "`<instance>.packets`.",
         .options = options,
     };
     program_start(&sender.program, argc, argv);
@@ -68,6 +86,10 @@ int main(int argc, char **argv) {
     sender.fast = !strcmp(preset, "ultrafast");
     if (!sender.fast && strcmp(preset, "superfast") != 0) {
         say("-preset %s: superfast or ultrafast is needed; see ddxvideosend -help", preset);
+        return EXIT_USAGE;
+    }
+    if (!parse_repair(&sender, repair)) {
+        say("-repair %s: a number from 0 to 4 is needed, or off; see ddxvideosend -help", repair);
         return EXIT_USAGE;
     }
     if (sender.outlet.port % 2) {

@@ -13,8 +13,10 @@ static const char *fail(char *text, const char *what, const char *value, const c
 }
 
 static bool add(struct outlet *outlet, const char *text) {
-    return outlet->receivers < OUTLET_RECEIVERS &&
-           network_parse(text, outlet->port, &outlet->receiver[outlet->receivers++]);
+    struct network_address *receiver = &outlet->receiver[outlet->receivers];
+
+    return outlet->receivers < OUTLET_RECEIVERS && network_parse(text, outlet->port, receiver) &&
+           network_port(receiver) <= UINT16_MAX - NETWORK_PORTS + 1 && ++outlet->receivers;
 }
 
 const char *outlet_parse(struct outlet *outlet, char *text) {
@@ -36,18 +38,45 @@ const char *outlet_parse(struct outlet *outlet, char *text) {
 
 /* ---- Sockets ---- */
 
-/*
- * To send there has to be a port of ours. What is sent to it is let in for this address only, and nobody can be it:
- * a stranger that tries the port gets the answer that it is closed.
- */
-static struct network_address nowhere(bool ipv6) {
+/* The port for reports; 0: any. */
+static struct network_address own_address(bool ipv6, long port) {
     if (ipv6)
-        return (struct network_address){.v6 = {.sin6_family = AF_INET6, .sin6_addr.s6_addr[0] = 0xff}};
-    return (struct network_address){.v4 = {.sin_family = AF_INET, .sin_addr.s_addr = htonl(INADDR_UNSPEC_GROUP)}};
+        return (struct network_address){.v6 = {.sin6_family = AF_INET6, .sin6_port = htons((uint16_t)port)}};
+    return (struct network_address){.v4 = {.sin_family = AF_INET, .sin_port = htons((uint16_t)port)}};
 }
 
 static bool set(int fd, int level, int option, int value) {
     return !setsockopt(fd, level, option, &value, sizeof value);
+}
+
+/* Whether the address is one of this machine's own. */
+static bool is_local(const struct network_address *address) {
+    struct network_address own = *address;
+    int fd = socket(own.any.sa_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+
+    network_set_port(&own, 0);
+    bool local = fd >= 0 && !network_is_group(address) && !bind(fd, &own.any, network_size(&own));
+    if (fd >= 0)
+        close(fd);
+    return local;
+}
+
+/*
+ * Another sender of this machine may have the port, and a player of this machine may need it for itself: then the
+ * system chooses one. Receivers answer to the port that packets come from, whichever it is.
+ */
+static int bind_for_reports(struct outlet *outlet, int fd, bool ipv6) {
+    for (unsigned i = 0; i < outlet->receivers; i++)
+        outlet->elsewhere |= is_local(&outlet->receiver[i]);
+    set(fd, SOL_SOCKET, SO_REUSEADDR, outlet->group != NULL); /* players of a group share ports */
+    struct network_address own = own_address(ipv6, outlet->elsewhere ? 0 : outlet->port + 1);
+    if (!bind(fd, &own.any, network_size(&own)))
+        return 0;
+    if (errno != EADDRINUSE)
+        return -errno;
+    outlet->elsewhere = true;
+    own = own_address(ipv6, 0);
+    return bind(fd, &own.any, network_size(&own)) ? -errno : 0;
 }
 
 static bool choose_interface(int fd, bool ipv6, const char *name) {
@@ -61,17 +90,17 @@ static bool choose_interface(int fd, bool ipv6, const char *name) {
 }
 
 static const char *open_socket(struct outlet *outlet, bool ipv6, char *text) {
-    const struct network_address own = nowhere(ipv6);
     const char *kind = ipv6 ? "IPv6" : "IPv4";
-    int fd = socket(own.any.sa_family, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    int fd = socket(ipv6 ? AF_INET6 : AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
 
     if (fd < 0)
         return fail(text, "socket for", kind, strerror(errno));
     outlet->fd[ipv6 ? OUTLET_IPV6 : OUTLET_IPV4] = fd;
     if (ipv6)
         set(fd, IPPROTO_IPV6, IPV6_V6ONLY, 1);
-    if (bind(fd, &own.any, network_size(&own)))
-        return fail(text, "socket for", kind, strerror(errno));
+    int error = bind_for_reports(outlet, fd, ipv6);
+    if (error)
+        return fail(text, "socket for", kind, strerror(-error));
     if (ipv6)
         set(fd, IPPROTO_IPV6, IPV6_MULTICAST_HOPS, (int)outlet->ttl);
     else
@@ -123,13 +152,14 @@ static enum outlet_loss reason(int error) {
     }
 }
 
-unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size) {
+unsigned outlet_send(struct outlet *outlet, enum outlet_port port, const uint8_t *packet, size_t size) {
     unsigned missed = 0;
 
     for (unsigned i = 0; i < outlet->receivers; i++) {
-        const struct network_address *receiver = &outlet->receiver[i];
-        ssize_t sent = sendto(fd_for(outlet, receiver), packet, size, MSG_NOSIGNAL, &receiver->any,
-                              network_size(receiver));
+        struct network_address to = outlet->receiver[i];
+
+        network_set_port(&to, (uint16_t)(network_port(&to) + port));
+        ssize_t sent = sendto(fd_for(outlet, &to), packet, size, MSG_NOSIGNAL, &to.any, network_size(&to));
 
         if (sent == (ssize_t)size) {
             outlet->packets++;
@@ -161,4 +191,29 @@ bool outlet_origin(const struct outlet *outlet, const struct network_address *to
                  network_from(own, &name) && !network_is_any(own);
     close(fd);
     return found;
+}
+
+/* FNV-1a */
+static uint64_t hash(const void *data, size_t size) {
+    const uint8_t *bytes = data;
+    uint64_t sum = UINT64_C(14695981039346656037);
+
+    for (size_t i = 0; i < size; i++)
+        sum = (sum ^ bytes[i]) * UINT64_C(1099511628211);
+    return sum;
+}
+
+ssize_t outlet_read(struct outlet *outlet, void *data, size_t size, uint64_t *address) {
+    for (unsigned i = 0; i < OUTLET_SOCKETS; i++) {
+        struct sockaddr_storage from = {0};
+        socklen_t length = sizeof from;
+        if (outlet->fd[i] < 0)
+            continue;
+        ssize_t got = recvfrom(outlet->fd[i], data, size, MSG_TRUNC, (struct sockaddr *)&from, &length);
+        if (got >= 0) {
+            *address = hash(&from, length < sizeof from ? length : sizeof from);
+            return got;
+        }
+    }
+    return -1;
 }

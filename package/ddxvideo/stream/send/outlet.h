@@ -1,11 +1,15 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Where packets go: a multicast group, and single receivers as well. Sending never waits. */
+/*
+ * Where packets go: a multicast group, and single receivers as well. Reports of receivers come back to the port that
+ * packets come from: PORT + 1. Neither sending nor reading waits.
+ */
 #ifndef DDXVIDEO_OUTLET_H
 #define DDXVIDEO_OUTLET_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/types.h>
 
 #include "network.h"
 
@@ -13,6 +17,9 @@
 
 /* One socket for each kind of address. */
 enum { OUTLET_IPV4, OUTLET_IPV6, OUTLET_SOCKETS };
+
+/* Which port of a receiver, counted from the first one of the stream. */
+enum outlet_port { OUTLET_MEDIA = 0, OUTLET_REPAIR = 2 };
 
 /* Why a packet did not go out. */
 enum outlet_loss { OUTLET_BUSY, OUTLET_ROUTE, OUTLET_OTHER, OUTLET_LOSSES };
@@ -25,6 +32,7 @@ struct outlet {
     const char *to;        /* "address,..." as network_parse() reads them, or NULL */
     /* how it stands */
     int fd[OUTLET_SOCKETS]; /* -1: no receiver needs it */
+    bool elsewhere;         /* reports come to a port that the system chose, not to PORT + 1 */
     struct network_address receiver[OUTLET_RECEIVERS];
     unsigned receivers;
     uint64_t packets, bytes, lost[OUTLET_LOSSES]; /* over all receivers */
@@ -39,7 +47,13 @@ const char *outlet_open(struct outlet *outlet, char *text);
 void outlet_close(struct outlet *outlet);
 
 /* To all receivers. Returns a bit for each one that did not get it. */
-unsigned outlet_send(struct outlet *outlet, const uint8_t *packet, size_t size);
+unsigned outlet_send(struct outlet *outlet, enum outlet_port port, const uint8_t *packet, size_t size);
+
+/*
+ * A datagram that came to the port of the reports: its size, which may be more than `size` (the rest is cut off), and a
+ * number that stands for its sender's address. -1 if there is none.
+ */
+ssize_t outlet_read(struct outlet *outlet, void *data, size_t size, uint64_t *address);
 
 /* To an address of the same kind as a receiver's; the counters are left alone. Whether the kernel took it. */
 bool outlet_send_to(const struct outlet *outlet, const struct network_address *to, const uint8_t *data, size_t size);

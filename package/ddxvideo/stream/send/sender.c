@@ -4,21 +4,21 @@
 
 #include <errno.h>
 #include <inttypes.h>
-#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
 
-#include "h264.h"
-#include "mpeg4.h"
-#include "sdp.h"
+#include "describe.h"
 
-enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK };
-static const char *const reasons[] = {"store", "encode", "network", NULL};
-static const char *const names[] = {"packets", "bytes", "lost_busy", "lost_route", "lost_other",
-                                    "ts_packets", "ts_lost"};
+enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK, LOST_RATE };
+static const char *const reasons[] = {"store", "encode", "network", "rate", NULL};
+static const char *const names[SENDER_COUNTS] = {
+    "packets", "bytes",      "lost_busy", "lost_route",     "lost_other",  "media",
+    "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost"};
 
 #define WAITING INT64_C(1000000000) /* ns until the sender says that it waits for the item */
+#define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
+#define SECOND INT64_C(1000000000)
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
 
 static void fail(struct sender *sender, const char *what, const char *why) {
@@ -29,48 +29,41 @@ static void fail(struct sender *sender, const char *what, const char *why) {
 
 /* ---- Packets ---- */
 
-static size_t next_payload(struct sender *sender, struct h264_packer *h264, uint8_t *to, bool *last) {
-    return sender->type == RTP_H264 ? h264_pack_next(h264, to, last) : mpeg4_pack_next(&sender->mpeg4, to, last);
-}
-
-/* True if at least one receiver was sent the whole frame. */
+/* Hand the frame to the network thread. False if it does not fit. */
 static bool send_frame(struct sender *sender, const struct encoded *encoded, const struct ddx_frame *frame,
                        const struct ddxvideo_stamp *stamp) {
-    struct rtp_packet packet = {.type = (uint8_t)sender->type,
-                                .time = sender->time_offset + rtp_time(stamp->time),
-                                .ssrc = sender->ssrc,
-                                .has_count = true,
-                                .has_source = true, /* the first packet */
-                                .frame = {.capture = stamp->time + stamp->wall_offset,
-                                          .sequence = (uint32_t)frame->sequence,
-                                          .number = (uint32_t)stamp->frame,
-                                          .count = sender->count++}};
-    struct h264_packer h264;
-    uint8_t data[RTP_HEADER_MAX + RTP_ROOM];
-    size_t size;
-    unsigned missed = 0;
+    const struct rtp_packet packet = {.type = (uint8_t)sender->type,
+                                      .time = sender->time_offset + rtp_time(stamp->time),
+                                      .ssrc = sender->ssrc,
+                                      .frame = {.capture = stamp->time + stamp->wall_offset,
+                                                .sequence = (uint32_t)frame->sequence,
+                                                .number = (uint32_t)stamp->frame,
+                                                .window = sender->repairs ? REPAIR_FRAMES : 0,
+                                                .count = sender->count}};
 
-    if (sender->type == RTP_H264)
-        h264_pack(&h264, encoded->data, encoded->size);
-    else
-        mpeg4_pack(&sender->mpeg4, encoded->data, encoded->size);
-    while ((size = next_payload(sender, &h264, data + RTP_HEADER_MAX, &packet.marker))) {
-        uint8_t header[RTP_HEADER_MAX];
-
-        packet.sequence = sender->sequence++;
-        size_t length = rtp_write(header, &packet);
-        uint8_t *begin = data + RTP_HEADER_MAX - length; /* right before the payload */
-        memcpy(begin, header, length);
-        missed |= outlet_send(&sender->outlet, begin, length + size);
-        packet.has_source = false;
-    }
-    return missed != (1u << sender->outlet.receivers) - 1;
+    sender->count++; /* also where it does not fit: the receiver has to know that a frame is missing */
+    return packets_make(&sender->packets, encoded, packet) &&
+           post_frame(&sender->post, packet.frame.count, frame->time, sender->packets.packet, sender->packets.count);
 }
 
 static void show_counts(struct sender *sender) {
-    const struct outlet *outlet = &sender->outlet;
-    const uint64_t now[] = {outlet->packets, outlet->bytes, outlet->lost[OUTLET_BUSY], outlet->lost[OUTLET_ROUTE],
-                            outlet->lost[OUTLET_OTHER], sender->ts.outlet.packets, sender->ts.lost};
+    uint64_t dispatch[DISPATCH_COUNTS], feedback[FEEDBACK_COUNTS];
+
+    post_counts(&sender->post, dispatch, feedback, &sender->sent);
+    const struct outlet *outlet = &sender->sent;
+    const uint64_t now[SENDER_COUNTS] = {outlet->packets,
+                                         outlet->bytes,
+                                         outlet->lost[OUTLET_BUSY],
+                                         outlet->lost[OUTLET_ROUTE],
+                                         outlet->lost[OUTLET_OTHER],
+                                         dispatch[DISPATCH_SENT],
+                                         dispatch[DISPATCH_REPAIRS],
+                                         dispatch[DISPATCH_BYTES],
+                                         feedback[FEEDBACK_RECEIVED],
+                                         feedback[FEEDBACK_RECEIVED] - feedback[FEEDBACK_USED],
+                                         sender->wanted,
+                                         sender->ts.outlet.packets,
+                                         sender->ts.lost};
 
     memcpy(sender->counts, now, sizeof now);
 }
@@ -79,84 +72,53 @@ static void tell_network(struct sender *sender, bool good) {
     char text[NETWORK_ERROR_MAX];
 
     if (!good && !sender->failing)
-        say("packets to %s do not go out: %s", network_text(&sender->outlet.receiver[0], text),
-            strerror(sender->outlet.error));
+        say("packets to %s do not go out: %s", network_text(&sender->sent.receiver[0], text),
+            strerror(sender->sent.error));
     sender->failing = !good;
+}
+
+/* What became of the frames that were handed over. */
+static void settle(struct sender *sender) {
+    struct post_outcome outcome = post_collect(&sender->post);
+
+    show_counts(sender);
+    if (outcome.sent)
+        ddx_stats_out(sender->book, outcome.sent, outcome.latency);
+    ddx_stats_lost(sender->book, LOST_NETWORK, outcome.lost);
+    if (outcome.sent || outcome.lost)
+        tell_network(sender, outcome.sent > 0);
+    counters_write(&sender->counters);
+    ddx_stats_write(sender->book);
 }
 
 /* ---- Frames ---- */
 
+/* ns from frame to frame */
+static int64_t interval_of(const struct ddxvideo_geometry *geometry) {
+    return geometry->rate_num > 0 && geometry->rate_den > 0 ? SECOND * geometry->rate_den / geometry->rate_num
+                                                            : FRAME_INTERVAL;
+}
+
 /* An encoder for pictures like this one. */
-static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry *geometry, bool *fresh) {
+static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry *geometry) {
     const struct ddxvideo_geometry *now = &sender->encoder.geometry;
 
-    *fresh = !encoder_is_open(&sender->encoder) || !ddxvideo_same_layout(now, geometry) ||
-             now->rate_num != geometry->rate_num || now->rate_den != geometry->rate_den;
-    if (!*fresh)
+    if (encoder_is_open(&sender->encoder) && ddxvideo_same_layout(now, geometry) &&
+        now->rate_num == geometry->rate_num && now->rate_den == geometry->rate_den)
         return true;
+    sender->described = false;
     const struct encoder_settings settings = {
         .type = sender->type, .bitrate = sender->bitrate * 1000, .fast = sender->fast};
     encoder_close(&sender->encoder);
     int error = encoder_open(&sender->encoder, &settings, geometry);
     if (!error) {
+        post_set_interval(&sender->post, interval_of(geometry));
         say("sending %s, %dx%d, %ld kbit/s, SSRC %08" PRIx32, sender->name, geometry->width, geometry->height,
-            sender->bitrate, sender->ssrc);
+            sender->wire, sender->ssrc);
         return true;
     }
     fail(sender, "encoder", av_err2str(error));
     return false;
-}
-
-/* Where the description belongs, in path[PATH_MAX]: in the file that is named, or in the folder. 0 or -ENAMETOOLONG. */
-static int sdp_path(const struct sender *sender, char *path) {
-    size_t length = strlen(sender->sdp);
-    const char *name = sender->program.instance;
-    bool folder = length && sender->sdp[length - 1] == '/';
-    int size = snprintf(path, PATH_MAX, "%s%s%s", sender->sdp, folder ? name : "", folder ? ".sdp" : "");
-
-    return size < PATH_MAX ? 0 : -ENAMETOOLONG;
-}
-
-static struct sdp describe(const struct sender *sender, const struct encoded *encoded, const char *name) {
-    const struct ddxvideo_geometry *geometry = &sender->encoder.geometry;
-
-    return (struct sdp){.name = name,
-                        .address = sender->outlet.receiver[0],
-                        .ttl = (int)sender->outlet.ttl,
-                        .type = sender->type,
-                        .frame = encoded->data,
-                        .size = encoded->size,
-                        .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
-}
-
-/* Pictures are sent all the same where the description cannot be written. */
-static void save_sdp(struct sender *sender, const struct encoded *encoded) {
-    struct sdp sdp = describe(sender, encoded, sender->program.instance);
-    char path[PATH_MAX];
-    int error = sdp_path(sender, path);
-
-    if (!error)
-        error = sdp_save(&sdp, path);
-    if (error)
-        say("-sdp %s: no description for players: %s", sender->sdp, strerror(-error));
-}
-
-/* The name has the machine's, since a player shows the streams of all robots in one list. */
-static void announce_sdp(struct sender *sender, const struct encoded *encoded) {
-    char host[HOST_NAME_MAX + 1] = "", name[HOST_NAME_MAX + DDX_NAME_MAX + 20], text[SDP_MAX];
-
-    gethostname(host, sizeof host - 1);
-    snprintf(name, sizeof name, "%s %s", host, sender->program.instance);
-    struct sdp sdp = describe(sender, encoded, name);
-    if (sdp_write(&sdp, text))
-        announce_describe(&sender->announce, 0, sender->ssrc, text);
-    if (!sender->ts.muxer)
-        return;
-    snprintf(name + strlen(name), sizeof name - strlen(name), " MPEG-TS");
-    sdp.type = RTP_TS;
-    sdp.address = sender->ts.outlet.receiver[0];
-    if (sdp_write(&sdp, text))
-        announce_describe(&sender->announce, 1, sender->ts.ssrc, text);
 }
 
 /* The stream goes on without it. */
@@ -167,14 +129,6 @@ static void begin_ts(struct sender *sender) {
         say("-ts %ld: %s; the stream goes on without it", sender->ts.port, av_err2str(error));
         ts_close(&sender->ts);
     }
-}
-
-/* What is there describes the stream of a forerunner, which may have had other settings. */
-static void remove_sdp(const struct sender *sender) {
-    char path[PATH_MAX];
-
-    if (sender->sdp && !sdp_path(sender, path))
-        unlink(path);
 }
 
 /*
@@ -206,7 +160,6 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
     struct encoded encoded;
     uint64_t missed = frame->missed;
-    bool fresh;
 
     ddx_stats_in(sender->book, missed + 1, frame->sequence);
     ddx_stats_lost(sender->book, LOST_STORE, missed);
@@ -217,29 +170,31 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
             fail(sender, sender->name, ddx_error_text(error));
         return;
     }
-    if (!choose_encoder(sender, &view.geometry, &fresh)) {
+    if (!choose_encoder(sender, &view.geometry)) {
         ddx_stats_lost(sender->book, LOST_ENCODE, 1);
         return;
     }
-    error = encoder_encode(&sender->encoder, &view, 0, &encoded);
+    sender->wanted = post_allowance(&sender->post);
+    if (!sender->wanted) { /* the frames before it are still on their way */
+        ddx_stats_lost(sender->book, LOST_RATE, 1);
+        return;
+    }
+    if (post_wants_refresh(&sender->post))
+        encoder_refresh(&sender->encoder);
+    error = encoder_encode(&sender->encoder, &view, sender->wanted, &encoded);
     if (error) {
         say("frame %d is lost in the encoder: %s", view.stamp.frame, av_err2str(error));
         ddx_stats_lost(sender->book, LOST_ENCODE, 1);
         return;
     }
-    bool good = send_frame(sender, &encoded, frame, &view.stamp);
-    if (good)
-        ddx_stats_out(sender->book, 1, ddx_time_now() - frame->time);
-    else
+    if (!send_frame(sender, &encoded, frame, &view.stamp))
         ddx_stats_lost(sender->book, LOST_NETWORK, 1);
-    tell_network(sender, good);
-    if (fresh && sender->ts.port && !sender->ts.muxer)
+    if (sender->ts.port && !sender->ts.muxer && !sender->described)
         begin_ts(sender);
     ts_send(&sender->ts, encoded.data, encoded.size, view.stamp.time);
-    if (fresh && sender->sdp)
-        save_sdp(sender, &encoded);
-    if (fresh)
-        announce_sdp(sender, &encoded);
+    if (!sender->described)
+        describe(sender, &encoded);
+    sender->described = true;
 }
 
 static void take_frame(struct sender *sender, double timeout) {
@@ -251,19 +206,17 @@ static void take_frame(struct sender *sender, double timeout) {
     if (!error) {
         handle(sender, &frame);
         ddx_store_release(sender->video);
-        show_counts(sender);
-        counters_write(&sender->counters);
-        ddx_stats_write(sender->book);
     } else if (error != -ETIMEDOUT) {
         fail(sender, sender->name, ddx_error_text(error));
     }
+    settle(sender);
 }
 
 static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
         take_frame(sender, sender->follows ? READ_TIMEOUT : 0);
         tell_waiting(sender);
-        announce_tick(&sender->announce, &sender->outlet, ddx_time_now());
+        post_other(&sender->post, announce_tick(&sender->announce, &sender->outlet, ddx_time_now()));
         program_tick(sender->book);
     }
     /* What was published before we were told to stop: the newest is sent, and those before it are counted. */
@@ -273,6 +226,27 @@ static void send_all(struct sender *sender) {
 }
 
 /* ---- Start and end ---- */
+
+static int start_post(struct sender *sender) {
+    struct dispatch_settings settings = {.wire = sender->wire * 1000,
+                                         .video = sender->bitrate * 1000,
+                                         .interval = FRAME_INTERVAL,
+                                         .repair = sender->repairs,
+                                         .ratio = sender->ratio,
+                                         .media_ssrc = sender->ssrc,
+                                         .repair_ssrc = (uint32_t)program_random(),
+                                         .repair_sequence = (uint16_t)program_random()};
+
+    for (unsigned i = 0; i < sender->outlet.receivers; i++) {
+        size_t header = network_overhead(&sender->outlet.receiver[i]);
+
+        settings.header = header > settings.header ? header : settings.header;
+    }
+    int error = post_start(&sender->post, &sender->outlet, &settings);
+    if (error)
+        fail(sender, "thread", strerror(-error));
+    return error;
+}
 
 int sender_run(struct sender *sender) {
     char text[NETWORK_ERROR_MAX];
@@ -292,21 +266,24 @@ int sender_run(struct sender *sender) {
                                          .count = sizeof names / sizeof *names};
     DDX_STORE_ID *id = wrong ? NULL : program_connect(&sender->program);
     sender->ssrc = (uint32_t)program_random();
-    sender->sequence = (uint16_t)program_random();
+    sender->packets.sequence = (uint16_t)program_random();
     sender->time_offset = (uint32_t)program_random();
     sender->ts.ssrc = (uint32_t)program_random();
     sender->ts.sequence = (uint16_t)program_random();
     if (wrong || (id && !program_attach(&sender->program, sender->book, id, sender->name)))
         sender->status = EXIT_FAILED;
     else if (id) {
-        remove_sdp(sender);
+        describe_nothing(sender);
         sender->begin = ddx_time_now();
         sender->video = program_await(id, sender->name, sender->book);
         sender->status = sender->video || errno == EINTR ? EXIT_OK : EXIT_FAILED;
         sender->awaited = sender->video && !*ddx_store_item_type(sender->video);
         counters_open(&sender->counters, id);
-        if (sender->video)
+        if (sender->video && !start_post(sender)) {
             send_all(sender);
+            post_stop(&sender->post);
+            settle(sender);
+        }
     }
     encoder_close(&sender->encoder);
     ts_close(&sender->ts);

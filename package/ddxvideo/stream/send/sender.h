@@ -5,17 +5,22 @@
 #include "announce.h"
 #include "counters.h"
 #include "encoder.h"
-#include "mpeg4.h"
-#include "outlet.h"
+#include "packets.h"
+#include "post.h"
 #include "program.h"
 #include "ts.h"
+
+#define SENDER_COUNTS 13
 
 struct sender {
     /* what to do */
     struct program program;
     const char *name; /* of the video item */
     enum rtp_type type;
-    long bitrate; /* kbit/s */
+    long wire;    /* kbit/s of everything that is sent to a receiver, IP and UDP headers included */
+    long bitrate; /* kbit/s of encoded video, at most */
+    bool repairs; /* repair packets are sent */
+    double ratio; /* of repair packets to media packets, where no receiver reports */
     bool fast;    /* preset ultrafast */
     struct outlet outlet;
     struct ts ts;
@@ -25,17 +30,20 @@ struct sender {
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
     struct counters counters;
-    uint64_t counts[7];
+    uint64_t counts[SENDER_COUNTS];
     struct encoder encoder;
-    struct mpeg4_packer mpeg4;
+    bool described; /* the description is of this encoder's stream */
+    size_t wanted;  /* bytes that the last frame was to have */
+    struct packets packets;
+    struct post post;
+    struct outlet sent; /* the outlet's counters, as they were last */
     bool awaited; /* the item was not there when the sender came: all that is written to it is ours to send */
     bool follows; /* what is written now is ours to send */
     bool said_waiting;
     int64_t begin; /* of the wait for the item */
     bool failing;   /* packets do not go out, said so */
-    uint16_t sequence;
     uint32_t ssrc, time_offset;
-    uint16_t count; /* frames sent */
+    uint16_t count; /* frames handed over */
     int status;
     bool done;
 };

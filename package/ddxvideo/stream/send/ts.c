@@ -33,7 +33,9 @@ static int send_packet(void *opaque, BYTES *data, int size) {
     if ((size_t)size > sizeof packet - length)
         return AVERROR(EINVAL);
     memcpy(packet + length, data, (size_t)size);
-    for (unsigned missed = outlet_send(&ts->outlet, packet, length + (size_t)size); missed; missed &= missed - 1)
+    unsigned missed = outlet_send(&ts->outlet, OUTLET_MEDIA, packet, length + (size_t)size);
+
+    for (; missed; missed &= missed - 1)
         ts->lost++;
     return size;
 }

@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* An encoded frame as RTP packets, ready to be handed over. */
+#ifndef DDXVIDEO_PACKETS_H
+#define DDXVIDEO_PACKETS_H
+
+#include "dispatch.h"
+#include "encoded.h"
+#include "h264.h"
+#include "mpeg4.h"
+
+struct packets {
+    uint16_t sequence; /* of the next packet */
+    struct mpeg4_packer mpeg4;
+    unsigned count; /* packets of the last frame; more than DISPATCH_QUEUE: the frame does not fit */
+    struct dispatch_packet packet[DISPATCH_QUEUE];
+    uint8_t data[DISPATCH_QUEUE][RTP_PACKET_MAX];
+};
+
+/*
+ * Pack a frame. `packet` describes all of its packets: payload type, time, SSRC, frame. The packets are valid until the
+ * next call. False if the frame takes more than DISPATCH_QUEUE packets.
+ */
+bool packets_make(struct packets *packets, const struct encoded *encoded, struct rtp_packet packet);
+
+#endif

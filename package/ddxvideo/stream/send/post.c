@@ -1,0 +1,199 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "post.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
+
+#include "program.h"
+
+#define NS INT64_C(1000000000)
+#define IDLE (NS / 5)  /* the longest wait without packets or reports */
+#define BATCH 64       /* datagrams read in one go: a flood does not keep packets from going out */
+#define REPORT_DATAGRAM 1500
+#define MARKER 0x80    /* of the second byte of an RTP packet: the last one of its frame */
+
+/* ---- Packets; the lock is held ---- */
+
+static void end_frame(struct post *post) {
+    if (!post->open)
+        return;
+    if (post->missed == (1u << post->outlet->receivers) - 1) {
+        post->outcome.lost++;
+    } else {
+        post->outcome.sent++;
+        post->outcome.latency = ddx_time_now() - post->written[post->first];
+    }
+    post->missed = 0;
+    post->first = (post->first + 1) % POST_FRAMES;
+    post->open--;
+}
+
+/* Send what is due. */
+static void send_due(struct post *post) {
+    uint8_t packet[REPAIR_MAX];
+    enum dispatch_port port;
+    size_t size;
+
+    while (dispatch_next(&post->dispatch, ddx_time_now(), packet, &size, &port)) {
+        enum outlet_port to = port == DISPATCH_MEDIA ? OUTLET_MEDIA : OUTLET_REPAIR;
+        unsigned missed = outlet_send(post->outlet, to, packet, size);
+
+        if (port != DISPATCH_MEDIA)
+            continue;
+        post->missed |= missed;
+        if (packet[1] & MARKER)
+            end_frame(post);
+    }
+}
+
+static void read_reports(struct post *post) {
+    uint8_t data[REPORT_DATAGRAM];
+    uint64_t address;
+    ssize_t size;
+
+    for (int i = 0; i < BATCH && (size = outlet_read(post->outlet, data, sizeof data, &address)) >= 0; i++)
+        dispatch_report(&post->dispatch, ddx_time_now(), data, (size_t)size, address);
+}
+
+/* ---- The thread ---- */
+
+static void wait_for_work(struct post *post, int64_t until) {
+    struct pollfd wanted[1 + OUTLET_SOCKETS] = {{.fd = post->wake, .events = POLLIN}};
+    int64_t wait = until - ddx_time_now();
+    eventfd_t value;
+
+    wait = wait < 0 ? 0 : wait > IDLE ? IDLE : wait;
+    for (int i = 0; i < OUTLET_SOCKETS; i++)
+        wanted[1 + i] = (struct pollfd){.fd = post->outlet->fd[i], .events = POLLIN};
+    ppoll(wanted, 1 + OUTLET_SOCKETS, &(struct timespec){.tv_nsec = (long)wait}, NULL);
+    if (wanted[0].revents)
+        eventfd_read(post->wake, &value);
+}
+
+static void *run(void *data) {
+    struct post *post = data;
+    bool stopping = false;
+
+    program_thread_signals();
+    while (!stopping) {
+        pthread_mutex_lock(&post->lock);
+        read_reports(post);
+        send_due(post);
+        int64_t until = dispatch_deadline(&post->dispatch, ddx_time_now());
+        stopping = post->stopping;
+        pthread_mutex_unlock(&post->lock);
+        if (!stopping)
+            wait_for_work(post, until);
+    }
+    return NULL;
+}
+
+static void wake(struct post *post) {
+    eventfd_write(post->wake, 1);
+}
+
+/* ---- For the program's thread ---- */
+
+int post_start(struct post *post, struct outlet *outlet, const struct dispatch_settings *settings) {
+    memset(post, 0, sizeof *post);
+    post->outlet = outlet;
+    dispatch_init(&post->dispatch, settings, ddx_time_now());
+    post->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (post->wake < 0)
+        return -errno;
+    pthread_mutex_init(&post->lock, NULL);
+    int error = -pthread_create(&post->thread, NULL, run, post);
+    post->running = !error;
+    if (error)
+        close(post->wake);
+    return error;
+}
+
+void post_set_interval(struct post *post, int64_t interval) {
+    pthread_mutex_lock(&post->lock);
+    post->dispatch.settings.interval = interval;
+    pthread_mutex_unlock(&post->lock);
+}
+
+size_t post_allowance(struct post *post) {
+    pthread_mutex_lock(&post->lock);
+    size_t bytes = dispatch_allowance(&post->dispatch, ddx_time_now());
+    pthread_mutex_unlock(&post->lock);
+    return bytes;
+}
+
+bool post_wants_refresh(struct post *post) {
+    pthread_mutex_lock(&post->lock);
+    bool wants = dispatch_wants_refresh(&post->dispatch, ddx_time_now());
+    pthread_mutex_unlock(&post->lock);
+    return wants;
+}
+
+bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct dispatch_packet *packets,
+                unsigned count) {
+    pthread_mutex_lock(&post->lock);
+    bool taken = post->open < POST_FRAMES && post->dispatch.waiting + count <= DISPATCH_QUEUE;
+    if (taken) {
+        dispatch_frame(&post->dispatch, ddx_time_now(), frame, packets, count);
+        post->written[(post->first + post->open++) % POST_FRAMES] = written;
+        send_due(post);
+    }
+    pthread_mutex_unlock(&post->lock);
+    wake(post);
+    return taken;
+}
+
+void post_other(struct post *post, size_t size) {
+    if (!size)
+        return;
+    pthread_mutex_lock(&post->lock);
+    dispatch_other(&post->dispatch, ddx_time_now(), size - post->dispatch.settings.header);
+    pthread_mutex_unlock(&post->lock);
+}
+
+struct post_outcome post_collect(struct post *post) {
+    pthread_mutex_lock(&post->lock);
+    struct post_outcome outcome = post->outcome;
+    post->outcome = (struct post_outcome){0};
+    pthread_mutex_unlock(&post->lock);
+    return outcome;
+}
+
+void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
+                 struct outlet *outlet) {
+    pthread_mutex_lock(&post->lock);
+    memcpy(dispatch, post->dispatch.count, sizeof post->dispatch.count);
+    memcpy(feedback, post->dispatch.feedback.count, sizeof post->dispatch.feedback.count);
+    *outlet = *post->outlet;
+    pthread_mutex_unlock(&post->lock);
+}
+
+/* Whether frames wait that may still go out. */
+static bool waits(struct post *post) {
+    pthread_mutex_lock(&post->lock);
+    bool open = post->open > 0;
+    pthread_mutex_unlock(&post->lock);
+    return open;
+}
+
+void post_stop(struct post *post) {
+    if (!post->running)
+        return;
+    int64_t until = ddx_time_now() + post->dispatch.settings.interval;
+    while (waits(post) && ddx_time_now() < until)
+        nanosleep(&(struct timespec){.tv_nsec = NS / 1000}, NULL);
+    pthread_mutex_lock(&post->lock);
+    post->stopping = true;
+    pthread_mutex_unlock(&post->lock);
+    wake(post);
+    pthread_join(post->thread, NULL);
+    post->running = false;
+    post->outcome.lost += post->open;
+    post->open = 0;
+    close(post->wake);
+    pthread_mutex_destroy(&post->lock);
+}

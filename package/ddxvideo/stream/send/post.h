@@ -1,0 +1,68 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The sender's network thread: sends what dispatch.h decides when it is due, and reads the reports of receivers. The
+ * program's thread hands frames over and never waits for the network.
+ */
+#ifndef DDXVIDEO_POST_H
+#define DDXVIDEO_POST_H
+
+#include <pthread.h>
+
+#include "dispatch.h"
+#include "outlet.h"
+
+#define POST_FRAMES 64 /* frames handed over whose outcome is not known yet */
+
+/* What became of frames since the last look. */
+struct post_outcome {
+    unsigned sent;   /* at least one receiver was sent all packets of the frame */
+    unsigned lost;   /* no receiver was */
+    int64_t latency; /* ns from the write to the last packet, of the last frame sent */
+};
+
+struct post {
+    struct outlet *outlet; /* the thread's while it runs */
+    pthread_t thread;
+    pthread_mutex_t lock; /* of all below */
+    int wake;             /* eventfd: something was handed over */
+    bool running, stopping;
+    struct dispatch dispatch;
+    unsigned missed;      /* receivers that lack a packet of the frame that is being sent */
+    unsigned first, open; /* of `written`: frames handed over and not sent completely */
+    int64_t written[POST_FRAMES];
+    struct post_outcome outcome;
+};
+
+/* Start the thread. The outlet stays the caller's and must be open until post_stop() returns. 0 or -errno. */
+int post_start(struct post *post, struct outlet *outlet, const struct dispatch_settings *settings);
+
+/* Another frame interval, ns. */
+void post_set_interval(struct post *post, int64_t interval);
+
+/* Bytes that the next frame may have; 0: leave it out, since the former frames are not out yet. */
+size_t post_allowance(struct post *post);
+
+/* A receiver needs a picture to begin with. At most once a second. */
+bool post_wants_refresh(struct post *post);
+
+/*
+ * Hand over the packets of an encoded frame, number `frame` of the stream, which was written at `written`. Its first
+ * packet goes out before the call returns. False if there is no room: then no packet of it is taken.
+ */
+bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct dispatch_packet *packets,
+                unsigned count);
+
+/* Another packet of this stream went out, `size` bytes with IP and UDP headers: the stream gets that much less. */
+void post_other(struct post *post, size_t size);
+
+/* What became of frames since the last call; each frame that post_frame() took appears once. */
+struct post_outcome post_collect(struct post *post);
+
+/* A copy of the counters of dispatch.h, of the reports (feedback.h) and of the outlet. */
+void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
+                 struct outlet *outlet);
+
+/* Send what waits, for one frame interval at most, and stop the thread. What is left then is lost, and counted. */
+void post_stop(struct post *post);
+
+#endif
