@@ -33,7 +33,7 @@ def test_one_number_everywhere() -> None:
         text = path.read_text()
         assert "_SITE_METHOD = local" not in text or "VERSION = $(DDX_VERSION)" in text or "/meson.build)" in text, path
     entries = re.findall(r"^## (.*)$", (TOP / "CHANGELOG.md").read_text(), re.M)
-    assert entries[0] == number()
+    assert [entry for entry in entries if entry != "Not released yet"][0] == number()
 
 
 def test_an_image_says_which_version_it_is(tmp_path: pathlib.Path) -> None:
