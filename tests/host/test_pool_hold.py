@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 
 import pytest
 
-from .programs import Desk, Process, lost, make_clip, start_recorder, stop
+from .programs import Desk, Process, lost, make_clip, preload, start_recorder, stop, wait_until
 from .test_pool import recordings, small_disk
 
 __all__ = ["small_disk"]  # a fixture
@@ -38,11 +38,14 @@ def record(desk: Desk) -> None:
 
 
 def start_copy(desk: Desk, file: pathlib.Path, *wrapper: str) -> tuple[Process, pathlib.Path]:
-    """A copy that has opened its file waits for the pipe which it writes to."""
-    pipe = desk.folder / "to" / f"{file.name}.part"
-    pipe.parent.mkdir()
-    os.mkfifo(pipe)
-    return desk.start("ddxrecordings", "export", file.name, "to", "-folder", "rec", wrapper=wrapper), pipe
+    """A copy that has read its file, and waits for a disk that stands still until the second path is removed."""
+    part, stalled = desk.folder / "to" / f"{file.name}.part", desk.folder / "stalled"
+    part.parent.mkdir()
+    stalled.touch()
+    env = ("env", f"LD_PRELOAD={preload('stalled_disk', desk.folder)}", f"STALLED_FSYNC={stalled}")
+    copy = desk.start("ddxrecordings", "export", file.name, "to", "-folder", "rec", wrapper=(*env, *wrapper))
+    wait_until(lambda: part.exists() and part.stat().st_size == file.stat().st_size)
+    return copy, stalled
 
 
 @contextlib.contextmanager
@@ -60,12 +63,13 @@ def locked(paths: Iterable[pathlib.Path]) -> Iterator[None]:
 
 def test_root_keeps_what_it_copies_and_other_users_keep_nothing(desk: Desk, full: pathlib.Path) -> None:
     first, second = recordings(desk)
-    copy, pipe = start_copy(desk, first)
-    with pipe.open("rb"), locked([full / "pool", *full.glob("pool/*.*")]):  # by now the copy has its file
+    copy, stalled = start_copy(desk, first)
+    with locked([full / "pool", *full.glob("pool/*.*")]):
         for _ in range(2):
             record(desk)
         assert first in recordings(desk) and second not in recordings(desk)
-    assert copy.wait(60) != 0  # nobody reads the pipe
+    stalled.unlink()
+    assert copy.wait(60) == 0, desk.errors(copy)
     record(desk)
     assert first not in recordings(desk)
     lock = (full / "pool/lock").stat()
@@ -75,16 +79,15 @@ def test_root_keeps_what_it_copies_and_other_users_keep_nothing(desk: Desk, full
 def test_a_copy_of_another_user_says_that_its_file_was_given_up(desk: Desk, full: pathlib.Path) -> None:
     os.chown(full / "pool/lock", OTHER, OTHER)
     first = recordings(desk)[0]
-    copy, pipe = start_copy(desk, first, *PLAIN)
-    with pipe.open("rb") as data:
-        for _ in range(2):
-            record(desk)
-        assert first not in recordings(desk)
-        data.read()
+    copy, stalled = start_copy(desk, first, *PLAIN)
+    for _ in range(2):
+        record(desk)
+    assert first not in recordings(desk)
+    stalled.unlink()
     assert copy.wait(60) == 1
     said = desk.errors(copy)
     assert "files may be given up for new recordings while they are copied" in said
     assert f"{first.name}: not exported, it was given up for a new recording while it was read" in said
-    assert not list(pipe.parent.iterdir())
+    assert not list((desk.folder / "to").iterdir())
     saver = start_recorder(desk, "-output", "rec", "-segment", 4, wrapper=PLAIN)
     assert saver.wait(60) == 1 and "rec: its pool belongs to another user" in desk.errors(saver)
