@@ -49,7 +49,8 @@ def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot
     clip = default_clip.write(work / "ssh.y4m", SECONDS)
     disk = testdisk.make(work / "ssh.img", clip)
     port = free_port()
-    provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}service=decode on\n"
+    provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}" \
+                "service=decode on\nservice=ddxvideosend on\n"
     with boot("ssh", provision=provision, test_disk=disk, keep=place, extra=forward(port)) as guest:
         guest.shell()
         session.wait_for_clip(guest, SECONDS * default_clip.RATE)
@@ -92,7 +93,8 @@ def test_scp_finds_the_recordings(robot: Robot, tmp_path: pathlib.Path, protocol
 
 
 def test_what_listens_is_what_was_declared(robot: Robot) -> None:
-    runs(robot.guest, "decode")
+    for name in ("decode", "ddxvideosend"):
+        runs(robot.guest, name)
     found = set(re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M))
     assert found == {(kind, port, program) for kind, port, program in manifest.wanted("port")}
 
