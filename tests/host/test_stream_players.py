@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Debian's players open a stream by its .sdp file; what they show is read from their pictures."""
+"""Debian's players open a stream by its .sdp file, with repair packets at the port beside it; what they show is read
+from their pictures."""
 from __future__ import annotations
 
 import json
@@ -32,7 +33,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 def sent(tmp_path: pathlib.Path, clip: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Stream]:
     """A stream that goes on and on, with its description in stream.sdp."""
     stream = Stream(tmp_path)
-    stream.send("-codec", request.param, "-bitrate", "800", "-sdp", "stream.sdp")
+    stream.send("-codec", request.param, "-wire", "1600", "-repair", "1", "-bitrate", "800", "-sdp", "stream.sdp")
     stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until((tmp_path / "stream.sdp").exists)
     yield stream
@@ -64,6 +65,8 @@ def test_ffprobe(sent: Stream) -> None:
                            "-read_intervals", f"%+#{JOIN * numbered_clip.RATE + 50}", "stream.sdp"))
     assert (shown["streams"][0]["width"], shown["streams"][0]["height"]) == (352, 288)
     assert len(shown["frames"]) > 20
+    packets = sent.packets("ddxvideosend")
+    assert packets["repairs"] > packets["media"] / 2
 
 
 def test_ffmpeg(sent: Stream) -> None:

@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A robot and an operator at both ends of the lossy link, each with a store and the programs of the stream: a clip goes
+from one to the other, and what is judged are counts and the numbers in the operator's pictures."""
+from __future__ import annotations
+
+import dataclasses
+import pathlib
+import time
+
+from parts.link.link import Counts, Link
+from parts.link.loss import NOTHING, Pattern
+
+from .programs import Counters, Desk, start_recorder, stop, wait_until
+from .stream import drawn, finish, printed
+
+
+@dataclasses.dataclass
+class Run:
+    """What came of a clip. The counters are those of the programs, but for `counts`, which are the relay's."""
+    sent: Counters
+    sent_packets: dict[str, int]
+    shown: Counters
+    shown_packets: dict[str, int]
+    said: list[int]         # the number of each frame that decode showed, as decode prints them
+    seen: list[int | None]  # the same from its pictures
+    counts: Counts
+    seconds: float          # from the first frame until all was there
+
+    def shown_of_clip(self) -> list[tuple[int, int | None]]:
+        """Of each frame shown, the number that it has and the one in its picture. The mark has number 0 again."""
+        pairs = list(zip(self.said, self.seen))
+        return pairs[:-1] if len(pairs) > 1 and pairs[-1][0] == 0 else pairs
+
+    @property
+    def whole(self) -> float:
+        """The part of the clip's frames sent that the operator saw, by the numbers in the pictures. The first frames
+        are small, and a number is not readable in them yet: those shown before the first readable one do not count."""
+        seen = [number for _, number in self.shown_of_clip()]
+        coarse = next((at for at, number in enumerate(seen) if number is not None), 0)
+        return float(len(set(seen[coarse:]) - {None}) / (self.sent["out"] - 1 - coarse))
+
+    def disagreements(self, frames: int) -> list[str]:
+        """Sums that are not right, of a clip with so many frames and the mark after it."""
+        sent, shown = self.sent, self.shown
+        both = [("robot: frames written and seen", frames + 1, sent["in"]),
+                ("robot: in, and out + lost", sent["in"], sent["out"] + sum(sent["lost"].values())),
+                ("frames sent and expected", sent["out"], shown["in"]),
+                ("operator: in, and out + lost", shown["in"], shown["out"] + sum(shown["lost"].values())),
+                ("operator: frames shown and recorded", shown["out"], len(self.seen)),
+                ("bytes sent and passed on", self.sent_packets["wire_bytes"], self.counts.down[0].bytes),
+                ("packets sent and passed on", self.sent_packets["packets"], self.counts.down[0].packets)]
+        found = [f"{what}: {ours} and {theirs}" for what, ours, theirs in both if ours != theirs]
+        wrong = [pair for pair in self.shown_of_clip() if pair[1] not in (pair[0], None)]
+        if wrong:
+            found.append(f"numbers printed and in the pictures: {wrong}")
+        return found
+
+    def beyond_rate(self, wire: int) -> list[str]:
+        """The rules of a rate in kbit/s that the relay saw broken. What waited for a busy relay came to it at once."""
+        way, kbit = self.counts.down[0], wire * 1000 / 8
+        most = {"mean": (way.bytes / self.seconds, kbit),
+                "second": (way.peak, kbit * (1.3 + self.counts.late_ms / 1000))}
+        return [f"{name}: {found:.0f} of {limit:.0f} bytes" for name, (found, limit) in most.items() if found > limit]
+
+
+def play(robot: Desk, clip: pathlib.Path, instance: str, *options: object) -> None:
+    done = robot.run("ddxvideoload", clip, "-readers", 1, "-instance", instance, *options, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+def mark(clip: pathlib.Path, path: pathlib.Path) -> pathlib.Path:
+    """The last picture of the clip once more."""
+    header, *frames = clip.read_bytes().split(b"FRAME\n")
+    path.write_bytes(header + b"FRAME\n" + frames[-1])
+    return path
+
+
+def run(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, back: Pattern, *options: object) -> Run:
+    """The clip through a link that loses packets from the first one on; a mark after it, when the link is good again,
+    so that the operator knows of all frames."""
+    for name in ("robot", "operator"):
+        (folder / name).mkdir(parents=True)
+    with Link(loss=loss, back=back, delay_ms=2) as link:
+        robot, operator = Desk(folder / "robot"), Desk(folder / "operator")
+        try:
+            return _run(robot, operator, link, clip, back, options)
+        finally:
+            operator.end()
+            robot.end()
+
+
+def _run(robot: Desk, operator: Desk, link: Link, clip: pathlib.Path, back: Pattern,
+         options: tuple[object, ...]) -> Run:
+    recorder = start_recorder(operator, "-name", "seen", "-output", "seen.y4m")
+    wait_until(lambda: "ddxvideosave.stats" in operator.run("ddxctl", "list").stdout)
+    decode = operator.start("decode", "-headless", "-print", "-name", "seen", "-group", "none",
+                            wrapper=link.operator[0].inside)
+    wait_until(lambda: "decode.packets" in operator.run("ddxctl", "list").stdout)
+    sender = robot.start("ddxvideosend", "-group", "none", "-to", link.operator[0].address, *options,
+                         wrapper=link.robot.inside)
+    begin = time.monotonic()
+    play(robot, clip, "clip")
+    wait_until(lambda: settled(robot, "ddxvideosend", robot.sequence("video")))  # the rate has room for the mark
+    link.lose(NOTHING, back)
+    play(robot, mark(clip, robot.folder / "mark.y4m"), "mark")
+    wait_until(lambda: settled(robot, "ddxvideosend", robot.sequence("video")))
+    wait_until(lambda: settled(operator, "decode", robot.out("ddxvideosend")))
+    seconds = time.monotonic() - begin
+    (_, sent_packets, sent), = finish(sender)
+    (lines, shown_packets, shown), = finish(decode)
+    assert stop(recorder)[0] == 0
+    return Run(sent, sent_packets, shown, shown_packets, printed(lines), drawn(operator.folder / "seen.y4m"),
+               link.counts(), seconds)
+
+
+def settled(desk: Desk, instance: str, frames: int) -> bool:
+    """So many frames came in, and each one is out or counted as lost."""
+    found = desk.stats(instance)
+    return bool(found["in"] == frames == found["out"] + sum(found["lost"].values()))
