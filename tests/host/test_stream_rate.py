@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""-wire: what a relay counts for each of several rates, and what is lost when the rate is far too small."""
+from __future__ import annotations
+
+import pathlib
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy
+import pytest
+
+from parts.link.loss import NOTHING
+
+from . import two_ends
+from .programs import lost, wait_until
+from .stream import TO_RELAY, Stream, finish
+
+WIRES = [100, 250, 2000]  # kbit/s
+FRAMES, RATE, LARGE = 50, 25, 12
+
+
+def make_noise(path: pathlib.Path, width: int, height: int, frames: int) -> pathlib.Path:
+    """It takes each rate that there is."""
+    random = numpy.random.default_rng(1)
+    with path.open("wb") as file:
+        file.write(f"YUV4MPEG2 W{width} H{height} F{RATE}:1 Ip A1:1\n".encode())
+        for _ in range(frames):
+            file.write(b"FRAME\n" + random.integers(0, 256, width * height * 3 // 2, numpy.uint8).tobytes())
+    return path
+
+
+@pytest.fixture(scope="module")
+def noise(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return make_noise(tmp_path_factory.mktemp("noise") / "clip.y4m", 352, 288, FRAMES)
+
+
+def test_the_relay_counts_no_more_than_the_rate(tmp_path: pathlib.Path, noise: pathlib.Path) -> None:
+    with ThreadPoolExecutor() as pool:
+        runs = dict(zip(WIRES, pool.map(lambda wire: two_ends.run(tmp_path / str(wire), noise, NOTHING, NOTHING,
+                                                                  "-wire", wire), WIRES)))
+    for wire, run in runs.items():
+        way = run.counts.down[0]
+        print(f"{wire}: {way.bytes} bytes in {run.seconds:.1f} s, most {way.peak}, {run.sent}")
+        assert run.disagreements(FRAMES) == [] and run.beyond_rate(wire) == []
+        assert run.shown_packets["lost"] == run.shown_packets["restored"] == 0
+    each = [run.counts.down[0].bytes / run.sent["out"] for run in runs.values()]  # a frame
+    assert each[0] < each[1] < each[2] and each[2] > 0.5 * WIRES[2] * 1000 / 8 / RATE  # and the rate is used
+
+
+def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
+    """Frames that nothing is left for are counted, and no other ones are lost than those."""
+    clip = make_noise(stream.folder / "large.y4m", 1920, 1080, LARGE)
+    sender = stream.send("-wire", 50, *TO_RELAY)
+    stream.play(clip)
+    wait_until(lambda: two_ends.settled(stream.desk, "ddxvideosend", LARGE))
+    (_, _, sent), = finish(sender)
+    assert sent["in"] == LARGE == sent["out"] + lost(sent)
+    assert sent["out"] > 0 and sent["lost"]["rate"] > 0
+    assert sent["lost"]["encode"] == sent["lost"]["network"] == 0
