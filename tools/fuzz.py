@@ -19,14 +19,16 @@ LOG = TOP / "package/ddxlog"
 STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "coefficients", "gf256", "h264", "intake", "mpeg4",
                                           "reorder", "repair", "restore", "rtp", "symbol")]
 REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "restore", "rtp", "symbol")]
+REPORT = [f"stream/{name}.c" for name in ("budget", "coefficients", "gf256", "repair", "report", "rtp", "symbol")] + [
+    f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
 SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/y4m_{name}.c" for name in ("convert", "layout", "parse", "read")] + ["common/video_item.c"]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
     f"log/{name}.c" for name in ("declaration", "form", "schema")]
 # Sources of each, below a package.
-TARGETS = {"mcap": (LOG, MCAP), "repair": (VIDEO, REPAIR), "rtp": (VIDEO, STREAM), "sap": (VIDEO, SAP),
-           "y4m": (VIDEO, Y4M)}
-LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "repair": [], "rtp": [], "sap": [],
+TARGETS = {"mcap": (LOG, MCAP), "repair": (VIDEO, REPAIR), "report": (VIDEO, REPORT),
+           "rtp": (VIDEO, STREAM), "sap": (VIDEO, SAP), "y4m": (VIDEO, Y4M)}
+LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "repair": [], "report": [], "rtp": [], "sap": [],
                                    "y4m": ["-lddx", "-lswscale", "-lavutil"]}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
@@ -38,7 +40,7 @@ def build(target: str, *defines: str) -> pathlib.Path:
     FUZZ.mkdir(parents=True, exist_ok=True)
     program = FUZZ / "-".join(["fuzz", target, *(word.lstrip("-") for word in defines)])
     package, names = TARGETS[target]
-    folders = [LOG / "mcap", LOG / "log", VIDEO / "stream", VIDEO / "common", VIDEO / "include",
+    folders = [LOG / "mcap", LOG / "log", VIDEO / "stream", VIDEO / "stream/send", VIDEO / "common", VIDEO / "include",
                TOP / "package/ddx/include"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(package / name for name in names)]

@@ -12,7 +12,7 @@ from parts.common import TOP
 pytestmark = pytest.mark.computes
 
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
-SHORTER = {"sap": 2}  # a small reader
+SHORTER = {"report": 2, "sap": 2}  # small readers
 SEED = 1     # what is new is looked for by `make fuzz`, not by whoever tests something else
 
 
@@ -28,6 +28,7 @@ def test_nothing_is_found(target: str) -> None:
 @pytest.mark.parametrize("target, fault, found", [
     ("rtp", "STAP", ["AddressSanitizer", "unpack_aggregate"]),  # the sizes in an aggregate are believed
     ("repair", "BELIEVE", ["fuzz/repair.c"]),  # so is the length of a restored packet
+    ("report", "REPORT", ["AddressSanitizer", "report_parse"]),  # that of an RTCP packet
     ("sap", "SAP", ["AddressSanitizer", "sap_parse"])])  # and that of an authentication
 def test_a_planted_fault_is_found(target: str, fault: str, found: list[str], tmp_path: pathlib.Path) -> None:
     fine, text = fuzz.fuzz(target, 60, f"-DDDX_FAULT_{fault}", corpus=tmp_path)
