@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""-wire: what a relay counts for each of several rates, and what is lost when the rate is far too small."""
+"""-wire: what a relay counts for each of several rates, what is lost when the rate is far too small, and what ddxctl
+shows of it."""
 from __future__ import annotations
 
+import functools
 import pathlib
+import re
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy
@@ -11,7 +14,7 @@ import pytest
 from parts.link.loss import NOTHING
 
 from . import two_ends
-from .programs import lost, wait_until
+from .programs import lost, stop, wait_until
 from .stream import TO_RELAY, Stream, finish
 
 WIRES = [100, 250, 2000]  # kbit/s
@@ -56,3 +59,18 @@ def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
     assert sent["in"] == LARGE == sent["out"] + lost(sent)
     assert sent["out"] > 0 and sent["lost"]["rate"] > 0
     assert sent["lost"]["encode"] == sent["lost"]["network"] == 0
+
+
+def test_ddxctl_shows_rate_and_repair(stream: Stream, noise: pathlib.Path) -> None:
+    """As long as the sender runs. Of a program without such counters, nothing."""
+    sender = stream.send("-wire", 250, "-repair", 1.5, *TO_RELAY)
+    loader = stream.desk.start("ddxvideoload", noise, "-loop", "-readers", 1)
+    wait_until(lambda: stream.desk.out("ddxvideosend") > 0)
+    stats = functools.partial(stream.desk.stats, "ddxvideosend")
+    wait_until(lambda: 50 < int(stats()["wire_kbit"]) <= 325 and 100 <= int(stats()["repair_percent"]) <= 200)
+    text = stream.desk.run("ddxctl", "stats").stdout
+    assert re.findall(r"^(\w+) .*, wire \d+ kbit/s, repair \d+ %$", text, re.MULTILINE) == ["ddxvideosend"]
+    assert "wire_kbit" not in stream.desk.stats("ddxvideoload")
+    assert stop(loader)[0] == 0
+    finish(sender)
+    assert "wire_kbit" not in stats() and "kbit/s" not in stream.desk.run("ddxctl", "stats").stdout

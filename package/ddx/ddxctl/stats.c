@@ -9,6 +9,7 @@
 
 #define SUFFIX ".stats"
 #define TYPE "DDX_STATS"
+#define PACKETS ".packets"
 
 /* Any program can write the counters' item: nothing of it steers a terminal. */
 static void print_text(const char *text, size_t length) {
@@ -31,19 +32,25 @@ static void print_line(const DDX_STATS *stats, const char *instance) {
         }
     if (stats->skipped)
         printf(", skipped %llu", (unsigned long long)stats->skipped);
-    printf(", %s us p50 %llu, p99 %llu, max %llu, starts %u%s\n",
+    printf(", %s us p50 %llu, p99 %llu, max %llu, starts %u%s",
            stats->latency_until == DDX_STATS_DISK ? "until on disk" : "latency",
            (unsigned long long)ddx_stats_percentile(stats, 0.5), (unsigned long long)ddx_stats_percentile(stats, 0.99),
            (unsigned long long)stats->latency_max, (unsigned)stats->starts, stats->running ? "" : ", stopped");
 }
 
-/* One program's counters. The handle stays open between repetitions: reading again costs a copy, no more. */
+/* One program's counters. The handles stay open between repetitions: reading again costs a copy, no more. */
 struct book {
     char name[DDX_NAME_MAX + 1];
     DDX_STORE_ITEM *item;
+    DDX_STORE_ITEM *packets; /* what a sender counts beside it; or NULL */
     DDX_STATS stats;
     int result;
 };
+
+/* Fields of `<instance>.packets` that are shown as well, in the text with these words around them. */
+static const struct {
+    const char *field, *before, *after;
+} rates[] = {{"wire_kbit", "wire", " kbit/s"}, {"repair_percent", "repair", " %"}};
 
 static struct book *books;
 static unsigned book_count;
@@ -53,6 +60,15 @@ static bool is_book(const struct ddx_item_info *info) {
 
     return length > strlen(SUFFIX) && !strcmp(info->name + length - strlen(SUFFIX), SUFFIX) &&
            !strcmp(info->type, TYPE);
+}
+
+/* A sender may have its counters of packets later than its book. */
+static void find_packets(DDX_STORE_ID *id, struct book *book) {
+    char name[DDX_NAME_MAX + 1];
+    int length = (int)(strlen(book->name) - strlen(SUFFIX));
+
+    if (!book->packets && snprintf(name, sizeof name, "%.*s" PACKETS, length, book->name) < (int)sizeof name)
+        book->packets = ddx_store_lookup_item(id, name, NULL, 0);
 }
 
 static struct book *find_book(const char *name) {
@@ -83,6 +99,7 @@ static int open_book(DDX_STORE_ID *id, const char *name) {
 
 static void close_book(unsigned index) {
     ddx_store_done_item(books[index].item);
+    ddx_store_done_item(books[index].packets);
     memmove(&books[index], &books[index + 1], (--book_count - index) * sizeof *books);
 }
 
@@ -108,15 +125,47 @@ static int by_name(const void *a, const void *b) {
     return strcmp(((const struct book *)a)->name, ((const struct book *)b)->name);
 }
 
+static const uint64_t *number_of(const DDX_STORE_ITEM *item, const struct ddx_frame *frame, const char *name) {
+    const struct ddx_field *field = ddx_store_field_named(item, name);
+
+    if (!field || field->kind != DDX_KIND_UNSIGNED || field->bytes != sizeof(uint64_t) || field->count != 1)
+        return NULL;
+    return (const uint64_t *)((const char *)frame->data + field->offset);
+}
+
+/* At which rate a sender sends now. */
+static void print_rates(DDX_STORE_ITEM *packets, bool json) {
+    struct ddx_frame frame;
+
+    if (!packets || ddx_store_acquire(packets, &frame, 0, DDX_CURRENT))
+        return;
+    for (unsigned i = 0; i < sizeof rates / sizeof *rates; i++) {
+        const uint64_t *number = number_of(packets, &frame, rates[i].field);
+
+        if (number && json)
+            printf(",\"%s\":%llu", rates[i].field, (unsigned long long)*number);
+        else if (number)
+            printf(", %s %llu%s", rates[i].before, (unsigned long long)*number, rates[i].after);
+    }
+    ddx_store_release(packets);
+}
+
 static void print_book(const struct book *book, bool json) {
     char instance[DDX_NAME_MAX + 1], line[DDX_STATS_LINE_MAX];
+    DDX_STORE_ITEM *packets = book->stats.running ? book->packets : NULL;
 
     snprintf(instance, sizeof instance, "%.*s", (int)(strlen(book->name) - strlen(SUFFIX)), book->name);
     if (json) {
-        ddx_stats_json(&book->stats, instance, line, sizeof line);
-        puts(line);
-    } else
+        int length = ddx_stats_json(&book->stats, instance, line, sizeof line);
+
+        printf("%.*s", length - 1, line); /* its last brace comes after the rates */
+        print_rates(packets, true);
+        puts("}");
+    } else {
         print_line(&book->stats, instance);
+        print_rates(packets, false);
+        putchar('\n');
+    }
 }
 
 int command_stats(DDX_STORE_ID *id, const struct request *request) {
@@ -130,6 +179,8 @@ int command_stats(DDX_STORE_ID *id, const struct request *request) {
     }
     if (result)
         return complain(NULL, result);
+    for (unsigned i = 0; i < book_count; i++)
+        find_packets(id, &books[i]);
     if (book_count)
         qsort(books, book_count, sizeof *books, by_name);
     /* The first time, reading takes a while, since the store lets the handle in. Then all at once, so that the counters

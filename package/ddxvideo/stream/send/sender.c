@@ -14,7 +14,8 @@ enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK, LOST_RATE };
 static const char *const reasons[] = {"store", "encode", "network", "rate", NULL};
 static const char *const names[SENDER_COUNTS] = {
     "packets", "bytes",      "lost_busy", "lost_route",     "lost_other",  "media",
-    "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost"};
+    "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost",
+    "wire_kbit", "repair_percent"};
 
 #define WAITING INT64_C(1000000000) /* ns until the sender says that it waits for the item */
 #define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
@@ -46,11 +47,28 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
            post_frame(&sender->post, packet.frame.count, frame->time, sender->packets.packet, sender->packets.count);
 }
 
+/* Once a second. */
+static void measure_rate(struct sender_rate *rate, const uint64_t dispatch[DISPATCH_COUNTS], int64_t now) {
+    uint64_t bytes = dispatch[DISPATCH_BYTES], media = dispatch[DISPATCH_SENT], repairs = dispatch[DISPATCH_REPAIRS];
+    int64_t passed = now - rate->begin;
+
+    if (passed < SECOND)
+        return;
+    *rate = (struct sender_rate){
+        .kbit = (bytes - rate->bytes) * 8 * (SECOND / 1000) / (uint64_t)passed,
+        .percent = media > rate->media ? (repairs - rate->repairs) * 100 / (media - rate->media) : 0,
+        .begin = now,
+        .bytes = bytes,
+        .media = media,
+        .repairs = repairs};
+}
+
 static void show_counts(struct sender *sender) {
     uint64_t dispatch[DISPATCH_COUNTS], feedback[FEEDBACK_COUNTS];
 
     post_counts(&sender->post, dispatch, feedback, &sender->sent);
     const struct outlet *outlet = &sender->sent;
+    measure_rate(&sender->rate, dispatch, ddx_time_now());
     const uint64_t now[SENDER_COUNTS] = {outlet->packets,
                                          outlet->bytes,
                                          outlet->lost[OUTLET_BUSY],
@@ -63,7 +81,9 @@ static void show_counts(struct sender *sender) {
                                          feedback[FEEDBACK_RECEIVED] - feedback[FEEDBACK_USED],
                                          sender->wanted,
                                          sender->ts.outlet.packets,
-                                         sender->ts.lost};
+                                         sender->ts.lost,
+                                         sender->rate.kbit,
+                                         sender->rate.percent};
 
     memcpy(sender->counts, now, sizeof now);
 }

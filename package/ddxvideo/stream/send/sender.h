@@ -10,7 +10,15 @@
 #include "program.h"
 #include "ts.h"
 
-#define SENDER_COUNTS 13
+#define SENDER_COUNTS 15
+
+/* What goes out now: of the last whole second, and where the next one began. */
+struct sender_rate {
+    uint64_t kbit;    /* per second, IP and UDP headers included */
+    uint64_t percent; /* repair packets for each 100 media packets */
+    int64_t begin;
+    uint64_t bytes, media, repairs;
+};
 
 struct sender {
     /* what to do */
@@ -31,6 +39,7 @@ struct sender {
     DDX_STORE_ITEM *video;
     struct counters counters;
     uint64_t counts[SENDER_COUNTS];
+    struct sender_rate rate;
     struct encoder encoder;
     bool described; /* the description is of this encoder's stream */
     size_t wanted;  /* bytes that the last frame was to have */
