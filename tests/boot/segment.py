@@ -1,23 +1,38 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A network segment between two guests, with a relay in it that loses and repeats the stream's packets by a seed."""
+"""A network segment between two guests, with a relay in it that loses and repeats packets of the stream, in
+both directions, by a seed."""
 from __future__ import annotations
 
+import dataclasses
 import pathlib
 import random
 import selectors
 import socket
 import threading
 
-PORT = 8000  # the stream's
+MEDIA, REPORTS, REPAIR = 8000, 8001, 8002  # the stream's
 ETHERTYPE, PROTOCOL, HEADER = 12, 23, 14  # offsets in an Ethernet frame with IPv4
 
 
-def is_stream(frame: bytes) -> bool:
-    """UDP over IPv4 to the stream's port."""
+def stream_port(frame: bytes) -> int | None:
+    """The stream's port that UDP over IPv4 goes to; None if this is something else."""
     if frame[ETHERTYPE:HEADER] != b"\x08\x00" or frame[PROTOCOL] != 17:
-        return False
+        return None
     udp = HEADER + 4 * (frame[HEADER] & 15)
-    return int.from_bytes(frame[udp + 2:udp + 4], "big") == PORT
+    port = int.from_bytes(frame[udp + 2:udp + 4], "big")
+    return port if port in (MEDIA, REPORTS, REPAIR) else None
+
+
+@dataclasses.dataclass
+class Flow:
+    """Packets to one port."""
+    came: int = 0
+    dropped: int = 0
+    duplicated: int = 0
+
+    @property
+    def passed(self) -> int:
+        return self.came - self.dropped + self.duplicated
 
 
 class Segment:
@@ -27,7 +42,8 @@ class Segment:
         self.folder, self.random = folder, random.Random(seed)
         self.drop, self.duplicate = drop, duplicate  # percent
         self.bad = False       # whether mischief happens now
-        self.came = self.dropped = self.duplicated = 0
+        self.media, self.reports, self.repair = Flow(), Flow(), Flow()
+        self._flows = {MEDIA: self.media, REPORTS: self.reports, REPAIR: self.repair}
         self._selector = selectors.DefaultSelector()
         self._sockets = []
         for end in range(2):
@@ -57,13 +73,15 @@ class Segment:
             pass  # nobody there yet, or no more
 
     def _relay(self, end: int, frame: bytes) -> None:
-        if is_stream(frame):
-            self.came += 1
+        port = stream_port(frame)
+        if port is not None:
+            flow = self._flows[port]
+            flow.came += 1
             if self.bad and self.random.uniform(0, 100) < self.drop:
-                self.dropped += 1
+                flow.dropped += 1
                 return
             if self.bad and self.random.uniform(0, 100) < self.duplicate:
-                self.duplicated += 1
+                flow.duplicated += 1
                 self._go(1 - end, frame)
         self._go(1 - end, frame)
 

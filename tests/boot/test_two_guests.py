@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A robot and an operator, the same image in two machines, and a bad network between them."""
+"""A robot and an operator, the same image in two machines, and a network between them that loses 30 % of the packets in
+both directions."""
+import dataclasses
 import json
 import pathlib
 import tempfile
@@ -18,9 +20,10 @@ from .segment import Segment
 
 pytestmark = pytest.mark.long
 
-SEED, DROP, DUPLICATE = "17", 10.0, 10.0
+SEED, DROP, DUPLICATE = "17", 30.0, 10.0
 QUIET, BAD = 2, 10  # s of the clip's 20 that the network is good at first, and bad then
 END = 3  # s after that: MPEG-4 has had key frames since, so the last pictures are right again
+SHOWN = 0.9  # of the frames sent; emulated machines take their time to report
 
 
 def network(guest: Guest, address: str) -> None:
@@ -37,12 +40,31 @@ def packets(guest: Guest, instance: str) -> dict[str, int]:
 
 
 def arrive(operator: Guest, segment: Segment) -> None:
-    """What is on its way reaches decode, and its counters, which it tells once a second; what does not is missing."""
+    """What is on its way reaches decode, and its counters, which decode writes once a second; what does not is
+    missing."""
     end = time.monotonic() + 20
     while time.monotonic() < end:
-        if packets(operator, stream.DECODE)["received"] >= segment.came - segment.dropped + segment.duplicated:
+        found = packets(operator, stream.DECODE)
+        if found["received"] >= segment.media.passed and found["repair_received"] >= segment.repair.passed:
             break
         time.sleep(1)
+
+
+def disagreements(segment: Segment, sent: dict[str, int], received: dict[str, int]) -> list[str]:
+    """What the programs at both ends count other than what the relay between them did."""
+    media, repair, reports = segment.media, segment.repair, segment.reports
+    known = ("restored", "repair_useless", "repair_expired", "repair_refused", "repair_corrupt")
+    both = {"media packets sent": (sent["media"], media.came), "repair packets sent": (sent["repairs"], repair.came),
+            "packets sent": (sent["packets"], media.came + repair.came),
+            "media packets received": (received["received"], media.passed),
+            "repair packets received": (received["repair_received"], repair.passed),
+            "reports sent": (received["reports"], reports.came), "reports received": (sent["reports"], reports.passed),
+            "lost and restored": (received["lost"] - received["late"] + received["restored"], media.dropped),
+            "twice": (received["duplicate"], media.duplicated),
+            "uses of repair packets": (sum(received[name] for name in known), repair.passed),
+            "garbage and foreign": (received["garbage"] + received["foreign"], 0),
+            "forged": (received["repair_refused"] + received["repair_corrupt"] + received["repair_wrong"], 0)}
+    return [f"{what}: {ours} and {theirs}" for what, (ours, theirs) in both.items() if ours != theirs]
 
 
 def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path,
@@ -58,11 +80,12 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
             operator.wait_until("cat /proc/net/udp* | grep -q ':1F40 '")  # port 8000: before anybody sends
             network(robot, "10.0.0.1")
             service(robot, "ddxvideosend", "enabled=yes\\ncodec=mpeg4\\ninterface=eth0\\n")
-            sent, mended = watch(robot, segment)
+            mended = watch(robot, segment)
             robot.sh("/etc/init.d/S*ddxvideosend stop")
+            sent = packets(robot, stream.SEND)
             arrive(operator, segment)
-            received = packets(operator, stream.DECODE)
             operator.sh("/etc/init.d/S*decode stop")
+            received = packets(operator, stream.DECODE)
             session.stop_recorder(operator)
             ends = {one: session.end_counters(operator, one) for one in (stream.DECODE, stream.RECORDER)}
             FileSystem(operator.snapshot()).take_only(stream.ITEM, work / "two-shown.y4m")
@@ -70,13 +93,13 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
             session.stop_recorder(robot)
             result = session.collect(robot, clip, work / "two-recorded.y4m")
         segment.end()
-    record_property("network", {"packets": segment.came, "lost": segment.dropped, "twice": segment.duplicated})
+    record_property("network", {name: dataclasses.asdict(flow) for name, flow in {
+        "media": segment.media, "repair": segment.repair, "reports": segment.reports}.items()})
     record_property("decode_packets", received)
     assert result.good, result.disagreements  # the robot has noticed nothing
-    assert sent["packets"] == segment.came and segment.dropped > 10 and segment.duplicated > 10
-    assert received["received"] == segment.came - segment.dropped + segment.duplicated
-    assert (received["lost"] - received["late"], received["duplicate"]) == (segment.dropped, segment.duplicated)
-    assert received["garbage"] == received["foreign"] == 0
+    assert all(flow.dropped > 10 and flow.duplicated > 3 for flow in (segment.media, segment.repair, segment.reports))
+    assert disagreements(segment, sent, received) == []
+    assert received["restored"] > 0.8 * segment.media.dropped
 
     seen = stream.judge(work / "two-shown.y4m", work / "two-recorded.y4m", ends[stream.SEND], ends[stream.DECODE],
                         ends[stream.RECORDER])
@@ -85,12 +108,11 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
     quiet = [one.time for one in seen.shown if one.time < (QUIET - 1) * 1e9 or one.time > (mended + END) * 1e9]
     assert seen.shown[-1].time > (mended + END) * 1e9 and set(quiet) <= set(right)
     record_property("pictures", {"shown": len(seen.shown), "lost": seen.lost_decode})
-    assert seen.wrong == [] and seen.lost_decode > 0  # what was lost leaves no marks
+    assert seen.wrong == [] and len(seen.shown) >= SHOWN * ends[stream.SEND].out
 
 
-def watch(robot: Guest, segment: Segment) -> tuple[dict[str, int], float]:
-    """The clip goes by; in its midst the network is bad. The sender's packets in the end; since when it was good again,
-    in seconds of the clip."""
+def watch(robot: Guest, segment: Segment) -> float:
+    """The clip goes by; in its midst the network is bad. Since when it was good again, in seconds of the clip."""
     camera.wait_for_frames(robot, 25 * QUIET, session.LOAD)
     segment.bad = True
     camera.wait_for_frames(robot, 25 * BAD, session.LOAD)
@@ -98,4 +120,4 @@ def watch(robot: Guest, segment: Segment) -> tuple[dict[str, int], float]:
     mended = camera.stats(robot, session.LOAD).out / default_clip.RATE
     session.wait_for_clip(robot, 500)
     time.sleep(1)
-    return packets(robot, stream.SEND), mended
+    return mended
