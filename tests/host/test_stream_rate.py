@@ -12,6 +12,7 @@ import numpy
 import pytest
 
 from parts.link.loss import NOTHING
+from parts.media import clip as numbered_clip
 
 from . import two_ends
 from .programs import lost, stop, wait_until
@@ -59,6 +60,18 @@ def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
     assert sent["in"] == LARGE == sent["out"] + lost(sent)
     assert sent["out"] > 0 and sent["lost"]["rate"] > 0
     assert sent["lost"]["encode"] == sent["lost"]["network"] == 0
+
+
+def test_frames_of_mpeg4_fit_the_rate(stream: Stream) -> None:
+    """Without -bitrate, too. Its encoder does not keep to a size: with frames for more than the rate, nearly each second
+    one was lost.rate."""
+    clip = numbered_clip.write(stream.folder / "clip.y4m", 2)
+    sender = stream.send("-codec", "mpeg4", "-wire", 400, *TO_RELAY)
+    stream.play(clip)
+    wait_until(lambda: two_ends.settled(stream.desk, "ddxvideosend", 2 * RATE))
+    (_, _, sent), = finish(sender)
+    print(sent)
+    assert sent["lost"]["rate"] <= sent["in"] / 5
 
 
 def test_ddxctl_shows_rate_and_repair(stream: Stream, noise: pathlib.Path) -> None:

@@ -127,8 +127,9 @@ static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry
         now->rate_num == geometry->rate_num && now->rate_den == geometry->rate_den)
         return true;
     sender->described = false;
-    const struct encoder_settings settings = {
-        .type = sender->type, .bitrate = sender->bitrate * 1000, .fast = sender->fast};
+    /* MPEG-4's encoder makes frames for this rate, and keeps to a lower one in part only. */
+    long bitrate = sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
+    const struct encoder_settings settings = {.type = sender->type, .bitrate = bitrate * 1000, .fast = sender->fast};
     encoder_close(&sender->encoder);
     int error = encoder_open(&sender->encoder, &settings, geometry);
     if (!error) {
