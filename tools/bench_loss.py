@@ -32,8 +32,8 @@ from parts.image import native
 from parts.media import clip as made_up
 
 PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Fec, BlockCode]
-# With a cap, the picture is the same with and without loss, as far as repair leaves that much: what is compared with the
-# run without loss is what came, not the rate of the video.
+# With a cap, the picture is the same with and without loss, as far as repair leaves that much: what is compared with
+# the run without loss is what came, not the rate of the video.
 BITRATE, WIRE, RATIO = 130, 250, 1.75
 CLIPS = ["real", "moving", "drawn"]
 SEEDS, FEW_SEEDS = 5, 2

@@ -63,8 +63,8 @@ def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
 
 
 def test_frames_of_mpeg4_fit_the_rate(stream: Stream) -> None:
-    """Without -bitrate, too. Its encoder does not keep to a size: with frames for more than the rate, nearly each second
-    one was lost.rate."""
+    """Without -bitrate, too. Its encoder does not keep to a size: with frames for more than the rate, nearly each
+    second one was lost.rate."""
     clip = numbered_clip.write(stream.folder / "clip.y4m", 2)
     sender = stream.send("-codec", "mpeg4", "-wire", 400, *TO_RELAY)
     stream.play(clip)
