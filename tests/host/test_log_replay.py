@@ -90,8 +90,7 @@ def test_rate_and_part(desk: Desk, first: pathlib.Path) -> None:
 
 def test_loop(desk: Desk, first: pathlib.Path) -> None:
     player = desk.start("ddxlog", "-replay", first, "-loop", "-rate", "0")
-    wait_until(lambda: "ddxlog.replay.stats" in desk.run("ddxctl", "list").stdout)
-    wait_until(lambda: bool(desk.stats("ddxlog.replay")["out"] > 270 * 3))
+    wait_until(lambda: desk.out("ddxlog.replay") > 270 * 3)
     status, counters = stop(player)
     assert status == 0 and counters["in"] == counters["out"] + lost(counters)
 
