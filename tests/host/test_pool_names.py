@@ -93,7 +93,7 @@ def test_two_recorders_of_one_item_that_start_at_once(desk: Desk, clip: pathlib.
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: int) -> None:
     """The recording gets another number, and keeps its time, when it ends or when it is recovered; the other stays."""
-    saver = start_recorder(desk, "-output", "rec", "-segment", 4)
+    saver = start_recorder(desk, "-output", "rec", "-segment", 64)  # one file, however slow the machine is
     loader = desk.start("ddxvideoload", clip, "-readers", "1", "-loop")
     wait_until(lambda: desk.out("ddxvideosave") > 0)
     name, = json.loads(desk.run("ddxrecordings", "list", "-json", "-folder", "rec").stdout)["files"]
@@ -102,7 +102,7 @@ def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: in
     stop(loader)
     saver.send_signal(number)
     assert saver.wait(60) in (0, -number)
-    recover = desk.run("ddxvideosave", "-output", "rec", "-segment", "4", "-recover")
+    recover = desk.run("ddxvideosave", "-output", "rec", "-segment", "64", "-recover")
     assert f"rec/{name}: another file has this name" in desk.errors(saver) + recover.stderr
     assert other.read_bytes() == b"other"
     found = next(file for file in recordings(desk) if file != other)
@@ -110,4 +110,4 @@ def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: in
     shown = pictures(found)
     assert shown and shown == pictures(clip)[:len(shown)]
     assert f"{found.name}: good" in desk.run("ddxrecordings", "verify", found.name, "-folder", "rec").stdout
-    assert desk.run("ddxvideosave", "-output", "rec", "-segment", "4", "-recover").stderr == ""
+    assert desk.run("ddxvideosave", "-output", "rec", "-segment", "64", "-recover").stderr == ""
