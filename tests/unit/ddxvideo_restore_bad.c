@@ -77,8 +77,8 @@ static void test_impossible(void) {
     put32(foreign.data + 8, SSRC + 1);
     CHECK_EQUAL(stream_deliver(&stream, foreign.data, foreign.size, false), -EBADMSG);
     CHECK_EQUAL(stream_deliver(&stream, far.data, far.size, false), -ERANGE);
-    before.strange = (uint16_t)(stream.next + 2001);
-    before.has_strange = true;
+    before.stranger.next = (uint16_t)(stream.next + 2001);
+    before.stranger.there = true;
     CHECK(!memcmp(&before, &stream.restore, sizeof before));
     put32(packet + 20, newest - 400); /* old, yet it has been sent */
     CHECK_EQUAL(stream_deliver(&stream, packet, size, true), -EALREADY);

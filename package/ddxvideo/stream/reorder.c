@@ -56,15 +56,6 @@ void reorder_init(struct reorder *reorder) {
         reorder->slot[i].used = false;
 }
 
-/* A number from far away is believed when it follows another such. */
-static bool is_confirmed(struct reorder *reorder, uint16_t sequence) {
-    bool confirmed = reorder->has_strange && reorder->strange == sequence;
-
-    reorder->strange = (uint16_t)(sequence + 1);
-    reorder->has_strange = true;
-    return confirmed;
-}
-
 /* The count went back: begin anew. Nothing is known to be lost. */
 static void begin_at(struct reorder *reorder, uint16_t sequence) {
     memset(reorder->seen, 0, sizeof reorder->seen);
@@ -78,14 +69,14 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
         begin_at(reorder, sequence);
     int distance = (int16_t)(sequence - reorder->next);
     bool far = distance < -REORDER_MEMORY || distance > REORDER_JUMP;
-    if (size > RTP_DATAGRAM_MAX || (far && !is_confirmed(reorder, sequence)))
+    if (size > RTP_DATAGRAM_MAX || (far && !rtp_is_confirmed(&reorder->stranger, sequence)))
         return REORDER_LATE;
     if ((far || distance >= REORDER_PACKETS) && reorder->waiting) {
         if (far)
-            reorder->strange = sequence; /* ask again */
+            reorder->stranger.next = sequence; /* ask again */
         return REORDER_FULL;
     }
-    reorder->has_strange = false;
+    reorder->stranger.there = false;
     if (distance < -REORDER_MEMORY)
         begin_at(reorder, sequence);
     else if (distance < 0)

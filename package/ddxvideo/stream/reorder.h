@@ -30,8 +30,7 @@ struct reorder {
     bool begun;
     uint16_t next;        /* the sequence number that is due */
     unsigned lost_before; /* given up before it, not told yet */
-    uint16_t strange;     /* the one that would follow a packet from far away */
-    bool has_strange;
+    struct rtp_stranger stranger;
     unsigned waiting;
     uint8_t seen[REORDER_MEMORY / 8];          /* of the numbers before `next`: whether they came */
     struct reorder_slot slot[REORDER_PACKETS]; /* by sequence number; last, since it is large */

@@ -165,15 +165,6 @@ static void begin_at(struct restore *restore, uint16_t sequence) {
     restore->newest = restore->floor = restore->came = sequence;
 }
 
-/* A number from far away is believed when it follows another such. */
-static bool is_confirmed(struct restore *restore, uint16_t sequence) {
-    bool confirmed = restore->has_strange && restore->strange == sequence;
-
-    restore->strange = (uint16_t)(sequence + 1);
-    restore->has_strange = true;
-    return confirmed;
-}
-
 /* Make sure that a media packet that came has a slot. */
 static bool make_room(struct restore *restore, uint16_t sequence) {
     int distance = (int16_t)(sequence - restore->newest);
@@ -181,13 +172,13 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
     if (!restore->begun) {
         begin_at(restore, sequence);
     } else if (distance > RESTORE_JUMP || distance <= -REPAIR_PACKETS) {
-        if (!is_confirmed(restore, sequence))
+        if (!rtp_is_confirmed(&restore->stranger, sequence))
             return false;
         begin_at(restore, sequence);
     } else if (distance > 0) {
         advance(restore, sequence);
     }
-    restore->has_strange = false;
+    restore->stranger.there = false;
     if (rtp_after(sequence, restore->came))
         restore->came = sequence;
     return true;

@@ -48,8 +48,7 @@ struct restore_slot {
 struct restore {
     uint32_t ssrc;
     bool begun; /* a media packet came */
-    bool has_strange;
-    uint16_t strange; /* the number that would follow a packet from far away */
+    struct rtp_stranger stranger;
     uint16_t came;    /* newest media packet that came */
     uint16_t newest;  /* newest media packet that is known to have been sent */
     uint16_t floor;   /* packets before this one are not waited for */

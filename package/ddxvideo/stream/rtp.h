@@ -65,6 +65,21 @@ static inline bool rtp_after(uint16_t a, uint16_t b) {
     return (int16_t)(a - b) > 0;
 }
 
+/* A sequence number from far away is believed when the next packet has the number after it. */
+struct rtp_stranger {
+    bool there;
+    uint16_t next; /* the number that would confirm the last one from far away */
+};
+
+/* A number from far away came. Whether it is believed. */
+static inline bool rtp_is_confirmed(struct rtp_stranger *stranger, uint16_t sequence) {
+    bool confirmed = stranger->there && stranger->next == sequence;
+
+    stranger->next = (uint16_t)(sequence + 1);
+    stranger->there = true;
+    return confirmed;
+}
+
 /* A time on RTP's clock. */
 static inline uint32_t rtp_time(int64_t ns) {
     return (uint32_t)(uint64_t)(ns / 100000 * 9 + ns % 100000 * 9 / 100000);
