@@ -2,6 +2,7 @@
 #include "decoder.h"
 
 #include "chunk.h"
+#include "codec.h"
 #include "h264.h"
 #include "mpeg4.h"
 
@@ -102,21 +103,12 @@ void decoder_close(struct decoder *decoder) {
     *decoder = (struct decoder){0};
 }
 
-bool decoder_can_begin(enum rtp_type type, const uint8_t *data, size_t size) {
-    struct h264_nal nal;
-
-    for (const uint8_t *at = data; h264_next_nal(&at, data + size, &nal);) /* MPEG-4's start codes look the same */
-        if (type == RTP_H264 ? (nal.data[0] & 31) == H264_SPS : (nal.data[0] & 0xf0) == 0x20)
-            return true;
-    return false;
-}
-
 /* Whether pictures become whole from this frame on, at once or step by step. */
 static bool renews(enum rtp_type type, const uint8_t *data, size_t size) {
     struct h264_nal nal;
 
     if (type == RTP_MPEG4)
-        return decoder_can_begin(type, data, size);
+        return codec_can_begin(type, data, size);
     for (const uint8_t *at = data; h264_next_nal(&at, data + size, &nal);) {
         int unit = nal.data[0] & 31;
 
@@ -188,7 +180,7 @@ const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size
     enum decoder_refusal before = decoder->refusal;
 
     if (!decoder->joined)
-        decoder->joined = decoder_can_begin(decoder->type, data, size);
+        decoder->joined = codec_can_begin(decoder->type, data, size);
     if (!decoder->joined || !size)
         return NULL;
     decoder->refusal = DECODER_SHOWS;

@@ -59,7 +59,4 @@ bool decoder_wants_renewal(const struct decoder *decoder);
 /* Pictures with missing parts are wanted, and the next ones as well, but a renewal would be good. */
 void decoder_want_renewal(struct decoder *decoder);
 
-/* Whether a frame brings along what a decoder needs to begin: parameter sets, or a VOL header. */
-bool decoder_can_begin(enum rtp_type type, const uint8_t *data, size_t size);
-
 #endif

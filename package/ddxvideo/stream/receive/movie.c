@@ -3,8 +3,8 @@
 
 #include <string.h>
 
+#include "codec.h"
 #include "ddxvideo.h"
-#include "decoder.h"
 
 #ifdef WITH_AVFORMAT
 #include <libavformat/avformat.h>
@@ -102,7 +102,7 @@ static int write_frame(struct movie *movie, const struct assembly_frame *frame, 
     packet->size = (int)frame->size;
     packet->pts = packet->dts = movie->last = at;
     packet->duration = av_rescale_q(1, av_inv_q(stream->avg_frame_rate), stream->time_base);
-    packet->flags = decoder_can_begin(frame->type, frame->data, frame->size) ? AV_PKT_FLAG_KEY : 0;
+    packet->flags = codec_can_begin(frame->type, frame->data, frame->size) ? AV_PKT_FLAG_KEY : 0;
     packet->stream_index = 0;
     return av_write_frame(movie->file, packet);
 }
@@ -112,7 +112,7 @@ int movie_add(struct movie *movie, const struct assembly_frame *frame, int64_t t
         return 0;
     int error = 0;
     if (!movie->file) {
-        if (decoder->width <= 0 || !decoder_can_begin(frame->type, frame->data, frame->size))
+        if (decoder->width <= 0 || !codec_can_begin(frame->type, frame->data, frame->size))
             return 0;
         movie->first = time;
         error = begin(movie, frame, decoder);

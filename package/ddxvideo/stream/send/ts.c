@@ -5,8 +5,7 @@
 #include <libavformat/avformat.h>
 #include <string.h>
 
-#include "h264.h"
-#include "mpeg4.h"
+#include "codec.h"
 
 #define PACKET 188        /* bytes of a packet of MPEG-TS */
 #define PAYLOAD (7 * PACKET) /* in an RTP packet: as usual, and within an Ethernet frame */
@@ -117,18 +116,6 @@ void ts_close(struct ts *ts) {
     av_packet_free(&ts->packet);
 }
 
-/* Whether the frame has what a decoder needs to begin. */
-static bool can_begin(enum rtp_type type, const uint8_t *data, size_t size) {
-    struct h264_nal nal;
-
-    if (type == RTP_MPEG4)
-        return mpeg4_headers(data, size);
-    for (const uint8_t *at = data; h264_next_nal(&at, data + size, &nal);)
-        if ((nal.data[0] & 31) == H264_SPS)
-            return true;
-    return false;
-}
-
 /* Times rise: two frames of one moment differ. */
 static int64_t next_time(struct ts *ts, int64_t time) {
     if (ts->last < 0)
@@ -148,7 +135,7 @@ size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
     packet->data = (uint8_t *)(uintptr_t)data;
     packet->size = (int)size;
     packet->pts = packet->dts = next_time(ts, time);
-    packet->flags = can_begin(ts->type, data, size) ? AV_PKT_FLAG_KEY : 0;
+    packet->flags = codec_can_begin(ts->type, data, size) ? AV_PKT_FLAG_KEY : 0;
     ts->time = (uint32_t)packet->pts;
     if (av_write_frame(ts->muxer, packet) < 0)
         return 0;
