@@ -25,20 +25,15 @@ static bool find_way(const struct outlet *outlet, struct network_address *group,
     return outlet_origin(outlet, group, own);
 }
 
-static size_t send_message(struct announce *announce, struct outlet *outlet, const struct network_address *group,
-                           const struct sap *sap) {
+static size_t send_message(struct outlet *outlet, const struct network_address *group, const struct sap *sap) {
     uint8_t data[SAP_MAX];
     size_t size = sap_write(sap, data);
 
-    if (!size || !outlet_send_to(outlet, group, data, size))
-        return 0;
-    announce->messages++;
-    return size + network_overhead(group);
+    return size && outlet_send_to(outlet, group, data, size) ? size + network_overhead(group) : 0;
 }
 
 /* RFC 2974, 5: a deletion has the name of the announcement and its o= line. */
-static size_t take_back(struct announce *announce, struct announce_stream *stream, struct outlet *outlet,
-                        const struct network_address *group) {
+static size_t take_back(struct announce_stream *stream, struct outlet *outlet, const struct network_address *group) {
     const struct sap sap = {.deletion = true,
                             .hash = stream->hash,
                             .origin = stream->origin,
@@ -48,7 +43,7 @@ static size_t take_back(struct announce *announce, struct announce_stream *strea
     if (!stream->announced)
         return 0;
     stream->announced = false;
-    return send_message(announce, outlet, group, &sap);
+    return send_message(outlet, group, &sap);
 }
 
 /* A description from one address of this machine. */
@@ -70,18 +65,18 @@ static struct sap compose(struct message *message, const struct announce_stream 
         .hash = sap_hash(text, (size_t)length), .origin = *own, .text = text, .size = (size_t)length};
 }
 
-static size_t announce_one(struct announce *announce, struct announce_stream *stream, struct outlet *outlet,
-                           const struct network_address *group, const struct network_address *own) {
+static size_t announce_one(struct announce_stream *stream, struct outlet *outlet, const struct network_address *group,
+                           const struct network_address *own) {
     struct message message;
     struct sap sap = compose(&message, stream, own);
     size_t bytes = 0;
 
     if (sap.hash != stream->hash) /* another picture size, or another address of this machine */
-        bytes += take_back(announce, stream, outlet, group);
+        bytes += take_back(stream, outlet, group);
     stream->hash = sap.hash;
     stream->origin = sap.origin;
     memcpy(stream->line, message.line, sizeof stream->line);
-    size_t sent = send_message(announce, outlet, group, &sap);
+    size_t sent = send_message(outlet, group, &sap);
     stream->announced |= sent > 0;
     return bytes + sent;
 }
@@ -97,7 +92,7 @@ size_t announce_tick(struct announce *announce, struct outlet *outlet, int64_t n
         return 0;
     for (unsigned i = 0; i < ANNOUNCE_STREAMS; i++) {
         if (*announce->stream[i].body)
-            bytes += announce_one(announce, &announce->stream[i], outlet, &group, &own);
+            bytes += announce_one(&announce->stream[i], outlet, &group, &own);
     }
     return bytes;
 }
@@ -107,6 +102,6 @@ void announce_end(struct announce *announce, struct outlet *outlet) {
 
     if (!announce->off && find_way(outlet, &group, &own)) {
         for (unsigned i = 0; i < ANNOUNCE_STREAMS; i++)
-            take_back(announce, &announce->stream[i], outlet, &group);
+            take_back(&announce->stream[i], outlet, &group);
     }
 }

@@ -31,7 +31,6 @@ struct announce {
     bool off; /* what to do; set it for streams that not everybody may see */
     int64_t due;
     struct announce_stream stream[ANNOUNCE_STREAMS];
-    uint64_t messages;
 };
 
 /* Takes over a description, as sdp_write() makes it, of stream `which`; `session`: a number for each run. */

@@ -46,9 +46,12 @@ static bool enqueue(struct dispatch *dispatch, int64_t now, uint16_t frame, cons
     return true;
 }
 
+unsigned dispatch_room(const struct dispatch *dispatch) {
+    return DISPATCH_QUEUE - dispatch->waiting;
+}
+
 void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packets,
                     unsigned count) {
-    dispatch->count[DISPATCH_FRAMES]++;
     dispatch->count[DISPATCH_PACKETS] += count;
     dispatch->media_share *= FADE;
     dispatch->repair_share *= FADE;
@@ -151,7 +154,6 @@ static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, siz
     }
     dispatch->count[DISPATCH_REPAIRS]++;
     dispatch->count[DISPATCH_BYTES] += bytes;
-    dispatch->count[DISPATCH_REPAIR_BYTES] += bytes;
     dispatch->repair_share += (double)bytes;
     dispatch->next = now + GAP;
     return true;
@@ -168,6 +170,7 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
 
     if (!dispatch->waiting || !budget_take(&dispatch->budget, now, media_bytes(dispatch)))
         return false;
+    double ratio = ratio_in_advance(dispatch, now);
     uint16_t sequence = get16(slot->data + 2);
     dispatch->esi = dispatch->begun ? dispatch->esi + (uint16_t)(sequence - dispatch->esi) : sequence;
     dispatch->begun = true;
@@ -178,7 +181,7 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
     dispatch->count[DISPATCH_SENT]++;
     dispatch->count[DISPATCH_BYTES] += media_bytes(dispatch);
     dispatch->media_share += (double)media_bytes(dispatch);
-    dispatch->owed = ratio_in_advance(dispatch, now) > 0 ? dispatch->owed + ratio_in_advance(dispatch, now) : 0;
+    dispatch->owed = ratio > 0 ? dispatch->owed + ratio : 0;
     dispatch->head = (dispatch->head + 1) % DISPATCH_QUEUE;
     dispatch->waiting--;
     dispatch->next = now + dispatch->gap;

@@ -26,13 +26,11 @@
 enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
 
 enum dispatch_count {
-    DISPATCH_FRAMES,       /* that were handed over */
-    DISPATCH_PACKETS,      /* of these = sent + dropped + those that wait */
+    DISPATCH_PACKETS, /* handed over = sent + dropped + those that wait */
     DISPATCH_SENT,
-    DISPATCH_DROPPED,      /* no room in the queue, or no RTP packet */
-    DISPATCH_REPAIRS,      /* repair packets sent */
-    DISPATCH_BYTES,        /* of everything sent, IP and UDP headers included */
-    DISPATCH_REPAIR_BYTES, /* of repair packets, as well */
+    DISPATCH_DROPPED, /* no room in the queue, or no RTP packet */
+    DISPATCH_REPAIRS, /* repair packets sent */
+    DISPATCH_BYTES,   /* of everything sent, IP and UDP headers included */
     DISPATCH_COUNTS
 };
 
@@ -81,6 +79,9 @@ void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *se
 
 /* Bytes that the next frame may have; 0: there is no room for a frame, and it is to be dropped before it is encoded. */
 size_t dispatch_allowance(struct dispatch *dispatch, int64_t now);
+
+/* Packets that dispatch_frame() takes now; those beyond are dropped. */
+unsigned dispatch_room(const struct dispatch *dispatch);
 
 /* An encoded frame, in packets whose sequence numbers follow each other; `frame`: its number, counted from frame to
  * frame. The packets are copied. */

@@ -66,8 +66,6 @@ static bool is_local(const struct network_address *address) {
  * system chooses one. Receivers answer to the port that packets come from, whichever it is.
  */
 static int bind_for_reports(struct outlet *outlet, int fd, bool ipv6) {
-    for (unsigned i = 0; i < outlet->receivers; i++)
-        outlet->elsewhere |= is_local(&outlet->receiver[i]);
     set(fd, SOL_SOCKET, SO_REUSEADDR, outlet->group != NULL); /* players of a group share ports */
     struct network_address own = own_address(ipv6, outlet->elsewhere ? 0 : outlet->port + 1);
     if (!bind(fd, &own.any, network_size(&own)))
@@ -117,14 +115,16 @@ static int fd_for(const struct outlet *outlet, const struct network_address *rec
 const char *outlet_open(struct outlet *outlet, char *text) {
     const char *wrong = NULL;
 
-    for (unsigned i = 0; i < outlet->receivers && !wrong; i++) {
+    for (unsigned i = 0; i < outlet->receivers; i++) {
         struct network_address *receiver = &outlet->receiver[i];
 
         if (network_find_zone(receiver))
-            wrong = fail(text, "interface", receiver->zone, "there is none of this name");
-        else if (fd_for(outlet, receiver) < 0)
-            wrong = open_socket(outlet, network_is_ipv6(receiver), text);
+            return fail(text, "interface", receiver->zone, "there is none of this name");
+        outlet->elsewhere |= is_local(receiver);
     }
+    for (unsigned i = 0; i < outlet->receivers && !wrong; i++)
+        if (fd_for(outlet, &outlet->receiver[i]) < 0)
+            wrong = open_socket(outlet, network_is_ipv6(&outlet->receiver[i]), text);
     return wrong;
 }
 

@@ -136,7 +136,7 @@ bool post_wants_refresh(struct post *post) {
 bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct dispatch_packet *packets,
                 unsigned count) {
     pthread_mutex_lock(&post->lock);
-    bool taken = post->open < POST_FRAMES && post->dispatch.waiting + count <= DISPATCH_QUEUE;
+    bool taken = post->open < POST_FRAMES && count <= dispatch_room(&post->dispatch);
     if (taken) {
         dispatch_frame(&post->dispatch, ddx_time_now(), frame, packets, count);
         post->written[(post->first + post->open++) % POST_FRAMES] = written;

@@ -126,22 +126,17 @@ static int64_t next_time(struct ts *ts, int64_t time) {
     return ts->last = at;
 }
 
-size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
-    uint64_t packets = ts->outlet.packets, bytes = ts->outlet.bytes;
+void ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
     AVPacket *packet = ts->packet;
 
     if (!ts->muxer)
-        return 0;
+        return;
     packet->data = (uint8_t *)(uintptr_t)data;
     packet->size = (int)size;
     packet->pts = packet->dts = next_time(ts, time);
     packet->flags = codec_can_begin(ts->type, data, size) ? AV_PKT_FLAG_KEY : 0;
     ts->time = (uint32_t)packet->pts;
-    if (av_write_frame(ts->muxer, packet) < 0)
-        return 0;
-    packets = ts->outlet.packets - packets;
-    bytes = ts->outlet.bytes - bytes;
-    return (bytes + packets * network_overhead(&ts->outlet.receiver[0])) / ts->outlet.receivers;
+    av_write_frame(ts->muxer, packet);
 }
 
 #else
@@ -162,12 +157,11 @@ void ts_close(struct ts *ts) {
     (void)ts;
 }
 
-size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
+void ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time) {
     (void)ts;
     (void)data;
     (void)size;
     (void)time;
-    return 0;
 }
 
 #endif

@@ -33,10 +33,7 @@ bool ts_is_possible(void);
 int ts_open(struct ts *ts, const struct outlet *outlet, enum rtp_type type, const char *name);
 void ts_close(struct ts *ts);
 
-/*
- * Send a frame, captured at `time` (ns). Never waits. The bytes that a receiver got, IP and UDP headers included; 0 if
- * it is not open, or the muxer refuses the frame.
- */
-size_t ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time);
+/* Send a frame, captured at `time` (ns). Never waits. Nothing is sent if it is not open, or the muxer refuses it. */
+void ts_send(struct ts *ts, const uint8_t *data, size_t size, int64_t time);
 
 #endif
