@@ -44,7 +44,7 @@ def came(peer: Peer, delay_ms: float = 0) -> list[int]:
 
 
 def all_arrived(link: Link, count: int) -> Counts:
-    """Once the relay has done with so many packets in each direction."""
+    """The counts, after the relay has handled `count` packets in each direction."""
     def done() -> bool:
         found = link.counts()
         return all(way.packets == count == way.lost + way.delivered for way in (*found.down, *found.up))

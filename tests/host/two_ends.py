@@ -41,7 +41,7 @@ class Run:
         return right / (int(self.sent["out"]) - 1 - COARSE)
 
     def disagreements(self, frames: int) -> list[str]:
-        """Sums that are not right, of a clip with so many frames and the mark after it."""
+        """The sums that are wrong, of a clip of `frames` frames and the mark after it."""
         sent, shown = self.sent, self.shown
         both = [("robot: frames written and seen", frames + 1, sent["in"]),
                 ("robot: in, and out + lost", sent["in"], sent["out"] + sum(sent["lost"].values())),

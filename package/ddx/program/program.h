@@ -116,7 +116,7 @@ DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK 
 /* The item, also when nobody has created it yet: for who must not miss its first value. Else as program_find(). */
 DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book);
 
-/* Says that nobody has created this item yet, if that is so. */
+/* Prints a line if the item has not been created yet. */
 void program_say_awaited(DDX_STORE_ITEM *item, const char *name);
 
 /*

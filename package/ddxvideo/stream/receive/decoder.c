@@ -10,11 +10,11 @@ _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads 
 
 /* libavcodec checks a size that it has rounded up, to at most so much more. */
 #define ROUNDED (INT64_C(63) * 16384)
-/* All pictures in use may have so many times the pixels of the largest one, or so many, if that is more. */
+/* Pixels of all pictures in use: at most PICTURES times the limit of one picture, or PICTURES_LEAST if that is more. */
 #define PICTURES 8
 #define PICTURES_LEAST (INT64_C(32) << 20)
 #define PICTURES_BESIDE 5 /* in use beside the reference frames */
-/* A renewal that has begun takes at most so many frames; then another one is asked for. */
+/* Frames that a renewal may take; after that, another one is asked for. */
 #define RENEWAL 50
 #define SEI 6            /* NAL unit type */
 #define RECOVERY_POINT 6 /* first byte of such a NAL unit: the type of the message in it */

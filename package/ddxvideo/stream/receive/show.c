@@ -55,7 +55,7 @@ static void say_store(struct viewer *viewer, int error) {
             say("%s: the store refuses the pictures: %s; trying again", viewer->output.name, ddx_error_text(error));
         return;
     }
-    if (error && !viewer->said_store) /* it hangs, or is started anew: it will be back */
+    if (error && !viewer->said_store) /* the store hangs or restarts, and will answer again */
         say("%s: the store does not answer; trying again", viewer->output.name);
     viewer->said_store = error != 0;
 }

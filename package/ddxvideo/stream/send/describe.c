@@ -67,7 +67,7 @@ void describe(struct sender *sender, const struct encoded *encoded) {
     announce_sdp(sender, encoded);
 }
 
-/* What is there describes the stream of a forerunner, which may have had other settings. */
+/* An earlier sender of this instance may have left the file, with other settings. */
 void describe_nothing(const struct sender *sender) {
     char path[PATH_MAX];
 

@@ -9,10 +9,10 @@
  *
  * Pacing. The first packet of a frame goes at once, the others at most 1 ms apart and within half a frame interval.
  *
- * Without reports for a second, or from the start: so many repair packets follow each frame as suit the last loss
- * that was reported, or settings.ratio. Each third one covers the whole window and the others ADVANCE_FRAMES only: a
- * repair packet is as long as the longest packet that it covers, and a shorter window has a shorter one. When reports
- * have just stopped, the same in advance, while the rate is reduced: the way may be congested.
+ * Without reports for a second, or from the start, repair packets follow each frame in advance. Their number suits the
+ * last loss that was reported, or is settings.ratio. Each third one covers the whole window and the others
+ * ADVANCE_FRAMES only: a repair packet is as long as the longest packet that it covers, and a shorter window has a
+ * shorter one. When reports have just stopped, the same in advance, at a reduced rate: the way may be congested.
  */
 #ifndef DDXVIDEO_DISPATCH_H
 #define DDXVIDEO_DISPATCH_H
