@@ -48,3 +48,7 @@ GRUB2_CFG_i386-pc = $(BINARIES_DIR)/grub-sample.cfg
 ifeq ($(BR2_X86_CPU_HAS_SSE2),)
 X264_CONF_OPTS += --disable-asm
 endif
+
+# libsrtp2 with its own cryptography, whatever else an image has. OpenSSL's licence does not go together with that of x264,
+# which is in the same process, and both OpenSSL and NSS take too long to start for each source that is heard.
+LIBSRTP_CONF_OPTS += --disable-openssl --disable-nss

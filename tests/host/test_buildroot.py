@@ -11,8 +11,9 @@ import buildroot
 import buildroot_fragments
 import pytest
 from parts import trees
-from parts.common import TOP
+from parts.common import TOP, run
 from parts.guest import machine
+from parts.image import native
 
 pytestmark = pytest.mark.computes
 
@@ -136,6 +137,13 @@ def test_both_kinds_of_image_have_the_same_parts_of_ffmpeg(board: str) -> None:
     text = (TOP / f"buildroot-external/configs/ddxvideo_{board}_defconfig").read_text()
     assert ffmpeg_parts(text, r'FFMPEG_(\w+)S="([^"-]+)"') == development
     assert set(development) == {"encoder", "decoder", "muxer", "protocol"}
+
+
+def test_the_desks_programs_encrypt_with_libsrtps_own_cryptography() -> None:
+    """As the product's do."""
+    root = native.build()
+    libraries = run(["pkg-config", "--static", "--libs", "libsrtp2"], env=native.environment(root)).split()
+    assert [word for word in libraries if word.startswith("-l")] == ["-lsrtp2"]
 
 
 def test_two_builds_that_differ_say_where(tmp_path: pathlib.Path) -> None:

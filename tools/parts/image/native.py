@@ -7,9 +7,10 @@ from collections.abc import Sequence
 
 from parts import trees
 from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
+from parts.image import srtp
 
 PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
-LIBRARIES = "usr/lib/x86_64-linux-gnu"
+LIBRARIES = srtp.LIBRARIES
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 
 
@@ -43,6 +44,8 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
     wanted = packages() if chosen is None else chosen
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
         _drop_foreign(OUTPUT / name)
+        if "ddxvideo" in wanted:
+            _add_srtp(root)
         for package in wanted:
             sources = tree / "package" / package if tree else folders[package]
             _build(OUTPUT / name / package, root, sources, options)
@@ -60,6 +63,13 @@ def _drop_foreign(out: pathlib.Path) -> None:
     if now != before:
         out.mkdir(parents=True, exist_ok=True)
         record.write_text(json.dumps(now))
+
+
+def _add_srtp(root: pathlib.Path) -> None:
+    """What ddxvideo is built with; it finds it in the install tree, as it does with ddx."""
+    made = srtp.srtp()
+    step(f"{root.parent.name}: libsrtp2", root / ".libsrtp2", made.name,
+         lambda: shutil.copytree(made, root, dirs_exist_ok=True))
 
 
 def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options: Sequence[str]) -> None:
