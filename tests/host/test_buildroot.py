@@ -11,7 +11,7 @@ import buildroot
 import buildroot_fragments
 import pytest
 from parts import trees
-from parts.common import TOP, run
+from parts.common import OUTPUT, TOP, run
 from parts.guest import machine
 from parts.image import native
 
@@ -140,8 +140,9 @@ def test_both_kinds_of_image_have_the_same_parts_of_ffmpeg(board: str) -> None:
 
 
 def test_the_desks_programs_encrypt_with_libsrtps_own_cryptography() -> None:
-    """As the product's do."""
+    """As the product's do. Where libsrtp2 was not found, the programs would be built without it."""
     root = native.build()
+    assert "/stream/secure.c" in (OUTPUT / "desk/ddxvideo/compile_commands.json").read_text()
     libraries = run(["pkg-config", "--static", "--libs", "libsrtp2"], env=native.environment(root)).split()
     assert [word for word in libraries if word.startswith("-l")] == ["-lsrtp2"]
 
