@@ -31,7 +31,7 @@ static void test_round_trip(void) {
     size_t size = write_example(data, &example);
     CHECK(rtp_parse(data, size, &packet));
     CHECK_EQUAL(packet.type, example.type);
-    CHECK(packet.marker && packet.has_count && packet.has_source);
+    CHECK(packet.marker && packet.has_count && packet.has_source && !packet.frame.encrypted);
     CHECK_EQUAL(packet.sequence, example.sequence);
     CHECK_EQUAL(packet.time, example.time);
     CHECK_EQUAL(packet.ssrc, example.ssrc);
@@ -45,10 +45,12 @@ static void test_round_trip(void) {
 
     struct rtp_packet later = example;
     later.has_source = false;
+    later.frame.encrypted = true;
     size = write_example(data, &later);
     CHECK_EQUAL(size, RTP_HEADER_NEXT + 1);
     CHECK(rtp_parse(data, size, &packet) && packet.has_count && !packet.has_source);
     CHECK_EQUAL(packet.frame.count, example.frame.count);
+    CHECK(packet.frame.encrypted);
     CHECK_EQUAL(packet.frame.window, example.frame.window);
 
     struct rtp_packet plain = example;

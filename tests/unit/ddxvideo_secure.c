@@ -110,23 +110,21 @@ static void test_reports(void) {
 }
 
 static void test_wrong_key(void) {
+    enum { PACKETS = 32 };
     struct secure *sender = secure_with(KEY), *receiver = secure_with(OTHER);
     struct packet packet;
 
-    for (uint16_t i = 0; i < SECURE_DOUBT; i++) {
-        CHECK(!secure_mistaken(secure_received(receiver)));
+    for (uint16_t i = 0; i < PACKETS; i++) {
         protect(sender, &packet, SSRC, i);
         CHECK_EQUAL(unprotect(receiver, &packet), -EBADMSG);
     }
-    CHECK(secure_mistaken(secure_received(receiver)));
-    check_counts(secure_received(receiver), 0, SECURE_DOUBT, 0);
+    check_counts(secure_received(receiver), 0, PACKETS, 0);
     make(&packet, SSRC, 1, 600); /* not encrypted at all */
     CHECK_EQUAL(unprotect(receiver, &packet), -EBADMSG);
     secure_close(receiver);
     receiver = secure_with(KEY);
-    protect(sender, &packet, SSRC, SECURE_DOUBT);
+    protect(sender, &packet, SSRC, PACKETS);
     CHECK_EQUAL(unprotect(receiver, &packet), 0);
-    CHECK(!secure_mistaken(secure_received(receiver)));
     secure_close(receiver);
     secure_close(sender);
 }

@@ -34,7 +34,7 @@
  * no RTP packet, or has an extension of another form or an empty one. */
 size_t rollover_put(uint8_t *packet, size_t size, uint32_t counter);
 
-/* Whether the packet, encrypted or not, has the counter. Without a key this also shows that a stream is encrypted. */
+/* Whether the packet, encrypted or not, has the counter. */
 bool rollover_get(const uint8_t *packet, size_t size, uint32_t *counter);
 
 /* Undo rollover_put(). The packet's new size; unchanged if it has no counter. */

@@ -14,6 +14,7 @@
 #define CAPTURE_BYTES 8
 #define FRAME_BYTES 3
 #define SOURCE_BYTES 8
+#define ENCRYPTED 0x80 /* of the third byte of ID_FRAME */
 #define ELEMENT(id, bytes) ((uint8_t)((id) << 4 | ((bytes)-1)))
 
 #define NS UINT64_C(1000000000)
@@ -58,7 +59,7 @@ size_t rtp_write(uint8_t *to, const struct rtp_packet *packet) {
     at = put16(at, packet->has_source ? 6 : 1); /* length in units of 4 bytes */
     *at++ = ELEMENT(ID_FRAME, FRAME_BYTES);
     at = put16(at, packet->frame.count);
-    *at++ = packet->frame.window;
+    *at++ = (uint8_t)(packet->frame.window | (packet->frame.encrypted ? ENCRYPTED : 0));
     if (packet->has_source)
         at = write_source(at, &packet->frame);
     return (size_t)(at - to);
@@ -81,7 +82,8 @@ static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_pac
             captured = true;
         } else if (id == ID_FRAME && bytes == FRAME_BYTES) {
             packet->frame.count = get16(at);
-            packet->frame.window = at[2];
+            packet->frame.encrypted = at[2] & ENCRYPTED;
+            packet->frame.window = (uint8_t)(at[2] & ~ENCRYPTED);
             packet->has_count = true;
         } else if (id == ID_SOURCE && bytes == SOURCE_BYTES) {
             packet->frame.sequence = get32(at);

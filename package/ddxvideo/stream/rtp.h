@@ -3,8 +3,9 @@
  * RTP packets (RFC 3550), and what ours say of the frame they belong to, in a header extension (RFC 8285, one-byte
  * form): players that do not know it ignore it. All numbers are big endian.
  *
- *   id 2, 3 bytes  urn:ddxvideo:frame: number of the frame in this stream (16 bits), from 0; how many frames back the
- *                  repair packets of this sender reach (8 bits), 0 if it sends none
+ *   id 2, 3 bytes  urn:ddxvideo:frame: number of the frame in this stream (16 bits), from 0; whether the stream is
+ *                  encrypted (1 bit); how many frames back the repair packets of this sender reach (7 bits), 0 if it
+ *                  sends none
  *   id 1, 8 bytes  http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time: when the frame was captured, NTP
  *   id 3, 8 bytes  urn:ddxvideo:source: number of the write in the store (32 bits), number of the frame in its source's
  *                  count (32 bits)
@@ -40,7 +41,8 @@ enum rtp_type { RTP_H264 = 96, RTP_MPEG4 = 97 };
 
 struct rtp_frame {
     uint16_t count; /* of frames in this stream */
-    uint8_t window; /* frames that repair packets reach back; 0: there are none */
+    bool encrypted; /* by SRTP: without its key the payload cannot be read */
+    uint8_t window; /* frames that repair packets reach back, 127 at most; 0: there are none */
     /* in a frame's first packet: */
     int64_t capture;   /* CLOCK_REALTIME, ns */
     uint32_t sequence; /* the low bits of the number of the write */
@@ -53,7 +55,7 @@ struct rtp_packet {
     uint16_t sequence;
     uint32_t time;
     uint32_t ssrc;
-    bool has_count;  /* frame.count and .window: the sender is one of ours */
+    bool has_count;  /* frame.count, .encrypted and .window: the sender is one of ours */
     bool has_source; /* frame.capture, .sequence and .number as well: the first packet of a frame */
     struct rtp_frame frame;
     const uint8_t *payload; /* rtp_parse() only */

@@ -287,10 +287,6 @@ const struct secure_count *secure_received_reports(const struct secure *secure) 
     return &secure->reports_in.count;
 }
 
-bool secure_mistaken(const struct secure_count *count) {
-    return !count->good && count->refused >= SECURE_DOUBT;
-}
-
 size_t secure_sdp(const struct secure *secure, char *text) {
     char key[KEY_FILE_TEXT + 1];
 

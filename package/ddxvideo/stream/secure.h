@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Encryption of a stream: SRTP and SRTCP (RFC 3711), AES_CM_128_HMAC_SHA1_80, with libsrtp2. All packets of a stream,
- * also repair packets and reports, use the one key of a key file (key_file.h). Only where libsrtp2 was found at build
- * time.
+ * also repair packets and reports, use the one key of a key file (key_file.h). Where libsrtp2 was missing at build
+ * time, secure_open() says so and returns NULL.
  *
  * Any SSRC is accepted. The state of each is kept once a packet of it has been authenticated, never before, so that
  * forged packets cost time (about 6 us on a 3 GHz core), but no memory. Of a direction the SECURE_PEERS sources heard
@@ -36,12 +36,12 @@
 #include "rollover.h"
 
 #define SECURE_GROWTH (10 + ROLLOVER_GROWTH) /* bytes that an RTP packet grows by, at most; 10 without the counter */
+#define SECURE_GROWTH_MEAN (10 + ROLLOVER_GROWTH / ROLLOVER_EVERY) /* of packets that follow each other, at most */
 #define SECURE_REPORT_GROWTH 14              /* bytes that an RTCP packet grows by */
 #define SECURE_ROOM (144 + ROLLOVER_GROWTH)  /* bytes of room after a packet that libsrtp2 asks for */
 #define SECURE_PACKET_MAX 2048               /* bytes of a packet, without the room */
 #define SECURE_PEERS 16                      /* sources of a direction, each an SSRC */
 #define SECURE_WINDOW 512                    /* packets */
-#define SECURE_DOUBT 32                      /* packets, see secure_mistaken() */
 #define SECURE_SDP_MAX 200
 
 /* Of the packets that came in: all = good + refused + repeated. */
@@ -78,9 +78,6 @@ int secure_unprotect_report(struct secure *secure, uint8_t *packet, size_t *size
 
 const struct secure_count *secure_received(const struct secure *secure);
 const struct secure_count *secure_received_reports(const struct secure *secure);
-
-/* Whether SECURE_DOUBT packets were refused and none was good: the sender has another key, or none. */
-bool secure_mistaken(const struct secure_count *count);
 
 /*
  * The lines of an SDP file, into text[SECURE_SDP_MAX]; their length. They have the key (a=crypto, RFC 4568): only for
