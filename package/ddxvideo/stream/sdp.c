@@ -93,7 +93,8 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
         network_host(&sdp->address, host));
     if (network_is_group(&sdp->address) && !ipv6) /* RFC 4566, 5.7: a TTL for IPv4 only */
         add(&text, "/%d", sdp->ttl);
-    add(&text, "\r\nt=0 0\r\nm=video %u RTP/AVP %d\r\n", network_port(&sdp->address), sdp->type);
+    add(&text, "\r\nt=0 0\r\nm=video %u RTP/%s %d\r\n", network_port(&sdp->address), sdp->crypto ? "SAVP" : "AVP",
+        sdp->type);
     if (!add_codec(&text, sdp))
         return 0;
     if (sdp->rate > 0)
@@ -101,8 +102,22 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
     if (sdp->type != RTP_TS)
         add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI "\r\na=extmap:3 " RTP_SOURCE_URI
                    "\r\n");
+    if (sdp->crypto)
+        add(&text, "%s", sdp->crypto);
     add(&text, "a=recvonly\r\n");
     return text.length;
+}
+
+/* A new file for nobody else than its user from the beginning, if the description has a key. */
+static FILE *create(const char *path, bool secret) {
+    if (unlink(path) && errno != ENOENT)
+        return NULL;
+    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, secret ? 0600 : 0666);
+    FILE *file = fd < 0 ? NULL : fdopen(fd, "w");
+
+    if (fd >= 0 && !file)
+        close(fd);
+    return file;
 }
 
 int sdp_save(const struct sdp *sdp, const char *path) {
@@ -113,7 +128,7 @@ int sdp_save(const struct sdp *sdp, const char *path) {
         return -EBADMSG;
     if (snprintf(fresh, sizeof fresh, "%s.new", path) >= (int)sizeof fresh)
         return -ENAMETOOLONG;
-    FILE *file = fopen(fresh, "we");
+    FILE *file = create(fresh, sdp->crypto);
     if (!file)
         return -errno;
     bool written = fwrite(text, 1, length, file) == length;

@@ -17,6 +17,7 @@ struct sdp {
     const uint8_t *frame; /* the stream's first one, with its parameter sets or headers */
     size_t size;
     double rate; /* frames per second */
+    const char *crypto; /* lines with the key of an encrypted stream, or NULL */
 };
 
 #define SDP_MAX 4096
@@ -24,7 +25,7 @@ struct sdp {
 /* The text into text[SDP_MAX]; its length, 0 if the frame has no parameters. */
 size_t sdp_write(const struct sdp *sdp, char *text);
 
-/* The same into a file, which is always whole. 0 or -errno (-EBADMSG: no parameters). */
+/* The same into a file, which is always whole; with a key it has mode 600. 0 or -errno (-EBADMSG: no parameters). */
 int sdp_save(const struct sdp *sdp, const char *path);
 
 #endif

@@ -34,11 +34,16 @@ static struct sdp description(const struct sender *sender, const struct encoded 
 /* Pictures are sent all the same where the description cannot be written. */
 static void save_sdp(struct sender *sender, const struct encoded *encoded) {
     struct sdp sdp = description(sender, encoded, sender->program.instance);
-    char path[PATH_MAX];
+    char path[PATH_MAX], crypto[SECURE_SDP_MAX];
     int error = sdp_path(sender, path);
 
+    if (sender->secure) { /* in the file only, never in an announcement */
+        secure_sdp(sender->secure, crypto);
+        sdp.crypto = crypto;
+    }
     if (!error)
         error = sdp_save(&sdp, path);
+    explicit_bzero(crypto, sizeof crypto);
     if (error)
         say("-sdp %s: no description for players: %s", sender->sdp, strerror(-error));
 }

@@ -7,12 +7,14 @@
 
 #define RATIO_MAX 4
 
-/* What is wrong with -ts, or NULL. A stream that takes a key would have to refuse it, too: nothing encrypts MPEG-TS. */
+/* What is wrong with -ts, or NULL. */
 static const char *check_ts(const struct sender *sender) {
     long port = sender->ts.port, stream = sender->outlet.port;
 
     if (!port)
         return NULL;
+    if (sender->key)
+        return "MPEG-TS is not encrypted, so it cannot go together with -key";
     if (port % 2)
         return "an even number is needed";
     if (port >= stream && port < stream + NETWORK_PORTS)
@@ -26,6 +28,19 @@ static bool parse_repair(struct sender *sender, const char *text) {
     sender->repairs = strcmp(text, "off") != 0;
     sender->ratio = sender->repairs ? strtod(text, &end) : 0;
     return !sender->repairs || (end != text && !*end && sender->ratio >= 0 && sender->ratio <= RATIO_MAX);
+}
+
+/* False, with a line, if there is no key in the file that is named. */
+static bool read_key(struct sender *sender) {
+    char text[KEY_FILE_ERROR_MAX];
+
+    if (!sender->key)
+        return true;
+    sender->announce.off = true; /* for those who have the key only */
+    sender->secure = secure_open(sender->key, text);
+    if (!sender->secure)
+        say("-key %s; see ddxvideosend -help", text);
+    return sender->secure;
 }
 
 int main(int argc, char **argv) {
@@ -57,6 +72,8 @@ int main(int argc, char **argv) {
          &sender.outlet.interface, 0, 0},
         {"sdp", "FILE", "write a description of the stream for players; FOLDER/: FOLDER/<instance>.sdp", OPTION_TEXT,
          &sender.sdp, 0, 0},
+        {"key", "FILE", "encrypt the stream with the key in this file; no announcements then", OPTION_TEXT, &sender.key,
+         0, 0},
         {"ts", "PORT", "the same video as MPEG-TS over RTP as well, at this even port: for VLC", OPTION_NUMBER,
          &sender.ts.port, 2, 65534},
         {"sap", "yes|no", "announce the stream to the group's listeners: players, decode -list (default: yes)",
@@ -101,11 +118,13 @@ int main(int argc, char **argv) {
         say("-ts %ld: %s; see ddxvideosend -help", sender.ts.port, wrong_ts);
         return EXIT_USAGE;
     }
-    sender.announce.off = !strcmp(sap, "no"); /* nor must a stream be announced that takes a key */
+    sender.announce.off = !strcmp(sap, "no");
     if (!sender.announce.off && strcmp(sap, "yes") != 0) {
         say("-sap %s: yes or no is needed; see ddxvideosend -help", sap);
         return EXIT_USAGE;
     }
+    if (!read_key(&sender))
+        return EXIT_USAGE;
     if (!strcmp(sender.outlet.group, "none"))
         sender.outlet.group = NULL;
     char text[NETWORK_ERROR_MAX];

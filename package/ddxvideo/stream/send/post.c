@@ -18,10 +18,14 @@
 
 /* ---- Packets; the lock is held ---- */
 
+static unsigned all_receivers(const struct post *post) {
+    return (1u << post->outlet->receivers) - 1;
+}
+
 static void end_frame(struct post *post) {
     if (!post->open)
         return;
-    if (post->missed == (1u << post->outlet->receivers) - 1) {
+    if (post->missed == all_receivers(post)) {
         post->outcome.lost++;
     } else {
         post->outcome.sent++;
@@ -32,15 +36,26 @@ static void end_frame(struct post *post) {
     post->open--;
 }
 
+/* To all receivers, the same bytes; a bit for each one that did not get it. */
+static unsigned send_packet(struct post *post, enum outlet_port to, uint8_t *packet, size_t size) {
+    int error = post->secure ? secure_protect(post->secure, packet, &size) : 0;
+
+    if (!error)
+        return outlet_send(post->outlet, to, packet, size);
+    post->outlet->error = -error;
+    post->outlet->lost[OUTLET_OTHER] += post->outlet->receivers;
+    return all_receivers(post);
+}
+
 /* Send what is due. */
 static void send_due(struct post *post) {
-    uint8_t packet[REPAIR_MAX];
+    uint8_t packet[REPAIR_MAX + SECURE_ROOM] __attribute__((aligned(4)));
     enum dispatch_port port;
     size_t size;
 
     while (dispatch_next(&post->dispatch, ddx_time_now(), packet, &size, &port)) {
         enum outlet_port to = port == DISPATCH_MEDIA ? OUTLET_MEDIA : OUTLET_REPAIR;
-        unsigned missed = outlet_send(post->outlet, to, packet, size);
+        unsigned missed = send_packet(post, to, packet, size);
 
         if (port != DISPATCH_MEDIA)
             continue;
@@ -51,12 +66,17 @@ static void send_due(struct post *post) {
 }
 
 static void read_reports(struct post *post) {
-    uint8_t data[REPORT_DATAGRAM];
+    uint8_t data[REPORT_DATAGRAM + SECURE_ROOM] __attribute__((aligned(4)));
     uint64_t address;
-    ssize_t size;
+    ssize_t came;
 
-    for (int i = 0; i < BATCH && (size = outlet_read(post->outlet, data, sizeof data, &address)) >= 0; i++)
-        dispatch_report(&post->dispatch, ddx_time_now(), data, (size_t)size, address);
+    for (int i = 0; i < BATCH && (came = outlet_read(post->outlet, data, REPORT_DATAGRAM, &address)) >= 0; i++) {
+        size_t size = came > REPORT_DATAGRAM ? 0 : (size_t)came; /* cut off: no report, as an empty one */
+
+        if (size && post->secure && secure_unprotect_report(post->secure, data, &size))
+            size = 0;
+        dispatch_report(&post->dispatch, ddx_time_now(), data, size, address);
+    }
 }
 
 /* ---- The thread ---- */
@@ -98,9 +118,11 @@ static void wake(struct post *post) {
 
 /* ---- For the program's thread ---- */
 
-int post_start(struct post *post, struct outlet *outlet, const struct dispatch_settings *settings) {
+int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
+               const struct dispatch_settings *settings) {
     memset(post, 0, sizeof *post);
     post->outlet = outlet;
+    post->secure = secure;
     dispatch_init(&post->dispatch, settings, ddx_time_now());
     post->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (post->wake < 0)

@@ -10,6 +10,7 @@
 
 #include "dispatch.h"
 #include "outlet.h"
+#include "secure.h"
 
 #define POST_FRAMES 64 /* frames handed over whose outcome is not known yet */
 
@@ -22,6 +23,7 @@ struct post_outcome {
 
 struct post {
     struct outlet *outlet; /* the thread's while it runs */
+    struct secure *secure; /* NULL: not encrypted */
     pthread_t thread;
     pthread_mutex_t lock; /* of all below */
     int wake;             /* eventfd: something was handed over */
@@ -33,8 +35,13 @@ struct post {
     struct post_outcome outcome;
 };
 
-/* Start the thread. The outlet stays the caller's and must be open until post_stop() returns. 0 or -errno. */
-int post_start(struct post *post, struct outlet *outlet, const struct dispatch_settings *settings);
+/*
+ * Start the thread. Unless `secure` is NULL, each packet is encrypted once for all receivers, and reports are
+ * decrypted; settings->header includes what that adds. The open outlet and `secure` stay the caller's, and must be
+ * there until post_stop() returns. 0 or -errno.
+ */
+int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
+               const struct dispatch_settings *settings);
 
 /* Another frame interval, ns. */
 void post_set_interval(struct post *post, int64_t interval);

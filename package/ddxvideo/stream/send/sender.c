@@ -39,6 +39,7 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
                                       .frame = {.capture = stamp->time + stamp->wall_offset,
                                                 .sequence = (uint32_t)frame->sequence,
                                                 .number = (uint32_t)stamp->frame,
+                                                .encrypted = sender->secure,
                                                 .window = sender->repairs ? REPAIR_FRAMES : 0,
                                                 .count = sender->count}};
 
@@ -263,7 +264,8 @@ static int start_post(struct sender *sender) {
 
         settings.header = header > settings.header ? header : settings.header;
     }
-    int error = post_start(&sender->post, &sender->outlet, &settings);
+    settings.header += sender->secure ? SECURE_GROWTH_MEAN : 0;
+    int error = post_start(&sender->post, &sender->outlet, sender->secure, &settings);
     if (error)
         fail(sender, "thread", strerror(-error));
     return error;
@@ -317,5 +319,6 @@ int sender_run(struct sender *sender) {
     ddx_store_done_item(sender->video);
     ddx_store_close(id);
     outlet_close(&sender->outlet);
+    secure_close(sender->secure);
     return sender->status;
 }

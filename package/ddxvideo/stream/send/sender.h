@@ -34,6 +34,8 @@ struct sender {
     struct ts ts;
     struct announce announce;
     const char *sdp; /* file, or folder with a slash at its end, or NULL */
+    const char *key; /* file, or NULL */
+    struct secure *secure; /* its key, or NULL */
     /* how it stands */
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
