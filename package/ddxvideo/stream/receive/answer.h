@@ -9,6 +9,7 @@
 #include "intake.h"
 #include "network.h"
 #include "reporter.h"
+#include "secure.h"
 
 enum answer_count { ANSWER_REPORTS, ANSWER_LOST, ANSWER_COUNTS };
 #define ANSWER_NAMES "reports", "reports_lost"
@@ -16,6 +17,7 @@ enum answer_count { ANSWER_REPORTS, ANSWER_LOST, ANSWER_COUNTS };
 struct answer {
     bool silent;   /* nothing is sent */
     uint32_t ssrc; /* of this receiver */
+    struct secure *secure; /* NULL: reports are not encrypted */
     uint64_t count[ANSWER_COUNTS];
     /* how it stands */
     bool known; /* the source is one of ours, and this is where it sends from: */

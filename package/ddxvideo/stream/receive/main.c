@@ -5,6 +5,18 @@
 #include "list.h"
 #include "viewer.h"
 
+/* False, with a line, if there is no key in the file that is named. */
+static bool read_key(struct guard *guard) {
+    char text[KEY_FILE_ERROR_MAX];
+
+    if (!guard->path)
+        return true;
+    guard->secure = secure_open(guard->path, text);
+    if (!guard->secure)
+        say("-key %s; see decode -help", text);
+    return guard->secure;
+}
+
 int main(int argc, char **argv) {
     bool list = false;
     static struct viewer viewer = {.inlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT},
@@ -15,6 +27,8 @@ int main(int argc, char **argv) {
          &viewer.inlet.group, 0, 0},
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
          &viewer.inlet.interface, 0, 0},
+        {"key", "FILE", "show streams that are encrypted with the key in this file, and no others", OPTION_TEXT,
+         &viewer.guard.path, 0, 0},
         {"headless", NULL, "no window", OPTION_FLAG, &viewer.headless, 0, 0},
         {"name", "ITEM", "write the pictures into the store as well, as this video item", OPTION_NAME,
          &viewer.output.name, 0, 0},
@@ -56,6 +70,8 @@ int main(int argc, char **argv) {
         say("%s; see decode -help", wrong);
         return EXIT_USAGE;
     }
+    if (!read_key(&viewer.guard))
+        return EXIT_USAGE;
     if (viewer.program.check)
         return EXIT_OK;
     return list ? list_run(viewer.inlet.interface) : viewer_run(&viewer);

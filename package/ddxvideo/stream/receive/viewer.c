@@ -11,7 +11,7 @@
 #include "show.h"
 
 static const char *const reasons[] = VIEWER_REASONS;
-static const char *const names[] = {INTAKE_NAMES, ANSWER_NAMES};
+static const char *const names[] = {INTAKE_NAMES, GUARD_NAMES, ANSWER_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
@@ -30,9 +30,18 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 /* ---- Frames ---- */
 
 static void show_counters(struct viewer *viewer) {
-    memcpy(viewer->packets, viewer->intake.count, sizeof viewer->intake.count);
-    memcpy(viewer->packets + INTAKE_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
+    uint64_t *to = viewer->packets;
+
+    memcpy(to, viewer->intake.count, sizeof viewer->intake.count);
+    memcpy(to + INTAKE_COUNTS, viewer->guard.count, sizeof viewer->guard.count);
+    memcpy(to + INTAKE_COUNTS + GUARD_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
     counters_write(&viewer->counters);
+}
+
+/* Whether packets came since then. */
+static bool counters_differ(const struct viewer *viewer) {
+    return memcmp(viewer->packets, viewer->intake.count, sizeof viewer->intake.count) != 0 ||
+           memcmp(viewer->packets + INTAKE_COUNTS, viewer->guard.count, sizeof viewer->guard.count) != 0;
 }
 
 static void record(struct viewer *viewer, const struct assembly_frame *frame) {
@@ -120,17 +129,19 @@ static void take_frames(struct viewer *viewer) {
 
 /* A datagram that came to one of the ports. False if there is none. */
 static bool read_packet(struct viewer *viewer, enum inlet_port port) {
-    uint8_t data[RTP_DATAGRAM_MAX];
+    uint8_t data[RTP_DATAGRAM_MAX + SECURE_ROOM] __attribute__((aligned(4)));
     struct sockaddr_storage from;
-    ssize_t came = inlet_read(&viewer->inlet, port, data, sizeof data, &from);
+    ssize_t came = inlet_read(&viewer->inlet, port, data, RTP_DATAGRAM_MAX, &from);
     size_t size = (size_t)came;
     int64_t now = ddx_time_now();
 
     if (came < 0)
         return false;
-    if (port == INLET_REPAIR && intake_put_repair(&viewer->intake, data, size))
+    if (port == INLET_REPAIR && guard_repair(&viewer->guard, data, &size) &&
+        intake_put_repair(&viewer->intake, data, size))
         answer_repair(&viewer->answer, data, size, now);
-    if (port == INLET_MEDIA && intake_put(&viewer->intake, data, size, now))
+    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size) &&
+        intake_put(&viewer->intake, data, size, now))
         answer_media(&viewer->answer, data, size, &from, now);
     take_frames(viewer);
     return true;
@@ -178,6 +189,19 @@ static void report(struct viewer *viewer) {
                 decoder_wants_renewal(&viewer->decoder), ddx_time_now());
 }
 
+/* Packets that give no frame: the counters show them, too, and a line says why they are refused. */
+static void tell_refused(struct viewer *viewer) {
+    char text[GUARD_TEXT_MAX];
+    int64_t now = ddx_time_now();
+
+    if (now - viewer->counted >= IDLE && counters_differ(viewer)) {
+        show_counters(viewer);
+        viewer->counted = now;
+    }
+    if (guard_says(&viewer->guard, now, text))
+        say("%s", text);
+}
+
 static void view(struct viewer *viewer) {
     while (!program_stopping() && !viewer->done) {
         join(viewer);
@@ -185,6 +209,7 @@ static void view(struct viewer *viewer) {
         read_packets(viewer, BATCH);
         take_frames(viewer);
         report(viewer);
+        tell_refused(viewer);
         put_on_screen(viewer);
         if (viewer->display && !display_tick(viewer->display))
             viewer->done = true;
@@ -262,11 +287,12 @@ int viewer_run(struct viewer *viewer) {
         return EXIT_USAGE;
     }
     viewer->answer.ssrc = (uint32_t)program_random();
+    viewer->answer.secure = viewer->guard.secure;
     av_log_set_level(AV_LOG_FATAL); /* what arrives may be anything */
     viewer->counters = (struct counters){.instance = viewer->program.instance,
                                          .names = names,
                                          .values = viewer->packets,
-                                         .count = INTAKE_COUNTS + ANSWER_COUNTS};
+                                         .count = sizeof names / sizeof *names};
     if (prepare(viewer))
         view(viewer);
     show_counters(viewer);
@@ -286,5 +312,6 @@ int viewer_run(struct viewer *viewer) {
     decoder_close(&viewer->decoder);
     intake_free(&viewer->intake);
     inlet_close(&viewer->inlet);
+    secure_close(viewer->guard.secure);
     return viewer->status;
 }

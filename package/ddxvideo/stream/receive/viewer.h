@@ -6,6 +6,7 @@
 #include "counters.h"
 #include "decoder.h"
 #include "display.h"
+#include "guard.h"
 #include "inlet.h"
 #include "intake.h"
 #include "movie.h"
@@ -33,17 +34,19 @@ struct viewer {
     bool conceal; /* show damaged pictures */
     const char *record; /* file, or NULL */
     struct output_item output;
+    struct guard guard;
     /* how it stands */
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;
-    uint64_t packets[INTAKE_COUNTS + ANSWER_COUNTS]; /* what the counters show */
+    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS]; /* what the counters show */
     struct intake intake;
     struct answer answer;
     struct decoder decoder;
     struct display *display; /* NULL: headless */
     struct newest newest;
     struct movie movie;
+    int64_t counted; /* when packets that gave no frame were counted last */
     bool shown;      /* a picture of the present source was */
     int64_t joining; /* when to try to join the group again */
     struct decoder_limits limits;

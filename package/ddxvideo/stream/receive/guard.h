@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * Which datagrams are let through to the intake. With a key: packets that the key authenticates, decrypted. Without a
+ * key: packets that are not encrypted (rtp.h, frame.encrypted), because an encrypted payload would only be garbage for
+ * the decoder. All others are refused and counted, and one line for each source says why nothing of it is shown.
+ *
+ * No sockets, no clock. Nothing blocks. Fixed memory.
+ */
+#ifndef DDXVIDEO_GUARD_H
+#define DDXVIDEO_GUARD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "secure.h"
+
+#define GUARD_SOURCES 4
+#define GUARD_DOUBT 16                   /* refused packets of a source until it is reported */
+#define GUARD_QUIET INT64_C(10000000000) /* ns between two lines */
+#define GUARD_TEXT_MAX 400
+
+/* Datagrams that came to the two ports = received + repair_received of the intake + these. */
+enum guard_count {
+    GUARD_REFUSED,  /* encrypted with another key, not encrypted, encrypted and there is no key, changed, forged */
+    GUARD_REPEATED, /* with a key: their sequence number came before */
+    GUARD_COUNTS
+};
+#define GUARD_NAMES "refused", "repeated"
+
+struct guard_source {
+    uint32_t ssrc;
+    uint64_t used; /* when, by the count of `struct guard`; 0: free */
+    bool good;     /* the key is that of this source */
+    bool encrypted; /* so says its newest packet that was refused */
+    bool said;
+    unsigned refused; /* packets */
+};
+
+struct guard {
+    const char *path;      /* of the key file, or NULL */
+    struct secure *secure; /* the key, or NULL */
+    uint64_t count[GUARD_COUNTS];
+    /* how it stands */
+    uint64_t used;
+    bool has_said;
+    int64_t said; /* when the last line was given */
+    struct guard_source source[GUARD_SOURCES];
+};
+
+/*
+ * A datagram of the port of media packets, or of repair packets: whether it is let through. It is decrypted in place;
+ * data[SECURE_PACKET_MAX + SECURE_ROOM] is aligned to 4 bytes, `size` is the old and the new size and may be more than
+ * SECURE_PACKET_MAX for a datagram that was cut off.
+ */
+bool guard_media(struct guard *guard, uint8_t *data, size_t *size);
+bool guard_repair(struct guard *guard, uint8_t *data, size_t *size);
+
+/* A line into text[GUARD_TEXT_MAX] about a source that is refused. False if there is none, or the last one was given
+ * less than GUARD_QUIET ago. */
+bool guard_says(struct guard *guard, int64_t now, char *text);
+
+#endif
