@@ -3,7 +3,8 @@
 """A bad network between sender and receiver: relay.py FROM TO SEED WHAT=PERCENT ...  (UDP ports of 127.0.0.1)
 
 WHAT: drop, duplicate, reorder (a packet that up to three later ones overtake), delay (one that comes 200 ms late),
-foreign (an H.264 packet of another source, or another payload type), garbage (no RTP). `copy=FILE` keeps what came.
+damage (another byte in it), foreign (an H.264 packet of another source, or another payload type), garbage (no RTP).
+`copy=FILE` keeps what came.
 
 At first everything passes. USR1 begins the mischief, and `bad` is printed; USR1 again ends it, and `good` is printed
 when what waited has gone on. TERM: prints what it did, as JSON. What comes from TO, reports, goes back to the sender.
@@ -29,7 +30,7 @@ class Relay:
         self.target = ("127.0.0.1", target)
         self.sender: tuple[str, int] | None = None
         self.random = random.Random(seed)
-        self.percent = {"drop": 0.0, "duplicate": 0.0, "reorder": 0.0, "delay": 0.0, "foreign": 0.0, "garbage": 0.0}
+        self.percent = dict.fromkeys(["drop", "duplicate", "reorder", "delay", "damage", "foreign", "garbage"], 0.0)
         self.copy = None
         for word in words:
             name, value = word.split("=", 1)
@@ -66,6 +67,10 @@ class Relay:
             return b"\x80" + self.random.randbytes(self.random.randint(0, 10))
         return bytes([self.random.getrandbits(7)]) + self.random.randbytes(self.random.randint(0, 1400))
 
+    def damaged(self, packet: bytes) -> bytes:
+        at = self.random.randrange(len(packet))
+        return packet[:at] + bytes([packet[at] ^ self.random.randint(1, 255)]) + packet[at + 1:]
+
     def receive(self) -> None:
         packet, source = self.inlet.recvfrom(65536)
         if source != self.target:
@@ -83,6 +88,8 @@ class Relay:
             pass
         elif self.chance("delay"):
             self.held.append((now + LATE, 1 << 30, packet))
+        elif self.chance("damage"):
+            self.go(self.damaged(packet))
         elif self.chance("reorder"):
             self.held.append((now + HOLD, self.random.randint(1, 3), packet))
             return

@@ -79,9 +79,10 @@ class Stream:
         wait_until(lambda: int(self.desk.stats(instance)[count]) >= before + frames, 120)
         assert stop(loader)[0] == 0
 
-    def relay(self, *words: object, seed: str = "1") -> Process:
-        """relay.py between what is sent to port RELAYED and decode's port; see there."""
-        process = self.desk.start(pathlib.Path(__file__).with_name("relay.py"), RELAYED, PORT, seed, *words,
+    def relay(self, *words: object, seed: str = "1", offset: int = 0) -> Process:
+        """relay.py between what is sent to port RELAYED + offset and decode's port + offset; see there."""
+        ports = (RELAYED + offset, PORT + offset)
+        process = self.desk.start(pathlib.Path(__file__).with_name("relay.py"), *ports, seed, *words,
                                   wrapper=(*self.network.inside, "/usr/bin/python3", "-B"))
         assert process.stdout and process.stdout.readline() == "ready\n"
         return process
