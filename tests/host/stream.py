@@ -2,6 +2,7 @@
 """Sender and decode in a network of their own: multicast goes over its loopback, and nothing leaves the machine."""
 from __future__ import annotations
 
+import base64
 import json
 import os
 import pathlib
@@ -95,6 +96,12 @@ class Stream:
     def end(self) -> None:
         self.desk.end()
         self.network.end()
+
+
+def make_key(path: pathlib.Path, mode: int = 0o600) -> None:
+    """A key file for encrypted streams."""
+    path.write_bytes(base64.b64encode(os.urandom(30)) + b"\n")
+    path.chmod(mode)
 
 
 def find_numbers(value: Any) -> dict[str, int]:

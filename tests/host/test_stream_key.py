@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import os
 import pathlib
 import re
 import signal
@@ -14,7 +13,7 @@ from parts.media import clip as numbered_clip
 
 from .programs import Process, result, stop, wait_until
 from .rtp_rules import captured
-from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, printed
+from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, make_key, printed
 
 FRAMES = numbered_clip.RATE
 # Of a stream with a key, of one without, and what decode says about each. Ports are those of the receivers.
@@ -27,12 +26,6 @@ EXPLAINED = 25  # packets, so many that a receiver says why it shows nothing
 @pytest.fixture(scope="module")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", 1)
-
-
-def make_key(path: pathlib.Path, mode: int = 0o600) -> pathlib.Path:
-    path.write_bytes(base64.b64encode(os.urandom(30)) + b"\n")
-    path.chmod(mode)
-    return path
 
 
 @pytest.fixture

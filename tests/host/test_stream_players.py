@@ -16,7 +16,7 @@ from parts.common import MORTAL
 from parts.media import clip as numbered_clip
 
 from .programs import ROOT, Desk, pictures, wait_until
-from .stream import Stream
+from .stream import Stream, make_key
 
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
@@ -33,11 +33,15 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 def sent(tmp_path: pathlib.Path, clip: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Stream]:
     """A stream that goes on and on, with its description in stream.sdp."""
     stream = Stream(tmp_path)
-    stream.send("-codec", request.param, "-wire", "1600", "-repair", "1", "-bitrate", "800", "-sdp", "stream.sdp")
-    stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    wait_until((tmp_path / "stream.sdp").exists)
+    send(stream, clip, "-codec", request.param)
     yield stream
     stream.end()
+
+
+def send(stream: Stream, clip: pathlib.Path, *options: str) -> None:
+    stream.send("-wire", "1600", "-repair", "1", "-bitrate", "800", "-sdp", "stream.sdp", *options)
+    stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
+    wait_until((stream.folder / "stream.sdp").exists)
 
 
 def run(stream: Stream, *command: str) -> str:
@@ -74,6 +78,17 @@ def test_ffmpeg(sent: Stream) -> None:
         "passthrough", "-pix_fmt", "yuv420p", "-y", "seen.y4m")
     numbers = [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(sent.folder / "seen.y4m")]
     assert follows(numbers[-30:], 25)
+
+
+def test_ffmpeg_with_a_key(stream: Stream, clip: pathlib.Path) -> None:
+    """Its own SRTP, with the key in the description."""
+    make_key(stream.folder / "stream.key")
+    send(stream, clip, "-codec", "mpeg4", "-key", "stream.key")
+    assert "a=crypto:" in (stream.folder / "stream.sdp").read_text()
+    run(stream, "ffmpeg", "-v", "error", "-nostdin", *WHITELIST, "-i", "stream.sdp", "-frames:v", "30", "-fps_mode",
+        "passthrough", "-pix_fmt", "yuv420p", "-y", "seen.y4m")
+    numbers = [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(stream.folder / "seen.y4m")]
+    assert follows(numbers[-15:], 12)
 
 
 def number_in_bmp(path: pathlib.Path) -> int | None:
