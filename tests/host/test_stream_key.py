@@ -20,7 +20,7 @@ FRAMES = numbered_clip.RATE
 RECEIVERS = {"wrong": (8010, "other.key", "it is encrypted with another key than that of -key other.key"),
              "missing": (8020, "", "it is encrypted; give its key: -key FILE"),
              "plain": (8030, "stream.key", "it is not encrypted, unlike -key stream.key")}
-EXPLAINED = 25  # packets, so many that a receiver says why it shows nothing
+EXPLAINED = 25  # packets, after which a receiver has reported why it shows nothing
 
 
 @pytest.fixture(scope="module")

@@ -24,7 +24,7 @@ __attribute__((format(printf, 2, 3))) static bool wrong(char *error, const char 
     return false;
 }
 
-/* Whether nobody but the caller and root can read or change the file. */
+/* Whether only the caller and root can read or change the file. */
 static bool check(int fd, const char *path, char *error) {
     struct stat file;
 

@@ -108,7 +108,7 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
     return text.length;
 }
 
-/* A new file for nobody else than its user from the beginning, if the description has a key. */
+/* A new file. If the description has a key, only its user can read the file, from its creation on. */
 static FILE *create(const char *path, bool secret) {
     if (unlink(path) && errno != ENOENT)
         return NULL;
