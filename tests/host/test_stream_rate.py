@@ -53,7 +53,7 @@ def test_the_relay_counts_no_more_than_the_rate(tmp_path: pathlib.Path, noise: p
 def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
     """Frames that nothing is left for are counted, and no other ones are lost than those."""
     clip = make_noise(stream.folder / "large.y4m", 1920, 1080, LARGE)
-    sender = stream.send("-wire", 50, *TO_RELAY)
+    sender = stream.send("-wire", 50, "-preset", "ultrafast", *TO_RELAY)
     stream.play(clip)
     wait_until(lambda: two_ends.settled(stream.desk, "ddxvideosend", LARGE))
     (_, _, sent), = finish(sender)
