@@ -57,10 +57,16 @@ class Desk:
                               cwd=self.folder, capture_output=True, text=True, timeout=timeout)
 
     def stats(self, instance: str) -> Counters:
-        """What the stats item in the store says."""
-        lines = self.run("ddxctl", "stats", "--json").stdout.splitlines()
-        found = [counters for line in lines if (counters := json.loads(line))["instance"] == instance]
-        assert found, f"no counters of {instance}: {lines}"
+        """The counters of an instance, from the store. They are waited for: a program makes its item first, and writes
+        the counters a moment later."""
+        found: list[Counters] = []
+
+        def look() -> bool:
+            lines = self.run("ddxctl", "stats", "--json").stdout.splitlines()
+            found.extend(counters for line in lines if (counters := json.loads(line))["instance"] == instance)
+            return bool(found)
+
+        wait_until(look)
         return dict(found[0])
 
     def out(self, instance: str) -> int:
