@@ -126,3 +126,28 @@ def test_c_upwards_is_found(tmp_path: pathlib.Path) -> None:
     (tmp_path / "stray.h").write_text("")
     assert complaints(tmp_path, layers) == ["circle: beside high", "low includes middle",
                                             "stray: not in one of the layers, or not there"]
+
+
+# What only one folder knows; others use that folder's header.
+PRIVATE = {r"v4l2_|V4L2_|VIDIOC_|videodev2": "package/ddxvideo/grab/v4l"}
+
+
+def leaks(top: pathlib.Path, words: str, folder: str) -> list[str]:
+    """C files and meson files of packages, outside the folder, that use one of the words."""
+    return sorted(str(path.relative_to(top)) for kind in ["*.[ch]", "meson.build"]
+                  for path in (top / "package").rglob(kind)
+                  if not path.is_relative_to(top / folder) and re.search(words, path.read_text()))
+
+
+@pytest.mark.parametrize("words, folder", PRIVATE.items())
+def test_only_one_folder_knows(words: str, folder: str) -> None:
+    assert any(re.search(words, path.read_text()) for path in (TOP / folder).glob("*.c"))
+    assert leaks(TOP, words, folder) == []
+
+
+def test_a_leak_is_found(tmp_path: pathlib.Path) -> None:
+    for name, text in [("inside/camera.c", "struct v4l2_buffer buffer;"), ("grabber.h", "uint32_t v4l2_format;"),
+                       ("grabber.c", "int v4l;")]:
+        (tmp_path / "package" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "package" / name).write_text(text)
+    assert leaks(tmp_path, "v4l2_|V4L2_", "package/inside") == ["package/grabber.h"]

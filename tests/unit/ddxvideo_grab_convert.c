@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Pictures of every format and order of fields, compared with FFmpeg's program and with sums done by hand. */
-#include <linux/videodev2.h>
-
 #include "../scratch.h"
 #include "check.h"
 #include "convert.h"
@@ -82,20 +80,20 @@ static bool ask_ffmpeg(const char *format, const void *data, size_t size, int wi
     return true;
 }
 
-static bool test_against_ffmpeg(uint32_t fourcc, const char *format, int to_width, int to_height) {
+static bool test_against_ffmpeg(enum pixels_coding coding, const char *format, int to_width, int to_height) {
     const int width = 128, height = 96;
     struct pixels from = {
-        .fourcc = fourcc, .width = width, .height = height, .stride = width * pixels_find(fourcc)->row_bytes};
+        .coding = coding, .width = width, .height = height, .stride = width * pixels_find(coding)->row_bytes};
     unsigned char *data = noise(bytes(&from));
     struct result result = convert(&from, data, to_width, to_height, false);
     size_t total = result.size[0] + 2 * result.size[1], at = 0;
     unsigned char *theirs = malloc(total);
     bool there = ask_ffmpeg(format, data, bytes(&from), width, height, to_width, to_height,
-                            fourcc == V4L2_PIX_FMT_GREY ? "gray" : "yuv420p", theirs,
-                            fourcc == V4L2_PIX_FMT_GREY ? result.size[0] : total);
-    for (int i = 0; there && i < (fourcc == V4L2_PIX_FMT_GREY ? 1 : 3); at += result.size[i++])
+                            coding == PIXELS_GREY ? "gray" : "yuv420p", theirs,
+                            coding == PIXELS_GREY ? result.size[0] : total);
+    for (int i = 0; there && i < (coding == PIXELS_GREY ? 1 : 3); at += result.size[i++])
         CHECK(!memcmp(result.plane[i], theirs + at, result.size[i]));
-    if (there && fourcc != V4L2_PIX_FMT_GREY) { /* the check itself */
+    if (there && coding != PIXELS_GREY) { /* the check itself */
         theirs[total - 1] ^= 1;
         CHECK(memcmp(result.plane[2], theirs + total - result.size[2], result.size[2]) != 0);
     }
@@ -108,7 +106,7 @@ static bool test_against_ffmpeg(uint32_t fourcc, const char *format, int to_widt
 /* Bytes of packed 4:2:2 at (x, y), by hand; u: 1, v: 3 (YUYV). */
 static void test_by_hand(void) {
     const int width = 36, height = 20, stride = 2 * width + 24; /* rows with padding */
-    struct pixels from = {.fourcc = V4L2_PIX_FMT_YUYV, .width = width, .height = height, .stride = stride};
+    struct pixels from = {.coding = PIXELS_YUYV, .width = width, .height = height, .stride = stride};
     unsigned char *data = noise(bytes(&from));
     struct result result = convert(&from, data, width, height, false);
     for (int y = 0; y < height; y++)
@@ -130,7 +128,7 @@ static void fill_fields(unsigned char *data, const struct pixels *pixels) {
     size_t offset[3];
     int stride[3];
     pixels_planes(pixels, offset, stride);
-    const struct pixels_format *format = pixels_find(pixels->fourcc);
+    const struct pixels_format *format = pixels_find(pixels->coding);
     for (int i = 0; i < format->planes; i++) {
         int rows = i ? pixels->height / format->chroma_row_step : pixels->height;
         for (int row = 0; row < rows; row++) {
@@ -142,19 +140,19 @@ static void fill_fields(unsigned char *data, const struct pixels *pixels) {
     }
 }
 
-static void test_fields(uint32_t fourcc, enum pixels_order order, bool stack) {
+static void test_fields(enum pixels_coding coding, enum pixels_order order, bool stack) {
     const int width = 64, height = 32;
-    struct pixels from = {.fourcc = fourcc,
+    struct pixels from = {.coding = coding,
                           .width = width,
                           .height = height,
                           .order = order,
-                          .stride = width * pixels_find(fourcc)->row_bytes};
+                          .stride = width * pixels_find(coding)->row_bytes};
     unsigned char *data = malloc(bytes(&from));
     fill_fields(data, &from);
     for (int scaled = 0; scaled < 2; scaled++) { /* fields do not mix, not even when they are scaled */
         int to_width = scaled ? 48 : width, to_height = scaled ? 24 : height;
         struct result result = convert(&from, data, to_width, to_height, stack);
-        for (int i = 0; i < (fourcc == V4L2_PIX_FMT_GREY ? 1 : 3); i++) {
+        for (int i = 0; i < (coding == PIXELS_GREY ? 1 : 3); i++) {
             int rows = i ? to_height / 2 : to_height;
             for (int row = 0; row < rows; row++) {
                 bool bottom = stack ? row >= rows / 2 : row % 2;
@@ -169,23 +167,23 @@ static void test_fields(uint32_t fourcc, enum pixels_order order, bool stack) {
 
 static void test_refusals(void) {
     struct converter converter;
-    struct pixels from = {.fourcc = V4L2_PIX_FMT_YUYV, .width = 32, .height = 32, .stride = 64};
+    struct pixels from = {.coding = PIXELS_YUYV, .width = 32, .height = 32, .stride = 64};
     CHECK_EQUAL(converter_open(&converter, &from, 32, 32, true), -22); /* no fields to stack */
     from.order = PIXELS_INTERLEAVED;
     CHECK_EQUAL(converter_open(&converter, &from, 32, 30, true), -22);
-    from.fourcc = V4L2_PIX_FMT_RGB24;
+    from.coding = PIXELS_NONE;
     CHECK_EQUAL(converter_open(&converter, &from, 32, 32, false), -22);
 }
 
 int main(void) {
     static const struct {
-        uint32_t fourcc;
+        enum pixels_coding coding;
         const char *name;
-    } formats[] = {{V4L2_PIX_FMT_YUV420, "yuv420p"},
-                   {V4L2_PIX_FMT_NV12, "nv12"},
-                   {V4L2_PIX_FMT_YUYV, "yuyv422"},
-                   {V4L2_PIX_FMT_UYVY, "uyvy422"},
-                   {V4L2_PIX_FMT_GREY, "gray"}};
+    } formats[] = {{PIXELS_YU12, "yuv420p"},
+                   {PIXELS_NV12, "nv12"},
+                   {PIXELS_YUYV, "yuyv422"},
+                   {PIXELS_UYVY, "uyvy422"},
+                   {PIXELS_GREY, "gray"}};
     bool asked = true;
     scratch_make();
     test_by_hand();
@@ -193,9 +191,9 @@ int main(void) {
     for (size_t i = 0; i < sizeof(formats) / sizeof(*formats); i++) {
         for (int order = PIXELS_INTERLEAVED; order <= PIXELS_BOTTOM_TOP; order++)
             for (int stack = 0; stack < 2; stack++)
-                test_fields(formats[i].fourcc, (enum pixels_order)order, stack);
-        asked &= test_against_ffmpeg(formats[i].fourcc, formats[i].name, 128, 96);
-        asked &= test_against_ffmpeg(formats[i].fourcc, formats[i].name, 88, 72);
+                test_fields(formats[i].coding, (enum pixels_order)order, stack);
+        asked &= test_against_ffmpeg(formats[i].coding, formats[i].name, 128, 96);
+        asked &= test_against_ffmpeg(formats[i].coding, formats[i].name, 88, 72);
     }
     if (!asked)
         SKIP("no ffmpeg here to compare with");

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Gaps in a driver's numbers: what is lost, what is wanted, compared with a simple model that looks at each frame. */
 #include "check.h"
-#include "count.h"
+#include "frame_count.h"
 
 static uint64_t lost_now;
 

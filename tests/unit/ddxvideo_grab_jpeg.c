@@ -1,7 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* JPEG pictures of every kind that cameras send, compared with FFmpeg's program; damaged ones are refused. */
-#include <linux/videodev2.h>
-
 #include "../scratch.h"
 #include "check.h"
 #include "convert.h"
@@ -37,7 +35,7 @@ static void test_kind(const char *name, const char *kind, const char *result) {
     unsigned char *const plane[3] = {ours, ours + LUMA, ours + LUMA / 4 * 5};
     const int stride[3] = {WIDTH, WIDTH / 2, WIDTH / 2};
     struct converter converter;
-    const struct pixels from = {.fourcc = V4L2_PIX_FMT_MJPEG, .width = WIDTH, .height = HEIGHT};
+    const struct pixels from = {.coding = PIXELS_MJPEG, .width = WIDTH, .height = HEIGHT};
     CHECK_EQUAL(converter_open(&converter, &from, WIDTH, HEIGHT, false), 0);
     for (int again = 0; again < 3; again++) { /* a damaged picture does no harm to the next */
         memset(ours, 0, sizeof(ours));
@@ -51,7 +49,7 @@ static void test_kind(const char *name, const char *kind, const char *result) {
         CHECK(ours[LUMA] == 128 && ours[LUMA / 2 * 3 - 1] == 128);
     converter_close(&converter);
     /* another size than was agreed */
-    const struct pixels other = {.fourcc = V4L2_PIX_FMT_JPEG, .width = WIDTH - 2, .height = HEIGHT};
+    const struct pixels other = {.coding = PIXELS_JPEG, .width = WIDTH - 2, .height = HEIGHT};
     CHECK_EQUAL(converter_open(&converter, &other, WIDTH, HEIGHT, false), 0);
     CHECK_EQUAL(converter_run(&converter, jpeg, size, plane, stride), -74);
     converter_close(&converter);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Frames that come in the wrong order: they go in the right one, or are dropped and counted as lost, never both. */
 #include "check.h"
-#include "count.h"
-#include "order.h"
+#include "frame_count.h"
+#include "reorder.h"
 
 #define WAIT 20
 

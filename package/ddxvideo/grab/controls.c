@@ -7,7 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "device.h"
+#include "camera.h"
 
 void controls_name(char to[32], const char *from) {
     unsigned length = 0;
@@ -30,87 +30,41 @@ static int find_name(const struct controls *controls, const char *name) {
     return -1;
 }
 
-static int find_id(const struct controls *controls, uint32_t id) {
+int controls_find(const struct controls *controls, uint32_t id) {
     for (int i = 0; i < controls->list.count; i++)
         if (controls->id[i] == id)
             return i;
     return -1;
 }
 
-/* Those whose value is a number that fits a parameter. */
-static bool is_number(const struct v4l2_queryctrl *query) {
-    switch (query->type) {
-    case V4L2_CTRL_TYPE_INTEGER:
-    case V4L2_CTRL_TYPE_BOOLEAN:
-    case V4L2_CTRL_TYPE_MENU:
-    case V4L2_CTRL_TYPE_INTEGER_MENU:
-    case V4L2_CTRL_TYPE_BITMASK:
-    case V4L2_CTRL_TYPE_BUTTON: return !(query->flags & V4L2_CTRL_FLAG_DISABLED);
-    default: return false;
-    }
-}
-
-/* Range, flags and value, as they are now. */
-static void describe(struct controls *controls, int i, int fd, const struct v4l2_queryctrl *query) {
-    bool button = query->type == V4L2_CTRL_TYPE_BUTTON;
-    struct v4l2_control now = {.id = query->id};
-
-    controls->id[i] = query->id;
-    controls->type[i] = query->type;
-    controls->list.parameter[i].minimum = button ? 0 : query->minimum;
-    controls->list.parameter[i].maximum = button ? 1 : query->maximum;
-    controls->list.parameter[i].step = query->step > 0 ? query->step : 1;
-    controls->list.parameter[i].initial = button ? 0 : query->default_value;
-    controls->list.parameter[i].flags =
-        (query->flags & (V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_GRABBED) ? DDX_VIDEO_PARAMETER_READ_ONLY : 0) |
-        (query->flags & V4L2_CTRL_FLAG_INACTIVE ? DDX_VIDEO_PARAMETER_AUTOMATIC : 0);
-    if (!button && !(query->flags & V4L2_CTRL_FLAG_WRITE_ONLY) && !device_ioctl(fd, VIDIOC_G_CTRL, &now))
-        controls->list.parameter[i].value = now.value;
-}
-
-static void add(struct controls *controls, int fd, const struct v4l2_queryctrl *query) {
-    struct v4l2_event_subscription follow = {.type = V4L2_EVENT_CTRL, .id = query->id};
+int controls_add(struct controls *controls, uint32_t id, const char *from) {
     char name[32], wanted[32];
     int i = controls->list.count;
 
-    if (i == DDX_VIDEO_PARAMETERS_MAX || !is_number(query))
-        return;
-    controls_name(wanted, (const char *)query->name);
+    if (i == DDX_VIDEO_PARAMETERS_MAX)
+        return -1;
+    controls_name(wanted, from);
     strcpy(name, wanted);
     for (unsigned twin = 2; find_name(controls, name) >= 0; twin++)
         snprintf(name, sizeof name, "%.27s_%u", wanted, twin % 100);
     strcpy(controls->list.parameter[i].name, name);
     controls->list.count++;
-    describe(controls, i, fd, query);
-    device_ioctl(fd, VIDIOC_SUBSCRIBE_EVENT, &follow);
+    controls->id[i] = id;
+    return i;
 }
 
-void controls_begin(struct controls *controls, int fd) {
-    struct v4l2_queryctrl query = {.id = V4L2_CTRL_FLAG_NEXT_CTRL};
-
-    for (unsigned i = 0; i < controls->asked_count; i++) {
-        struct v4l2_control again = {.id = controls->asked[i].id, .value = controls->asked[i].value};
-
-        device_ioctl(fd, VIDIOC_S_CTRL, &again); /* another camera may not have it */
-    }
+void controls_begin(struct controls *controls, struct camera *camera) {
+    for (unsigned i = 0; i < controls->asked_count; i++)
+        camera->call->set(camera, controls->asked[i].id, controls->asked[i].value); /* another camera may not have it */
     memset(&controls->list, 0, sizeof controls->list);
-    for (; !device_ioctl(fd, VIDIOC_QUERYCTRL, &query); query.id |= V4L2_CTRL_FLAG_NEXT_CTRL)
-        add(controls, fd, &query);
-}
-
-void controls_follow(struct controls *controls, int fd, uint32_t id) {
-    struct v4l2_queryctrl query = {.id = id};
-    int i = find_id(controls, id);
-
-    if (i >= 0 && !device_ioctl(fd, VIDIOC_QUERYCTRL, &query))
-        describe(controls, i, fd, &query);
+    camera->call->list(camera, controls);
 }
 
 /* Of a bit mask any bits of its maximum may be set; of others the driver would take the nearest step. */
 static bool fits(const struct controls *controls, int i, int64_t value) {
     int64_t minimum = controls->list.parameter[i].minimum, maximum = controls->list.parameter[i].maximum;
 
-    if (controls->type[i] == V4L2_CTRL_TYPE_BITMASK)
+    if (controls->kind[i] == CONTROL_BITS)
         return !(value & ~(int64_t)(uint32_t)maximum);
     return value >= minimum && value <= maximum && (value - minimum) % controls->list.parameter[i].step == 0;
 }
@@ -122,7 +76,7 @@ static void tell_range(const struct controls *controls, int i, int64_t value, ch
 
     if (controls->list.parameter[i].step > 1)
         snprintf(steps, sizeof steps, " in steps of %d", controls->list.parameter[i].step);
-    if (controls->type[i] == V4L2_CTRL_TYPE_BITMASK)
+    if (controls->kind[i] == CONTROL_BITS)
         snprintf(text, DDX_ANSWER_TEXT, "%s: takes the bits of %#x, not %" PRId64, name, (unsigned)maximum, value);
     else
         snprintf(text, DDX_ANSWER_TEXT, "%s: takes a whole number from %d to %d%s, not %" PRId64, name, minimum,
@@ -164,27 +118,26 @@ static void remember(struct controls *controls, uint32_t id, int value) {
 }
 
 /* Back to what they were, the last one first. */
-static void undo(const struct controls *controls, int fd, const DDX_REQUEST *request, unsigned made) {
+static void undo(const struct controls *controls, struct camera *camera, const DDX_REQUEST *request, unsigned made) {
     while (made-- > 0) {
         int i = find_name(controls, request->change[made].name);
-        struct v4l2_control former = {.id = controls->id[i], .value = controls->list.parameter[i].value};
 
-        if (controls->type[i] != V4L2_CTRL_TYPE_BUTTON)
-            device_ioctl(fd, VIDIOC_S_CTRL, &former);
+        if (controls->kind[i] != CONTROL_BUTTON)
+            camera->call->set(camera, controls->id[i], controls->list.parameter[i].value);
     }
 }
 
-int controls_change(struct controls *controls, int fd, const DDX_REQUEST *request, char text[DDX_ANSWER_TEXT]) {
+int controls_change(struct controls *controls, struct camera *camera, const DDX_REQUEST *request,
+                    char text[DDX_ANSWER_TEXT]) {
     int error = controls_check(controls, request, text);
 
     for (unsigned k = 0; !error && k < request->count; k++) {
         int i = find_name(controls, request->change[k].name);
-        struct v4l2_control control = {.id = controls->id[i], .value = (int)request->change[k].value};
 
-        error = device_ioctl(fd, VIDIOC_S_CTRL, &control);
+        error = camera->call->set(camera, controls->id[i], (int)request->change[k].value);
         if (error) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: the camera refuses: %s", request->change[k].name, strerror(-error));
-            undo(controls, fd, request, k);
+            undo(controls, camera, request, k);
         }
     }
     if (error)
@@ -192,10 +145,9 @@ int controls_change(struct controls *controls, int fd, const DDX_REQUEST *reques
     for (unsigned k = 0; k < request->count; k++) {
         int i = find_name(controls, request->change[k].name);
 
-        if (controls->type[i] != V4L2_CTRL_TYPE_BUTTON)
+        if (controls->kind[i] != CONTROL_BUTTON)
             remember(controls, controls->id[i], (int)request->change[k].value);
     }
-    for (int i = 0; i < controls->list.count; i++) /* one may change others, such as its automatic twin */
-        controls_follow(controls, fd, controls->id[i]);
+    camera->call->refresh(camera, controls); /* one may change others, such as its automatic twin */
     return 0;
 }

@@ -30,7 +30,7 @@ static int prepare(struct converter *converter, enum AVPixelFormat format) {
 
 int converter_open(struct converter *converter, const struct pixels *from, int width, int height, bool stack) {
     *converter = (struct converter){.from = *from, .width = width, .height = height, .stack = stack};
-    converter->format = pixels_find(from->fourcc);
+    converter->format = pixels_find(from->coding);
     if (!converter->format || (stack && from->order == PIXELS_PROGRESSIVE))
         return -EINVAL;
     converter->parts = from->order == PIXELS_PROGRESSIVE ? 1 : 2;

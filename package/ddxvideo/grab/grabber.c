@@ -21,7 +21,6 @@ static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 #define PATIENCE_NS SECOND      /* without a frame, the stream is begun anew; of a slow camera, four periods */
 #define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras need as long */
 #define LOST_SAID_NS (10 * SECOND)
-#define ORDER_NS (50 * MS) /* or half a period: longest that a frame waits for one before it */
 #define TIME_OFF_NS (2 * SECOND) /* a driver's time that is farther from now is none */
 
 static bool quit(const struct grabber *grabber) {
@@ -31,7 +30,7 @@ static bool quit(const struct grabber *grabber) {
 /* One line for each new state, however often it is found. */
 static void set_state(struct grabber *grabber, const char *state) {
     if (strcmp(grabber->state, state) != 0)
-        say("%s: %s", grabber->wish.path, state);
+        say("%s: %s", grabber->camera->name, state);
     snprintf(grabber->state, sizeof grabber->state, "%s", state);
 }
 
@@ -56,9 +55,9 @@ static void set_reason(struct grabber *grabber, int error, const char *why) {
  * `margin` periods are left out as long as it is not known when the next frame comes.
  */
 static void count_away(struct grabber *grabber, int64_t now, double margin) {
-    if (!grabber->last || !grabber->period)
+    if (!grabber->last || !grabber->camera->period)
         return;
-    double periods = (double)(now - grabber->last) / (double)grabber->period - margin;
+    double periods = (double)(now - grabber->last) / (double)grabber->camera->period - margin;
     uint64_t frames = periods > 0 ? (uint64_t)periods : 0;
     if (frames <= grabber->away)
         return;
@@ -71,7 +70,7 @@ static void count_away(struct grabber *grabber, int64_t now, double margin) {
 static void let_go(struct grabber *grabber, const char *why) {
     set_state(grabber, why);
     converter_close(&grabber->converter);
-    device_close(&grabber->device);
+    grabber->camera->call->close(grabber->camera);
     grabber->back = false;
     grabber->retry = ddx_time_now() + RETRY_NS;
 }
@@ -83,57 +82,53 @@ static void try_open(struct grabber *grabber) {
     if (now < grabber->retry)
         return;
     grabber->retry = now + RETRY_NS;
-    int error = device_open(&grabber->device, &grabber->wish, why, sizeof why);
+    int error = grabber->camera->call->open(grabber->camera, why, sizeof why);
     if (error) {
         set_reason(grabber, error, why);
         return;
     }
     *grabber->reason = 0;
-    const struct device_wish *wish = &grabber->wish;
+    struct camera *camera = grabber->camera;
     grabber->geometry =
-        geometry_of_result(&grabber->device.geometry, wish->width, wish->height, grabber->skip, grabber->stack);
+        geometry_of_result(&camera->geometry, camera->width, camera->height, grabber->skip, grabber->stack);
     const char *bad = ddxvideo_geometry_error(&grabber->geometry);
     error = bad ? -EINVAL
-                : converter_open(&grabber->converter, &grabber->device.pixels, grabber->geometry.width,
+                : converter_open(&grabber->converter, &camera->pixels, grabber->geometry.width,
                                  grabber->geometry.height, grabber->stack);
     if (error) {
         let_go(grabber, bad ? bad : "its pictures cannot be converted");
         return;
     }
-    const struct ddxvideo_geometry *camera = &grabber->device.geometry;
-    grabber->period = camera->rate_num ? SECOND * camera->rate_den / camera->rate_num : 0;
+    const struct ddxvideo_geometry *given = &camera->geometry;
+    camera->period = given->rate_num ? SECOND * given->rate_den / given->rate_num : 0;
     grabber->silent = 0;
     count_restart(&grabber->count);
-    order_restart(&grabber->order);
     settings_begin(grabber);
 }
 
 /* ---- Frame by frame ---- */
 
-/* When the frame was captured: as the driver says, if it counts the same time as we do. */
-static int64_t time_of(struct grabber *grabber, const struct v4l2_buffer *buffer, int64_t now) {
-    int64_t time = buffer->timestamp.tv_sec * SECOND + buffer->timestamp.tv_usec * 1000;
-    bool monotonic = (buffer->flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
-
-    if (monotonic && time > now - TIME_OFF_NS && time < now + TIME_OFF_NS)
-        return time;
+/* When the frame was captured: as the camera says, if it counts the same time as we do. */
+static int64_t time_of(struct grabber *grabber, const struct camera_frame *frame, int64_t now) {
+    if (frame->time && frame->time > now - TIME_OFF_NS && frame->time < now + TIME_OFF_NS)
+        return frame->time;
     if (!grabber->odd_times)
-        say("%s: the driver's times are not of this machine's clock; taking those of arrival", grabber->wish.path);
+        say("%s: the driver's times are not of this machine's clock; taking those of arrival", grabber->camera->name);
     grabber->odd_times = true;
     return now;
 }
 
 /* The first frame since the camera was opened. */
 static void welcome(struct grabber *grabber, int64_t time) {
-    const struct ddxvideo_geometry *from = &grabber->device.geometry, *to = &grabber->geometry;
+    const struct ddxvideo_geometry *from = &grabber->camera->geometry, *to = &grabber->geometry;
     uint64_t before = grabber->away;
 
     count_away(grabber, time, 0.5);
     if (grabber->last && (*grabber->state || grabber->away > before))
-        say("%s: back after %.1f s", grabber->wish.path, (double)(time - grabber->last) / 1e9);
+        say("%s: back after %.1f s", grabber->camera->name, (double)(time - grabber->last) / 1e9);
     else
-        say("%s: %s, %s %dx%d, to %s %dx%d", grabber->wish.path, grabber->device.card,
-            pixels_find(grabber->device.pixels.fourcc)->name, from->width, from->height, grabber->name, to->width,
+        say("%s: %s, %s %dx%d, to %s %dx%d", grabber->camera->name, grabber->camera->card,
+            pixels_find(grabber->camera->pixels.coding)->name, from->width, from->height, grabber->name, to->width,
             to->height);
     *grabber->state = 0;
     grabber->away = 0;
@@ -145,110 +140,90 @@ static void count_lost(struct grabber *grabber, uint64_t frames, int64_t now) {
     ddx_stats_lost(grabber->book, LOST_DRIVER, frames);
     if (grabber->count.lost == grabber->lost_said || (grabber->lost_when && now < grabber->lost_when + LOST_SAID_NS))
         return;
-    say("%s: the driver lost %" PRIu64 " frames", grabber->wish.path, grabber->count.lost - grabber->lost_said);
+    say("%s: the driver lost %" PRIu64 " frames", grabber->camera->name, grabber->count.lost - grabber->lost_said);
     grabber->lost_said = grabber->count.lost;
     grabber->lost_when = now;
 }
 
-static void handle(struct grabber *grabber, const struct v4l2_buffer *buffer) {
+static void handle(struct grabber *grabber, const struct camera_frame *frame) {
     bool wanted;
     uint64_t position;
-    int64_t now = ddx_time_now(), time = time_of(grabber, buffer, now);
+    int64_t now = ddx_time_now(), time = time_of(grabber, frame, now);
 
     if (!grabber->back)
         welcome(grabber, time);
-    uint64_t lost = count_frame(&grabber->count, buffer->sequence, &wanted, &position);
+    uint64_t lost = count_frame(&grabber->count, frame->sequence, &wanted, &position);
     count_lost(grabber, lost, now);
-    if (!grabber->device.geometry.rate_num && grabber->last) /* the driver does not tell its rate */
-        grabber->period = time - grabber->last;
+    if (!grabber->camera->geometry.rate_num && grabber->last) /* the driver does not tell its rate */
+        grabber->camera->period = time - grabber->last;
     grabber->last = time;
     grabber->silent = 0;
     if (!wanted) {
         ddx_stats_skipped(grabber->book, 1);
         return;
     }
-    if (buffer->flags & V4L2_BUF_FLAG_ERROR) {
+    if (frame->damaged) {
         ddx_stats_in(grabber->book, 1, 0);
         ddx_stats_lost(grabber->book, LOST_ERROR, 1);
     } else {
-        publish(grabber, buffer, position, time);
+        publish(grabber, frame, position, time);
     }
     ddx_stats_write(grabber->book);
 }
 
-/* How long a frame waits for one before it. */
-static int64_t patience_for_order(const struct grabber *grabber) {
-    return grabber->period > 0 && grabber->period < 2 * ORDER_NS ? grabber->period / 2 : ORDER_NS;
-}
-
-/* All whose turn it is; 0, or what giving them back to the driver ended with. */
+/* All whose turn it is; what taking or giving back ended with. */
 static int handle_due(struct grabber *grabber, int64_t now) {
-    unsigned slot;
+    struct camera *camera = grabber->camera;
+    struct camera_frame frame;
+    int error;
 
-    while (order_next(&grabber->order, now, patience_for_order(grabber), &slot)) {
-        handle(grabber, &grabber->taken[slot]);
-        int error = device_give(&grabber->device, &grabber->taken[slot]);
+    while (!(error = camera->call->take(camera, now, &frame))) {
+        handle(grabber, &frame);
+        error = camera->call->give(camera, &frame);
         if (error)
             return error;
+        now = now < INT64_MAX ? ddx_time_now() : now;
     }
-    return 0;
+    return error;
 }
 
 /* All frames that are there. */
 static void take_frames(struct grabber *grabber) {
-    struct v4l2_buffer buffer;
-    int error;
+    int error = handle_due(grabber, ddx_time_now());
 
-    while (!(error = device_take(&grabber->device, &buffer))) {
-        int64_t now = ddx_time_now();
-
-        grabber->taken[buffer.index] = buffer;
-        bool in_time = order_add(&grabber->order, buffer.sequence, buffer.index, now);
-        error = in_time ? handle_due(grabber, now) : device_give(&grabber->device, &buffer);
-        if (error)
-            break;
-    }
-    if (error == -EAGAIN) {
-        int given = handle_due(grabber, ddx_time_now());
-
-        error = given ? given : error;
-    }
     if (error == -ENODEV)
         let_go(grabber, UNPLUGGED);
     else if (error != -EAGAIN)
         let_go(grabber, "the stream broke off, beginning anew");
 }
 
-/* What the driver tells beside the frames. */
+/* What the camera tells beside the frames. */
 static void take_events(struct grabber *grabber) {
-    struct v4l2_event event;
-
-    while (!device_ioctl(grabber->device.fd, VIDIOC_DQEVENT, &event)) {
-        if (event.type == V4L2_EVENT_SOURCE_CHANGE) {
-            let_go(grabber, "another signal, looking what it is");
-            grabber->retry = 0;
-            return;
-        }
-        controls_follow(&grabber->controls, grabber->device.fd, event.id);
-        grabber->changed = true;
+    switch (grabber->camera->call->events(grabber->camera, &grabber->controls)) {
+    case CAMERA_NOTHING: break;
+    case CAMERA_CONTROLS_CHANGED: grabber->changed = true; break;
+    case CAMERA_OTHER_SIGNAL:
+        let_go(grabber, "another signal, looking what it is");
+        grabber->retry = 0;
     }
 }
 
 static void stream(struct grabber *grabber) {
-    struct pollfd look = {.fd = grabber->device.fd, .events = POLLIN | POLLPRI};
-    int64_t begin = ddx_time_now(), due = order_due(&grabber->order, patience_for_order(grabber));
+    struct camera *camera = grabber->camera;
+    struct pollfd look = {.fd = camera->fd, .events = POLLIN | (camera->call->events ? POLLPRI : 0)};
+    int64_t begin = ddx_time_now(), due = camera->call->due(camera);
     int wait = due > begin + POLL_MS * MS ? POLL_MS : due > begin ? (int)((due - begin + MS - 1) / MS) : 0;
     int ready = poll(&look, 1, wait);
 
     if (ready > 0 && look.revents & POLLPRI)
         take_events(grabber);
-    if (((ready > 0 && look.revents & ~POLLPRI) || grabber->order.count) && grabber->device.fd >= 0)
+    if (((ready > 0 && look.revents & ~POLLPRI) || due < INT64_MAX) && camera_is_open(camera))
         take_frames(grabber);
-    if (grabber->device.fd < 0)
+    if (!camera_is_open(camera))
         return;
     int64_t patience = grabber->back ? PATIENCE_NS : WARM_UP_NS;
-    if (patience < 4 * grabber->period)
-        patience = 4 * grabber->period;
+    if (patience < 4 * grabber->camera->period)
+        patience = 4 * grabber->camera->period;
     /* When it took longer than that, it was not the camera that stood still. */
     int64_t looked = ddx_time_now() - begin;
     grabber->silent += looked < 2 * POLL_MS * MS ? looked : 2 * POLL_MS * MS;
@@ -258,9 +233,9 @@ static void stream(struct grabber *grabber) {
 
 static void grab(struct grabber *grabber) {
     while (!quit(grabber)) {
-        if (grabber->device.fd < 0)
+        if (!camera_is_open(grabber->camera))
             try_open(grabber);
-        if (grabber->device.fd >= 0)
+        if (camera_is_open(grabber->camera))
             stream(grabber);
         else
             program_sleep_until(ddx_time_now() + POLL_MS * MS, grabber->book);
@@ -269,14 +244,13 @@ static void grab(struct grabber *grabber) {
             count_away(grabber, ddx_time_now(), 2);
         program_tick(grabber->book);
     }
-    if (grabber->device.fd >= 0)
+    if (camera_is_open(grabber->camera))
         handle_due(grabber, INT64_MAX);
 }
 
 int grabber_run(struct grabber *grabber) {
     int status = EXIT_OK;
 
-    grabber->device.fd = -1;
     grabber->count.skip = (uint64_t)grabber->skip;
     grabber->book = ddx_stats_open(grabber->program.instance, reasons);
     if (!grabber->book) {
@@ -289,7 +263,7 @@ int grabber_run(struct grabber *grabber) {
     else
         grab(grabber);
     converter_close(&grabber->converter);
-    device_close(&grabber->device);
+    grabber->camera->call->close(grabber->camera);
     program_report(grabber->book);
     ddx_stats_close(grabber->book);
     settings_end(grabber);

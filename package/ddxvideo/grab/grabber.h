@@ -3,33 +3,28 @@
 #ifndef DDXVIDEO_GRABBER_H
 #define DDXVIDEO_GRABBER_H
 
+#include "camera.h"
 #include "controls.h"
 #include "convert.h"
-#include "count.h"
-#include "device.h"
-#include "order.h"
+#include "frame_count.h"
 #include "program.h"
 
 struct grabber {
     /* what to do */
     struct program program;
     const char *name; /* of the video item */
-    struct device_wish wish;
     long skip;
     bool stack;
     /* the camera */
-    struct device device;
+    struct camera *camera;
     struct converter converter;
     struct count count;
-    struct order order;
-    struct v4l2_buffer taken[DEVICE_BUFFERS]; /* of those that wait for their turn */
     char state[256];  /* what was said last of it; "" while all is well */
     char reason[256]; /* why it could not be opened last, and since when: */
     int64_t since;
     int64_t retry;      /* when to open it again */
     int64_t silent;     /* ns that we looked in vain since the last frame, or since it was opened */
     int64_t last;       /* time of the last frame counted, 0 if none yet */
-    int64_t period;     /* between two frames, ns; 0 if unknown */
     uint64_t away;      /* frames counted since the camera went */
     bool back;          /* since it was opened: has it given a frame? */
     bool odd_times;     /* its times have been found useless */

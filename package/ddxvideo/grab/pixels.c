@@ -1,24 +1,22 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "pixels.h"
 
-#include <linux/videodev2.h>
 #include <strings.h>
 
-/* By how little there is to do: a copy, chroma taken apart, chroma averaged, decoded; grey has no colour. */
-const struct pixels_format pixels_formats[] = {
-    {V4L2_PIX_FMT_YUV420, "YU12", AV_PIX_FMT_YUV420P, false, 3, 1, 2, 2},
-    {V4L2_PIX_FMT_NV12, "NV12", AV_PIX_FMT_NV12, false, 2, 1, 1, 2},
-    {V4L2_PIX_FMT_YUYV, "YUYV", AV_PIX_FMT_YUYV422, false, 1, 2, 1, 1},
-    {V4L2_PIX_FMT_UYVY, "UYVY", AV_PIX_FMT_UYVY422, false, 1, 2, 1, 1},
-    {V4L2_PIX_FMT_MJPEG, "MJPEG", AV_PIX_FMT_NONE, true, 0, 0, 1, 1},
-    {V4L2_PIX_FMT_JPEG, "JPEG", AV_PIX_FMT_NONE, true, 0, 0, 1, 1},
-    {V4L2_PIX_FMT_GREY, "GREY", AV_PIX_FMT_GRAY8, false, 1, 1, 1, 1},
-    {0, NULL, AV_PIX_FMT_NONE, false, 0, 0, 1, 1},
+static const struct pixels_format pixels_formats[] = {
+    {PIXELS_YU12, "YU12", AV_PIX_FMT_YUV420P, false, 3, 1, 2, 2},
+    {PIXELS_NV12, "NV12", AV_PIX_FMT_NV12, false, 2, 1, 1, 2},
+    {PIXELS_YUYV, "YUYV", AV_PIX_FMT_YUYV422, false, 1, 2, 1, 1},
+    {PIXELS_UYVY, "UYVY", AV_PIX_FMT_UYVY422, false, 1, 2, 1, 1},
+    {PIXELS_MJPEG, "MJPEG", AV_PIX_FMT_NONE, true, 0, 0, 1, 1},
+    {PIXELS_JPEG, "JPEG", AV_PIX_FMT_NONE, true, 0, 0, 1, 1},
+    {PIXELS_GREY, "GREY", AV_PIX_FMT_GRAY8, false, 1, 1, 1, 1},
+    {PIXELS_NONE, NULL, AV_PIX_FMT_NONE, false, 0, 0, 1, 1},
 };
 
-const struct pixels_format *pixels_find(uint32_t fourcc) {
+const struct pixels_format *pixels_find(enum pixels_coding coding) {
     for (const struct pixels_format *format = pixels_formats; format->name; format++)
-        if (format->fourcc == fourcc)
+        if (format->coding == coding)
             return format;
     return NULL;
 }
@@ -31,7 +29,7 @@ const struct pixels_format *pixels_named(const char *name) {
 }
 
 size_t pixels_planes(const struct pixels *pixels, size_t offset[3], int stride[3]) {
-    const struct pixels_format *format = pixels_find(pixels->fourcc);
+    const struct pixels_format *format = pixels_find(pixels->coding);
     size_t end = 0;
 
     for (int i = 0; i < 3; i++) {

@@ -8,6 +8,17 @@
 #include <stddef.h>
 #include <stdint.h>
 
+enum pixels_coding {
+    PIXELS_NONE,
+    PIXELS_YU12,
+    PIXELS_NV12,
+    PIXELS_YUYV,
+    PIXELS_UYVY,
+    PIXELS_MJPEG,
+    PIXELS_JPEG,
+    PIXELS_GREY,
+};
+
 /* How two fields lie in a buffer. */
 enum pixels_order {
     PIXELS_PROGRESSIVE, /* no fields */
@@ -18,14 +29,14 @@ enum pixels_order {
 
 /* What one buffer of the camera holds. */
 struct pixels {
-    uint32_t fourcc; /* V4L2_PIX_FMT_... */
+    enum pixels_coding coding;
     int width, height;
     int stride; /* of the first plane, bytes from row to row; 0 where it has no meaning (MJPEG) */
     enum pixels_order order;
 };
 
 struct pixels_format {
-    uint32_t fourcc;
+    enum pixels_coding coding;
     const char *name; /* as -format takes it */
     enum AVPixelFormat libav;
     bool compressed;
@@ -35,11 +46,8 @@ struct pixels_format {
     uint8_t chroma_row_step; /* rows of luma for each row of the other planes */
 };
 
-/* The ones that we take, the best first; ends with a NULL name. */
-extern const struct pixels_format pixels_formats[];
-
-const struct pixels_format *pixels_find(uint32_t fourcc);   /* or NULL */
-const struct pixels_format *pixels_named(const char *name); /* in any case; or NULL */
+const struct pixels_format *pixels_find(enum pixels_coding coding); /* or NULL */
+const struct pixels_format *pixels_named(const char *name);         /* in any case; or NULL */
 
 /* Where the planes begin, and their strides; returns the bytes that a whole picture has (0: compressed). */
 size_t pixels_planes(const struct pixels *pixels, size_t offset[3], int stride[3]);

@@ -41,13 +41,13 @@ static bool have_items(struct grabber *grabber) {
     return true;
 }
 
-static int write_frame(struct grabber *grabber, const struct v4l2_buffer *buffer, uint64_t position, int64_t time) {
+static int write_frame(struct grabber *grabber, const struct camera_frame *from, uint64_t position, int64_t time) {
     struct ddxvideo_frame frame;
     int error = ddxvideo_loan(grabber->video, &grabber->geometry, &frame);
 
     if (error)
         return error;
-    error = converter_run(&grabber->converter, grabber->device.buffer[buffer->index].data, buffer->bytesused,
+    error = converter_run(&grabber->converter, from->data, from->size,
                           frame.plane, frame.stride);
     if (error) {
         ddx_store_cancel(grabber->video);
@@ -56,7 +56,7 @@ static int write_frame(struct grabber *grabber, const struct v4l2_buffer *buffer
     frame.stamp = (struct ddxvideo_stamp){.frame = (int)(position & INT32_MAX),
                                           .time = time,
                                           .wall_offset = ddxvideo_wall_offset(),
-                                          .source_sequence = buffer->sequence,
+                                          .source_sequence = from->sequence,
                                           .source_lost = (int64_t)grabber->count.lost};
     ddx_stats_publishing(grabber->book, ddx_store_written(grabber->video) + 1);
     error = ddxvideo_publish(grabber->video, &frame);
@@ -65,13 +65,13 @@ static int write_frame(struct grabber *grabber, const struct v4l2_buffer *buffer
     return error;
 }
 
-void publish(struct grabber *grabber, const struct v4l2_buffer *buffer, uint64_t position, int64_t time) {
+void publish(struct grabber *grabber, const struct camera_frame *from, uint64_t position, int64_t time) {
     ddx_stats_in(grabber->book, 1, 0);
     if (!have_items(grabber)) {
         ddx_stats_lost(grabber->book, LOST_STORE, 1);
         return;
     }
-    int error = write_frame(grabber, buffer, position, time);
+    int error = write_frame(grabber, from, position, time);
     if (!error)
         ddx_stats_out(grabber->book, 1, ddx_time_now() - time);
     else if (error == -EBADMSG)

@@ -6,7 +6,7 @@
 #include "grabber.h"
 
 /* Convert a wanted frame into the store and count it. `time`: of its capture. */
-void publish(struct grabber *grabber, const struct v4l2_buffer *buffer, uint64_t position, int64_t time);
+void publish(struct grabber *grabber, const struct camera_frame *frame, uint64_t position, int64_t time);
 
 /* Give the items back. */
 void publish_end(struct grabber *grabber);

@@ -7,7 +7,7 @@
 #define REFUSED_NS INT64_C(1000000000) /* between two attempts to create an item that the store refuses */
 
 void settings_begin(struct grabber *grabber) {
-    controls_begin(&grabber->controls, grabber->device.fd);
+    controls_begin(&grabber->controls, grabber->camera);
     grabber->changed = true;
     grabber->settings = 0;
 }
@@ -19,11 +19,11 @@ static void serve(struct grabber *grabber) {
 
     if (ddx_requests_take(grabber->requests, &request))
         return;
-    if (grabber->device.fd < 0) {
+    if (!camera_is_open(grabber->camera)) {
         status = -ENODEV;
         snprintf(text, sizeof text, "the camera is not there now: %.128s", grabber->state);
     } else {
-        status = controls_change(&grabber->controls, grabber->device.fd, &request, text);
+        status = controls_change(&grabber->controls, grabber->camera, &request, text);
         grabber->changed = true;
     }
     /* Who has the answer finds the new values there. */

@@ -7,7 +7,9 @@
 
 #include "grabber.h"
 #include "input.h"
-#include "size.h"
+#include "negotiate.h"
+#include "picture_size.h"
+#include "v4l_camera.h"
 
 /* The options as they are typed. */
 struct words {
@@ -15,9 +17,9 @@ struct words {
 };
 
 /* False after one line. */
-static bool understand(struct grabber *grabber, const struct words *words) {
-    struct device_wish *wish = &grabber->wish;
-    const struct pixels_format *format = words->format ? pixels_named(words->format) : NULL;
+static bool understand(struct grabber *grabber, struct v4l_camera *v4l, const struct words *words) {
+    struct device_wish *wish = &v4l->wish;
+    struct camera *camera = &v4l->camera;
     v4l2_std_id standard;
     bool number = words->camera[strspn(words->camera, "0123456789")] == 0;
     int length = snprintf(wish->path, sizeof wish->path, "%s%s", number ? "/dev/video" : "", words->camera);
@@ -26,11 +28,11 @@ static bool understand(struct grabber *grabber, const struct words *words) {
         say("-camera %s: a number or a path such as /dev/video0 is needed", words->camera);
         return false;
     }
-    if (words->size && !size_parse(words->size, &wish->width, &wish->height)) {
+    if (words->size && !size_parse(words->size, &camera->width, &camera->height)) {
         say("-size %s: one of %s is needed", words->size, SIZE_NAMES);
         return false;
     }
-    if (words->format && !format) {
+    if (words->format && !(wish->fourcc = negotiate_fourcc(words->format))) {
         say("-format %s: unknown; see ddxvideoV4L -help", words->format);
         return false;
     }
@@ -42,14 +44,13 @@ static bool understand(struct grabber *grabber, const struct words *words) {
         say("-deinterlace %s: only `stack` is known", words->deinterlace);
         return false;
     }
-    if (format)
-        wish->fourcc = format->fourcc;
-    grabber->stack = wish->fields = words->deinterlace != NULL;
+    grabber->stack = camera->fields = words->deinterlace != NULL;
     return true;
 }
 
 int main(int argc, char **argv) {
-    struct grabber grabber = {.name = "video", .skip = 1};
+    struct v4l_camera v4l;
+    struct grabber grabber = {.name = "video", .skip = 1, .camera = &v4l.camera};
     struct words words = {.camera = "0"};
     const struct option_entry options[] = {
         {"camera", "N", "the camera /dev/videoN, or a path (default: 0)", OPTION_TEXT, &words.camera, 0, 0},
@@ -58,18 +59,19 @@ int main(int argc, char **argv) {
         {"name", "ITEM", "the video item to write (default: video)", OPTION_NAME, &grabber.name, 0,
          DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
         {"input", "NAME", "socket of a frame grabber: number, or how its name begins: Composite, S-Video", OPTION_TEXT,
-         &grabber.wish.input, 0, 0},
-        {"standard", "NAME", "PAL, NTSC or SECAM (default: what is on the line)", OPTION_TEXT, &grabber.wish.standard,
+         &v4l.wish.input, 0, 0},
+        {"standard", "NAME", "PAL, NTSC or SECAM (default: what is on the line)", OPTION_TEXT, &v4l.wish.standard,
          0, 0},
         {"deinterlace", "stack", "two fields (a line-interlaced stereo pair) one above the other", OPTION_TEXT,
          &words.deinterlace, 0, 0},
         {"format", "NAME", "pixel format of the camera: YU12, NV12, YUYV, UYVY, MJPEG or GREY (default: the best)",
          OPTION_TEXT, &words.format, 0, 0},
         {"rate", "R", "frames per second to ask of the camera (default: as it is set)", OPTION_NUMBER,
-         &grabber.wish.rate, 1, 1000},
+         &v4l.wish.rate, 1, 1000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 
+    v4l_camera_init(&v4l);
     grabber.program = (struct program){
         .name = "ddxvideoV4L",
         .purpose = "Grabs from a Video4Linux camera into the store, as a video item; the frame numbers go into item\n"
@@ -81,7 +83,7 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&grabber.program, argc, argv);
-    if (!understand(&grabber, &words))
+    if (!understand(&grabber, &v4l, &words))
         return EXIT_USAGE;
     if (grabber.program.check)
         return EXIT_OK;

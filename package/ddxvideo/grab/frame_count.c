@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-#include "count.h"
+#include "frame_count.h"
 
 void count_restart(struct count *count) {
     count->running = false;

@@ -5,6 +5,9 @@
 
 #include "device.h"
 
+/* What -format takes, in any case; 0: unknown. */
+uint32_t negotiate_fourcc(const char *name);
+
 /* Fills device->pixels and device->geometry. As device_open(). */
 int negotiate(struct device *device, const struct device_wish *wish, char *why, size_t size);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-#include "order.h"
+#include "reorder.h"
 
 #include <string.h>
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-#include "size.h"
+#include "picture_size.h"
 
 #include <ddxvideo.h>
 #include <strings.h>

@@ -9,7 +9,34 @@
 #include "geometry.h"
 #include "input.h"
 
+/* The best first: a copy, chroma taken apart, chroma averaged, decoded; grey has no colour. */
+static const struct {
+    uint32_t fourcc;
+    enum pixels_coding coding;
+} formats[] = {
+    {V4L2_PIX_FMT_YUV420, PIXELS_YU12}, {V4L2_PIX_FMT_NV12, PIXELS_NV12},   {V4L2_PIX_FMT_YUYV, PIXELS_YUYV},
+    {V4L2_PIX_FMT_UYVY, PIXELS_UYVY},   {V4L2_PIX_FMT_MJPEG, PIXELS_MJPEG}, {V4L2_PIX_FMT_JPEG, PIXELS_JPEG},
+    {V4L2_PIX_FMT_GREY, PIXELS_GREY},
+};
+
+#define FORMATS (sizeof formats / sizeof *formats)
 #define FLUENT 24 /* frames a second; a format that reaches them need not be faster */
+
+static enum pixels_coding coding_of(uint32_t fourcc) {
+    for (unsigned i = 0; i < FORMATS; i++)
+        if (formats[i].fourcc == fourcc)
+            return formats[i].coding;
+    return PIXELS_NONE;
+}
+
+uint32_t negotiate_fourcc(const char *name) {
+    const struct pixels_format *format = pixels_named(name);
+
+    for (unsigned i = 0; format && i < FORMATS; i++)
+        if (formats[i].coding == format->coding)
+            return formats[i].fourcc;
+    return 0;
+}
 
 /* Greatest rate of a format at a size, frames per second; 0 if the driver does not tell. */
 static double greatest_rate(int fd, const struct v4l2_pix_format *pix) {
@@ -52,12 +79,13 @@ static uint32_t best_format(int fd, const struct device_wish *wish, const struct
     int best = -1;
     uint32_t found = 0;
 
-    for (const struct pixels_format *entry = pixels_formats; entry->name; entry++) {
-        int now = wish->fourcc && wish->fourcc != entry->fourcc ? -1 : merit(fd, wish, *format, entry->fourcc);
+    for (unsigned i = 0; i < FORMATS; i++) {
+        uint32_t fourcc = formats[i].fourcc;
+        int now = wish->fourcc && wish->fourcc != fourcc ? -1 : merit(fd, wish, *format, fourcc);
 
         if (now > best) {
             best = now;
-            found = entry->fourcc;
+            found = fourcc;
         }
     }
     return found;
@@ -145,7 +173,7 @@ static void take_rate(struct device *device, const struct device_wish *wish) {
 }
 
 static int range_of(const struct v4l2_pix_format *pix) {
-    if (pixels_find(pix->pixelformat)->compressed)
+    if (pixels_find(coding_of(pix->pixelformat))->compressed)
         return DDX_VIDEO_RANGE_FULL; /* that is JPEG's, whatever the driver thinks */
     uint32_t quantization = pix->quantization;
     if (quantization == V4L2_QUANTIZATION_DEFAULT) /* of Y'CbCr; only JPEG's has the full range by itself */
@@ -164,10 +192,11 @@ int negotiate(struct device *device, const struct device_wish *wish, char *why, 
     if (error)
         return error;
     device->pixels = (struct pixels){
-        .fourcc = pix.pixelformat, .width = (int)pix.width, .height = (int)pix.height, .stride = (int)pix.bytesperline};
+        .coding = coding_of(pix.pixelformat), .width = (int)pix.width, .height = (int)pix.height,
+        .stride = (int)pix.bytesperline};
     device->geometry = (struct ddxvideo_geometry){
         .width = (int)pix.width, .height = (int)pix.height, .fields = 1, .range = range_of(&pix)};
-    if (pixels_find(pix.pixelformat)->compressed)
+    if (pixels_find(device->pixels.coding)->compressed)
         device->geometry.format = DDX_VIDEO_420_JPEG;
     device_ioctl(device->fd, VIDIOC_G_STD, &standard);
     if (!take_order(device, pix.field, (standard & V4L2_STD_525_60) != 0)) {
