@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A window with the latest picture. SDL2 is looked for at run time: without it, decode is headless. */
+/* The window of decode, with the latest picture. */
 #ifndef DDXVIDEO_DISPLAY_H
 #define DDXVIDEO_DISPLAY_H
 

@@ -1,0 +1,218 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "paint.h"
+
+#include <errno.h>
+#include <libavutil/pixfmt.h>
+#include <libswscale/swscale.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define VECTOR 32 /* pixels: a scaler fills rows up to a multiple of that */
+
+/* One field of a picture. */
+struct field {
+    const uint8_t *plane[4];
+    int stride[4];
+    int width, height;
+    bool full; /* range */
+};
+
+static struct field field_of(const struct ddxvideo_picture *picture, int number) {
+    struct field field = {.width = picture->geometry.width,
+                          .height = picture->geometry.height / picture->geometry.fields,
+                          .full = picture->geometry.range == DDX_VIDEO_RANGE_FULL};
+
+    for (int i = 0; i < 3; i++) {
+        int row = i ? number * field.height / 2 : number * field.height;
+
+        field.stride[i] = picture->stride[i];
+        field.plane[i] = picture->plane[i] + (ptrdiff_t)row * picture->stride[i];
+    }
+    return field;
+}
+
+/* ---- Colours ---- */
+
+static int clip(int value) {
+    return value < 0 ? 0 : value > 255 ? 255 : value;
+}
+
+/* ITU-R BT.601, in 1/65536. */
+struct matrix {
+    int offset, gain, red, green_u, green_v, blue;
+};
+static const struct matrix limited = {16, 76309, 104597, 25675, 53279, 132201};
+static const struct matrix whole = {0, 65536, 91881, 22554, 46802, 116130};
+
+static uint32_t colour(const struct matrix *matrix, int y, int u, int v) {
+    int luma = (y - matrix->offset) * matrix->gain + 32768;
+    int red = clip((luma + matrix->red * (v - 128)) >> 16);
+    int green = clip((luma - matrix->green_u * (u - 128) - matrix->green_v * (v - 128)) >> 16);
+    int blue = clip((luma + matrix->blue * (u - 128)) >> 16);
+
+    return (uint32_t)(red << 16 | green << 8 | blue);
+}
+
+struct paint_pixel paint_look(const struct ddxvideo_picture *picture, int number, int column, int row) {
+    struct field field = field_of(picture, number);
+    struct paint_pixel pixel = {.y = field.plane[0][row * (ptrdiff_t)field.stride[0] + column],
+                                .u = field.plane[1][row / 2 * (ptrdiff_t)field.stride[1] + column / 2],
+                                .v = field.plane[2][row / 2 * (ptrdiff_t)field.stride[2] + column / 2]};
+    uint32_t shown = colour(field.full ? &whole : &limited, pixel.y, pixel.u, pixel.v);
+
+    pixel.red = (int)(shown >> 16);
+    pixel.green = (int)(shown >> 8 & 255);
+    pixel.blue = (int)(shown & 255);
+    return pixel;
+}
+
+/* ---- Places ---- */
+
+/* Each pixel as it is, enlarged or not: only what lies on the canvas. */
+static void copy(const struct canvas *canvas, const struct field *field, const struct layout_place *place) {
+    const struct matrix *matrix = field->full ? &whole : &limited;
+    int left = place->x < 0 ? 0 : place->x, right = place->x + place->width;
+    int top = place->y < 0 ? 0 : place->y, below = place->y + place->height;
+
+    right = right < canvas->width ? right : canvas->width;
+    below = below < canvas->height ? below : canvas->height;
+    for (int y = top, former = -1; y < below && left < right; y++) {
+        int row = (int)((int64_t)(y - place->y) * field->height / place->height);
+        uint32_t *to = canvas->pixel + (ptrdiff_t)y * canvas->stride;
+
+        if (row == former) {
+            memcpy(to + left, to + left - canvas->stride, (size_t)(right - left) * sizeof *to);
+            continue;
+        }
+        former = row;
+        const uint8_t *luma = field->plane[0] + (ptrdiff_t)row * field->stride[0];
+        const uint8_t *u = field->plane[1] + (ptrdiff_t)(row / 2) * field->stride[1];
+        const uint8_t *v = field->plane[2] + (ptrdiff_t)(row / 2) * field->stride[2];
+        /* The column of a pixel without a division for each: column = at / place->width, counted along. */
+        int64_t at = (int64_t)(left - place->x) * field->width;
+        int column = (int)(at / place->width), rest = (int)(at % place->width);
+        for (int x = left; x < right; x++) {
+            to[x] = colour(matrix, luma[column], u[column / 2], v[column / 2]);
+            for (rest += field->width; rest >= place->width; rest -= place->width)
+                column++;
+        }
+    }
+}
+
+static bool has_rows(struct painter *painter, size_t size) {
+    if (painter->size >= size)
+        return true;
+    free(painter->rows);
+    painter->rows = malloc(size);
+    painter->size = painter->rows ? size : 0;
+    return painter->rows;
+}
+
+static int scale(struct painter *painter, const struct canvas *canvas, const struct field *field,
+                 const struct layout_place *place) {
+    const int *matrix = sws_getCoefficients(SWS_CS_ITU601);
+    int filled = (place->width + VECTOR - 1) / VECTOR * VECTOR;
+    bool direct = place->x + filled <= canvas->stride; /* what is beside it is drawn later */
+    struct SwsContext **scaler = &painter->scaler[place->field];
+
+    *scaler = sws_getCachedContext(*scaler, field->width, field->height, AV_PIX_FMT_YUV420P, place->width,
+                                   place->height, AV_PIX_FMT_0RGB32, SWS_BILINEAR, NULL, NULL, NULL);
+    if (!*scaler || (!direct && !has_rows(painter, (size_t)filled * (size_t)place->height * sizeof *painter->rows)))
+        return -ENOMEM;
+    sws_setColorspaceDetails(*scaler, matrix, field->full, matrix, 1, 0, 1 << 16, 1 << 16);
+    uint32_t *target = canvas->pixel + (ptrdiff_t)place->y * canvas->stride + place->x;
+    uint8_t *to[4] = {(uint8_t *)(direct ? target : painter->rows)};
+    const int stride[4] = {(direct ? canvas->stride : filled) * (int)sizeof *target};
+    sws_scale(*scaler, field->plane, field->stride, 0, field->height, to, stride);
+    for (int row = 0; row < place->height && !direct; row++)
+        memcpy(target + (ptrdiff_t)row * canvas->stride, painter->rows + (ptrdiff_t)row * filled,
+               (size_t)place->width * sizeof *target);
+    return 0;
+}
+
+static bool is_exact(const struct canvas *canvas, const struct layout *layout, const struct layout_place *place) {
+    return layout->exact || (place->width == layout->width && place->height == layout->height) || place->x < 0 ||
+           place->y < 0 || place->x + place->width > canvas->width || place->y + place->height > canvas->height;
+}
+
+/* Beside the places; after them, since a scaler writes a little beyond its own. */
+static void fill_rest(const struct canvas *canvas, const struct layout *layout, uint32_t background) {
+    for (int y = 0; y < canvas->height; y++) {
+        int x = 0;
+
+        while (x < canvas->width) {
+            int next = canvas->width, beyond = x;
+
+            for (int i = 0; i < layout->count; i++) {
+                const struct layout_place *place = &layout->place[i];
+
+                if (y < place->y || y >= place->y + place->height)
+                    continue;
+                if (place->x <= x && place->x + place->width > beyond)
+                    beyond = place->x + place->width;
+                else if (place->x > x && place->x < next)
+                    next = place->x;
+            }
+            if (beyond > x) {
+                x = beyond;
+                continue;
+            }
+            for (uint32_t *row = canvas->pixel + (ptrdiff_t)y * canvas->stride; x < next; x++)
+                row[x] = background;
+        }
+    }
+}
+
+int paint_fields(struct painter *painter, const struct canvas *canvas, const struct ddxvideo_picture *picture,
+                 const struct layout *layout, uint32_t background) {
+    int error = 0;
+
+    for (int i = 0; i < layout->count && !error; i++) {
+        const struct layout_place *place = &layout->place[i];
+        const struct field field = field_of(picture, place->field);
+
+        if (is_exact(canvas, layout, place))
+            copy(canvas, &field, place);
+        else
+            error = scale(painter, canvas, &field, place);
+    }
+    fill_rest(canvas, layout, background);
+    return error;
+}
+
+void paint_close(struct painter *painter) {
+    for (int i = 0; i < DDX_VIDEO_FIELDS; i++)
+        sws_freeContext(painter->scaler[i]);
+    free(painter->rows);
+    *painter = (struct painter){0};
+}
+
+/* ---- Parts ---- */
+
+struct canvas paint_part(const struct canvas *canvas, int x, int y, int width, int height) {
+    int left = x < 0 ? 0 : x > canvas->width ? canvas->width : x;
+    int top = y < 0 ? 0 : y > canvas->height ? canvas->height : y;
+    int right = x + width < left ? left : x + width > canvas->width ? canvas->width : x + width;
+    int below = y + height < top ? top : y + height > canvas->height ? canvas->height : y + height;
+
+    return (struct canvas){canvas->pixel + (ptrdiff_t)top * canvas->stride + left, canvas->stride, right - left,
+                           below - top};
+}
+
+void paint_all(const struct canvas *canvas, uint32_t colour) {
+    for (int y = 0; y < canvas->height; y++)
+        for (int x = 0; x < canvas->width; x++)
+            canvas->pixel[(ptrdiff_t)y * canvas->stride + x] = colour;
+}
+
+void paint_grey(const struct canvas *canvas) {
+    for (int y = 0; y < canvas->height; y++) {
+        uint32_t *row = canvas->pixel + (ptrdiff_t)y * canvas->stride;
+
+        for (int x = 0; x < canvas->width; x++) {
+            uint32_t grey = ((row[x] >> 16 & 255) * 77 + (row[x] >> 8 & 255) * 150 + (row[x] & 255) * 29) >> 9;
+
+            row[x] = grey << 16 | grey << 8 | grey;
+        }
+    }
+}

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Pictures of the store onto a canvas. */
+#ifndef DDXVIDEO_PAINT_H
+#define DDXVIDEO_PAINT_H
+
+#include <ddxvideo.h>
+
+#include "layout.h"
+#include "surface.h"
+
+struct SwsContext;
+
+/* What stays from picture to picture: the caller's, all 0 at first, until paint_close(). */
+struct painter {
+    struct SwsContext *scaler[DDX_VIDEO_FIELDS];
+    uint32_t *rows; /* where a scaler writes that would write beyond the canvas */
+    size_t size;    /* bytes of it */
+};
+
+/*
+ * Fill the canvas: each place of the layout with its field, the rest with `background`. Pixels are shown as they are
+ * where the layout is exact, or where a place is as large as the field; else they are scaled smoothly. Range as the
+ * picture says (unknown is limited), matrix of ITU-R BT.601. Fields outside of the canvas cost nothing. 0 or -ENOMEM.
+ */
+int paint_fields(struct painter *painter, const struct canvas *canvas, const struct ddxvideo_picture *picture,
+                 const struct layout *layout, uint32_t background);
+void paint_close(struct painter *painter);
+
+/* One pixel of a picture: what it consists of, and how it is shown. Coordinates within the field. */
+struct paint_pixel {
+    int y, u, v;
+    int red, green, blue;
+};
+struct paint_pixel paint_look(const struct ddxvideo_picture *picture, int field, int column, int row);
+
+/* A part of the canvas, cut to what is there; it may be empty (width or height 0). */
+struct canvas paint_part(const struct canvas *canvas, int x, int y, int width, int height);
+
+/* All of one colour. */
+void paint_all(const struct canvas *canvas, uint32_t colour);
+
+/* Half as bright and without colour: what is shown is not what is now. */
+void paint_grey(const struct canvas *canvas);
+
+#endif

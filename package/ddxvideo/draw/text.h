@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Text on a canvas, in a small bitmap font of our own: ASCII, each character in a cell of the same size. */
+#ifndef DDXVIDEO_TEXT_H
+#define DDXVIDEO_TEXT_H
+
+#include "surface.h"
+
+#define TEXT_CELL_WIDTH 6 /* pixels of the canvas, times the scale */
+#define TEXT_CELL_HEIGHT 10
+
+/* How large a text is legible on a canvas of this height: 1, 2, 3 ... */
+int text_scale(int height);
+
+/*
+ * Write text from the left; what does not fit is cut off. A character that is not printable ASCII is '?'. A line feed
+ * begins a new line. The background stays.
+ */
+void text_write(const struct canvas *canvas, int x, int y, int scale, uint32_t colour, const char *text);
+
+#endif
