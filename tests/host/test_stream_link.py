@@ -37,8 +37,8 @@ def say(run: Run) -> None:
 
 
 def test_wrong_numbers_are_seen() -> None:
-    """Whatever the rate: 108 and 109 are so coarse that they still show 107, and 8 shows all bits of 7 and its own. Were each
-    number one too high, the robot's pictures would be no excuse."""
+    """Whatever the rate: 108 and 109 are so coarse that they still show 107, and 8 shows all bits of 7 and its own.
+    Were each number one too high, the robot's pictures would be no excuse."""
     coded: two_ends.Shown = [(5, None), (6, 6), (7, 7), (8, 15), (9, 9), (107, 107), (108, 107), (109, 107), (110, 110)]
     assert two_ends.wrong_numbers(coded, coded) == []
     assert two_ends.wrong_numbers([(108, 107), (109, 108), (110, None)], coded) == [(109, 108)]
