@@ -2,10 +2,13 @@
 /*
  * Sender and receivers in one process, on a virtual clock: 2,000 frames of 40 ms for each pattern of losses, which
  * both directions have. A frame is usable if it and all frames before it were there 100 ms after it was handed to the
- * sender. The sizes of frames follow the allowance, up to 30 % more or less. The first second loses nothing: how a
+ * sender. Where the video has a limit, the picture must not be 3 dB worse than at that, by the mean size of the last
+ * frames. The sizes of frames follow the allowance, up to 30 % more or less. The first second loses nothing: how a
  * receiver joins is another subject.
  */
 #include "repair_sim.h"
+
+#define VIDEO 130000 /* bit/s at most, as tools/bench_loss.py has it */
 
 /* The mean of four seeds, with both round trip times. */
 static void expect(struct run run, double figure, double least_video) {
@@ -79,13 +82,17 @@ static const struct {
     double figure, video; /* percent, kbit/s: the least */
     struct run run;
 } expected[] = {
-    {99.5, 140, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3}},
-    {97, 80, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3}},
-    {100, 135, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3}},
+    {99.5, 120, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO}},
+    {92, 80, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
+    {100, 120, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3, .video = VIDEO}},
     {99.9, 190, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
-    {98.5, 80, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3}},
-    {87, 90, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3}},
-    {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .receivers = 4}},
+    {97, 80, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
+    {92, 90, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
+    {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO,
+              .receivers = 4}},
+    {70, 65, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
+    {91, 70, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
+              .receivers = 4}},
     {100, 55, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
     {99.9, 55, {.name = "one-way, independent 10 %", .loss = INDEPENDENT, .part = 0.1, .silent = true}},
     {99, 55, {.name = "one-way, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .silent = true}},

@@ -4,11 +4,11 @@
 #include <errno.h>
 
 #define RUN_ALONE 1.5 /* mean length of runs up to which losses count as independent */
-#define MOST_MORE 8   /* packets that are added because of runs */
+#define MORE 1.5      /* packets that are added for each one that runs are longer */
+#define MOST_MORE 8
 #define MANY 4
 #define LOSS_MOST 0.5 /* for which packets are added */
 #define SHORT_WAY INT64_C(12000000) /* ns there and back */
-#define MOST_SUSPECTED 4
 #define RUN_LONGEST 16 /* a longer run is an outage, which ends by itself */
 
 /* When the newest packet that arrived was sent. */
@@ -26,10 +26,10 @@ static void learn_run(struct deficit *deficit, unsigned run) {
     deficit->run = run;
 }
 
-static unsigned more_in_runs(const struct deficit *deficit, double factor, unsigned most) {
-    double more = (deficit->run_mean - RUN_ALONE) * factor;
+static unsigned more_in_runs(const struct deficit *deficit) {
+    double more = deficit->run ? (deficit->run_mean - RUN_ALONE) * MORE : 0;
 
-    return more < 0 ? 0 : more > most ? most : (unsigned)more;
+    return more < 0 ? 0 : more > MOST_MORE ? MOST_MORE : (unsigned)more;
 }
 
 /*
@@ -39,12 +39,14 @@ static unsigned more_in_runs(const struct deficit *deficit, double factor, unsig
 static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t age) {
     double loss = deficit->loss < LOSS_MOST ? deficit->loss : LOSS_MOST;
 
+    if (deficit->shared && deficit->run_mean > DEFICIT_IN_RUNS)
+        return needed;
     if (needed >= MANY)
         needed = (unsigned)(needed / (1 - loss));
     age += deficit->trip > SHORT_WAY ? 2 * (deficit->trip - SHORT_WAY) : 0;
     unsigned packets = age < DEFICIT_LATE ? needed : age < DEFICIT_VERY_LATE ? 2 * needed : 3 * needed;
 
-    return packets + (deficit->run ? more_in_runs(deficit, 1.5, MOST_MORE) : 0);
+    return packets + more_in_runs(deficit);
 }
 
 static void decide(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now) {
@@ -90,33 +92,4 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     deficit->loss = report->loss / 256.0;
     decide(deficit, media, repairs, now);
     return 0;
-}
-
-/* The oldest packet that no report covers, if there is one. */
-static bool next_uncovered(const struct deficit *deficit, const struct history *media, uint32_t *next) {
-    *next = deficit->highest + 1 + history_until(media, deficit->highest, deficit->covered);
-    return history_has(media, *next);
-}
-
-int64_t deficit_deadline(const struct deficit *deficit, const struct history *media) {
-    uint32_t next;
-
-    if (deficit->wanted || !more_in_runs(deficit, 1, MOST_SUSPECTED) || !next_uncovered(deficit, media, &next))
-        return INT64_MAX;
-    int64_t sent = history_sent(media, next), time = sent + deficit->trip + DEFICIT_SILENCE;
-    if (time < deficit->heard + DEFICIT_SILENCE / 2)
-        time = deficit->heard + DEFICIT_SILENCE / 2;
-    if (time < deficit->suspected + DEFICIT_AGAIN)
-        time = deficit->suspected + DEFICIT_AGAIN;
-    return time - sent > DEFICIT_SUSPECT ? INT64_MAX : time;
-}
-
-void deficit_silence(struct deficit *deficit, const struct history *media, int64_t now) {
-    uint32_t next;
-
-    if (now < deficit_deadline(deficit, media) || !next_uncovered(deficit, media, &next))
-        return;
-    deficit->suspected = now;
-    deficit->wanted = more_in_runs(deficit, 1, MOST_SUSPECTED);
-    deficit->first = deficit->missing ? deficit->base : next;
 }

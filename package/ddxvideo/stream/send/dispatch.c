@@ -14,6 +14,7 @@
 #define HORIZON 4          /* frames in which it is brought back to that */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
+#define LEAST_PART 0.28    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
 #define GAP MS             /* between packets, at most */
 #define STOPPED (200 * MS) /* without reports: they have just stopped */
@@ -201,7 +202,7 @@ bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *
 }
 
 int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now) {
-    int64_t time = dispatch->settings.repair ? feedback_deadline(&dispatch->feedback, now) : INT64_MAX, ready;
+    int64_t time = INT64_MAX, ready;
     uint32_t first;
     bool in_advance;
 
@@ -262,6 +263,8 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     }
     double bytes = (wire + spare / HORIZON) / (1 + repair_part(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
+    if (silence < STOPPED && bytes < wire * LEAST_PART)
+        bytes = wire * LEAST_PART;
     if (bytes > video)
         bytes = video;
     return bytes < LEAST ? LEAST : (size_t)bytes;

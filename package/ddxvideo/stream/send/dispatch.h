@@ -5,7 +5,9 @@
  * (CLOCK_MONOTONIC, ns) and serialises the calls. Fixed memory. No call blocks; each one's work is bounded.
  *
  * Budget. Repair goes first: a picture with a gap is worth nothing, and neither are those after it. What repair took,
- * the next frame gets less (dispatch_allowance()). A packet that the bucket cannot pay for waits.
+ * the next frame gets less (dispatch_allowance()), but not less than a part of the rate that a fair picture takes: with
+ * several receivers, one of which always misses something, repair would take all. What the bucket cannot pay for then
+ * waits, and frames are left out.
  *
  * Pacing. The first packet of a frame goes at once, the others at most 1 ms apart and within half a frame interval.
  *

@@ -6,8 +6,8 @@
 #define SECOND INT64_C(1000000000)
 #define REPORTS 200         /* that are read of a reporter in a second */
 #define CLAIMS_DEPTH (2 * SECOND)
-#define CLAIMS_ALL 0.7 /* parts of the rate: four receivers at 30 % loss need 0.58 */
-#define CLAIMS_EACH 0.65
+#define CLAIMS_ALL 0.55 /* parts of the rate: what the least frames and their headers leave */
+#define CLAIMS_EACH 0.5
 #define CLAIMS_HOPELESS 0.25
 #define CLAIM 1400 /* bytes that must be left: more than any repair packet */
 
@@ -91,6 +91,14 @@ static enum feedback_count first_report(struct feedback *feedback, int64_t now, 
     return FEEDBACK_USED;
 }
 
+static bool is_alone(const struct feedback *feedback, const struct feedback_reporter *reporter, int64_t now) {
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        if (&feedback->reporter[i] != reporter && is_active(&feedback->reporter[i], now))
+            return false;
+    }
+    return true;
+}
+
 static enum feedback_count use(struct feedback *feedback, int64_t now, const struct report *report, uint64_t address) {
     struct feedback_reporter *reporter = find(feedback, report->reporter, address);
 
@@ -98,6 +106,7 @@ static enum feedback_count use(struct feedback *feedback, int64_t now, const str
         return first_report(feedback, now, report, address);
     if (!budget_take(&reporter->reports, now, 1))
         return FEEDBACK_FLOOD;
+    reporter->deficit.shared = !is_alone(feedback, reporter, now);
     return verdict(deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report));
 }
 
@@ -157,7 +166,6 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 
         if (!is_active(reporter, now))
             continue;
-        deficit_silence(deficit, &feedback->sent, now);
         if (!deficit->wanted || !may_claim(feedback, reporter, now))
             continue;
         if (!wanted || (int32_t)(deficit->first - *first) < 0)
@@ -178,17 +186,4 @@ void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes) {
         budget_take(purse(reporter), now, bytes);
     }
     budget_take(&feedback->claims, now, bytes);
-}
-
-int64_t feedback_deadline(const struct feedback *feedback, int64_t now) {
-    int64_t least = INT64_MAX;
-
-    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
-        const struct feedback_reporter *reporter = &feedback->reporter[i];
-        int64_t time = is_active(reporter, now) ? deficit_deadline(&reporter->deficit, &feedback->sent) : INT64_MAX;
-
-        if (time < least)
-            least = time;
-    }
-    return least;
 }

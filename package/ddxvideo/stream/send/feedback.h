@@ -64,7 +64,4 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 /* A repair packet of that many bytes was sent because of feedback_wanted(). */
 void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes);
 
-/* When feedback_wanted() may change although no report comes. */
-int64_t feedback_deadline(const struct feedback *feedback, int64_t now);
-
 #endif
