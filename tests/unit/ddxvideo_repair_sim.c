@@ -43,17 +43,23 @@ static void check_sudden(void) {
     }
 }
 
-/* Reports stop at frame 1000: at first less is sent, after a second as much as before, with repair in advance. */
+/* Reports stop at frame 1000: at first less is sent, after a second as much as before, with repair in advance. The
+ * mean of eight seeds: how much is sent in half a second depends on which packets were lost before. */
 static void check_hush(void) {
     struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000};
 
-    simulate(&run, 1);
-    check_books(&run);
-    printf("reports stop: %.0f kbit/s, then %.0f, %.0f; usable %.2f %%, after 2 s %.2f %%\n", kbit(975, 25),
-           kbit(1009, 12), kbit(1050, 100), usable(&run, 1000, 1050), usable(&run, 1050, FRAMES));
-    CHECK(kbit(1009, 12) < 0.9 * WIRE / 1000);
-    CHECK(kbit(1050, 100) > 0.95 * WIRE / 1000);
-    CHECK(usable(&run, 1050, FRAMES) >= 98);
+    double less = 0, later = 0;
+
+    for (uint64_t seed = 1; seed <= 8; seed++) {
+        simulate(&run, seed);
+        check_books(&run);
+        less += kbit(1009, 12) / 8;
+        CHECK(kbit(1050, 100) > 0.95 * WIRE / 1000);
+        later += usable(&run, 1050, FRAMES) / 8;
+    }
+    printf("reports stop: %.0f kbit/s, then %.0f, %.0f; usable after 2 s %.2f %%\n", kbit(975, 25), less,
+           kbit(1050, 100), later);
+    CHECK(less < 0.9 * WIRE / 1000 && later >= 98);
 }
 
 /* Forged reports leave enough for the honest receiver, garbage changes nothing. */
@@ -83,15 +89,15 @@ static const struct {
     struct run run;
 } expected[] = {
     {99.5, 120, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO}},
-    {92, 80, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
+    {94, 80, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
     {100, 120, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3, .video = VIDEO}},
     {99.9, 190, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
-    {97, 80, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
+    {97.5, 80, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
     {92, 90, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
     {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
     {70, 65, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
-    {91, 70, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
+    {92, 70, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
     {100, 55, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
     {99.9, 55, {.name = "one-way, independent 10 %", .loss = INDEPENDENT, .part = 0.1, .silent = true}},

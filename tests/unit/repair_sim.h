@@ -202,8 +202,9 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
 /* ---- A run ---- */
 
 static void begin(const struct run *run, uint64_t seed) {
-    struct dispatch_settings settings = {.wire = WIRE, .video = run->video ? run->video : WIRE, .interval = INTERVAL, .header = HEADER,
-                                         .repair = true, .ratio = DISPATCH_RATIO, .media_ssrc = SSRC, .repair_ssrc = 2,
+    struct dispatch_settings settings = {.wire = WIRE, .video = run->video ? run->video : WIRE,
+                                         .interval = INTERVAL, .header = HEADER, .repair = true,
+                                         .ratio = DISPATCH_RATIO, .media_ssrc = SSRC, .repair_ssrc = 2,
                                          .repair_sequence = 65000};
 
     random_begin(seed);

@@ -5,7 +5,7 @@
 
 #define RUN_ALONE 1.5 /* mean length of runs up to which losses count as independent */
 #define MORE 1.5      /* packets that are added for each one that runs are longer */
-#define MOST_MORE 8
+#define MOST_MORE 4
 #define MANY 4
 #define LOSS_MOST 0.5 /* for which packets are added */
 #define SHORT_WAY INT64_C(12000000) /* ns there and back */

@@ -13,12 +13,14 @@
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4          /* frames in which it is brought back to that */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
+#define IN_RUNS 2.3        /* of losses that come in runs: by how many times the loss frames are smaller */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
-#define LEAST_PART 0.28    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
+#define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
 #define GAP MS             /* between packets, at most */
 #define STOPPED (200 * MS) /* without reports: they have just stopped */
 #define REDUCED 0.5        /* of the rate, then */
+#define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
 #define ADVANCE_FRAMES 8
 #define LONGER 1.1         /* a repair packet than a media packet */
 #define ADVANCE_WHOLE 3    /* each third one covers the whole window */
@@ -87,6 +89,8 @@ static double ratio_in_advance(const struct dispatch *dispatch, int64_t now) {
         return 0;
     if (silence == INT64_MAX)
         return dispatch->settings.ratio;
+    if (silence < FEEDBACK_GONE)
+        ratio *= FEWER;
     return ratio > 2.5 ? 2.5 : ratio;
 }
 
@@ -263,6 +267,9 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     }
     double bytes = (wire + spare / HORIZON) / (1 + repair_part(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
+    double most = wire * (1 - IN_RUNS * feedback_loss_in_runs(&dispatch->feedback, now));
+    if (bytes > most)
+        bytes = most;
     if (silence < STOPPED && bytes < wire * LEAST_PART)
         bytes = wire * LEAST_PART;
     if (bytes > video)

@@ -6,8 +6,8 @@
 #define SECOND INT64_C(1000000000)
 #define REPORTS 200         /* that are read of a reporter in a second */
 #define CLAIMS_DEPTH (2 * SECOND)
-#define CLAIMS_ALL 0.55 /* parts of the rate: what the least frames and their headers leave */
-#define CLAIMS_EACH 0.5
+#define CLAIMS_ALL 0.5 /* parts of the rate: what the least frames and their headers leave */
+#define CLAIMS_EACH 0.4
 #define CLAIMS_HOPELESS 0.25
 #define CLAIM 1400 /* bytes that must be left: more than any repair packet */
 
@@ -140,6 +140,18 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
         feedback->loss = worst_loss(feedback, now);
     }
     return report.refresh;
+}
+
+double feedback_loss_in_runs(const struct feedback *feedback, int64_t now) {
+    double worst = 0;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct deficit *deficit = &feedback->reporter[i].deficit;
+
+        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > DEFICIT_IN_RUNS && deficit->loss > worst)
+            worst = deficit->loss;
+    }
+    return worst;
 }
 
 /* ---- What is wanted ---- */
