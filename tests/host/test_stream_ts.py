@@ -6,8 +6,10 @@ import pathlib
 
 import pytest
 
+from parts.link.loss import NOTHING
 from parts.media import clip as numbered_clip
 
+from . import two_ends
 from .programs import ffmpeg, pictures, result
 from .rtp_rules import captured
 from .stream import RELAYED, Stream, finish
@@ -15,6 +17,7 @@ from .stream import RELAYED, Stream, finish
 TS = 188
 PAT, VIDEO = 0, 256  # PIDs
 SECONDS = 1
+WIRE, TS_PORT = 300, 8100
 
 
 def split(packets: list[bytes]) -> list[bytes]:
@@ -56,12 +59,25 @@ def check_joining(found: list[bytes]) -> int:
     return len(times)
 
 
+def test_it_is_within_the_rate(tmp_path: pathlib.Path) -> None:
+    """By what a relay counts. Each of its packets was sent or is lost, and the frames of the stream leave it room."""
+    clip = numbered_clip.write(tmp_path / "clip.y4m", 2 * SECONDS)
+    run = two_ends.run(tmp_path, clip, NOTHING, NOTHING, "-wire", WIRE, "-ts", TS_PORT)
+    way, packets = run.counts.down[0], run.sent_packets
+    print(run)
+    assert run.beyond_rate(WIRE) == [] and packets["wire_bytes"] == way.bytes
+    assert packets["others"] == way.ports[TS_PORT].packets > run.sent["out"] / 2
+    assert packets["ts_packets"] + packets["ts_lost"] == 2 * (packets["others"] + packets["others_lost"])
+    assert run.sent["lost"]["network"] == 0 and run.sent["out"] >= run.sent["in"] / 2
+
+
 @pytest.mark.parametrize("codec", ["h264", pytest.param("mpeg4", marks=pytest.mark.long)])
 def test_all_frames_are_in_it(stream: Stream, tmp_path: pathlib.Path, codec: str) -> None:
     clip = numbered_clip.write(tmp_path / "clip.y4m", SECONDS)
     relay = stream.relay("copy=packets")
     # The same machine twice: it gets the packets once. Nothing listens at port 9100.
-    sender = stream.send("-codec", codec, "-group", "none", "-to", "127.0.0.1:9100,127.0.0.1:9102", "-ts", RELAYED)
+    sender = stream.send("-codec", codec, "-group", "none", "-to", "127.0.0.1:9100,127.0.0.1:9102", "-ts", RELAYED,
+                         "-wire", 2000)
     stream.play(clip, "-rate", "2")
     (_, packets, sent), = finish(sender)
     relay.terminate()

@@ -125,8 +125,27 @@ static void check_budget(void) {
     run(2100 * MS, 19, 0); /* 20,560 bytes are 2,056 ms, and half the bucket was there */
     CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 20 * (1000 + HEADER));
     run(1000 * MS, 0, 0);
-    CHECK(dispatch_other(&dispatch, now, 1000));
+    CHECK(dispatch_other(&dispatch, now, 1000 + HEADER));
     CHECK_EQUAL(dispatch.count[DISPATCH_BYTES], 21 * (1000 + HEADER));
+    CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS], 1);
+    CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS_LOST], 1);
+}
+
+/* Frames leave as much as other packets took: what is known of them in advance, then what they took. */
+static void check_others(void) {
+    begin(400000);
+    size_t alone = dispatch_allowance(&dispatch, now);
+    dispatch.settings.others = 1;
+    CHECK(dispatch_allowance(&dispatch, now) < alone * 6 / 10);
+    for (int i = 0; i < 250; i++, now += INTERVAL) {
+        size_t allowed = dispatch_allowance(&dispatch, now);
+        CHECK(allowed > 0);
+        write_frame(1, allowed);
+        expect(1, 0);
+        CHECK(dispatch_other(&dispatch, now, 2 * allowed));
+    }
+    CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS], 250);
+    CHECK(dispatch.count[DISPATCH_BYTES] <= 400000 / 8 * 10);
 }
 
 /* Three packets across the wrap, 5 ms there and back; the last one is lost, then its repair, too. */
@@ -222,6 +241,7 @@ int main(void) {
     check_pacing();
     check_queue();
     check_budget();
+    check_others();
     check_answer();
     check_reports_that_do_not_count();
     check_reporters();

@@ -17,33 +17,42 @@ void announce_describe(struct announce *announce, unsigned which, uint32_t sessi
     announce->due = 0;
 }
 
-/* Where the announcements go, and from where; false if there is no group, or no way to it now. */
-static bool find_way(const struct outlet *outlet, struct network_address *group, struct network_address *own) {
+/* Where announcements go, and from where. */
+struct way {
+    struct post *post;
+    struct network_address group, own;
+};
+
+/* False if there is no group, or no way to it now. */
+static bool find_way(struct post *post, struct way *way) {
+    const struct outlet *outlet = post->outlet;
+
     if (!outlet->group)
         return false;
-    sap_group(&outlet->receiver[0], group);
-    return outlet_origin(outlet, group, own);
+    way->post = post;
+    sap_group(&outlet->receiver[0], &way->group);
+    return outlet_origin(outlet, &way->group, &way->own);
 }
 
-static size_t send_message(struct outlet *outlet, const struct network_address *group, const struct sap *sap) {
+static bool send_message(const struct way *way, const struct sap *sap) {
     uint8_t data[SAP_MAX];
     size_t size = sap_write(sap, data);
 
-    return size && outlet_send_to(outlet, group, data, size) ? size + network_overhead(group) : 0;
+    return size && post_other(way->post, size + network_overhead(&way->group)) &&
+           outlet_send_to(way->post->outlet, &way->group, data, size);
 }
 
 /* RFC 2974, 5: a deletion has the name of the announcement and its o= line. */
-static size_t take_back(struct announce_stream *stream, struct outlet *outlet, const struct network_address *group) {
+static void take_back(struct announce_stream *stream, const struct way *way) {
     const struct sap sap = {.deletion = true,
                             .hash = stream->hash,
                             .origin = stream->origin,
                             .text = (const uint8_t *)stream->line,
                             .size = strlen(stream->line)};
 
-    if (!stream->announced)
-        return 0;
+    if (stream->announced)
+        send_message(way, &sap);
     stream->announced = false;
-    return send_message(outlet, group, &sap);
 }
 
 /* A description from one address of this machine. */
@@ -65,43 +74,42 @@ static struct sap compose(struct message *message, const struct announce_stream 
         .hash = sap_hash(text, (size_t)length), .origin = *own, .text = text, .size = (size_t)length};
 }
 
-static size_t announce_one(struct announce_stream *stream, struct outlet *outlet, const struct network_address *group,
-                           const struct network_address *own) {
+static bool announce_one(struct announce_stream *stream, const struct way *way) {
     struct message message;
-    struct sap sap = compose(&message, stream, own);
-    size_t bytes = 0;
+    struct sap sap = compose(&message, stream, &way->own);
 
     if (sap.hash != stream->hash) /* another picture size, or another address of this machine */
-        bytes += take_back(stream, outlet, group);
+        take_back(stream, way);
     stream->hash = sap.hash;
     stream->origin = sap.origin;
     memcpy(stream->line, message.line, sizeof stream->line);
-    size_t sent = send_message(outlet, group, &sap);
-    stream->announced |= sent > 0;
-    return bytes + sent;
+    bool sent = send_message(way, &sap);
+    stream->announced |= sent;
+    return sent;
 }
 
-size_t announce_tick(struct announce *announce, struct outlet *outlet, int64_t now) {
-    struct network_address group, own;
-    size_t bytes = 0;
+void announce_tick(struct announce *announce, struct post *post, int64_t now) {
+    struct way way;
+    bool all = true;
 
     if (announce->off || now < announce->due)
-        return 0;
+        return;
     announce->due = now + ANNOUNCE_INTERVAL;
-    if (!find_way(outlet, &group, &own))
-        return 0;
+    if (!find_way(post, &way))
+        return;
     for (unsigned i = 0; i < ANNOUNCE_STREAMS; i++) {
         if (*announce->stream[i].body)
-            bytes += announce_one(&announce->stream[i], outlet, &group, &own);
+            all &= announce_one(&announce->stream[i], &way);
     }
-    return bytes;
+    if (!all)
+        announce->due = now + ANNOUNCE_RETRY;
 }
 
-void announce_end(struct announce *announce, struct outlet *outlet) {
-    struct network_address group, own;
+void announce_end(struct announce *announce, struct post *post) {
+    struct way way;
 
-    if (!announce->off && find_way(outlet, &group, &own)) {
+    if (!announce->off && find_way(post, &way)) {
         for (unsigned i = 0; i < ANNOUNCE_STREAMS; i++)
-            take_back(&announce->stream[i], outlet, &group);
+            take_back(&announce->stream[i], &way);
     }
 }

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The sender's announcements (SAP): each description of a stream goes to the announcements' group of the same scope as
- * the stream's group, every ANNOUNCE_INTERVAL, and is taken back at the end. Nothing waits: what the kernel does not
- * take at once is left out, and the next announcement follows. Streams to single receivers alone are not announced.
+ * the stream's group, every ANNOUNCE_INTERVAL, and is taken back at the end. Nothing waits: an announcement that the
+ * stream's budget or the kernel does not take at once is left out, and the next one follows after ANNOUNCE_RETRY.
+ * Streams to single receivers alone are not announced.
  */
 #ifndef DDXVIDEO_ANNOUNCE_H
 #define DDXVIDEO_ANNOUNCE_H
 
-#include "outlet.h"
+#include "post.h"
 #include "sap.h"
 #include "sdp.h"
 
@@ -16,6 +17,7 @@
  * that is opened should not take so long to find a robot; two announcements of 500 bytes each 5 s take 1600 bit/s.
  */
 #define ANNOUNCE_INTERVAL INT64_C(5000000000) /* ns */
+#define ANNOUNCE_RETRY INT64_C(500000000)     /* ns */
 #define ANNOUNCE_STREAMS 2
 
 struct announce_stream {
@@ -36,10 +38,10 @@ struct announce {
 /* Takes over a description, as sdp_write() makes it, of stream `which`; `session`: a number for each run. */
 void announce_describe(struct announce *announce, unsigned which, uint32_t session, const char *sdp);
 
-/* Sends what is due; call it often. Bytes that went out, IP and UDP headers included. */
-size_t announce_tick(struct announce *announce, struct outlet *outlet, int64_t now);
+/* Sends what is due; call it often. Each packet takes its bytes from the stream's budget, `post`. */
+void announce_tick(struct announce *announce, struct post *post, int64_t now);
 
 /* Takes the announcements back. */
-void announce_end(struct announce *announce, struct outlet *outlet);
+void announce_end(struct announce *announce, struct post *post);
 
 #endif

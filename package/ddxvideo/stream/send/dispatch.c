@@ -58,6 +58,7 @@ void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, cons
     dispatch->count[DISPATCH_PACKETS] += count;
     dispatch->media_share *= FADE;
     dispatch->repair_share *= FADE;
+    dispatch->other_share *= FADE;
     for (unsigned i = 0; i < count; i++)
         dispatch->count[DISPATCH_DROPPED] += !enqueue(dispatch, now, frame, &packets[i]);
     if (dispatch->waiting)
@@ -222,21 +223,28 @@ int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now) {
 }
 
 bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size) {
-    size_t bytes = size + dispatch->settings.header;
+    bool may_go = budget_take(&dispatch->budget, now, size);
 
-    if (!budget_take(&dispatch->budget, now, bytes))
+    dispatch->count[may_go ? DISPATCH_OTHERS : DISPATCH_OTHERS_LOST]++;
+    if (!may_go)
         return false;
-    dispatch->count[DISPATCH_BYTES] += bytes;
+    dispatch->count[DISPATCH_BYTES] += size;
+    dispatch->other_share += (double)size;
     return true;
 }
 
-/* Bytes of repair for each byte of media: as in the last seconds, at least as many as are about to be sent in
- * advance. */
-static double repair_part(const struct dispatch *dispatch, int64_t now) {
-    double past = dispatch->media_share > 0 ? dispatch->repair_share / dispatch->media_share : 0;
-    double ahead = ratio_in_advance(dispatch, now) * LONGER;
+/* For each byte of media, as in the last seconds. */
+static double past_part(const struct dispatch *dispatch, double share, double least) {
+    double past = dispatch->media_share > 0 ? share / dispatch->media_share : 0;
 
-    return past > ahead ? past : ahead;
+    return past > least ? past : least;
+}
+
+/* Bytes of repair and of other packets for each byte of media: of repair at least as many as are about to be sent in
+ * advance. */
+static double part_beside(const struct dispatch *dispatch, int64_t now) {
+    return past_part(dispatch, dispatch->repair_share, ratio_in_advance(dispatch, now) * LONGER) +
+           past_part(dispatch, dispatch->other_share, dispatch->settings.others);
 }
 
 /* Repair, or a packet of the last frame, cannot be paid for within half a frame interval: another frame would add to
@@ -265,13 +273,14 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
         wire *= REDUCED;
         spare = spare > 0 ? 0 : spare;
     }
-    double bytes = (wire + spare / HORIZON) / (1 + repair_part(dispatch, now));
+    double bytes = (wire + spare / HORIZON) / (1 + part_beside(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
     double most = wire * (1 - IN_RUNS * feedback_loss_in_runs(&dispatch->feedback, now));
     if (bytes > most)
         bytes = most;
-    if (silence < STOPPED && bytes < wire * LEAST_PART)
-        bytes = wire * LEAST_PART;
+    double least = wire * LEAST_PART / (1 + settings->others);
+    if (silence < STOPPED && bytes < least)
+        bytes = least;
     if (bytes > video)
         bytes = video;
     return bytes < LEAST ? LEAST : (size_t)bytes;

@@ -33,6 +33,8 @@ enum dispatch_count {
     DISPATCH_DROPPED, /* no room in the queue, or no RTP packet */
     DISPATCH_REPAIRS, /* repair packets sent */
     DISPATCH_BYTES,   /* of everything sent, IP and UDP headers included */
+    DISPATCH_OTHERS,  /* dispatch_other(): packets that may go, and those that the budget had nothing left for */
+    DISPATCH_OTHERS_LOST,
     DISPATCH_COUNTS
 };
 
@@ -43,6 +45,7 @@ struct dispatch_settings {
     size_t header;    /* bytes around an RTP packet: IP and UDP headers, what encryption adds */
     bool repair;      /* repair packets are sent */
     double ratio;     /* of repair packets to media packets where no receiver ever reported: DISPATCH_RATIO */
+    double others;    /* bytes of other packets for each byte of media, at least */
     uint32_t media_ssrc, repair_ssrc;
     uint16_t repair_sequence; /* of the first repair packet, at random */
 };
@@ -70,7 +73,7 @@ struct dispatch {
     unsigned head, waiting;   /* of the queue */
     double owed;              /* repair packets to be sent in advance */
     unsigned advance;         /* that were sent in advance */
-    double media_share, repair_share; /* bytes sent, old ones fade */
+    double media_share, repair_share, other_share; /* bytes sent, old ones fade */
     bool refresh;
     int64_t refreshed;
     struct repair_window window;
@@ -101,7 +104,8 @@ bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *
 /* When the next packet is due if nothing else happens; INT64_MAX if none is. */
 int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now);
 
-/* Other packets (announcements, another copy of the stream) count, too. False: not now, the budget is used up. */
+/* Whether another packet (an announcement, one of another copy of the stream) may go now: `size` bytes on the wire. If
+ * so, they are taken from the budget; if not, the packet counts as lost. */
 bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size);
 
 /* A receiver needs a whole picture; true at most once a second, and then the request is done with. */

@@ -169,12 +169,11 @@ bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct
     return taken;
 }
 
-void post_other(struct post *post, size_t size) {
-    if (!size)
-        return;
+bool post_other(struct post *post, size_t size) {
     pthread_mutex_lock(&post->lock);
-    dispatch_other(&post->dispatch, ddx_time_now(), size - post->dispatch.settings.header);
+    bool may_go = dispatch_other(&post->dispatch, ddx_time_now(), size);
     pthread_mutex_unlock(&post->lock);
+    return may_go;
 }
 
 struct post_outcome post_collect(struct post *post) {

@@ -59,8 +59,8 @@ bool post_wants_refresh(struct post *post);
 bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct dispatch_packet *packets,
                 unsigned count);
 
-/* Another packet of this stream went out, `size` bytes with IP and UDP headers: the stream gets that much less. */
-void post_other(struct post *post, size_t size);
+/* Whether another packet of this stream may go out, `size` bytes with IP and UDP headers; see dispatch_other(). */
+bool post_other(struct post *post, size_t size);
 
 /* What became of frames since the last call; each frame that post_frame() took appears once. */
 struct post_outcome post_collect(struct post *post);

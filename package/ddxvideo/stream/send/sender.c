@@ -15,7 +15,7 @@ static const char *const reasons[] = {"store", "encode", "network", "rate", NULL
 static const char *const names[SENDER_COUNTS] = {
     "packets", "bytes",      "lost_busy", "lost_route",     "lost_other",  "media",
     "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost",
-    "wire_kbit", "repair_percent"};
+    "others",  "others_lost", "wire_kbit", "repair_percent"};
 
 #define WAITING INT64_C(1000000000) /* ns until the sender says that it waits for the item */
 #define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
@@ -83,6 +83,8 @@ static void show_counts(struct sender *sender) {
                                          sender->wanted,
                                          sender->ts.outlet.packets,
                                          sender->ts.lost,
+                                         dispatch[DISPATCH_OTHERS],
+                                         dispatch[DISPATCH_OTHERS_LOST],
                                          sender->rate.kbit,
                                          sender->rate.percent};
 
@@ -145,7 +147,7 @@ static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry
 
 /* The stream goes on without it. */
 static void begin_ts(struct sender *sender) {
-    int error = ts_open(&sender->ts, &sender->outlet, sender->type, sender->program.instance);
+    int error = ts_open(&sender->ts, &sender->post, sender->type, sender->program.instance);
 
     if (error) {
         say("-ts %ld: %s; the stream goes on without it", sender->ts.port, av_err2str(error));
@@ -238,13 +240,13 @@ static void send_all(struct sender *sender) {
     while (!program_stopping() && !sender->done) {
         take_frame(sender, sender->follows ? READ_TIMEOUT : 0);
         tell_waiting(sender);
-        post_other(&sender->post, announce_tick(&sender->announce, &sender->outlet, ddx_time_now()));
+        announce_tick(&sender->announce, &sender->post, ddx_time_now());
         program_tick(sender->book);
     }
     /* What was published before we were told to stop: the newest is sent, and those before it are counted. */
     if (!sender->done)
         take_frame(sender, 0);
-    announce_end(&sender->announce, &sender->outlet);
+    announce_end(&sender->announce, &sender->post);
 }
 
 /* ---- Start and end ---- */
@@ -255,6 +257,7 @@ static int start_post(struct sender *sender) {
                                          .interval = FRAME_INTERVAL,
                                          .repair = sender->repairs,
                                          .ratio = sender->ratio,
+                                         .others = sender->ts.port ? TS_PART : 0,
                                          .media_ssrc = sender->ssrc,
                                          .repair_ssrc = (uint32_t)program_random(),
                                          .repair_sequence = (uint16_t)program_random()};

@@ -10,7 +10,7 @@
 #include "program.h"
 #include "ts.h"
 
-#define SENDER_COUNTS 15
+#define SENDER_COUNTS 17
 
 /* What goes out now: of the last whole second, and where the next one began. */
 struct sender_rate {

@@ -32,9 +32,12 @@ static int send_packet(void *opaque, BYTES *data, int size) {
     if ((size_t)size > sizeof packet - length)
         return AVERROR(EINVAL);
     memcpy(packet + length, data, (size_t)size);
-    unsigned missed = outlet_send(&ts->outlet, OUTLET_MEDIA, packet, length + (size_t)size);
-
-    for (; missed; missed &= missed - 1)
+    length += (size_t)size;
+    if (!post_other(ts->post, length + ts->post->dispatch.settings.header)) {
+        ts->lost += ts->outlet.receivers;
+        return size;
+    }
+    for (unsigned missed = outlet_send(&ts->outlet, OUTLET_MEDIA, packet, length); missed; missed &= missed - 1)
         ts->lost++;
     return size;
 }
@@ -88,12 +91,13 @@ static int begin(struct ts *ts, const char *name) {
     return error < 0 ? error : 0;
 }
 
-int ts_open(struct ts *ts, const struct outlet *outlet, enum rtp_type type, const char *name) {
+int ts_open(struct ts *ts, struct post *post, enum rtp_type type, const char *name) {
     int error = avformat_alloc_output_context2(&ts->muxer, NULL, "mpegts", NULL);
 
     if (error < 0)
         return error;
-    take_receivers(ts, outlet);
+    ts->post = post;
+    take_receivers(ts, post->outlet);
     AVStream *stream = avformat_new_stream(ts->muxer, NULL);
     ts->packet = av_packet_alloc();
     ts->muxer->pb = open_output(ts);
@@ -145,9 +149,9 @@ bool ts_is_possible(void) {
     return false;
 }
 
-int ts_open(struct ts *ts, const struct outlet *outlet, enum rtp_type type, const char *name) {
+int ts_open(struct ts *ts, struct post *post, enum rtp_type type, const char *name) {
     (void)ts;
-    (void)outlet;
+    (void)post;
     (void)type;
     (void)name;
     return 0;
