@@ -182,6 +182,34 @@ static void test_extents(void) {
     free(tiny);
 }
 
+/* A grey picture has no colours: their arrays take no memory. Something of an item must be in use, though. */
+static void test_no_extent(void) {
+    struct ddx_layout *item = parsed("struct { int w; char y[2073600]; char u[518400]; int64_t time; }");
+    struct ddx_layout *own = parsed("struct { int w; char y[5000]; char u[1]; int64_t time; }");
+    struct ddx_layout *nothing = parsed("struct { char y[100]; }");
+    size_t bytes = ddx_layout_bytes(item->field_count);
+    struct ddx_span *spans;
+    struct ddx_runs runs;
+    unsigned count;
+
+    CHECK_EQUAL(ddx_layout_use(item, "y", 5000), 0);
+    CHECK_EQUAL(ddx_layout_use(item, "u", 0), 0);
+    CHECK(ddx_layout_valid(item, bytes));
+    ddx_runs_of(item, &runs);
+    CHECK_EQUAL(runs.count, 2);
+    CHECK_EQUAL(ddx_layout_match(item, own, &spans, &count), 0);
+    CHECK_EQUAL(count, 2);
+    CHECK_EQUAL(spans[1].item, 4 + 2073600 + 518400 + 4);
+    free(spans);
+    item->field[2].extent = 0;
+    CHECK(!ddx_layout_valid(item, bytes));
+    CHECK_EQUAL(ddx_layout_use(nothing, "y", 0), 0);
+    CHECK(!ddx_layout_valid(nothing, ddx_layout_bytes(1)));
+    free(item);
+    free(own);
+    free(nothing);
+}
+
 /* What comes from another program may be anything. */
 static void test_untrusted(void) {
     struct ddx_layout *layout = parsed("struct { int a; struct { int b; } c[2]; int d; }");
@@ -211,6 +239,7 @@ int main(void) {
     test_expressions();
     test_match();
     test_extents();
+    test_no_extent();
     test_untrusted();
     return 0;
 }

@@ -44,6 +44,18 @@ static void test_extents(void) {
     form_free(form);
 }
 
+/* A field of which nothing is in use is in the declaration, and neither in the message nor in ROS's schema. */
+static void test_a_field_without_bytes(void) {
+    struct form *form;
+    CHECK_EQUAL(form_of_text("V", "struct { uint8_t y[100]; uint8_t u[25]; int32_t n; }", "y=8 u=0", &form), 0);
+    CHECK_EQUAL(form->message_size, 4 + 12);
+    CHECK_EQUAL(form->leaf_count, 2);
+    CHECK_EQUAL(leaf_named(form, "n")->message, 4 + 8);
+    CHECK(!strcmp(form->extents, "y=8 u=0"));
+    CHECK(!strcmp(form->schema, "uint8[8] y\nint32 n\n"));
+    form_free(form);
+}
+
 static void test_names_that_meet(void) {
     struct form *form;
     CHECK_EQUAL(form_of_text("1", "struct { int8_t aB; int8_t a_b; int8_t _; int8_t X9; }", "", &form), 0);
@@ -91,6 +103,7 @@ static void test_what_is_no_declaration(void) {
 int main(void) {
     test_places();
     test_extents();
+    test_a_field_without_bytes();
     test_names_that_meet();
     test_it_is_read_again();
     test_what_is_no_declaration();

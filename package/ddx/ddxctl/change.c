@@ -79,6 +79,8 @@ static const char *find(const DDX_STORE_ITEM *item, const char *path, const char
         place->field = ddx_store_field_named(item, name);
         if (!place->field)
             return no_such_field(item, (int)(at - path), path);
+        if (!place->field->used)
+            return wrong("%s: nothing of it is in use", name);
         const char *bad = index_at(&at, place->field, &there, &index);
         if (bad)
             return bad;

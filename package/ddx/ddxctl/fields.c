@@ -60,11 +60,11 @@ static bool is_text(const char *at, uint64_t bytes) {
 static void print_array(const struct ddx_field *field, const char *at, bool json) {
     uint64_t count = field->used / field->bytes;
 
-    if (field->kind == DDX_KIND_CHAR && field->count > 1 && is_text(at, field->used)) {
+    if (count && field->kind == DDX_KIND_CHAR && field->count > 1 && is_text(at, field->used)) {
         json_string(at, (size_t)field->used);
         return;
     }
-    if (field->count == 1) {
+    if (count && field->count == 1) {
         print_number(field->kind, at, field->bytes);
         return;
     }

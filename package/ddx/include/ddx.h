@@ -175,7 +175,7 @@ int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TIME *ts);
 /* One field's share of use, for items that use less than their struct declares (a small picture in a large array). */
 struct ddx_extent {
     const char *field; /* name in the declaration, for example "y"; a field of the outermost struct */
-    size_t bytes;      /* bytes used, from the start of the field */
+    size_t bytes;      /* bytes used, from the start of the field; 0: none, as long as some other field is used */
 };
 
 /* What ddx_store_create() makes. */

@@ -186,6 +186,8 @@ static int spec_layout(const struct ddx_item_spec *spec, struct ddx_layout **lay
         result = -EMSGSIZE;
     for (unsigned i = 0; i < spec->extent_count && !result; i++)
         result = ddx_layout_use(*layout, spec->extents[i].field, spec->extents[i].bytes);
+    if (!result && ddx_layout_empty(*layout))
+        result = -EINVAL;
     if (result)
         free(*layout);
     return result;

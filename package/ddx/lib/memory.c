@@ -50,7 +50,8 @@ void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs) {
         add_run(runs, 0, layout->size);
     else
         for (unsigned i = 0; i < layout->field_count; i = ddx_layout_after(layout, i))
-            add_run(runs, layout->field[i].offset, layout->field[i].offset + layout->field[i].used);
+            if (layout->field[i].used)
+                add_run(runs, layout->field[i].offset, layout->field[i].offset + layout->field[i].used);
     for (unsigned i = 0; i < runs->count; i++)
         runs->run[i].room = runs->run[i].bytes;
     /* Behind the last run the file ends: there is nothing to be seen there, only to be moved along. */

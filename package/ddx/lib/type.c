@@ -41,7 +41,7 @@ int ddx_layout_use(struct ddx_layout *layout, const char *name, uint64_t bytes) 
 
         if (strcmp(field->name, name))
             continue;
-        if (bytes < 1 || bytes > (uint64_t)field->bytes * field->count)
+        if (bytes > (uint64_t)field->bytes * field->count)
             return -EINVAL;
         field->used = bytes;
         field->extent = 1;
@@ -57,6 +57,13 @@ bool ddx_layout_extents(const struct ddx_layout *layout) {
     return false;
 }
 
+bool ddx_layout_empty(const struct ddx_layout *layout) {
+    for (unsigned i = 0; i < layout->field_count; i = ddx_layout_after(layout, i))
+        if (layout->field[i].used)
+            return false;
+    return layout->field_count > 0;
+}
+
 /* Identifiers, joined by dots; "" is a type that is no struct. */
 static bool field_name_valid(const char *name) {
     size_t length = strnlen(name, DDX_NAME_MAX + 1);
@@ -70,7 +77,8 @@ static bool field_valid(const struct ddx_layout *layout, unsigned i, uint64_t be
 
     if (!field_name_valid(field->name) || field->kind < DDX_KIND_INT || field->kind > DDX_KIND_STRUCT)
         return false;
-    if (field->bytes < 1 || field->count < 1 || bytes > DDX_SIZE_MAX || field->used < 1 || field->used > bytes)
+    if (field->bytes < 1 || field->count < 1 || bytes > DDX_SIZE_MAX || field->used > bytes ||
+        (!field->used && !field->extent))
         return false;
     if (field->offset < begin || field->offset > end || bytes > end - field->offset)
         return false;
@@ -99,7 +107,7 @@ bool ddx_layout_valid(const struct ddx_layout *layout, size_t bytes) {
             return false;
         begin = field->offset + (uint64_t)field->bytes * field->count;
     }
-    return true;
+    return !ddx_layout_empty(layout);
 }
 
 bool ddx_layout_same(const struct ddx_layout *a, const struct ddx_layout *b) {
@@ -175,7 +183,8 @@ int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own
             result = -EPROTOTYPE;
         else if (!result && x->used > (uint64_t)y->bytes * y->count)
             result = -EMSGSIZE;
-        add_span(*spans, count, (struct ddx_span){x->offset, y->offset, x->used});
+        if (x->used)
+            add_span(*spans, count, (struct ddx_span){x->offset, y->offset, x->used});
     }
     if (j < own->field_count || (!open && i < item->field_count))
         result = -EPROTOTYPE;

@@ -64,11 +64,14 @@ struct ddx_layout *ddx_layout_opaque(uint64_t size);
 
 struct ddx_layout *ddx_layout_copy(const struct ddx_layout *layout);
 
-/* Use only the first `bytes` of an outermost field. -EINVAL: no such field, or longer than the field. */
+/* Use only the first `bytes` of an outermost field; 0: none. -EINVAL: no such field, or longer than the field. */
 int ddx_layout_use(struct ddx_layout *layout, const char *field, uint64_t bytes);
 
 /* Has any field an extent? */
 bool ddx_layout_extents(const struct ddx_layout *layout);
+
+/* Do extents leave no byte in use? No item is like that. */
+bool ddx_layout_empty(const struct ddx_layout *layout);
 
 /* Is this, received in `bytes` bytes, a layout that cannot lead anybody astray? */
 bool ddx_layout_valid(const struct ddx_layout *layout, size_t bytes);

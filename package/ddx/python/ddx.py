@@ -256,7 +256,7 @@ class _Memory:
         dtype, _ = _dtype(self.fields, self.fields.index(field))
         memory = (ctypes.c_char * field.used).from_address(self.address + field.offset)
         buffer = memoryview(memory) if self.writable else memoryview(memory).toreadonly()
-        shape = () if field.count == 1 else (field.used // field.bytes,)
+        shape = () if field.count == 1 and field.used else (field.used // field.bytes,)
         array = np.frombuffer(buffer, dtype).reshape(shape).view(View)
         array._memory = self
         return array
@@ -363,7 +363,7 @@ def _assign(array: np.ndarray[Any, Any], field: Field, value: Any, fields: list[
     source = np.asarray(value)
     if source.size != array.size:
         raise ValueError(f"{field.name}: {source.size} elements for {array.size}")
-    if array.dtype.kind in "iu":
+    if array.dtype.kind in "iu" and array.size:
         limits = np.iinfo(array.dtype)
         if source.dtype.kind not in "iub":
             raise TypeError(f"{field.name}: takes whole numbers")

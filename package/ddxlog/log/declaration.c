@@ -184,7 +184,8 @@ static int use(struct form_fields *fields, const char *extents) {
         if (!found || extents[length] != '=' || !found->bytes)
             return -EINVAL;
         unsigned long long bytes = strtoull(extents + length + 1, &end, 10);
-        if (end == extents + length + 1 || bytes / found->bytes > found->bound || bytes < found->bytes)
+        if (end == extents + length + 1 || bytes / found->bytes > found->bound ||
+            (bytes && bytes < found->bytes))
             return -EINVAL;
         found->count = (uint32_t)(bytes / found->bytes);
         found->extent = true;

@@ -45,7 +45,7 @@ static int walk_fields(struct walk *walk, unsigned first, unsigned end, const ch
         const struct form_field *field = &walk->fields->field[i];
         int error = 0;
 
-        if (field->kind != DDX_KIND_STRUCT)
+        if (field->kind != DDX_KIND_STRUCT && field->count)
             error = add_leaf(walk, field, prefix, shift);
         for (uint32_t k = 0; field->kind == DDX_KIND_STRUCT && k < field->count && !error; k++) {
             char *inner;

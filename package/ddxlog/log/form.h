@@ -32,7 +32,7 @@ struct form_span {
 
 struct form {
     char *declaration; /* "struct { int32_t a; ... }"; "" for a type of which only the size is known */
-    char *extents;     /* "y=101376 u=25344": bytes in use of outermost fields, "" if there are none */
+    char *extents;     /* "y=101376 u=0": bytes in use of outermost fields, "" if no field has an extent */
     char *schema;      /* ros2msg */
     char *schema_name; /* "ddx/msg/SENSOR" */
     char type[DDX_NAME_MAX + 1];

@@ -77,6 +77,8 @@ static void write_message(FILE *to, const struct form_fields *fields, unsigned f
     for (unsigned i = first; i < end; i += 1 + fields->field[i].children) {
         const struct form_field *field = &fields->field[i];
 
+        if (!field->count) /* ROS has no arrays without elements */
+            continue;
         unique_name(fields, first, i, name);
         if (field->kind == DDX_KIND_STRUCT) {
             strcpy(inner, type);
@@ -90,7 +92,7 @@ static void write_message(FILE *to, const struct form_fields *fields, unsigned f
         fprintf(to, " %s\n", name);
     }
     for (unsigned i = first; i < end; i += 1 + fields->field[i].children) {
-        if (fields->field[i].kind != DDX_KIND_STRUCT)
+        if (fields->field[i].kind != DDX_KIND_STRUCT || !fields->field[i].count)
             continue;
         unique_name(fields, first, i, name);
         strcpy(inner, type);
