@@ -28,7 +28,7 @@ static int fail(const char *what, const char *why) {
 /* All pictures of the clip; how many, 0 if it cannot be read. */
 static unsigned load(const char *path, struct y4m_reader *reader) {
     unsigned count = 0;
-    if (y4m_open(reader, path) != Y4M_OK)
+    if (y4m_open(reader, path, DDX_VIDEO_420) != Y4M_OK)
         return 0;
     for (int64_t time; count < FRAMES_MAX; count++) {
         unsigned char *plane[3];

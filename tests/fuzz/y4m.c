@@ -6,6 +6,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "video_layout.h"
 #include "y4m.h"
 
 #define PIXELS_MAX (1 << 18) /* larger pictures take long and show nothing new */
@@ -15,8 +16,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 static void read_frames(struct y4m_reader *reader) {
     const struct ddxvideo_geometry *geometry = &reader->header.geometry;
-    size_t luma = (size_t)geometry->width * (size_t)geometry->height;
-    unsigned char *plane[3] = {malloc(luma), malloc(luma / 4), malloc(luma / 4)};
+    unsigned char *plane[3];
+    for (int i = 0; i < 3; i++) {
+        int stride, rows;
+        video_layout_plane(video_layout_of(geometry->format), geometry->width, geometry->height, i, &stride, &rows);
+        plane[i] = malloc((size_t)stride * (size_t)rows);
+    }
     for (int i = 0; i < FRAMES_MAX; i++) {
         int64_t time;
         enum y4m_result result = y4m_read(reader, plane, &time);
@@ -39,7 +44,11 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         abort();
     av_log_set_level(AV_LOG_QUIET);
     snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
-    enum y4m_result result = y4m_open(&reader, path);
+    /* Every layout has its turn. */
+    static const int formats[] = {DDX_VIDEO_420,   DDX_VIDEO_YUV422P, DDX_VIDEO_YUV444P, DDX_VIDEO_GREY8,
+                                  DDX_VIDEO_GREY16, DDX_VIDEO_RGB24,   Y4M_SAME};
+    int format = formats[size % (sizeof(formats) / sizeof(*formats))];
+    enum y4m_result result = y4m_open(&reader, path, format);
     const struct ddxvideo_geometry *geometry = &reader.header.geometry;
     if (result == Y4M_OK) {
         assert(!ddxvideo_geometry_error(geometry));

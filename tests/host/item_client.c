@@ -119,6 +119,76 @@ static void hostile(void) {
     CHECK(refused > 500 && refused < 1210);
 }
 
+/* Each layout: its planes, and none for what it does not have; a viewer that does not ask for it sees nothing. */
+static void layouts(void) {
+    static const struct {
+        int format, bytes[3];
+    } table[] = {
+        {DDX_VIDEO_420_JPEG, {80 * 60, 40 * 30, 40 * 30}}, {DDX_VIDEO_YUV422P, {80 * 60, 40 * 60, 40 * 60}},
+        {DDX_VIDEO_YUV444P, {80 * 60, 80 * 60, 80 * 60}},  {DDX_VIDEO_GREY8, {80 * 60, 0, 0}},
+        {DDX_VIDEO_GREY16, {160 * 60, 0, 0}},              {DDX_VIDEO_RGB24, {240 * 60, 0, 0}},
+    };
+    for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
+        struct ddxvideo_geometry geometry = {.width = 80, .height = 60, .fields = 1, .format = table[i].format};
+        char name[] = {'l', (char)('0' + i), 0};
+        DDX_STORE_ITEM *writer, *reader;
+        struct ddxvideo_frame frame;
+        struct ddxvideo_picture view;
+        struct ddx_frame held;
+        CHECK(!ddxvideo_create(id, name, &geometry, &writer));
+        CHECK(!ddxvideo_loan(writer, &geometry, &frame));
+        fill(&frame, 7);
+        CHECK(!ddxvideo_publish(writer, &frame));
+        CHECK((reader = ddx_store_lookup_item(id, name, NULL, 0)));
+        CHECK(!ddx_store_acquire(reader, &held, 1, DDX_CURRENT));
+        CHECK(!ddxvideo_view_any(reader, held.data, &view));
+        CHECK(view.geometry.format == table[i].format);
+        for (int plane = 0; plane < 3; plane++) {
+            CHECK(view.stride[plane] * view.rows[plane] == table[i].bytes[plane]);
+            CHECK(!view.plane[plane] == !table[i].bytes[plane] && !frame.plane[plane] == !view.plane[plane]);
+        }
+        check_planes(&view, 7);
+        CHECK(ddxvideo_view(reader, held.data, &view) == (table[i].format < 16 ? 0 : -EPROTOTYPE));
+        CHECK(!ddx_store_release(reader));
+        /* Its samples are of one C type. */
+        geometry.format = table[i].format == DDX_VIDEO_GREY16 ? DDX_VIDEO_GREY8 : DDX_VIDEO_GREY16;
+        geometry.height = 2;
+        CHECK(ddxvideo_loan(writer, &geometry, &frame) == -EPROTOTYPE);
+    }
+}
+
+static void lie(DDX_STORE_ITEM *writer, DDX_STORE_ITEM *reader, struct ddxvideo_geometry geometry, int format) {
+    struct ddxvideo_frame frame;
+    struct ddxvideo_picture view;
+    struct ddx_frame held;
+    unsigned sum = 0;
+    CHECK(!ddxvideo_loan(writer, &geometry, &frame));
+    fill(&frame, 5);
+    frame.geometry.format = format;
+    CHECK(!ddxvideo_publish(writer, &frame));
+    CHECK(!ddx_store_acquire(reader, &held, 1, DDX_CURRENT));
+    int error = ddxvideo_view_any(reader, held.data, &view);
+    CHECK(!error || error == -EBADMSG);
+    for (int i = 0; !error && i < 3; i++)
+        for (int k = 0; k < view.stride[i] * view.rows[i]; k++)
+            sum += view.plane[i][k];
+    CHECK(sum < 1 << 30 && (!error || ddxvideo_view(reader, held.data, &view)));
+    CHECK(!ddx_store_release(reader));
+}
+
+/* Whatever format a frame says, of whatever item: what is seen lies within the item's planes. */
+static void false_formats(void) {
+    for (int real = 15; real <= 20; real++) {
+        struct ddxvideo_geometry geometry = {.width = 64, .height = 48, .fields = 1, .format = real < 16 ? 0 : real};
+        char name[] = {'f', (char)('a' + real), 0};
+        DDX_STORE_ITEM *writer, *reader;
+        CHECK(!ddxvideo_create(id, name, &geometry, &writer));
+        CHECK((reader = ddx_store_lookup_item(id, name, NULL, 0)));
+        for (int format = -1; format < 23; format++)
+            lie(writer, reader, geometry, format);
+    }
+}
+
 /* The paper's seven fields and nothing else, with a bound of its own. */
 static struct {
     int frame, fields, width, height;
@@ -225,6 +295,10 @@ int main(int argc, char **argv) {
         good(3840, 2160);
     else if (!strcmp(test, "hostile"))
         hostile();
+    else if (!strcmp(test, "layouts"))
+        layouts();
+    else if (!strcmp(test, "false_formats"))
+        false_formats();
     else if (!strcmp(test, "paper_writer"))
         paper_writer();
     else if (!strcmp(test, "paper_grabber"))

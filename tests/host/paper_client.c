@@ -4,6 +4,7 @@
  * frame number, size, and a sum over the picture, once by copy and once in place.
  */
 #include <ddx.h>
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -48,7 +49,10 @@ int main(int argc, char **argv) {
     if (!id)
         return 1;
     while (!(item = ddx_store_lookup_item(id, "video", NULL, 0)))
-        ;
+        if (errno == EPROTOTYPE) { /* there is a video, and it is none of the paper's */
+            fprintf(stderr, "%s\n", ddx_error_text(errno));
+            return 3;
+        }
     live = ddx_store_var_pointer(item);
     for (int i = 0; i < count; i++) {
         if (i % 2) {

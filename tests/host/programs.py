@@ -162,13 +162,17 @@ def record(desk: Desk, clip: pathlib.Path, output: pathlib.Path, *load: object, 
     return json.loads(loader.stdout.splitlines()[-1]), saved
 
 
+Y4M_BYTES = {"C422": 2, "C444": 3, "Cmono": 1, "Cmono16": 2}  # a pixel; of 4:2:0 1.5
+
+
 def read_y4m(path: pathlib.Path) -> Iterator[tuple[str, bytes]]:
-    """Header line and b"", then FRAME line and picture of each whole frame of an 8-bit 4:2:0 file."""
+    """Header line and b"", then FRAME line and picture of each whole frame."""
     with open(path, "rb") as file:
         header = file.readline().decode().rstrip("\n")
         yield header, b""
         sides = {word[0]: int(word[1:]) for word in header.split()[1:] if word[0] in "WH"}
-        size = sides["W"] * sides["H"] * 3 // 2
+        tag = next((word for word in header.split() if word[0] == "C"), "C420")
+        size = int(sides["W"] * sides["H"] * Y4M_BYTES.get(tag, 1.5))
         while line := file.readline():
             picture = file.read(size)
             if len(picture) == size:

@@ -208,6 +208,35 @@ def video_colours(store: ddx.Store) -> None:
                 assert image.shape == (8, 16, 3) and (abs(image.astype(int) - colour) <= 3).all(), (colour, image[0, 0])
 
 
+def video_layouts(store: ddx.Store) -> None:
+    """Planes of each layout, and its colours; what knows 4:2:0 alone is refused."""
+    shapes: dict[str, list[tuple[int, ...]]] = {
+        "YUV420P": [(6, 8), (3, 4), (3, 4)], "YUV422P": [(6, 8), (6, 4), (6, 4)], "YUV444P": [(6, 8)] * 3,
+        "GREY8": [(6, 8)], "GREY16": [(6, 8)], "RGB24": [(6, 8, 3)]}
+    assert list(shapes) == list(ddxvideo.LAYOUTS)
+    red = {1: [76], 3: [81, 90, 240]}  # luma alone, and with its chroma
+    for name, planes in shapes.items():
+        with ddxvideo.create_video(store, name, 8, 6, layout=name) as out:
+            with out.loan() as loan:
+                made = ddxvideo.planes(loan)
+                assert [plane.shape for plane in made] == planes
+                if name == "RGB24":
+                    made[0][:] = 255, 0, 0
+                for plane, value in zip(made, [] if name == "RGB24" else red[len(planes)]):
+                    plane[:] = value << 8 if name == "GREY16" else value
+            with out.acquire(0, ddx.CURRENT) as frame:
+                assert ddxvideo.layout(frame).name == name and frame.value()["width"] == 8
+                colour = (70, 70, 70) if len(planes) == 1 and name != "RGB24" else (0, 0, 255)
+                assert (abs(ddxvideo.bgr(frame).astype(int) - colour) <= 3).all(), (name, ddxvideo.bgr(frame)[0, 0])
+                assert ddxvideo.planes(frame)[0].dtype == ("u2" if name == "GREY16" else "u1")
+                if name != "YUV420P":
+                    assert name in refused(ValueError, lambda: ddxvideo.picture(frame))
+    with ddxvideo.create_video(store, "odd", 7, 5, layout="GREY16") as out, out.loan() as loan:
+        assert ddxvideo.planes(loan)[0].shape == (5, 7)
+    assert "YUV411P" in refused(ValueError, lambda: ddxvideo.create_video(store, "v", 8, 6, layout="YUV411P"))
+    assert "7x6" in refused(ValueError, lambda: ddxvideo.create_video(store, "v", 7, 6, layout="YUV422P"))
+
+
 def video_refused(store: ddx.Store) -> None:
     for width, height, fields in ((63, 48, 1), (64, 46, 2), (0, 2, 1), (8194, 2, 1), (64, 48, 0)):
         assert f"{width}x{height}" in refused(

@@ -10,7 +10,8 @@ import pytest
 from .programs import Compiler, Desk, make_clip, stop, wait_until
 
 
-@pytest.mark.parametrize("test", ["cif", "4k", "hostile", "paper_writer", "no_video", "parameters"])
+@pytest.mark.parametrize("test", ["cif", "4k", "hostile", "layouts", "false_formats", "paper_writer", "no_video",
+                                  "parameters"])
 def test_item(tmp_path: pathlib.Path, compile_client: Compiler, test: str) -> None:
     desk = Desk(tmp_path, memory="256M")
     try:

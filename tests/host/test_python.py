@@ -26,8 +26,10 @@ def test_python_declares_the_struct_of_the_header() -> None:
         return re.findall(r"\w+|[^\w\s]", text)
 
     header = (TOP / "package/ddxvideo/include/ddxvideo.h").read_text()
-    found = re.search(r"#define DDX_VIDEO_STRUCT_\(MAX\)(.*?)\n\n", header, re.S)
+    found = re.search(r"#define DDX_VIDEO_STRUCT_\(SAMPLE, MAX, CHROMA\)(.*?)\n\n", header, re.S)
     assert found
     struct = re.sub(r"/\*.*?\*/|\\", "", found[1], flags=re.S)
     module = re.search(r'DECLARATION = """(.*?)"""', (MODULES / "ddxvideo.py").read_text(), re.S)
-    assert module and words(module[1].replace("{bound}", "MAX")) == words(struct)
+    assert module
+    declared = module[1].replace("{sample}", "SAMPLE").replace("{luma}", "MAX").replace("{chroma}", "CHROMA")
+    assert words(declared) == words(struct)

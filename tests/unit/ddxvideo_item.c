@@ -38,6 +38,24 @@ static void test_geometry(void) {
         const char *error = ddxvideo_geometry_error(&bad);
         CHECK(error && strstr(error, table[i].text));
     }
+    /* Sides that share chroma are even. */
+    static const struct {
+        int format, width, height, fields, good;
+    } layouts[] = {
+        {DDX_VIDEO_YUV422P, 352, 287, 1, 1}, {DDX_VIDEO_YUV422P, 351, 288, 1, 0}, {DDX_VIDEO_YUV444P, 351, 287, 1, 1},
+        {DDX_VIDEO_GREY8, 1, 1, 1, 1},       {DDX_VIDEO_GREY16, 351, 6, 2, 1},    {DDX_VIDEO_GREY16, 351, 5, 2, 0},
+        {DDX_VIDEO_RGB24, 3, 3, 3, 1},       {DDX_VIDEO_RGB24 + 1, 352, 288, 1, 0}};
+    for (size_t i = 0; i < sizeof(layouts) / sizeof(*layouts); i++) {
+        struct ddxvideo_geometry one = good;
+        one.format = layouts[i].format;
+        one.width = layouts[i].width;
+        one.height = layouts[i].height;
+        one.fields = layouts[i].fields;
+        CHECK_EQUAL(!ddxvideo_geometry_error(&one), layouts[i].good);
+    }
+    CHECK(!strcmp(ddxvideo_layout_name(DDX_VIDEO_420_PALDV), "YUV420P"));
+    CHECK(!strcmp(ddxvideo_layout_name(DDX_VIDEO_RGB24), "RGB24"));
+    CHECK(!ddxvideo_layout_name(15) && !ddxvideo_layout_name(-1) && !ddxvideo_layout_name(DDX_VIDEO_RGB24 + 1));
     struct ddxvideo_geometry other = good;
     other.rate_num = 50;
     CHECK(ddxvideo_same_layout(&good, &other));

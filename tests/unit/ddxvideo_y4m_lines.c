@@ -24,7 +24,7 @@ static void test_good_headers(void) {
     for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
         struct y4m_header header;
         char error[Y4M_ERROR_MAX] = "";
-        CHECK(y4m_parse_header(table[i].line, &header, error));
+        CHECK(y4m_parse_header(table[i].line, DDX_VIDEO_420, &header, error));
         if (*error)
             fprintf(stderr, "%s: %s\n", table[i].line, error);
         const struct ddxvideo_geometry *g = &header.geometry;
@@ -59,10 +59,57 @@ static void test_layouts(void) {
         struct y4m_header header;
         char line[80], error[Y4M_ERROR_MAX] = "";
         snprintf(line, sizeof(line), Y " W10 H6 C%s", table[i].tag);
-        CHECK(y4m_parse_header(line, &header, error));
-        CHECK(y4m_is_plain(header.layout) == (table[i].bytes[1] == 15));
+        CHECK(y4m_parse_header(line, DDX_VIDEO_420, &header, error));
+        CHECK(y4m_is_plain(&header) == (table[i].bytes[1] == 15));
         for (int plane = 0; plane < 4; plane++)
             CHECK_EQUAL(y4m_plane_bytes(&header, plane), table[i].bytes[plane]);
+    }
+}
+
+/* What becomes of a file, by the layout that is wanted; -1: it cannot be. Odd sides need no chroma to share. */
+static void test_formats(void) {
+    static const struct {
+        const char *words;
+        int wanted, format;
+        bool plain;
+    } table[] = {
+        {"W10 H6 C422", Y4M_SAME, DDX_VIDEO_YUV422P, true},
+        {"W10 H6 C444", Y4M_SAME, DDX_VIDEO_YUV444P, true},
+        {"W10 H6 Cmono", Y4M_SAME, DDX_VIDEO_GREY8, true},
+        {"W10 H6 Cmono16", Y4M_SAME, DDX_VIDEO_GREY16, true},
+        {"W10 H6 C420paldv", Y4M_SAME, DDX_VIDEO_420_PALDV, true},
+        {"W10 H6 C444alpha", Y4M_SAME, DDX_VIDEO_420_MPEG2, false},
+        {"W10 H6 Cmono10", Y4M_SAME, DDX_VIDEO_420_JPEG, false},
+        {"W10 H6 C444", DDX_VIDEO_420, DDX_VIDEO_420_MPEG2, false},
+        {"W10 H6 C444alpha", DDX_VIDEO_YUV444P, DDX_VIDEO_YUV444P, false},
+        {"W10 H6 C420jpeg", DDX_VIDEO_RGB24, DDX_VIDEO_RGB24, false},
+        {"W9 H5 Cmono16", Y4M_SAME, DDX_VIDEO_GREY16, true},
+        {"W9 H5 C444", DDX_VIDEO_YUV444P, DDX_VIDEO_YUV444P, true},
+        {"W9 H5 Cmono", DDX_VIDEO_420, -1, false},
+        {"W10 H5 C422", DDX_VIDEO_YUV422P, DDX_VIDEO_YUV422P, true},
+        {"W9 H5 C422", DDX_VIDEO_YUV422P, -1, false},
+        {"W9 H6 Cmono XDDX_FIELDS=2", DDX_VIDEO_GREY8, DDX_VIDEO_GREY8, true},
+        {"W9 H5 Cmono XDDX_FIELDS=2", DDX_VIDEO_GREY8, -1, false},
+    };
+    for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
+        struct y4m_header header;
+        char line[80], written[Y4M_HEADER_WRITTEN], error[Y4M_ERROR_MAX] = "";
+        snprintf(line, sizeof(line), Y " %s", table[i].words);
+        CHECK_EQUAL(y4m_parse_header(line, table[i].wanted, &header, error), table[i].format >= 0);
+        CHECK((*error != 0) == (table[i].format < 0));
+        if (*error)
+            continue;
+        CHECK_EQUAL(header.geometry.format, table[i].format);
+        CHECK_EQUAL(y4m_is_plain(&header), table[i].plain);
+        CHECK_EQUAL(header.geometry.range, table[i].format == DDX_VIDEO_RGB24 ? DDX_VIDEO_RANGE_FULL : 0);
+        CHECK_EQUAL(y4m_has(header.geometry.format), table[i].format != DDX_VIDEO_RGB24);
+        if (!table[i].plain)
+            continue;
+        struct ddxvideo_geometry before = header.geometry;
+        written[y4m_write_header(written, &before) - 1] = 0;
+        CHECK(y4m_parse_header(written, Y4M_SAME, &header, error));
+        CHECK(ddxvideo_same_layout(&header.geometry, &before) || header.geometry.interlacing == '?');
+        CHECK_EQUAL(header.geometry.format, before.format);
     }
 }
 
@@ -107,7 +154,7 @@ static void test_bad_headers(void) {
     for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
         struct y4m_header header;
         char error[Y4M_ERROR_MAX] = "";
-        CHECK(!y4m_parse_header(table[i].line, &header, error));
+        CHECK(!y4m_parse_header(table[i].line, DDX_VIDEO_420, &header, error));
         if (!strstr(error, table[i].text)) {
             fprintf(stderr, "'%s': '%s' does not say '%s'\n", table[i].line, error, table[i].text);
             exit(1);
@@ -117,8 +164,8 @@ static void test_bad_headers(void) {
     char line[3 * Y4M_HEADER_MAX] = Y " W2 H2 X", error[Y4M_ERROR_MAX] = "";
     struct y4m_header header;
     memset(line + strlen(line), 'x', sizeof(line) - 100);
-    CHECK(!y4m_parse_header(line, &header, error) && strstr(error, "longer"));
-    CHECK(!y4m_parse_header(Y " W2 H2 C\x1b[31m\xff", &header, error) && !strchr(error, '\x1b'));
+    CHECK(!y4m_parse_header(line, DDX_VIDEO_420, &header, error) && strstr(error, "longer"));
+    CHECK(!y4m_parse_header(Y " W2 H2 C\x1b[31m\xff", DDX_VIDEO_420, &header, error) && !strchr(error, '\x1b'));
 }
 
 static void test_frame_lines(void) {
@@ -170,7 +217,7 @@ static void test_writing(void) {
     CHECK(strstr(line, "C420mpeg2 XCOLORRANGE=LIMITED\n") && strlen(line) < Y4M_LINE_PLAYED);
     struct y4m_header header;
     *strchr(line, '\n') = 0;
-    CHECK(y4m_parse_header(line, &header, error));
+    CHECK(y4m_parse_header(line, DDX_VIDEO_420, &header, error));
     CHECK(!memcmp(&header.geometry, &geometry, sizeof(geometry)));
 
     /* Beyond reason, but whole. */
@@ -193,6 +240,7 @@ static void test_writing(void) {
 int main(void) {
     test_good_headers();
     test_layouts();
+    test_formats();
     test_bad_headers();
     test_frame_lines();
     test_writing();

@@ -6,6 +6,7 @@
 
 #include "../scratch.h"
 #include "check.h"
+#include "video_layout.h"
 #include "y4m.h"
 
 #define WIDTH 10
@@ -13,6 +14,7 @@
 #define PLANES (WIDTH * HEIGHT * 3 / 2)
 
 static char *path;
+static int wanted = DDX_VIDEO_420; /* format of the pictures */
 
 static void write_path(const void *bytes, size_t size) {
     FILE *file = fopen(path, "wb");
@@ -37,16 +39,21 @@ static int play(enum y4m_result *end, bool check_content) {
     struct y4m_reader reader;
     int frames = 0;
     int64_t time;
-    *end = y4m_open(&reader, path);
+    *end = y4m_open(&reader, path, wanted);
     /* A damaged header may tell another size; the planes are exactly as large as it says. */
-    size_t luma = (size_t)reader.header.geometry.width * (size_t)reader.header.geometry.height;
-    unsigned char *picture = malloc(luma / 2 * 3 + 1);
-    unsigned char *const plane[3] = {picture, picture + luma, picture + luma / 4 * 5};
+    const struct ddxvideo_geometry *geometry = &reader.header.geometry;
+    unsigned char *picture = malloc(video_layout_bytes(geometry) + 1), *plane[3] = {picture};
+    for (int i = 0; i < 2; i++) {
+        int stride, rows;
+        video_layout_plane(video_layout_of(geometry->format), geometry->width, geometry->height, i, &stride, &rows);
+        plane[i + 1] = plane[i] + stride * rows;
+    }
     while (*end == Y4M_OK) {
         *end = y4m_read(&reader, plane, &time);
         if (*end != Y4M_OK)
             break;
-        for (int j = 0; check_content && j < PLANES; j++)
+        int bytes = (int)video_layout_bytes(geometry);
+        for (int j = 0; check_content && j < bytes; j++)
             if (picture[j] != (unsigned char)(frames * 7 + j)) {
                 fprintf(stderr, "frame %d differs at %d\n", frames, j);
                 exit(1);
@@ -110,12 +117,106 @@ static void test_layouts(void) {
         enum y4m_result end;
         size_t size = make(bytes, table[i].tag, table[i].frame, 5, true);
         write_path(bytes, size);
+        for (int format = DDX_VIDEO_YUV422P; format <= DDX_VIDEO_RGB24; format++) {
+            wanted = format;
+            CHECK_EQUAL(play(&end, false), 5);
+            CHECK_EQUAL(end, Y4M_END);
+        }
+        wanted = DDX_VIDEO_420;
         CHECK_EQUAL(play(&end, false), 5);
         CHECK_EQUAL(end, Y4M_END);
         write_path(bytes, size - 1);
         CHECK_EQUAL(play(&end, false), 4);
         CHECK_EQUAL(end, Y4M_BAD);
     }
+}
+
+/* The store's own layouts come byte for byte. */
+static void test_same_bytes(void) {
+    static const struct {
+        const char *tag;
+        size_t frame;
+        int format;
+    } table[] = {{"422", 120, DDX_VIDEO_YUV422P},
+                 {"444", 180, DDX_VIDEO_YUV444P},
+                 {"mono", 60, DDX_VIDEO_GREY8},
+                 {"mono16", 120, DDX_VIDEO_GREY16}};
+    static unsigned char bytes[8192];
+    for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
+        enum y4m_result end;
+        write_path(bytes, make(bytes, table[i].tag, table[i].frame, 3, true));
+        wanted = table[i].format;
+        CHECK_EQUAL(play(&end, true), 3);
+        CHECK_EQUAL(end, Y4M_END);
+    }
+    wanted = DDX_VIDEO_420;
+}
+
+/* A picture of one colour, in one layout and in another. All `bits` above 8 are little endian. */
+static void check_colour(const char *tag, int bits, const unsigned colour[3], const char *words, int format,
+                         const unsigned expected[3]) {
+    static unsigned char bytes[8192];
+    struct y4m_reader reader;
+    unsigned char planes[3][WIDTH * HEIGHT * 3], *const plane[3] = {planes[0], planes[1], planes[2]};
+    int64_t time;
+    size_t size = (size_t)sprintf((char *)bytes, "YUV4MPEG2 W%d H%d C%s %s\nFRAME\n", WIDTH, HEIGHT, tag, words);
+    write_path(bytes, size);
+    CHECK_EQUAL(y4m_open(&reader, path, format), Y4M_OK);
+    for (int i = 0; i < 3; i++)
+        for (size_t left = y4m_plane_bytes(&reader.header, i); left; left -= bits > 8 ? 2 : 1) {
+            bytes[size++] = (unsigned char)colour[i];
+            if (bits > 8)
+                bytes[size++] = (unsigned char)(colour[i] >> 8);
+        }
+    y4m_close(&reader);
+    write_path(bytes, size);
+    CHECK_EQUAL(y4m_open(&reader, path, format), Y4M_OK);
+    CHECK_EQUAL(y4m_read(&reader, plane, &time), Y4M_OK);
+    const struct video_layout *layout = video_layout_of(format);
+    for (int i = 0; i < 3; i++) {
+        int stride, rows;
+        video_layout_plane(layout, WIDTH, HEIGHT, i, &stride, &rows);
+        for (int at = 0; at < stride * rows; at += layout->bytes) {
+            int value = layout->bytes == 2 ? planes[i][at] | planes[i][at + 1] << 8 : planes[i][at];
+            int right = (int)expected[layout->samples == 3 ? at % 3 : i];
+            if (value < right - (layout->samples == 3) || value > right + (layout->samples == 3)) {
+                fprintf(stderr, "C%s %s as %s: plane %d has %d, not %d\n", tag, words, layout->name, i, value, right);
+                exit(1);
+            }
+        }
+    }
+    y4m_close(&reader);
+}
+
+static void test_colours(void) {
+    static const struct {
+        const char *tag;
+        int bits;
+        unsigned colour[3];
+        const char *words;
+        int format;
+        unsigned expected[3];
+    } table[] = {
+        {"mono", 8, {77}, "", DDX_VIDEO_YUV444P, {77, 128, 128}},
+        {"mono", 8, {77}, "", DDX_VIDEO_420, {77, 128, 128}},
+        {"mono", 8, {77}, "", DDX_VIDEO_GREY16, {77 << 8}},
+        {"mono16", 16, {0x1234}, "", DDX_VIDEO_GREY8, {0x12}},
+        {"mono16", 16, {0xffff}, "", DDX_VIDEO_YUV422P, {255, 128, 128}},
+        {"mono10", 10, {0x3ff}, "", DDX_VIDEO_GREY16, {0xffc0}},
+        {"mono", 8, {235}, "", DDX_VIDEO_RGB24, {255, 255, 255}},
+        {"mono", 8, {3}, "", DDX_VIDEO_RGB24, {0, 0, 0}},
+        {"mono", 8, {235}, "XCOLORRANGE=FULL", DDX_VIDEO_RGB24, {235, 235, 235}},
+        {"422", 8, {50, 60, 70}, "", DDX_VIDEO_YUV444P, {50, 60, 70}},
+        {"444", 8, {50, 60, 70}, "It", DDX_VIDEO_YUV422P, {50, 60, 70}},
+        {"420jpeg", 8, {50, 60, 70}, "Ib", DDX_VIDEO_YUV422P, {50, 60, 70}},
+        {"444p10", 10, {50 << 2, 60 << 2, 70 << 2}, "", DDX_VIDEO_YUV444P, {50, 60, 70}},
+        {"420p10", 10, {50 << 2, 60 << 2, 70 << 2}, "", DDX_VIDEO_GREY8, {50}},
+        {"422", 8, {50, 60, 70}, "", DDX_VIDEO_GREY16, {50 << 8}},
+        {"444", 8, {82, 90, 240}, "", DDX_VIDEO_RGB24, {255, 0, 0}},   /* red */
+        {"420jpeg", 8, {29, 255, 107}, "XCOLORRANGE=FULL", DDX_VIDEO_RGB24, {0, 0, 254}}, /* blue */
+    };
+    for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++)
+        check_colour(table[i].tag, table[i].bits, table[i].colour, table[i].words, table[i].format, table[i].expected);
 }
 
 static void test_pipe_and_rewind(void) {
@@ -126,7 +227,7 @@ static void test_pipe_and_rewind(void) {
     int64_t time;
     size_t size = make(bytes, "420", PLANES, 3, true);
     write_path(bytes, size);
-    CHECK_EQUAL(y4m_open(&reader, path), Y4M_OK);
+    CHECK_EQUAL(y4m_open(&reader, path, wanted), Y4M_OK);
     for (int pass = 0; pass < 3; pass++) {
         for (int i = 0; i < 3; i++) {
             CHECK_EQUAL(y4m_read(&reader, plane, &time), Y4M_OK);
@@ -151,7 +252,7 @@ static void test_pipe_and_rewind(void) {
     close(ends[1]);
     char name[32];
     snprintf(name, sizeof(name), "/dev/fd/%d", ends[0]);
-    CHECK_EQUAL(y4m_open(&reader, name), Y4M_OK);
+    CHECK_EQUAL(y4m_open(&reader, name, wanted), Y4M_OK);
     for (int i = 0; i < 3; i++)
         CHECK_EQUAL(y4m_read(&reader, plane, &time), Y4M_OK);
     CHECK_EQUAL(y4m_read(&reader, plane, &time), Y4M_END);
@@ -163,10 +264,10 @@ static void test_pipe_and_rewind(void) {
 
 static void test_no_file(void) {
     struct y4m_reader reader;
-    CHECK_EQUAL(y4m_open(&reader, "/nonexistent/file"), Y4M_BAD);
+    CHECK_EQUAL(y4m_open(&reader, "/nonexistent/file", wanted), Y4M_BAD);
     CHECK(strstr(reader.error, "opened"));
     y4m_close(&reader);
-    CHECK_EQUAL(y4m_open(&reader, "/tmp"), Y4M_BAD);
+    CHECK_EQUAL(y4m_open(&reader, "/tmp", wanted), Y4M_BAD);
     y4m_close(&reader);
 }
 
@@ -177,6 +278,8 @@ int main(void) {
     test_every_prefix(true);
     test_damage();
     test_layouts();
+    test_same_bytes();
+    test_colours();
     test_pipe_and_rewind();
     test_no_file();
     free(path);

@@ -120,6 +120,19 @@ static void print_json(const DDX_STORE_ITEM *item, unsigned first, unsigned end,
     }
 }
 
+/* The layout of a video item's pictures (enum ddx_video_format of ddxvideo.h), or NULL. */
+static const char *layout_of(const DDX_STORE_ITEM *item, const struct ddx_field *field, const char *at) {
+    static const char *const from_16[] = {"YUV422P", "YUV444P", "GREY8", "GREY16", "RGB24"};
+    int32_t format;
+
+    if (strcmp(ddx_store_item_type(item), "DDX_VIDEO") || strcmp(field->name, "format") || field->bytes != 4)
+        return NULL;
+    memcpy(&format, at, sizeof format);
+    if (format >= 0 && format < 4)
+        return "YUV420P";
+    return format >= 16 && (size_t)format - 16 < sizeof from_16 / sizeof *from_16 ? from_16[format - 16] : NULL;
+}
+
 static void print_lines(const DDX_STORE_ITEM *item, unsigned first, unsigned end, const char *base, const char *path) {
     for (unsigned i = first; i < end; i++) {
         const struct ddx_field *field = ddx_store_field(item, i);
@@ -129,6 +142,9 @@ static void print_lines(const DDX_STORE_ITEM *item, unsigned first, unsigned end
             snprintf(name, sizeof name, "%s%s", path, short_name(field->name));
             printf("%-24s ", *name ? name : "value");
             print_array(field, base + field->offset, false);
+            const char *layout = layout_of(item, field, base + field->offset);
+            if (layout)
+                printf(" (%s)", layout);
             putchar('\n');
             continue;
         }

@@ -9,6 +9,8 @@
 
     with ddxvideo.create_video(store, "edges", 640, 480, 25) as edges, edges.loan(like=frame) as out:
         ddxvideo.picture(out).y[:] = picture       # published at the end of `with`
+    with ddxvideo.create_video(store, "depth", 640, 480, layout="GREY16") as depth, depth.loan() as out:
+        ddxvideo.planes(out)[0][:] = millimetres   # numpy's uint16
 
 ddxvideo.h is the manual of what lies beneath. frame["time"] is when the picture was taken; frame.time is when it was
 written. What is computed from a picture is written with the former: item.write({...}, time=frame["time"]).
@@ -28,14 +30,48 @@ MAX = 2073600  # DDX_VIDEO_MAX
 SIDE = 8192    # DDX_VIDEO_SIDE
 FIELDS = 16    # DDX_VIDEO_FIELDS
 FULL_RANGE = 2  # DDX_VIDEO_RANGE_FULL
-# Struct DDX_VIDEO of ddxvideo.h, with the bound of its planes left open.
-DECLARATION = """struct { int frame; int fields; int width; int height; char y[{bound}]; char u[{bound} / 4];
-    char v[{bound} / 4]; int64_t time; int64_t wall_offset; int64_t source_sequence; int64_t source_lost;
+# Struct DDX_VIDEO of ddxvideo.h, with the samples and the bounds of its planes left open.
+DECLARATION = """struct { int frame; int fields; int width; int height; {sample} y[{luma}]; {sample} u[{chroma}];
+    {sample} v[{chroma}]; int64_t time; int64_t wall_offset; int64_t source_sequence; int64_t source_lost;
     int rate_num; int rate_den; int aspect_num; int aspect_den; int format; int interlacing; int range;
     int reserved[5]; }"""
 ABOUT_THE_FRAME = "frame", "time", "wall_offset", "source_sequence", "source_lost"
 
 Array = np.ndarray[Any, Any]
+
+
+class Layout(NamedTuple):
+    """How the planes of a picture lie; ddxvideo.h has the list of them."""
+    name: str
+    format: int                     # enum ddx_video_format; of the four of 4:2:0 the first one
+    sample: str                     # C type of a sample
+    samples: int                    # of a pixel, in plane y
+    chroma: tuple[int, int] | None  # columns and rows that share a chroma sample; None: no u and v
+
+    @property
+    def dtype(self) -> np.dtype[Any]:
+        return np.dtype("u2" if self.sample == "unsigned short" else "u1")
+
+    def shapes(self, width: int, height: int) -> list[tuple[int, ...]]:
+        """Of the planes that there are."""
+        luma = (height, width) if self.samples == 1 else (height, width, self.samples)
+        chroma = (height // self.chroma[1], width // self.chroma[0]) if self.chroma else ()
+        return [luma, chroma, chroma] if chroma else [luma]
+
+    def fits(self, width: int, height: int, fields: int = 1) -> bool:
+        columns, rows = self.chroma or (1, 1)
+        return (0 < width <= SIDE and 0 < height <= SIDE and 1 <= fields <= FIELDS and not width % columns
+                and not height % (rows * fields))
+
+
+LAYOUTS = {layout.name: layout for layout in (
+    Layout("YUV420P", 0, "char", 1, (2, 2)),
+    Layout("YUV422P", 16, "unsigned char", 1, (2, 1)),
+    Layout("YUV444P", 17, "unsigned char", 1, (1, 1)),
+    Layout("GREY8", 18, "unsigned char", 1, None),
+    Layout("GREY16", 19, "unsigned short", 1, None),
+    Layout("RGB24", 20, "unsigned char", 3, None))}
+_OF_FORMAT = {layout.format: layout for layout in LAYOUTS.values()} | dict.fromkeys(range(4), LAYOUTS["YUV420P"])
 
 
 class Picture(NamedTuple):
@@ -46,36 +82,75 @@ class Picture(NamedTuple):
     v: Array
 
 
+def layout(frame: ddx.Frame | ddx.Loan) -> Layout:
+    """That of a held or loaned frame."""
+    format = frame["format"] if "format" in frame.outer else 0
+    if format not in _OF_FORMAT:
+        raise ValueError(f"{frame.item.name}: {format} is no format that is known here")
+    return _OF_FORMAT[format]
+
+
+def planes(frame: ddx.Frame | ddx.Loan) -> tuple[Array, ...]:
+    """The planes of a held or loaned frame of any layout (see layout()): y, u and v, or one plane of grey (GREY16: of
+    16 bits) or of red, green and blue (height x width x 3). They are read-only in a held frame, and valid until its
+    release."""
+    width, height, kind = frame["width"], frame["height"], layout(frame)
+    if not kind.fits(width, height):
+        raise ValueError(f"{frame.item.name}: no picture of {width}x{height} can be in {kind.name}")
+    found = []
+    for name, shape in zip("yuv", kind.shapes(width, height)):
+        plane, needed = frame.view(name), int(np.prod(shape))
+        if plane.dtype.itemsize != kind.dtype.itemsize:
+            raise ValueError(f"{frame.item.name}: {name} has samples of {plane.dtype.itemsize} bytes, in {kind.name} "
+                             f"they have {kind.dtype.itemsize}")
+        if plane.size < needed:
+            raise ValueError(f"{frame.item.name}: {name} holds {plane.nbytes} bytes, "
+                             f"{needed * plane.dtype.itemsize} are needed")
+        found.append(plane[:needed].reshape(shape))
+    return tuple(found)
+
+
 def picture(frame: ddx.Frame | ddx.Loan) -> Picture:
-    """The planes of a held or loaned frame. They are read-only in the former, and valid until its release."""
-    width, height = frame["width"], frame["height"]
-    if not (0 < width <= SIDE and 0 < height <= SIDE) or width % 2 or height % 2:
-        raise ValueError(f"{frame.item.name}: no picture of {width}x{height} can be in 4:2:0")
-    shapes = (height, width), (height // 2, width // 2), (height // 2, width // 2)
-    planes = []
-    for name, (rows, columns) in zip("yuv", shapes):
-        plane = frame.view(name)
-        if plane.size < rows * columns:
-            raise ValueError(f"{frame.item.name}: {name} holds {plane.size} bytes, {rows * columns} are needed")
-        planes.append(plane[:rows * columns].reshape(rows, columns))
-    return Picture(*planes)
+    """The planes of a held or loaned 4:2:0 frame, as planes(). ValueError for any other layout."""
+    if layout(frame).name != "YUV420P":
+        raise ValueError(f"{frame.item.name}: its pictures are {layout(frame).name}, not 4:2:0; planes() takes them")
+    return Picture(*planes(frame))
 
 
 def bgr(frame: ddx.Frame | ddx.Loan) -> Array:
-    """A copy in colour, height x width x 3, by ITU-R BT.601. The planes are not contiguous in an item, so OpenCV needs
-    a copy of them first. Without OpenCV numpy converts, which takes longer."""
-    planes = Picture(*(np.asarray(plane[:]) for plane in picture(frame)))
+    """A copy in colour, height x width x 3, by ITU-R BT.601, of any layout. The planes are not contiguous in an item,
+    so OpenCV needs a copy of them first. Without OpenCV, and for other layouts than 4:2:0, numpy converts, which takes
+    longer."""
+    kind, copies = layout(frame), [np.asarray(plane[:]) for plane in planes(frame)]
     full = frame["range"] == FULL_RANGE if "range" in frame.outer else False
-    try:
-        cv2 = importlib.import_module("cv2")
-    except ImportError:
-        return _bgr_by_numpy(planes, full)
+    if kind.samples == 3:
+        return copies[0][..., ::-1].copy()
+    if kind.dtype.itemsize == 2:
+        copies[0] = (copies[0] >> 8).astype(np.uint8)
+    if not kind.chroma:
+        return np.repeat(_full(copies[0], full)[..., np.newaxis], 3, axis=2)
+    cv2: Any = None
+    if kind.chroma == (2, 2):
+        try:
+            cv2 = importlib.import_module("cv2")
+        except ImportError:
+            pass
+    if not cv2:
+        return _bgr_by_numpy(Picture(*copies), full, kind.chroma)
     if full:
-        planes = Picture(_limited(planes.y, 16, 219 / 255), *(_limited(c, 128 - 128 * 224 / 255, 224 / 255)
-                                                            for c in planes[1:]))
-    rows, columns = planes.y.shape
-    stacked = np.concatenate([plane.ravel() for plane in planes]).reshape(rows * 3 // 2, columns)
+        copies = [_limited(copies[0], 16, 219 / 255), *(_limited(c, 128 - 128 * 224 / 255, 224 / 255)
+                                                        for c in copies[1:])]
+    rows, columns = copies[0].shape
+    stacked = np.concatenate([plane.ravel() for plane in copies]).reshape(rows * 3 // 2, columns)
     return np.asarray(cv2.cvtColor(stacked, cv2.COLOR_YUV2BGR_I420))
+
+
+def _full(plane: Array, full: bool) -> Array:
+    """Luma with black at 0 and white at 255."""
+    if full:
+        return plane
+    table: Array = np.clip(np.rint((np.arange(256) - 16) * (255 / 219)), 0, 255).astype(np.uint8)
+    return np.take(table, plane)
 
 
 def _limited(plane: Array, offset: float, scale: float) -> Array:
@@ -83,7 +158,7 @@ def _limited(plane: Array, offset: float, scale: float) -> Array:
     return np.take(table, plane)
 
 
-def _bgr_by_numpy(planes: Picture, full: bool) -> Array:
+def _bgr_by_numpy(planes: Picture, full: bool, shared: tuple[int, int]) -> Array:
     """Tables of 1/64 levels, one for each plane and the colour that it contributes to."""
     luma, chroma = (1.0, 1.0) if full else (255 / 219, 255 / 224)
     levels = np.arange(256)
@@ -91,7 +166,7 @@ def _bgr_by_numpy(planes: Picture, full: bool) -> Array:
 
     def part(plane: Array, factor: float) -> Array:
         table: Array = np.rint((levels - 128) * chroma * factor * 64).astype(np.int32)
-        return np.take(table, plane).repeat(2, axis=0).repeat(2, axis=1)
+        return np.take(table, plane).repeat(shared[1], axis=0).repeat(shared[0], axis=1)
 
     result = np.empty((*planes.y.shape, 3), np.uint8)
     for place, colour in enumerate((y + part(planes.u, 1.772), y - part(planes.u, 0.344136) - part(planes.v, 0.714136),
@@ -120,20 +195,30 @@ class VideoItem(ddx.Item):
 
 
 def create_video(store: ddx.Store, name: str, width: int, height: int, rate: float | fractions.Fraction = 0,
-                 fields: int = 1) -> VideoItem:
-    """Create a video item of 4:2:0 pictures, or take it over from a writer that is gone. rate: frames a second, also
-    30000/1001 as a Fraction; 0: unknown. fields: how many are stacked in a frame; height counts the rows of all."""
-    if not (0 < width <= SIDE and 0 < height <= SIDE and 1 <= fields <= FIELDS) or width % 2 or height % (2 * fields):
-        raise ValueError(f"{width}x{height} with {fields} fields: width and each field's height are even, "
-                         f"at most {SIDE} each, with 1 to {FIELDS} fields")
+                 fields: int = 1, layout: str = "YUV420P") -> VideoItem:
+    """Create a video item, or take it over from a writer that is gone. rate: frames a second, also 30000/1001 as a
+    Fraction; 0: unknown. fields: how many are stacked in a frame; height counts the rows of all. layout: a name in
+    LAYOUTS; a program that knows 4:2:0 alone cannot open the others."""
+    if layout not in LAYOUTS:
+        raise ValueError(f"{layout}: the layouts are {', '.join(LAYOUTS)}")
+    kind = LAYOUTS[layout]
+    if not kind.fits(width, height, fields):
+        columns, rows = kind.chroma or (1, 1)
+        raise ValueError(f"{width}x{height} with {fields} fields: at most {SIDE} each, with 1 to {FIELDS} fields; in "
+                         f"{layout}, the width is a multiple of {columns}, and each field's height of {rows}")
     ratio = fractions.Fraction(rate).limit_denominator(1001)
     if ratio < 0:
         raise ValueError(f"{rate}: no frame rate")
-    luma = width * height
-    bound = MAX if luma <= MAX else -(-luma // 64) * 64
-    item = store.create_as(VideoItem, name, "DDX_VIDEO", DECLARATION.replace("{bound}", str(bound)),
-                           {"y": luma, "u": luma // 4, "v": luma // 4})
+    used = [int(np.prod(shape)) * kind.dtype.itemsize for shape in kind.shapes(width, height)]
+    luma, chroma = used[0], used[1] if kind.chroma else 0
+    least = (MAX, MAX // 4) if layout == "YUV420P" else (64, 64)
+    bounds = [max(small, -(-size // 64) * 64) // kind.dtype.itemsize for small, size in zip(least, (luma, chroma))]
+    declaration = DECLARATION.replace("{sample}", kind.sample)
+    item = store.create_as(VideoItem, name, "DDX_VIDEO",
+                           declaration.replace("{luma}", str(bounds[0])).replace("{chroma}", str(bounds[1])),
+                           {"y": luma, "u": chroma, "v": chroma})
     item.facts = {"fields": fields, "width": width, "height": height, "rate_num": ratio.numerator,
-                  "rate_den": ratio.denominator if ratio else 0, "aspect_num": 0, "aspect_den": 0, "format": 0,
-                  "interlacing": 0, "range": 0, "reserved": [0] * 5}
+                  "rate_den": ratio.denominator if ratio else 0, "aspect_num": 0, "aspect_den": 0,
+                  "format": kind.format, "interlacing": 0, "range": FULL_RANGE if kind.samples == 3 else 0,
+                  "reserved": [0] * 5}
     return item

@@ -6,8 +6,9 @@
 #include <string.h>
 #include <time.h>
 
-#include "ddxvideo.h"
+#include "video_layout.h"
 
+#define BOUND_STEP 64 /* bytes; bounds of planes are multiples of it */
 #define LOOKS 4
 #define TIGHT_NS 20000 /* between two looks at one clock, with one at the other in the midst */
 
@@ -19,28 +20,32 @@ _Static_assert(offsetof(DDX_VIDEO, time) == 16 + DDX_VIDEO_MAX / 2 * 3, "layout"
 _Static_assert(offsetof(DDX_VIDEO, time) % 8 == 0, "layout");
 _Static_assert(offsetof(DDX_VIDEO, rate_num) == offsetof(DDX_VIDEO, time) + 32, "layout");
 _Static_assert(sizeof(DDX_VIDEO) == offsetof(DDX_VIDEO, time) + 80, "layout");
-_Static_assert(DDX_VIDEO_MAX % 64 == 0, "keeps what follows the planes aligned");
+_Static_assert(DDX_VIDEO_MAX % BOUND_STEP == 0, "keeps what follows the planes aligned");
 
 #define TEXT_(...) #__VA_ARGS__
 #define TEXT(...) TEXT_(__VA_ARGS__)
-#define BOUND_WORD "BOUND"
-static const char declaration_pattern[] = TEXT(DDX_VIDEO_STRUCT_(BOUND));
+static const char declaration_pattern[] = TEXT(DDX_VIDEO_STRUCT_(SAMPLE, LUMA, CHROMA));
 
 const char *ddxvideo_geometry_error(const struct ddxvideo_geometry *g) {
     if (g->width <= 0 || g->height <= 0)
         return "width or height is zero";
     if (g->width > DDX_VIDEO_SIDE || g->height > DDX_VIDEO_SIDE)
         return "larger than 8192x8192";
-    if (g->width % 2 || g->height % 2)
+    const struct video_layout *layout = video_layout_of(g->format);
+    if (!layout)
+        return "unknown format";
+    bool even_width = layout->chroma_x == 1, even_height = layout->chroma_y == 1;
+    if (even_height && (g->width % 2 || g->height % 2))
         return "4:2:0 needs an even width and height";
-    if (g->fields < 1 || g->fields > DDX_VIDEO_FIELDS || g->height % (2 * g->fields))
-        return "the fields do not divide the height into even parts";
+    if (even_width && g->width % 2)
+        return "4:2:2 needs an even width";
+    if (g->fields < 1 || g->fields > DDX_VIDEO_FIELDS || g->height % (g->fields << even_height))
+        return even_height ? "the fields do not divide the height into even parts"
+                           : "the fields do not divide the height";
     if (g->rate_num < 0 || g->rate_den < 0 || !g->rate_num != !g->rate_den)
         return "bad frame rate";
     if (g->aspect_num < 0 || g->aspect_den < 0 || !g->aspect_num != !g->aspect_den)
         return "bad pixel aspect";
-    if (g->format < DDX_VIDEO_420 || g->format > DDX_VIDEO_420_PALDV)
-        return "unknown format";
     if (g->interlacing && (g->interlacing < 0 || g->interlacing > 127 || !strchr("?ptbm", g->interlacing)))
         return "unknown interlacing";
     if (g->range < DDX_VIDEO_RANGE_UNKNOWN || g->range > DDX_VIDEO_RANGE_FULL)
@@ -57,34 +62,57 @@ int ddxvideo_same_layout(const struct ddxvideo_geometry *a, const struct ddxvide
            a->interlacing == b->interlacing && a->range == b->range;
 }
 
-/* The declaration with its word BOUND replaced by a number. */
-static void declare(char *text, size_t size, unsigned bound) {
+/* The declaration with its words SAMPLE, LUMA and CHROMA replaced. */
+static void declare(char *text, size_t size, const char *sample, unsigned luma, unsigned chroma) {
+    char numbers[2][12];
+    const char *const words[][2] = {{"SAMPLE", sample}, {"LUMA", numbers[0]}, {"CHROMA", numbers[1]}};
+    const size_t count = sizeof words / sizeof *words;
     size_t length = 0;
 
+    snprintf(numbers[0], sizeof numbers[0], "%u", luma);
+    snprintf(numbers[1], sizeof numbers[1], "%u", chroma);
     for (const char *from = declaration_pattern; *from && length + 16 < size;) {
-        if (!strncmp(from, BOUND_WORD, sizeof BOUND_WORD - 1)) {
-            length += (size_t)snprintf(text + length, size - length, "%u", bound);
-            from += sizeof BOUND_WORD - 1;
-        } else {
+        size_t i = 0;
+
+        while (i < count && strncmp(from, words[i][0], strlen(words[i][0])) != 0)
+            i++;
+        if (i == count) {
             text[length++] = *from++;
+            continue;
         }
+        length += (size_t)snprintf(text + length, size - length, "%s", words[i][1]);
+        from += strlen(words[i][0]);
     }
     text[length] = 0;
+}
+
+/* Bytes that the struct has for a plane. Every 4:2:0 picture of up to DDX_VIDEO_MAX has the same struct. */
+static unsigned bound_of(const struct video_layout *layout, unsigned bytes, int plane) {
+    unsigned least = video_layout_is_420(layout->format) ? (plane ? DDX_VIDEO_MAX / 4 : DDX_VIDEO_MAX) : BOUND_STEP;
+
+    return bytes <= least ? least : (bytes + BOUND_STEP - 1) / BOUND_STEP * BOUND_STEP;
 }
 
 int ddxvideo_create(DDX_STORE_ID *id, const char *name, const struct ddxvideo_geometry *geometry,
                     DDX_STORE_ITEM **item) {
     if (ddxvideo_geometry_error(geometry))
         return -EINVAL;
-    unsigned luma = (unsigned)geometry->width * (unsigned)geometry->height;
-    unsigned bound = luma <= DDX_VIDEO_MAX ? DDX_VIDEO_MAX : (luma + 63) / 64 * 64;
+    const struct video_layout *layout = video_layout_of(geometry->format);
+    unsigned used[2], bound[2], sample = (unsigned)layout->bytes;
+    for (int plane = 0; plane < 2; plane++) {
+        int stride, rows;
+
+        video_layout_plane(layout, geometry->width, geometry->height, plane, &stride, &rows);
+        used[plane] = (unsigned)stride * (unsigned)rows;
+        bound[plane] = bound_of(layout, used[plane], plane);
+    }
     char declaration[sizeof declaration_pattern + 64];
-    declare(declaration, sizeof declaration, bound);
-    const struct ddx_extent extents[] = {{"y", luma}, {"u", luma / 4}, {"v", luma / 4}};
+    declare(declaration, sizeof declaration, layout->sample, bound[0] / sample, bound[1] / sample);
+    const struct ddx_extent extents[] = {{"y", used[0]}, {"u", used[1]}, {"v", used[1]}};
     const struct ddx_item_spec spec = {.name = name,
                                        .type = "DDX_VIDEO",
                                        .declaration = declaration,
-                                       .size = sizeof(DDX_VIDEO) - DDX_VIDEO_MAX / 2 * 3 + bound / 2 * 3,
+                                       .size = sizeof(DDX_VIDEO) - DDX_VIDEO_MAX / 2 * 3 + bound[0] + 2 * bound[1],
                                        .extents = extents,
                                        .extent_count = 3};
     return ddx_store_create(id, &spec, item);
@@ -150,18 +178,29 @@ static void set_numbers(const DDX_STORE_ITEM *item, void *data, const struct num
     }
 }
 
-/* Where the planes of this (checked) geometry lie in the item; -EMSGSIZE if they are larger than the item's. */
+/* Whether a field can hold samples of this layout. The paper's programs may write any type of one byte. */
+static bool holds(const struct ddx_field *field, const struct video_layout *layout) {
+    return field->bytes == (uint32_t)layout->bytes &&
+           (field->kind == DDX_KIND_UNSIGNED || video_layout_is_420(layout->format));
+}
+
+/*
+ * Where the planes of this (checked) geometry lie in the item. -EPROTOTYPE if it has no planes at all, -EBADMSG if they
+ * have other samples, -EMSGSIZE if the geometry's are larger.
+ */
 static int find_planes(const DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry, uint64_t offset[3],
                        int stride[3], int rows[3]) {
     static const char *const names[3] = {"y", "u", "v"};
+    const struct video_layout *layout = video_layout_of(geometry->format);
 
     for (int i = 0; i < 3; i++) {
         const struct ddx_field *field = ddx_store_field_named(item, names[i]);
 
-        if (!field || field->bytes != 1)
+        if (!field || field->bytes > 2)
             return -EPROTOTYPE;
-        stride[i] = i ? geometry->width / 2 : geometry->width;
-        rows[i] = i ? geometry->height / 2 : geometry->height;
+        if (!holds(field, layout))
+            return -EBADMSG;
+        video_layout_plane(layout, geometry->width, geometry->height, i, &stride[i], &rows[i]);
         if ((uint64_t)stride[i] * (uint64_t)rows[i] > field->used)
             return -EMSGSIZE;
         offset[i] = field->offset;
@@ -182,10 +221,10 @@ int ddxvideo_loan(DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry
     error = find_planes(item, geometry, offset, frame->stride, frame->rows);
     if (error) {
         ddx_store_cancel(item);
-        return error;
+        return error == -EBADMSG ? -EPROTOTYPE : error;
     }
     for (int i = 0; i < 3; i++)
-        frame->plane[i] = (unsigned char *)frame->data + offset[i];
+        frame->plane[i] = frame->rows[i] ? (unsigned char *)frame->data + offset[i] : NULL;
     return 0;
 }
 
@@ -198,7 +237,7 @@ int ddxvideo_publish(DDX_STORE_ITEM *item, const struct ddxvideo_frame *frame) {
     return ddx_store_publish(item, NULL);
 }
 
-int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view) {
+int ddxvideo_view_any(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view) {
     uint64_t offset[3];
 
     memset(view, 0, sizeof *view);
@@ -213,8 +252,14 @@ int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_
     if (error)
         return error == -EMSGSIZE ? -EBADMSG : error;
     for (int i = 0; i < 3; i++)
-        view->plane[i] = (const unsigned char *)data + offset[i];
+        view->plane[i] = view->rows[i] ? (const unsigned char *)data + offset[i] : NULL;
     return 0;
+}
+
+int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view) {
+    int error = ddxvideo_view_any(item, data, view);
+
+    return !error && !video_layout_is_420(view->geometry.format) ? -EPROTOTYPE : error;
 }
 
 int64_t ddxvideo_wall_offset(void) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Y4M (YUV4MPEG2): reading any of its chroma layouts, writing 8-bit 4:2:0.
+ * Y4M (YUV4MPEG2): reading any of its chroma layouts, writing those that the store has, but for RGB24.
  *
  * Our own parameters: `XDDX_FIELDS=<n>` (stacked fields) in the header; `XTIME=<ns>` on each FRAME line, the time
  * since the file's first frame; on the first FRAME line also `XDDX_START=<ns>` and `XDDX_WALL=<ns>`, the monotonic
@@ -28,7 +28,8 @@
 /* A chroma layout as a file has it. */
 struct y4m_layout {
     const char *tag;        /* behind the C */
-    int format;             /* enum ddx_video_format of what it becomes in the store */
+    int format;             /* enum ddx_video_format of the 4:2:0 picture that it becomes in the store */
+    int same;               /* of the store's layout that has the same bytes; -1: there is none */
     int bits;               /* of a sample; above 8 they are 16-bit little endian */
     int chroma_x, chroma_y; /* log2 of the subsampling; -1: no chroma at all */
     bool alpha;             /* a fourth plane, ignored */
@@ -37,19 +38,26 @@ struct y4m_layout {
 struct y4m_header {
     struct ddxvideo_geometry geometry; /* as in the store */
     const struct y4m_layout *layout;
+    int range; /* enum ddx_video_range, as the file says */
 };
 
 /* Whether the file's planes are those of the store, byte for byte. */
-bool y4m_is_plain(const struct y4m_layout *layout);
+bool y4m_is_plain(const struct y4m_header *header);
+
+/* Whether pictures of this enum ddx_video_format can be in a file as they are. */
+bool y4m_has(int format);
 
 /* Bytes of plane 0 to 3 in the file, 0 for a plane that the layout does not have. */
 size_t y4m_plane_bytes(const struct y4m_header *header, int plane);
 
+#define Y4M_SAME -1 /* in the layout of the file, if the store has it, else in 4:2:0 */
+
 /*
- * Parse a header line without its line feed; a frame rate that cannot be is unknown (0/0). False and one clear text in
- * error[Y4M_ERROR_MAX] ("what, what to do") when it cannot be played.
+ * Parse a header line without its line feed; a frame rate that cannot be is unknown (0/0). `format`: enum
+ * ddx_video_format of the pictures that are wanted, or Y4M_SAME; of 4:2:0 the file says which one. False and one clear
+ * text in error[Y4M_ERROR_MAX] ("what, what to do") when it cannot be played.
  */
-bool y4m_parse_header(const char *line, struct y4m_header *header, char *error);
+bool y4m_parse_header(const char *line, int format, struct y4m_header *header, char *error);
 
 /* Parse a FRAME line without its line feed; *time is its XTIME or -1. False and a text as above. */
 bool y4m_parse_frame(const char *line, int64_t *time, char *error);
@@ -57,7 +65,7 @@ bool y4m_parse_frame(const char *line, int64_t *time, char *error);
 /* XDDX_START of a FRAME line, or -1. */
 int64_t y4m_parse_start(const char *line);
 
-/* Header line with line feed; returns its length. */
+/* Header line with line feed, for a format that y4m_has(); returns its length. */
 size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geometry *geometry);
 
 /* FRAME line with line feed; returns its length. `start` and `wall` are of the first frame; left out where 0 or
@@ -66,7 +74,7 @@ size_t y4m_write_frame(char line[Y4M_FRAME_LINE_WRITTEN], int64_t time, int64_t 
 
 /* ---- Reading a file ---- */
 
-struct y4m_converter;
+struct picture_converter;
 
 struct y4m_reader {
     struct y4m_header header;
@@ -80,7 +88,7 @@ struct y4m_reader {
     size_t ahead_begin, ahead_end; /* bytes of `ahead` not used yet */
     char ahead[Y4M_HEADER_MAX];
     unsigned char *scratch; /* a frame in the file's layout, if that is not the store's */
-    struct y4m_converter *converter;
+    struct picture_converter *converter;
 };
 
 enum y4m_result {
@@ -93,8 +101,11 @@ enum y4m_result {
 /* A file that is not there yet (a pipe) is waited for until this says so: it ends there then. For the whole program. */
 void y4m_stop_when(bool (*stopping)(void));
 
-/* Open and read the header. `-` is standard input. Reader is the caller's; y4m_close() in any case. */
-enum y4m_result y4m_open(struct y4m_reader *reader, const char *path);
+/*
+ * Open and read the header; `format` as for y4m_parse_header(). `-` is standard input. Reader is the caller's;
+ * y4m_close() in any case.
+ */
+enum y4m_result y4m_open(struct y4m_reader *reader, const char *path, int format);
 void y4m_close(struct y4m_reader *reader);
 
 /*
@@ -105,14 +116,5 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
 
 /* Back to the first frame. Y4M_BAD for what cannot be rewound (a pipe). */
 enum y4m_result y4m_rewind(struct y4m_reader *reader);
-
-/* ---- Conversion to 8-bit 4:2:0 (y4m_convert.c) ---- */
-
-#define Y4M_READ_BEYOND 64 /* readable bytes that a converter's source needs behind its last plane */
-
-struct y4m_converter *y4m_converter_new(const struct y4m_header *header); /* NULL: no memory, or not supported */
-void y4m_converter_free(struct y4m_converter *converter);
-/* `source` holds the file's planes one after the other. False if it failed. */
-bool y4m_convert(struct y4m_converter *converter, const unsigned char *source, unsigned char *const plane[3]);
 
 #endif

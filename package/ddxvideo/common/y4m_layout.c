@@ -6,40 +6,41 @@
 
 #define J DDX_VIDEO_420_JPEG
 #define M DDX_VIDEO_420_MPEG2
+#define NO (-1)
 
-/* What is converted gets the siting of its source, where that has one: chroma on the left luma column, else in the
+/* What becomes 4:2:0 gets the siting of its source, where that has one: chroma on the left luma column, else in the
  * middle. */
 static const struct y4m_layout layouts[] = {
-    {"420jpeg", J, 8, 1, 1, false},
-    {"420mpeg2", M, 8, 1, 1, false},
-    {"420paldv", DDX_VIDEO_420_PALDV, 8, 1, 1, false},
-    {"420", DDX_VIDEO_420, 8, 1, 1, false},
-    {"411", M, 8, 2, 0, false},
-    {"410", J, 8, 2, 2, false},
-    {"422", M, 8, 1, 0, false},
-    {"444", M, 8, 0, 0, false},
-    {"444alpha", M, 8, 0, 0, true},
-    {"mono", J, 8, -1, -1, false},
-    {"420p9", M, 9, 1, 1, false},
-    {"420p10", M, 10, 1, 1, false},
-    {"420p12", M, 12, 1, 1, false},
-    {"420p14", M, 14, 1, 1, false},
-    {"420p16", M, 16, 1, 1, false},
-    {"422p9", M, 9, 1, 0, false},
-    {"422p10", M, 10, 1, 0, false},
-    {"422p12", M, 12, 1, 0, false},
-    {"422p14", M, 14, 1, 0, false},
-    {"422p16", M, 16, 1, 0, false},
-    {"444p9", M, 9, 0, 0, false},
-    {"444p10", M, 10, 0, 0, false},
-    {"444p12", M, 12, 0, 0, false},
-    {"444p14", M, 14, 0, 0, false},
-    {"444p16", M, 16, 0, 0, false},
-    {"mono9", J, 9, -1, -1, false},
-    {"mono10", J, 10, -1, -1, false},
-    {"mono12", J, 12, -1, -1, false},
-    {"mono14", J, 14, -1, -1, false},
-    {"mono16", J, 16, -1, -1, false},
+    {"420jpeg", J, J, 8, 1, 1, false},
+    {"420mpeg2", M, M, 8, 1, 1, false},
+    {"420paldv", DDX_VIDEO_420_PALDV, DDX_VIDEO_420_PALDV, 8, 1, 1, false},
+    {"420", DDX_VIDEO_420, DDX_VIDEO_420, 8, 1, 1, false},
+    {"411", M, NO, 8, 2, 0, false},
+    {"410", J, NO, 8, 2, 2, false},
+    {"422", M, DDX_VIDEO_YUV422P, 8, 1, 0, false},
+    {"444", M, DDX_VIDEO_YUV444P, 8, 0, 0, false},
+    {"444alpha", M, NO, 8, 0, 0, true},
+    {"mono", J, DDX_VIDEO_GREY8, 8, -1, -1, false},
+    {"420p9", M, NO, 9, 1, 1, false},
+    {"420p10", M, NO, 10, 1, 1, false},
+    {"420p12", M, NO, 12, 1, 1, false},
+    {"420p14", M, NO, 14, 1, 1, false},
+    {"420p16", M, NO, 16, 1, 1, false},
+    {"422p9", M, NO, 9, 1, 0, false},
+    {"422p10", M, NO, 10, 1, 0, false},
+    {"422p12", M, NO, 12, 1, 0, false},
+    {"422p14", M, NO, 14, 1, 0, false},
+    {"422p16", M, NO, 16, 1, 0, false},
+    {"444p9", M, NO, 9, 0, 0, false},
+    {"444p10", M, NO, 10, 0, 0, false},
+    {"444p12", M, NO, 12, 0, 0, false},
+    {"444p14", M, NO, 14, 0, 0, false},
+    {"444p16", M, NO, 16, 0, 0, false},
+    {"mono9", J, NO, 9, -1, -1, false},
+    {"mono10", J, NO, 10, -1, -1, false},
+    {"mono12", J, NO, 12, -1, -1, false},
+    {"mono14", J, NO, 14, -1, -1, false},
+    {"mono16", J, DDX_VIDEO_GREY16, 16, -1, -1, false},
 };
 
 const struct y4m_layout *y4m_layout_named(const char *tag) {
@@ -51,13 +52,17 @@ const struct y4m_layout *y4m_layout_named(const char *tag) {
 
 const char *y4m_layout_tag(int format) {
     for (size_t i = 0; i < sizeof layouts / sizeof *layouts; i++)
-        if (layouts[i].format == format && y4m_is_plain(&layouts[i]))
+        if (layouts[i].same == format)
             return layouts[i].tag;
-    return "420";
+    return NULL;
 }
 
-bool y4m_is_plain(const struct y4m_layout *layout) {
-    return layout->bits == 8 && layout->chroma_x == 1 && layout->chroma_y == 1;
+bool y4m_has(int format) {
+    return y4m_layout_tag(format);
+}
+
+bool y4m_is_plain(const struct y4m_header *header) {
+    return header->layout->same == header->geometry.format;
 }
 
 size_t y4m_plane_bytes(const struct y4m_header *header, int plane) {

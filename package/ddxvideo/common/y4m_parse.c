@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <string.h>
 
+#include "video_layout.h"
 #include "y4m_layout.h"
 
 #define MAGIC Y4M_MAGIC
@@ -131,7 +132,30 @@ static bool parameter(const char *word, struct y4m_header *header, char *error) 
     }
 }
 
-bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) {
+/* Which of the store's formats the file's pictures get. */
+static int choose_format(const struct y4m_layout *layout, int wanted) {
+    if (wanted == Y4M_SAME)
+        return layout->same >= 0 ? layout->same : layout->format;
+    return video_layout_is_420(wanted) ? layout->format : wanted;
+}
+
+/* Sides that the wanted layout cannot have. */
+static bool check_sides(const struct ddxvideo_geometry *geometry, char *error) {
+    const struct video_layout *layout = video_layout_of(geometry->format);
+    int width = geometry->width, height = geometry->height;
+
+    if (!width || !height)
+        return fail(error, "bad header: width or height is missing or zero; the file is damaged");
+    if (layout->chroma_y == 1 && (width % 2 || height % 2))
+        return fail(error, "odd size %dx%d: 4:2:0 needs even sides; crop it: ffmpeg -i FILE -vf crop=%d:%d OUT.y4m",
+                    width, height, width & ~1, height & ~1);
+    if (layout->chroma_x == 1 && width % 2)
+        return fail(error, "odd size %dx%d: 4:2:2 needs an even width; crop it: ffmpeg -i FILE -vf crop=%d:%d OUT.y4m",
+                    width, height, width & ~1, height);
+    return true;
+}
+
+bool y4m_parse_header(const char *line, int format, struct y4m_header *header, char *error) {
     char copy[Y4M_HEADER_MAX + 1];
 
     if (strncmp(line, MAGIC, sizeof MAGIC - 1) || (line[sizeof MAGIC - 1] && line[sizeof MAGIC - 1] != ' '))
@@ -150,12 +174,12 @@ bool y4m_parse_header(const char *line, struct y4m_header *header, char *error) 
             return false;
 
     struct ddxvideo_geometry *geometry = &header->geometry;
-    geometry->format = header->layout->format;
-    if (!geometry->width || !geometry->height)
-        return fail(error, "bad header: width or height is missing or zero; the file is damaged");
-    if (geometry->width % 2 || geometry->height % 2)
-        return fail(error, "odd size %dx%d: 4:2:0 needs even sides; crop it: ffmpeg -i FILE -vf crop=%d:%d OUT.y4m",
-                    geometry->width, geometry->height, geometry->width & ~1, geometry->height & ~1);
+    geometry->format = choose_format(header->layout, format);
+    if (!check_sides(geometry, error))
+        return false;
+    header->range = geometry->range;
+    if (geometry->format == DDX_VIDEO_RGB24) /* has no other */
+        geometry->range = DDX_VIDEO_RANGE_FULL;
     if (!ddxvideo_rate_known(geometry->rate_num, geometry->rate_den))
         geometry->rate_num = geometry->rate_den = 0;
     const char *wrong = ddxvideo_geometry_error(geometry);

@@ -13,6 +13,8 @@
 #include <sys/uio.h>
 #include <unistd.h>
 
+#include "picture_convert.h"
+#include "video_layout.h"
 #include "y4m.h"
 
 #define AHEAD_WANTED 64 /* enough for a FRAME line and little enough to copy */
@@ -131,7 +133,7 @@ static enum y4m_result read_parts(struct y4m_reader *reader, struct iovec *parts
     return Y4M_OK;
 }
 
-static enum y4m_result read_header(struct y4m_reader *reader) {
+static enum y4m_result read_header(struct y4m_reader *reader, int format) {
     char line[Y4M_HEADER_MAX];
     enum y4m_result result = read_line(reader, line, sizeof line, "header");
 
@@ -140,10 +142,41 @@ static enum y4m_result read_header(struct y4m_reader *reader) {
     bool foreign = result == Y4M_BAD && *line && strncmp(line, Y4M_MAGIC, strlen(Y4M_MAGIC));
     if (result != Y4M_OK && !foreign) /* else better said by the parser: this is no Y4M at all */
         return result;
-    return y4m_parse_header(line, &reader->header, reader->error) ? Y4M_OK : Y4M_BAD;
+    return y4m_parse_header(line, format, &reader->header, reader->error) ? Y4M_OK : Y4M_BAD;
 }
 
-enum y4m_result y4m_open(struct y4m_reader *reader, const char *path) {
+static struct picture_converter *new_converter(const struct y4m_header *header) {
+    const struct y4m_layout *layout = header->layout;
+    const struct picture_kind kind = {.bits = layout->bits,
+                                      .chroma_x = layout->chroma_x,
+                                      .chroma_y = layout->chroma_y,
+                                      .full = header->range == DDX_VIDEO_RANGE_FULL,
+                                      .centred = layout->format == DDX_VIDEO_420_JPEG};
+
+    return picture_converter_new(&kind, &header->geometry);
+}
+
+/* From `scratch`, where the file's planes lie one after the other. */
+static bool convert(struct y4m_reader *reader, unsigned char *const plane[3]) {
+    const struct y4m_header *header = &reader->header;
+    const struct y4m_layout *layout = header->layout;
+    int sample = layout->bits > 8 ? 2 : 1, width = header->geometry.width, stride[3], to_stride[3], rows;
+    const unsigned char *from[3];
+    size_t offset = 0;
+
+    for (int i = 0; i < 3; i++) {
+        int columns = i && layout->chroma_x > 0 ? (width + (1 << layout->chroma_x) - 1) >> layout->chroma_x : width;
+
+        stride[i] = columns * sample;
+        from[i] = reader->scratch + offset;
+        offset += y4m_plane_bytes(header, i);
+        video_layout_plane(video_layout_of(header->geometry.format), width, header->geometry.height, i, &to_stride[i],
+                           &rows);
+    }
+    return picture_convert(reader->converter, from, stride, plane, to_stride);
+}
+
+enum y4m_result y4m_open(struct y4m_reader *reader, const char *path, int format) {
     memset(reader, 0, sizeof *reader);
     struct stat status;
     /* Not waiting for a pipe's other end. */
@@ -151,23 +184,24 @@ enum y4m_result y4m_open(struct y4m_reader *reader, const char *path) {
     if (reader->fd < 0)
         return fail(reader, Y4M_BAD, "cannot be opened: %s", strerror(errno));
     reader->waits = !fstat(reader->fd, &status) && !S_ISREG(status.st_mode) && !S_ISDIR(status.st_mode);
-    enum y4m_result result = read_header(reader);
-    if (result != Y4M_OK || y4m_is_plain(reader->header.layout))
+    enum y4m_result result = read_header(reader, format);
+    if (result != Y4M_OK || y4m_is_plain(&reader->header))
         return result;
     size_t bytes = 0;
     for (int i = 0; i < 4; i++)
         bytes += y4m_plane_bytes(&reader->header, i);
-    reader->scratch = malloc(bytes + Y4M_READ_BEYOND);
-    reader->converter = y4m_converter_new(&reader->header);
+    reader->scratch = malloc(bytes + PICTURE_READ_BEYOND);
+    reader->converter = new_converter(&reader->header);
     if (!reader->scratch || !reader->converter)
-        return fail(reader, Y4M_ERROR, "C%s cannot be converted to 4:2:0: out of memory", reader->header.layout->tag);
+        return fail(reader, Y4M_ERROR, "C%s cannot be converted to %s: out of memory", reader->header.layout->tag,
+                    ddxvideo_layout_name(reader->header.geometry.format));
     return Y4M_OK;
 }
 
 void y4m_close(struct y4m_reader *reader) {
     if (reader->fd >= 0)
         close(reader->fd);
-    y4m_converter_free(reader->converter);
+    picture_converter_free(reader->converter);
     free(reader->scratch);
     memset(reader, 0, sizeof *reader);
     reader->fd = -1;
@@ -200,8 +234,9 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
     result = read_parts(reader, parts, count);
     if (result != Y4M_OK)
         return result;
-    if (reader->converter && !y4m_convert(reader->converter, reader->scratch, plane))
-        return fail(reader, Y4M_ERROR, "frame %lld cannot be converted to 4:2:0", (long long)reader->frames);
+    if (reader->converter && !convert(reader, plane))
+        return fail(reader, Y4M_ERROR, "frame %lld cannot be converted to %s", (long long)reader->frames,
+                    ddxvideo_layout_name(reader->header.geometry.format));
     reader->frames++;
     return Y4M_OK;
 }
@@ -213,7 +248,7 @@ enum y4m_result y4m_rewind(struct y4m_reader *reader) {
     reader->ahead_begin = reader->ahead_end = 0;
     reader->frames = 0;
     struct y4m_header before = reader->header;
-    enum y4m_result result = read_header(reader);
+    enum y4m_result result = read_header(reader, before.geometry.format);
     if (result == Y4M_OK &&
         (!ddxvideo_same_layout(&before.geometry, &reader->header.geometry) || before.layout != reader->header.layout))
         return fail(reader, Y4M_BAD, "changed while it was played");

@@ -32,10 +32,14 @@
  *
  * Common rules
  *   errors     0 or -errno, those of ddx.h and: -EINVAL a geometry that cannot be (see ddxvideo_geometry_error),
- *              -EBADMSG an item whose numbers do not fit its memory, -EPROTOTYPE an item that is no video.
+ *              -EBADMSG an item whose numbers do not fit its memory, -EPROTOTYPE an item that is no video, or whose
+ *              pictures have a layout other than 4:2:0 where the caller does not ask for those.
  *   ownership  items are the caller's as in ddx.h; structs are filled by value; plane pointers belong to the store and
  *              are valid while the frame is held or loaned.
  *   blocking   only what ddx.h says of ddx_store_create(); nothing else waits.
+ *   layouts    pictures are 8-bit 4:2:0 unless their writer says otherwise (enum ddx_video_format). Items of other
+ *              layouts have samples of another C type, so that a program that knows 4:2:0 alone cannot open them, or
+ *              its ddxvideo_view() fails: it never takes one layout for another one.
  *   time       ns; `time` is CLOCK_MONOTONIC of the capture, time + wall_offset is CLOCK_REALTIME. (ddx_frame.time is
  *              that of the write.) A value computed from a picture takes the picture's capture time, so that a log
  *              and a recording agree: ddx_store_write(item, &value, &view.stamp.time).
@@ -55,18 +59,18 @@ extern "C" {
 #define DDX_VIDEO_RATE 10000  /* largest frame rate, a second; a larger one is taken for unknown */
 
 /*
- * 4:2:0 planes without padding: y has width * height bytes, u and v a quarter of that. Several synchronised fields (a
- * stereo pair, say) are stacked: `height` counts the rows of all of them, each has height / fields rows.
+ * Planes without padding; in 4:2:0, y has width * height bytes, u and v a quarter of that. Several synchronised fields
+ * (a stereo pair, say) are stacked: `height` counts the rows of all of them, each has height / fields rows.
  */
-#define DDX_VIDEO_STRUCT_(MAX)                                                                    \
+#define DDX_VIDEO_STRUCT_(SAMPLE, MAX, CHROMA)                                                    \
     struct {                                                                                      \
         int frame;  /* number of the frame, from 0, in the source's count */                      \
         int fields; /* stacked in this frame, at least 1 */                                       \
         int width;                                                                                \
         int height;                                                                               \
-        char y[MAX];                                                                              \
-        char u[MAX / 4];                                                                          \
-        char v[MAX / 4];                                                                          \
+        SAMPLE y[MAX];                                                                            \
+        SAMPLE u[CHROMA];                                                                         \
+        SAMPLE v[CHROMA];                                                                         \
         int64_t time;            /* of the capture, ns */                                         \
         int64_t wall_offset;     /* CLOCK_REALTIME - CLOCK_MONOTONIC at the capture, ns */        \
         int64_t source_sequence; /* the source's own number of this frame (a driver's counter) */ \
@@ -87,20 +91,32 @@ extern "C" {
  * with the paper's seven fields as well.
  */
 #ifdef DDXVIDEO_UNDECLARED
-typedef DDX_VIDEO_STRUCT_(DDX_VIDEO_MAX) DDX_VIDEO;
+typedef DDX_VIDEO_STRUCT_(char, DDX_VIDEO_MAX, DDX_VIDEO_MAX / 4) DDX_VIDEO;
 #else
-DDX_STORE_TYPE(DDX_VIDEO, DDX_VIDEO_STRUCT_(DDX_VIDEO_MAX));
+DDX_STORE_TYPE(DDX_VIDEO, DDX_VIDEO_STRUCT_(char, DDX_VIDEO_MAX, DDX_VIDEO_MAX / 4));
 #endif
 
-/* Layout of the planes, and where the chroma samples sit. Numbers from 16 are for layouts other than 8-bit 4:2:0. */
+/*
+ * Layout of the planes, and where the chroma samples sit. Numbers from 16 are for layouts other than 8-bit 4:2:0.
+ * Their samples are `unsigned char` in the item, those of GREY16 `unsigned short`. Grey and RGB pictures are in plane y
+ * alone; nothing of u and v is in use. In 4:2:0 width and height are even, in 4:2:2 the width is; else both are free.
+ */
 enum ddx_video_format {
     DDX_VIDEO_420 = 0,       /* 4:2:0, siting not told */
     DDX_VIDEO_420_JPEG = 1,  /* amid four luma samples */
     DDX_VIDEO_420_MPEG2 = 2, /* on the left luma column */
-    DDX_VIDEO_420_PALDV = 3  /* as DV, u and v on alternate rows */
+    DDX_VIDEO_420_PALDV = 3, /* as DV, u and v on alternate rows */
+    DDX_VIDEO_YUV422P = 16,  /* 4:2:2, chroma on the left luma column */
+    DDX_VIDEO_YUV444P = 17,
+    DDX_VIDEO_GREY8 = 18,
+    DDX_VIDEO_GREY16 = 19, /* 16 bits a pixel, little endian; with a range, its 8-bit numbers times 256 */
+    DDX_VIDEO_RGB24 = 20   /* red, green, blue: 3 bytes a pixel */
 };
 
 enum ddx_video_range { DDX_VIDEO_RANGE_UNKNOWN = 0, DDX_VIDEO_RANGE_LIMITED = 1, DDX_VIDEO_RANGE_FULL = 2 };
+
+/* "YUV420P" (of all four of 4:2:0), "YUV422P", "GREY8" ...; NULL if there is no such format. */
+const char *ddxvideo_layout_name(int format);
 
 /* What stays the same from frame to frame. */
 struct ddxvideo_geometry {
@@ -140,16 +156,17 @@ int ddxvideo_create(DDX_STORE_ID *id, const char *name, const struct ddxvideo_ge
 struct ddxvideo_frame {
     struct ddxvideo_stamp stamp; /* the caller's; all 0 after ddxvideo_loan() */
     struct ddxvideo_geometry geometry;
-    unsigned char *plane[3]; /* y, u, v; their content is undefined at first */
-    int stride[3];           /* bytes from row to row */
+    unsigned char *plane[3]; /* y, u, v; their content is undefined at first; NULL: the layout has no such plane */
+    int stride[3];           /* bytes from row to row; 0 without a plane */
     int rows[3];
     void *data; /* the loaned frame, as of ddx_store_loan() */
 };
 
 /*
  * A free frame to draw in. The geometry may differ from the one the item was created with, as long as its planes
- * are not larger. Ends with ddxvideo_publish() or ddx_store_cancel(). On failure nothing is loaned. Errors:
- * -EINVAL, -EMSGSIZE (larger planes), -EPROTOTYPE, and those of ddx_store_loan().
+ * are not larger and their samples have the same C type. Ends with ddxvideo_publish() or ddx_store_cancel(). On failure
+ * nothing is loaned. Errors: -EINVAL, -EMSGSIZE (larger planes), -EPROTOTYPE (other samples), and those of
+ * ddx_store_loan().
  */
 int ddxvideo_loan(DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry, struct ddxvideo_frame *frame);
 
@@ -160,7 +177,7 @@ int ddxvideo_publish(DDX_STORE_ITEM *item, const struct ddxvideo_frame *frame);
 struct ddxvideo_picture {
     struct ddxvideo_stamp stamp;
     struct ddxvideo_geometry geometry;
-    const unsigned char *plane[3];
+    const unsigned char *plane[3]; /* NULL: the layout has no such plane */
     int stride[3];
     int rows[3];
 };
@@ -170,9 +187,12 @@ struct ddxvideo_picture {
  * arrays, and for items that have the paper's seven fields only (the rest is 0 then). The item is not trusted: each
  * number is read once and checked, and the planes lie within the item's memory. A frame rate above DDX_VIDEO_RATE is
  * 0/0, unknown. On failure *view is undefined.
- * Errors: -EPROTOTYPE, -EBADMSG.
+ * Errors: -EPROTOTYPE (also for pictures that are not 8-bit 4:2:0), -EBADMSG.
  */
 int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view);
+
+/* The same for pictures of every layout: the caller looks at view->geometry.format before it looks at the planes. */
+int ddxvideo_view_any(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view);
 
 /* CLOCK_REALTIME - CLOCK_MONOTONIC now, ns. */
 int64_t ddxvideo_wall_offset(void);

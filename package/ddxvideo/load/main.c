@@ -3,10 +3,11 @@
 #include <string.h>
 
 #include "player.h"
+#include "video_layout.h"
 
 int main(int argc, char **argv) {
     struct player player = {.name = "video"};
-    const char *rate = "1";
+    const char *rate = "1", *layout_name = "YUV420P";
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to write (default: video)", OPTION_NAME, &player.name, 0,
          DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
@@ -15,6 +16,8 @@ int main(int argc, char **argv) {
          OPTION_TEXT, &rate, 0, 0},
         {"readers", "N", "wait for N readers of the item before the first frame", OPTION_NUMBER, &player.readers, 0,
          1000},
+        {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT,
+         &layout_name, 0, 0},
         {"clock", "ITEM", "begin when `ddxlog -replay FILE -clock ITEM` says",
          OPTION_TEXT, &player.clock, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
@@ -27,7 +30,7 @@ int main(int argc, char **argv) {
                    "its settings into `<name>.parameters`.\n"
                    "Each frame is written when it is due: by the times that ddxvideosave recorded, or else by the\n"
                    "frame rate in the file. A late frame is written late, at most two in the time of one; none is\n"
-                   "left out. Colourspaces other than 8-bit 4:2:0 are converted.",
+                   "left out. What the file has in another layout than -layout is converted.",
         .notes = "The time of a frame in the item is when it was due: the time of the first frame plus its recorded\n"
                  "time (divided by X; with -rate 0 as recorded). FILE may be a pipe, and `-` is standard\n"
                  "input: ffmpeg ... | ddxvideoload -. A file that ends within a frame is played up to there; a line\n"
@@ -43,5 +46,11 @@ int main(int argc, char **argv) {
         say("-clock sets the rate and plays once: not with -rate or -loop; see ddxvideoload -help");
         return EXIT_USAGE;
     }
+    const struct video_layout *layout = video_layout_named(layout_name);
+    if (!layout) {
+        say("-layout %s: " VIDEO_LAYOUT_NAMES " is needed; see ddxvideoload -help", layout_name);
+        return EXIT_USAGE;
+    }
+    player.format = layout->format;
     return player.program.check ? EXIT_OK : player_run(&player);
 }

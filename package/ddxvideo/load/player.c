@@ -241,7 +241,7 @@ int player_run(struct player *player) {
     int status;
 
     y4m_stop_when(program_stopping);
-    enum y4m_result result = y4m_open(&player->file, player->program.argument);
+    enum y4m_result result = y4m_open(&player->file, player->program.argument, player->format);
     if (result != Y4M_OK) {
         status = program_stopping() ? EXIT_OK : exit_status(result);
         if (status)

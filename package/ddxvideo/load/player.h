@@ -12,6 +12,7 @@ struct player {
     const char *name;
     bool loop;
     long readers;
+    int format;        /* enum ddx_video_format of the pictures in the item */
     const char *clock; /* begins when this DDX_REPLAY_CLOCK says; NULL: at once */
     struct schedule_speed speed;
     /* how it stands */

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "crc32c.h"
+#include "video_layout.h"
 
 static void judge(struct check *check, bool good) {
     if (!good && !check->bad++)
@@ -60,9 +61,10 @@ static bool fits(const struct check *check) {
         return false;
     memcpy(line, check->line, length);
     line[length - 1] = 0;
-    if (strlen(line) != length - 1 || !y4m_parse_header(line, &header, error) || !y4m_is_plain(header.layout))
+    if (strlen(line) != length - 1 || !y4m_parse_header(line, Y4M_SAME, &header, error) ||
+        !y4m_is_plain(&header))
         return false;
-    uint64_t picture = (uint64_t)header.geometry.width * (uint64_t)header.geometry.height / 2 * 3;
+    uint64_t picture = video_layout_bytes(&header.geometry);
     return first->bytes > picture && first->bytes - picture < Y4M_FRAME_LINE_WRITTEN;
 }
 

@@ -163,7 +163,7 @@ bool find_plain(int folder, struct found *found) {
         return false;
     }
     size_t length = read_line(fd, 0, line);
-    bool good = length && y4m_parse_header(line, &header, error);
+    bool good = length && y4m_parse_header(line, Y4M_SAME, &header, error);
     read_name(found);
     found->bytes = (uint64_t)status.st_size;
     posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* not all that lies between the lines */

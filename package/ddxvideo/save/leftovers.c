@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "program.h"
+#include "video_layout.h"
 #include "y4m.h"
 
 /* Its whole frames, and the bytes up to the end of the last of them. -1: it is no file of ours. */
@@ -23,9 +24,9 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     if (!fgets(line, sizeof line, file) || !strchr(line, '\n'))
         return 0;
     *strchr(line, '\n') = 0;
-    if (!y4m_parse_header(line, &header, error) || !y4m_is_plain(header.layout))
+    if (!y4m_parse_header(line, Y4M_SAME, &header, error) || !y4m_is_plain(&header))
         return -1;
-    const int64_t bytes = (int64_t)header.geometry.width * header.geometry.height / 2 * 3;
+    const int64_t bytes = (int64_t)video_layout_bytes(&header.geometry);
     while (fgets(line, sizeof line, file) && strchr(line, '\n')) {
         if (strncmp(line, "FRAME", 5))
             return -1;

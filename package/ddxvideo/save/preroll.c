@@ -85,7 +85,7 @@ static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_pic
     unsigned char *to = preroll->memory + at * preroll->bytes;
 
     preroll->picture[at] = *view;
-    for (int plane = 0; plane < 3; plane++) {
+    for (int plane = 0; plane < 3 && view->rows[plane]; plane++) {
         memcpy(to, view->plane[plane], plane_bytes(view, plane));
         preroll->picture[at].plane[plane] = to;
         to += plane_bytes(view, plane);

@@ -8,6 +8,7 @@
 
 #include "leftovers.h"
 #include "orders.h"
+#include "y4m.h"
 
 static const char *const reasons[] = {"store", "ring", "write", NULL};
 
@@ -179,7 +180,7 @@ static uint64_t wanted_up_to(const void *choice, uint64_t sequence) {
 static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
 
-    if (frame && !ddxvideo_view(recorder->video, frame->data, &view))
+    if (frame && !ddxvideo_view_any(recorder->video, frame->data, &view))
         look(recorder, &view);
     uint64_t seen = ddx_store_seen(recorder->video);
     uint64_t from = frame ? seen - frame->missed - 1 : seen;
@@ -294,13 +295,23 @@ static void give_up(struct recorder *recorder, const struct recording_frame *fra
     ddx_stats_lost(recorder->book, LOST_WRITE, 1);
 }
 
+/* Started again, it would fail again: the exit status is that of bad input. */
+static void refuse_layout(struct recorder *recorder, int format) {
+    say("%s: its pictures are %s, which no Y4M file can hold; ddxlog records it, with the line: item %s",
+        recorder->name, ddxvideo_layout_name(format), recorder->name);
+    recorder->status = EXIT_USAGE;
+    recorder->done = true;
+}
+
 static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
 
     recorder->seen = true;
-    int error = recorder->done ? 0 : ddxvideo_view(recorder->video, frame->data, &view);
+    int error = recorder->done ? 0 : ddxvideo_view_any(recorder->video, frame->data, &view);
     if (error == -EPROTOTYPE)
         fail(recorder, recorder->name, error);
+    if (!error && !recorder->done && !y4m_has(view.geometry.format))
+        refuse_layout(recorder, view.geometry.format);
     if (!error && !recorder->done)
         look(recorder, &view);
     bool wanted = choice_wants(&recorder->choice, frame->sequence, 1);

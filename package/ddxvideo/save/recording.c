@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "recording_thread.h"
+#include "video_layout.h"
 #include "y4m.h"
 
 #define NS INT64_C(1000000000)
@@ -15,7 +16,7 @@
 #define QUEUE_FRAMES_MIN 8
 
 static size_t picture_bytes(const struct ddxvideo_geometry *geometry) {
-    return (size_t)geometry->width * (size_t)geometry->height / 2 * 3;
+    return video_layout_bytes(geometry);
 }
 
 static uint64_t memory_share(void) {
@@ -175,12 +176,13 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
                                     first ? facts.wall : 0);
     struct iovec pieces[5] = {{header, facts.header}, {line, length}};
     size_t total = facts.header + length;
-    for (int i = 0; i < 3; i++) {
-        pieces[i + 2] =
+    int count = 2;
+    for (int i = 0; i < 3 && view->rows[i]; i++) {
+        pieces[count] =
             (struct iovec){(void *)(uintptr_t)view->plane[i], (size_t)view->stride[i] * (size_t)view->rows[i]};
-        total += pieces[i + 2].iov_len;
+        total += pieces[count++].iov_len;
     }
-    if (!byte_queue_put(&recording->queue, pieces, 5, &facts))
+    if (!byte_queue_put(&recording->queue, pieces, count, &facts))
         return refuse(recording);
     recording->file_bytes += total;
     recording->file_frames++;

@@ -180,6 +180,13 @@ static void tell_waiting(struct sender *sender) {
     program_say_awaited(sender->video, sender->name);
 }
 
+/* Started again, it would fail again: the exit status is that of bad input. */
+static void refuse_size(struct sender *sender, const struct ddxvideo_geometry *geometry) {
+    say("%s: pictures of %dx%d cannot be sent; 2x2 is the least", sender->name, geometry->width, geometry->height);
+    sender->status = EXIT_USAGE;
+    sender->done = true;
+}
+
 static void handle(struct sender *sender, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
     struct encoded encoded;
@@ -187,14 +194,17 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
 
     ddx_stats_in(sender->book, missed + 1, frame->sequence);
     ddx_stats_lost(sender->book, LOST_STORE, missed);
-    int error = ddxvideo_view(sender->video, frame->data, &view);
+    int error = ddxvideo_view_any(sender->video, frame->data, &view);
     if (error) {
         ddx_stats_lost(sender->book, LOST_STORE, 1);
         if (error == -EPROTOTYPE)
             fail(sender, sender->name, ddx_error_text(error));
         return;
     }
-    if (!choose_encoder(sender, &view.geometry)) {
+    const struct ddxvideo_geometry geometry = as_420_geometry(&view.geometry);
+    if (!geometry.width || !geometry.height)
+        refuse_size(sender, &view.geometry);
+    if (sender->done || !choose_encoder(sender, &geometry)) {
         ddx_stats_lost(sender->book, LOST_ENCODE, 1);
         return;
     }
@@ -205,7 +215,10 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
     }
     if (post_wants_refresh(&sender->post))
         encoder_refresh(&sender->encoder);
-    error = encoder_encode(&sender->encoder, &view, sender->wanted, &encoded);
+    const struct ddxvideo_picture *picture;
+    error = as_420(&sender->as_420, &view, &picture);
+    if (!error)
+        error = encoder_encode(&sender->encoder, picture, sender->wanted, &encoded);
     if (error) {
         say("frame %d is lost in the encoder: %s", view.stamp.frame, av_err2str(error));
         ddx_stats_lost(sender->book, LOST_ENCODE, 1);
@@ -312,6 +325,7 @@ int sender_run(struct sender *sender) {
         }
     }
     encoder_close(&sender->encoder);
+    as_420_close(&sender->as_420);
     ts_close(&sender->ts);
     counters_print(&sender->counters, stdout);
     program_report(sender->book);

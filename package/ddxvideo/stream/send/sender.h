@@ -3,6 +3,7 @@
 #define DDXVIDEO_SENDER_H
 
 #include "announce.h"
+#include "as_420.h"
 #include "counters.h"
 #include "encoder.h"
 #include "packets.h"
@@ -42,6 +43,7 @@ struct sender {
     struct counters counters;
     uint64_t counts[SENDER_COUNTS];
     struct sender_rate rate;
+    struct as_420 as_420;
     struct encoder encoder;
     bool described; /* the description is of this encoder's stream */
     size_t wanted;  /* bytes that the last frame was to have */

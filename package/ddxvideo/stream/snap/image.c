@@ -8,9 +8,13 @@
 #include <limits.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <unistd.h>
+
+#include "picture_convert.h"
+#include "video_layout.h"
 
 #define QUALITY 3 /* of JPEG: 1 is the best, 31 the smallest */
 #define BLACK_LEVEL 0
@@ -46,12 +50,21 @@ AVFrame *image_new(int width, int height) {
     return image;
 }
 
-int image_draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height) {
+static enum AVPixelFormat pixel_format(const struct video_layout *layout) {
+    if (layout->samples == 3)
+        return AV_PIX_FMT_RGB24;
+    if (layout->chroma_x == 0)
+        return AV_PIX_FMT_YUV444P;
+    return layout->chroma_y == 0 ? AV_PIX_FMT_YUV422P : AV_PIX_FMT_YUV420P;
+}
+
+static int draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height) {
     const struct ddxvideo_geometry *from = &picture->geometry;
     const bool full = from->range == DDX_VIDEO_RANGE_FULL;
     const int *matrix = sws_getCoefficients(SWS_CS_ITU601);
-    struct SwsContext *context = sws_getContext(from->width, from->height, AV_PIX_FMT_YUV420P, width, height,
-                                                AV_PIX_FMT_RGB24, SCALE_FLAGS, NULL, NULL, NULL);
+    struct SwsContext *context =
+        sws_getContext(from->width, from->height, pixel_format(video_layout_of(from->format)), width, height,
+                       AV_PIX_FMT_RGB24, SCALE_FLAGS, NULL, NULL, NULL);
 
     if (!context)
         return -ENOMEM;
@@ -61,6 +74,33 @@ int image_draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, in
     int rows = sws_scale(context, picture->plane, picture->stride, 0, from->height, target, target_stride);
     sws_freeContext(context);
     return rows == height ? 0 : -EIO;
+}
+
+/* Grey as RGB: libswscale has no grey that is not of the full range. */
+static int draw_grey(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height) {
+    const struct picture_kind kind = picture_kind_of(&picture->geometry);
+    struct ddxvideo_picture rgb = {.geometry = picture->geometry};
+    int error = -ENOMEM;
+
+    rgb.geometry.format = DDX_VIDEO_RGB24;
+    video_layout_plane(video_layout_of(DDX_VIDEO_RGB24), rgb.geometry.width, rgb.geometry.height, 0, &rgb.stride[0],
+                       &rgb.rows[0]);
+    unsigned char *plane[3] = {malloc(video_layout_bytes(&rgb.geometry) + PICTURE_READ_BEYOND)};
+    struct picture_converter *converter = picture_converter_new(&kind, &rgb.geometry);
+    if (converter && plane[0] && picture_convert(converter, picture->plane, picture->stride, plane, rgb.stride)) {
+        rgb.plane[0] = plane[0];
+        error = draw(image, &rgb, x, y, width, height);
+    }
+    picture_converter_free(converter);
+    free(plane[0]);
+    return error;
+}
+
+int image_draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height) {
+    const struct video_layout *layout = video_layout_of(picture->geometry.format);
+    bool grey = layout->chroma_x < 0 && layout->samples == 1;
+
+    return grey ? draw_grey(image, picture, x, y, width, height) : draw(image, picture, x, y, width, height);
 }
 
 /* ---- Files ---- */

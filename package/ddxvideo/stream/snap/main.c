@@ -33,7 +33,7 @@ static int take(struct snap *snap, DDX_STORE_ID *id, const char *name, double ti
         return -errno;
     int error = ddx_store_acquire(item, &frame, timeout, DDX_CURRENT);
     if (!error)
-        error = ddxvideo_view(item, frame.data, &snap->picture[snap->count]);
+        error = ddxvideo_view_any(item, frame.data, &snap->picture[snap->count]);
     if (error) {
         ddx_store_done_item(item);
         return error;

@@ -1,0 +1,38 @@
+/* SPDX-License-Identifier: LGPL-2.1-or-later */
+/* The layouts that pictures have in the store: one table for all programs. */
+#ifndef DDXVIDEO_VIDEO_LAYOUT_H
+#define DDXVIDEO_VIDEO_LAYOUT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "ddxvideo.h"
+
+struct video_layout {
+    const char *name;       /* in options and messages */
+    int format;             /* enum ddx_video_format; of the four of 4:2:0 the first one */
+    const char *sample;     /* C type of a sample in the item */
+    int bytes;              /* of a sample */
+    int samples;            /* of a pixel, in plane y */
+    int chroma_x, chroma_y; /* log2 of the subsampling of u and v; -1: the layout has no such planes */
+};
+
+#define VIDEO_LAYOUT_NAMES "YUV420P, YUV422P, YUV444P, GREY8, GREY16 or RGB24" /* as options take them */
+
+/* Of an enum ddx_video_format; NULL: there is no such format. */
+const struct video_layout *video_layout_of(int format);
+
+/* By its name in capitals or small letters; NULL: there is no such layout. */
+const struct video_layout *video_layout_named(const char *name);
+
+static inline bool video_layout_is_420(int format) {
+    return format >= DDX_VIDEO_420 && format <= DDX_VIDEO_420_PALDV;
+}
+
+/* Bytes of a row, and rows, of plane 0 to 2 of a picture; both 0 for a plane that the layout does not have. */
+void video_layout_plane(const struct video_layout *layout, int width, int height, int plane, int *stride, int *rows);
+
+/* Bytes of all planes of a picture of this (checked) geometry. */
+size_t video_layout_bytes(const struct ddxvideo_geometry *geometry);
+
+#endif
