@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from .log_rules import begin, only
 from .programs import TOP, Compiler, Desk, lost, pictures, start_recorder, stop, wait_until
+from .rtp_source import H264, Source, encode
 from .stream import Stream, finish
 
 Image = NDArray[numpy.uint8]
@@ -151,6 +152,18 @@ def test_too_small_to_be_sent(stream: Stream) -> None:
     load(stream.desk, stream.folder / "dot.y4m", "GREY8", "-readers", 1)
     assert send.wait(60) == 2
     assert [line for line in stream.desk.errors(send).splitlines() if "1x1 cannot be sent" in line]
+
+
+@pytest.mark.parametrize("pixels", ["yuv422p", "yuv444p", "yuvj444p"])
+def test_decode_converts(stream: Stream, pixels: str) -> None:
+    """A stream of another program, in the layout of that."""
+    decode, source = stream.decode("-group", "none"), Source(stream.network, H264)
+    frames = encode(H264, 3, "64x48", pixels)
+    source.send(frames)
+    wait_until(lambda: stream.desk.out("decode") == len(frames))
+    assert stream.desk.run("ddxvideosnap", "-name", "seen", "seen.ppm").returncode == 0
+    assert ppm(stream.folder / "seen.ppm").std() > 30
+    finish(decode)
 
 
 def test_logged_and_replayed(desk: Desk) -> None:

@@ -12,7 +12,7 @@ from .stream import Stream, finish
 
 MOST = 150  # MiB; one picture of 16000x16000 has 366
 SIZE = "a stream of 16000x16000 that cannot be shown: more than 11184810 pixels, what the store can hold"
-FORMAT = "a stream that cannot be shown: it is not 8-bit 4:2:0"
+FORMAT = "a stream that cannot be shown: its samples have more than 8 bits, or it is RGB"
 
 
 def streams(codec: int) -> tuple[Frames, list[tuple[Frames, str]]]:
@@ -21,7 +21,7 @@ def streams(codec: int) -> tuple[Frames, list[tuple[Frames, str]]]:
         many = [large_h264(3200, 3200, 16)]
         return encode(H264, 3, "64x48"), [([large_h264(16000, 16000)] * 2, SIZE),
                                           (many, "a stream of 3200x3200 that cannot be shown: it wants too many"),
-                                          (encode(H264, 3, "64x48", "yuv422p"), FORMAT),
+                                          (encode(H264, 3, "64x48", "yuv422p10le"), FORMAT),
                                           (encode(H264, 3, "64x48", "yuv420p10le"), "")]
     size = "a stream of 8000x8000 that cannot be shown: more than 11184810 pixels"
     studio = [b"\0\0\1\xb0\xe1" + frame for frame in encode(MPEG4, 2, "64x48")]

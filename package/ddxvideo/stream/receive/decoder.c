@@ -20,18 +20,14 @@ _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads 
 #define RECOVERY_POINT 6 /* first byte of such a NAL unit: the type of the message in it */
 #define IDR 5            /* NAL unit type */
 
-static bool is_shown(enum AVPixelFormat format) {
-    return format == AV_PIX_FMT_YUV420P || format == AV_PIX_FMT_YUVJ420P;
-}
-
-/* False: pictures of this size are refused. */
-static bool take_size(struct decoder *decoder, int width, int height, int references) {
+/* False: pictures of this size are refused. `weight`: see frame_420_weight(). */
+static bool take_size(struct decoder *decoder, int width, int height, int references, int weight) {
     const struct decoder_limits *limits = &decoder->limits;
     int64_t pixels = (int64_t)width * height, all = limits->pixels * PICTURES;
 
     if (pixels > limits->pixels)
         decoder->refusal = DECODER_SIZE;
-    else if (pixels * (references + PICTURES_BESIDE) > (all > PICTURES_LEAST ? all : PICTURES_LEAST))
+    else if (pixels * weight * (references + PICTURES_BESIDE) > (all > PICTURES_LEAST ? all : PICTURES_LEAST))
         decoder->refusal = DECODER_FRAMES;
     else if (limits->even && (width % 2 || height % 2))
         decoder->refusal = DECODER_ODD;
@@ -51,13 +47,14 @@ static bool refuse_format(struct decoder *decoder) {
 static enum AVPixelFormat choose_format(AVCodecContext *context, const enum AVPixelFormat *formats) {
     struct decoder *decoder = context->opaque;
 
-    if (context->width > 0 && !take_size(decoder, context->width, context->height, context->refs))
+    while (*formats != AV_PIX_FMT_NONE && !frame_420_is_possible(*formats))
+        formats++;
+    int weight = *formats == AV_PIX_FMT_NONE ? 1 : frame_420_weight(*formats);
+    if (context->width > 0 && !take_size(decoder, context->width, context->height, context->refs, weight))
         return AV_PIX_FMT_NONE;
-    for (; *formats != AV_PIX_FMT_NONE; formats++)
-        if (is_shown(*formats))
-            return *formats;
-    refuse_format(decoder);
-    return AV_PIX_FMT_NONE;
+    if (*formats == AV_PIX_FMT_NONE)
+        refuse_format(decoder);
+    return *formats;
 }
 
 /* With MPEG-4 it takes memory first. */
@@ -67,7 +64,7 @@ static bool take_mpeg4(struct decoder *decoder, const uint8_t *data, size_t size
     if (mpeg4_is_studio(data, size))
         return refuse_format(decoder);
     for (const uint8_t *at = data; mpeg4_next_vol(&at, data + size, &vol);)
-        if (!take_size(decoder, (int)vol.width, (int)vol.height, 1))
+        if (!take_size(decoder, (int)vol.width, (int)vol.height, 1, 1))
             return false;
     return true;
 }
@@ -100,6 +97,7 @@ void decoder_close(struct decoder *decoder) {
     av_frame_free(&decoder->picture);
     av_frame_free(&decoder->next);
     av_packet_free(&decoder->packet);
+    frame_420_close(&decoder->converted);
     *decoder = (struct decoder){0};
 }
 
@@ -172,7 +170,11 @@ static bool is_whole(const struct decoder *decoder, const AVFrame *picture) {
 
 /* Whether what libavcodec made of the frame can be shown; it is asked again, since others may have told otherwise. */
 static bool take_picture(struct decoder *decoder, const AVFrame *picture) {
-    return is_shown(picture->format) ? take_size(decoder, picture->width, picture->height, 1) : refuse_format(decoder);
+    enum AVPixelFormat format = picture->format;
+
+    return frame_420_is_possible(format)
+               ? take_size(decoder, picture->width, picture->height, 1, frame_420_weight(format))
+               : refuse_format(decoder);
 }
 
 const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged) {
@@ -195,6 +197,9 @@ const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size
         decoder->refusal = decoder->refusal ? decoder->refusal : before;
         return NULL;
     }
+    picture = frame_420(&decoder->converted, picture);
+    if (!picture)
+        return NULL;
     decoder->recovering = false;
     *damaged = picture->decode_error_flags || picture->flags & AV_FRAME_FLAG_CORRUPT;
     return picture;

@@ -6,6 +6,7 @@
 #include <libavcodec/avcodec.h>
 #include <stdbool.h>
 
+#include "frame_420.h"
 #include "rtp.h"
 
 /* Larger pictures, and those of other formats, are not even begun: memory is not taken because the network says so. */
@@ -20,13 +21,14 @@ enum decoder_refusal {
     DECODER_SIZE,   /* more pixels than the limit */
     DECODER_FRAMES, /* so many reference frames, and so large, that they would take several times the limit */
     DECODER_ODD,    /* a width or height that is not even */
-    DECODER_FORMAT, /* not 8-bit 4:2:0 */
+    DECODER_FORMAT, /* not 8 bits a sample, or RGB */
 };
 
 struct decoder {
     AVCodecContext *context; /* NULL: none yet */
     AVFrame *picture, *next;
     AVPacket *packet;
+    struct frame_420 converted;
     enum rtp_type type;
     bool joined;     /* it has begun at a place where one can begin */
     bool recovering; /* no whole picture since decoder_open() or decoder_lose() */
@@ -42,9 +44,10 @@ int decoder_open(struct decoder *decoder, enum rtp_type type, const struct decod
 void decoder_close(struct decoder *decoder);
 
 /*
- * The picture of a frame, until the next call; NULL if it gives none. CHUNK_PADDING readable bytes are behind the data.
- * A picture with missing parts is patched up from the ones before; *damaged says so. A stream that cannot be shown
- * gives no picture, and decoder->refusal says why, until it, or another one from the same source, can be shown.
+ * The picture of a frame in 8-bit 4:2:0, until the next call; NULL if it gives none. CHUNK_PADDING readable bytes are
+ * behind the data. A picture with missing parts is patched up from the ones before; *damaged says so. A stream that
+ * cannot be shown gives no picture, and decoder->refusal says why, until it, or another one from the same source, can
+ * be shown.
  */
 const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged);
 

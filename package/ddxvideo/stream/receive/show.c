@@ -41,7 +41,7 @@ void show_refusal(struct viewer *viewer) {
     const char *why = decoder->refusal == DECODER_SIZE     ? limit
                       : decoder->refusal == DECODER_FRAMES ? "it wants too many reference frames of this size"
                       : decoder->refusal == DECODER_ODD    ? "the store needs an even width and height"
-                                                           : "it is not 8-bit 4:2:0";
+                                                           : "its samples have more than 8 bits, or it is RGB";
     if (decoder->refusal == DECODER_FORMAT)
         say("a stream that cannot be shown: %s; its frames count as lost.decode", why);
     else
