@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from parts import trees
 from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
-from parts.image import srtp
+from parts.image import dc1394, srtp
 
 PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
 LIBRARIES = srtp.LIBRARIES
@@ -45,7 +45,8 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
         _drop_foreign(OUTPUT / name)
         if "ddxvideo" in wanted:
-            _add_srtp(root)
+            _add("libsrtp2", srtp.srtp(), root)
+            _add("libdc1394", dc1394.dc1394(), root)
         for package in wanted:
             sources = tree / "package" / package if tree else folders[package]
             _build(OUTPUT / name / package, root, sources, options)
@@ -65,10 +66,9 @@ def _drop_foreign(out: pathlib.Path) -> None:
         record.write_text(json.dumps(now))
 
 
-def _add_srtp(root: pathlib.Path) -> None:
+def _add(name: str, made: pathlib.Path, root: pathlib.Path) -> None:
     """What ddxvideo is built with; it finds it in the install tree, as it does with ddx."""
-    made = srtp.srtp()
-    step(f"{root.parent.name}: libsrtp2", root / ".libsrtp2", made.name,
+    step(f"{root.parent.name}: {name}", root / f".{name}", made.name,
          lambda: shutil.copytree(made, root, dirs_exist_ok=True))
 
 
