@@ -104,6 +104,7 @@ int controls_check(const struct controls *controls, const DDX_REQUEST *request, 
     return 0;
 }
 
+/* The newest last: they are set again in this order, and a value may switch off what was automatic before. */
 static void remember(struct controls *controls, uint32_t id, int value) {
     unsigned i = 0;
 
@@ -111,10 +112,11 @@ static void remember(struct controls *controls, uint32_t id, int value) {
         i++;
     if (i == DDX_VIDEO_PARAMETERS_MAX)
         return;
-    controls->asked[i].id = id;
-    controls->asked[i].value = value;
-    if (i == controls->asked_count)
-        controls->asked_count++;
+    if (i < controls->asked_count)
+        memmove(&controls->asked[i], &controls->asked[i + 1],
+                (--controls->asked_count - i) * sizeof controls->asked[0]);
+    controls->asked[controls->asked_count].id = id;
+    controls->asked[controls->asked_count++].value = value;
 }
 
 /* Back to what they were, the last one first. */
