@@ -66,8 +66,8 @@ static bool ask_ffmpeg(const char *format, const void *data, size_t size, int wi
     FILE *file = fopen(name, "wb");
     CHECK(file && fwrite(data, 1, size, file) == size && !fclose(file));
     snprintf(command, sizeof(command),
-             "ffmpeg -v error -nostdin -f rawvideo -pix_fmt %s -s %dx%d -i %s -vf scale=%d:%d:flags=bilinear "
-             "-pix_fmt %s -f rawvideo - 2>&1",
+             "ffmpeg -v error -nostdin -filter_threads 1 -f rawvideo -pix_fmt %s -s %dx%d -i %s "
+             "-vf scale=%d:%d:flags=bilinear -pix_fmt %s -f rawvideo - 2>&1",
              format, width, height, name, to_width, to_height, to);
     FILE *pipe = popen(command, "r");
     size_t got = pipe ? fread(out, 1, out_size, pipe) : 0;
@@ -184,6 +184,14 @@ int main(void) {
                    {PIXELS_YUYV, "yuyv422"},
                    {PIXELS_UYVY, "uyvy422"},
                    {PIXELS_GREY, "gray"}};
+    static const struct {
+        enum pixels_coding coding;
+        const char *name;
+    } progressive[] = {{PIXELS_RGB24, "rgb24"},
+                       {PIXELS_RGGB, "bayer_rggb8"},
+                       {PIXELS_GBRG, "bayer_gbrg8"},
+                       {PIXELS_GRBG, "bayer_grbg8"},
+                       {PIXELS_BGGR, "bayer_bggr8"}};
     bool asked = true;
     scratch_make();
     test_by_hand();
@@ -194,6 +202,10 @@ int main(void) {
                 test_fields(formats[i].coding, (enum pixels_order)order, stack);
         asked &= test_against_ffmpeg(formats[i].coding, formats[i].name, 128, 96);
         asked &= test_against_ffmpeg(formats[i].coding, formats[i].name, 88, 72);
+    }
+    for (size_t i = 0; i < sizeof(progressive) / sizeof(*progressive); i++) {
+        asked &= test_against_ffmpeg(progressive[i].coding, progressive[i].name, 128, 96);
+        asked &= test_against_ffmpeg(progressive[i].coding, progressive[i].name, 88, 72);
     }
     if (!asked)
         SKIP("no ffmpeg here to compare with");

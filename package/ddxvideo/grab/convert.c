@@ -4,7 +4,10 @@
 #include <errno.h>
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
+#include <stdlib.h>
 #include <string.h>
+
+#include "unpack.h"
 
 #define GREY 128 /* chroma of no colour */
 
@@ -40,6 +43,8 @@ int converter_open(struct converter *converter, const struct pixels *from, int w
             return -EINVAL;
         converter->parts = 1;
     }
+    if (converter->format->unpack && !(converter->rearranged = malloc(unpack_size(from))))
+        return -ENOMEM;
     if (!converter->format->compressed)
         return prepare(converter, converter->format->libav);
     converter->jpeg = jpeg_open();
@@ -49,6 +54,7 @@ int converter_open(struct converter *converter, const struct pixels *from, int w
 void converter_close(struct converter *converter) {
     jpeg_close(converter->jpeg);
     sws_freeContext(converter->sws);
+    free(converter->rearranged);
     memset(converter, 0, sizeof *converter);
 }
 
@@ -79,8 +85,8 @@ static void convert_part(struct converter *converter, const struct planes *from,
 }
 
 /* The planes of what the camera gave: format and rows of chroma for each, where they lie. */
-static int unpack(struct converter *converter, const void *data, size_t used, struct planes *planes,
-                  enum AVPixelFormat *format, int *chroma_rows) {
+static int find_planes(struct converter *converter, const void *data, size_t used, struct planes *planes,
+                       enum AVPixelFormat *format, int *chroma_rows) {
     const struct pixels *pixels = &converter->from;
     const AVFrame *frame;
     size_t offset[3];
@@ -90,6 +96,10 @@ static int unpack(struct converter *converter, const void *data, size_t used, st
         *chroma_rows = pixels->height / converter->format->chroma_row_step;
         if (used < pixels_planes(pixels, offset, planes->stride))
             return -EBADMSG;
+        if (converter->rearranged) {
+            unpack_run(pixels, data, converter->rearranged, planes->data, planes->stride);
+            return 0;
+        }
         for (int i = 0; i < converter->format->planes; i++)
             planes->data[i] = (unsigned char *)(uintptr_t)data + offset[i];
         return 0;
@@ -113,7 +123,7 @@ int converter_run(struct converter *converter, const void *data, size_t used, un
     struct planes to = {{plane[0], plane[1], plane[2], NULL}, {stride[0], stride[1], stride[2], 0}};
     enum AVPixelFormat format;
     int chroma;
-    int error = unpack(converter, data, used, &from, &format, &chroma);
+    int error = find_planes(converter, data, used, &from, &format, &chroma);
 
     if (error)
         return error;

@@ -18,6 +18,7 @@ struct converter {
     unsigned parts;         /* 2: field by field, so that fields never mix */
     struct SwsContext *sws; /* of one part; NULL where rows are copied */
     struct jpeg *jpeg;      /* for compressed pictures */
+    unsigned char *rearranged; /* by unpack_run(), where that is needed */
 };
 
 /*

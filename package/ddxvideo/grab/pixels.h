@@ -17,7 +17,24 @@ enum pixels_coding {
     PIXELS_MJPEG,
     PIXELS_JPEG,
     PIXELS_GREY,
+    /* of IIDC cameras: */
+    PIXELS_GREY16, /* samples of 16 bits: the upper byte first, `depth` bits in use */
+    PIXELS_YUV411, /* U Y Y V Y Y */
+    PIXELS_YUV444, /* U Y V */
+    PIXELS_RGB24,
+    PIXELS_RGB48, /* samples as of GREY16 */
+    PIXELS_RGGB,  /* raw sensor: its first two rows begin with R G and G B */
+    PIXELS_GBRG,
+    PIXELS_GRBG,
+    PIXELS_BGGR,
+    PIXELS_RGGB16, /* the same, samples as of GREY16 */
+    PIXELS_GBRG16,
+    PIXELS_GRBG16,
+    PIXELS_BGGR16,
 };
+
+/* What has to be done before libswscale can read it. */
+enum pixels_unpack { UNPACK_NOTHING, UNPACK_16, UNPACK_411, UNPACK_444 };
 
 /* How two fields lie in a buffer. */
 enum pixels_order {
@@ -33,17 +50,19 @@ struct pixels {
     int width, height;
     int stride; /* of the first plane, bytes from row to row; 0 where it has no meaning (MJPEG) */
     enum pixels_order order;
+    int depth; /* of samples of 16 bits: how many are in use, 8 to 16 */
 };
 
 struct pixels_format {
     enum pixels_coding coding;
     const char *name; /* as -format takes it */
-    enum AVPixelFormat libav;
+    enum AVPixelFormat libav; /* after `unpack` */
     bool compressed;
     uint8_t planes;
     uint8_t row_bytes;       /* of the first plane, per pixel */
     uint8_t other_divisor;   /* the other planes' stride is the first one's divided by this */
     uint8_t chroma_row_step; /* rows of luma for each row of the other planes */
+    enum pixels_unpack unpack;
 };
 
 const struct pixels_format *pixels_find(enum pixels_coding coding); /* or NULL */
