@@ -147,6 +147,15 @@ def test_the_desks_programs_encrypt_with_libsrtps_own_cryptography() -> None:
     assert [word for word in libraries if word.startswith("-l")] == ["-lsrtp2"]
 
 
+def test_the_desks_programs_have_the_patched_libdc1394() -> None:
+    """Inside themselves; another one of this machine would be without the patch."""
+    root = native.build()
+    assert "/grab/iidc/bus.c" in (OUTPUT / "desk/ddxvideo/compile_commands.json").read_text()
+    assert "dc1394" not in run(["ldd", root / "usr/bin/ddxvideo1394"], env=native.environment(root))
+    symbols = run(["nm", root / native.LIBRARIES / "libdc1394.a"])
+    assert "U libusb_cancel_transfer" in symbols and "raw1394" not in symbols
+
+
 def test_two_builds_that_differ_say_where(tmp_path: pathlib.Path) -> None:
     for name, text in [("first", "one"), ("second", "two")]:
         (tmp_path / name / "usr/bin").mkdir(parents=True)

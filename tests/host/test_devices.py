@@ -17,7 +17,7 @@ from .appliance import Appliance
 # Name in /dev, number, and what it has to become.
 DEVICES = [
     ("video0", "81:0", "ddxgrab video 660"), ("media0", "249:0", "ddxgrab video 660"),
-    ("fw0", "248:0", "ddxgrab video 660"), ("bus/usb/001/002", "189:1", "ddxgrab video 660"),
+    ("fw0", "248:0", "ddx1394 video 660"), ("bus/usb/001/002", "189:1", "ddx1394 video 660"),
     ("dri/card0", "226:0", "root video 660"), ("dri/renderD128", "226:128", "root video 660"),
     ("ttyS0", "4:64", "root dialout 660"), ("ttyUSB12", "188:12", "root dialout 660"),
     ("ttyACM0", "166:0", "root dialout 660"), ("watchdog0", "247:0", "ddxhealth ddx 660"),

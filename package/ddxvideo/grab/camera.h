@@ -34,6 +34,7 @@ struct camera {
     struct pixels pixels;
     struct ddxvideo_geometry geometry; /* of the camera's pictures, not of the result */
     int64_t period;                    /* between two frames, ns; 0: unknown. The grabber measures it then. */
+    bool triggered;                    /* from outside: when no frames come, nothing is wrong */
 };
 
 /* What has happened to a camera beside its frames. */

@@ -227,7 +227,7 @@ static void stream(struct grabber *grabber) {
     /* When it took longer than that, it was not the camera that stood still. */
     int64_t looked = ddx_time_now() - begin;
     grabber->silent += looked < 2 * POLL_MS * MS ? looked : 2 * POLL_MS * MS;
-    if (grabber->silent > patience)
+    if (grabber->silent > patience && !camera->triggered)
         let_go(grabber, "gives no frames, waiting for them");
 }
 

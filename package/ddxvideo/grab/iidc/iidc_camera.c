@@ -1,0 +1,206 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "iidc_camera.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "counter.h"
+#include "iidc_controls.h"
+#include "library_log.h"
+
+#define SECOND INT64_C(1000000000)
+#define AGAIN_NS (3 * SECOND)       /* before a camera is asked again while the buses are as they were */
+#define BUFFER_MEMORY (6 << 20)     /* of 16 MiB that the kernel has for all USB devices together */
+#define FEW_BUFFERS 3
+
+static struct iidc_camera *iidc_of(struct camera *camera) {
+    return (struct iidc_camera *)camera;
+}
+
+static void iidc_close(struct camera *camera) {
+    struct iidc_camera *iidc = iidc_of(camera);
+
+    if (iidc->capturing) {
+        dc1394_video_set_transmission(iidc->device, DC1394_OFF);
+        dc1394_capture_stop(iidc->device);
+    }
+    bus_close(iidc->library, iidc->device);
+    iidc->library = NULL;
+    iidc->device = NULL;
+    iidc->capturing = false;
+    camera->fd = -1;
+}
+
+static uint32_t buffers_for(const struct pixels *pixels) {
+    int bytes = pixels->stride * pixels->height, buffers = BUFFER_MEMORY / bytes;
+
+    return (uint32_t)(buffers < FEW_BUFFERS ? FEW_BUFFERS : buffers > IIDC_BUFFERS ? IIDC_BUFFERS : buffers);
+}
+
+static int start(struct iidc_camera *iidc, char *why, size_t size) {
+    dc1394error_t error = dc1394_capture_setup(iidc->device, buffers_for(&iidc->camera.pixels),
+                                               DC1394_CAPTURE_FLAGS_DEFAULT);
+
+    iidc->capturing = !error;
+    if (!error)
+        error = dc1394_video_set_transmission(iidc->device, DC1394_ON);
+    if (!error)
+        return 0;
+    snprintf(why, size, "does not start: %s",
+             error == DC1394_NO_BANDWIDTH ? "no bandwidth is left on its bus; a lower -rate takes less"
+                                          : dc1394_error_get_string(error));
+    return -EIO;
+}
+
+/* Begin to number the frames by their times, unless they come when something triggers them. */
+static void keep_pace(struct iidc_camera *iidc, int64_t period) {
+    dc1394bool_t there = DC1394_FALSE;
+    dc1394switch_t on = DC1394_OFF;
+
+    if (!dc1394_feature_is_present(iidc->device, DC1394_FEATURE_TRIGGER, &there) && there)
+        dc1394_external_trigger_get_power(iidc->device, &on);
+    iidc->camera.triggered = on == DC1394_ON;
+    pace_restart(&iidc->pace, iidc->camera.triggered ? PACE_NONE : period);
+}
+
+static void take_over(struct iidc_camera *iidc, const struct setup *setup) {
+    struct camera *camera = &iidc->camera;
+    const char *vendor = iidc->device->vendor, *model = iidc->device->model;
+    const struct ddxvideo_geometry *given = &setup->geometry;
+
+    camera->pixels = setup->pixels;
+    camera->geometry = setup->geometry;
+    snprintf(camera->card, sizeof camera->card, "%s%s%s", vendor ? vendor : "", vendor && model ? " " : "",
+             model ? model : "");
+    iidc->counts = counter_switch(iidc->device, setup->eight_bits);
+    keep_pace(iidc, given->rate_num ? SECOND * given->rate_den / given->rate_num : 0);
+}
+
+static int open_now(struct iidc_camera *iidc, char *why, size_t size) {
+    struct setup setup;
+    int error = bus_open(&iidc->bus, &iidc->library, &iidc->device, why, size);
+
+    if (error)
+        return error;
+    snprintf(iidc->name, sizeof iidc->name, "camera %016" PRIx64, iidc->bus.guid);
+    error = setup_camera(iidc->device, &iidc->wish, &setup, why, size);
+    if (!error) {
+        take_over(iidc, &setup);
+        error = start(iidc, why, size);
+    }
+    if (error) {
+        iidc_close(&iidc->camera);
+        return error;
+    }
+    iidc->gone = false;
+    iidc->camera.fd = dc1394_capture_get_fileno(iidc->device);
+    library_log_forget();
+    return 0;
+}
+
+/*
+ * The grabber tries often, but a camera that does not answer takes a second each time, and the others on the buses are
+ * disturbed. So as long as no device came or went, the last reason stands for some seconds.
+ */
+static int iidc_open(struct camera *camera, char *why, size_t size) {
+    struct iidc_camera *iidc = iidc_of(camera);
+    uint64_t devices = bus_devices();
+
+    if (!iidc->error || devices != iidc->devices || ddx_time_now() > iidc->tried + AGAIN_NS) {
+        *iidc->why = 0;
+        iidc->error = open_now(iidc, iidc->why, sizeof iidc->why);
+        iidc->devices = devices;
+        iidc->tried = ddx_time_now();
+    }
+    if (iidc->error)
+        snprintf(why, size, "%s", iidc->why);
+    return iidc->error;
+}
+
+/* What to make of a failure: an unplugged camera does not answer any more, another one has lost its stream. */
+static int fate(struct iidc_camera *iidc) {
+    dc1394switch_t on;
+
+    if (!iidc->gone && dc1394_video_get_transmission(iidc->device, &on))
+        iidc->gone = true;
+    return iidc->gone ? -ENODEV : -EIO;
+}
+
+/* The number that the camera gave it, or the one that its time asks for. */
+static uint32_t number_of(struct iidc_camera *iidc, dc1394video_frame_t *frame, bool damaged, int64_t time) {
+    if (iidc->counts && !damaged)
+        return iidc->pace.number = counter_take(frame);
+    if (iidc->counts)
+        return ++iidc->pace.number;
+    return pace_number(&iidc->pace, time, frame->frames_behind > 0);
+}
+
+static int iidc_take(struct camera *camera, int64_t now, struct camera_frame *frame) {
+    struct iidc_camera *iidc = iidc_of(camera);
+    dc1394video_frame_t *got = NULL;
+
+    if (now == INT64_MAX)
+        return -EAGAIN;
+    if (dc1394_capture_dequeue(iidc->device, DC1394_CAPTURE_POLICY_POLL, &got))
+        return fate(iidc);
+    if (!got)
+        return -EAGAIN;
+    bool damaged = dc1394_capture_is_frame_corrupt(iidc->device, got) || got->total_bytes < got->image_bytes;
+    int64_t time = wall_time(&iidc->wall, got->timestamp, now, ddxvideo_wall_offset());
+    *frame = (struct camera_frame){.data = got->image,
+                                   .size = got->image_bytes,
+                                   .time = time,
+                                   .damaged = damaged,
+                                   .sequence = number_of(iidc, got, damaged, time ? time : now),
+                                   .slot = got->id % IIDC_BUFFERS};
+    iidc->taken[frame->slot] = got;
+    return 0;
+}
+
+static int iidc_give(struct camera *camera, const struct camera_frame *frame) {
+    struct iidc_camera *iidc = iidc_of(camera);
+
+    return dc1394_capture_enqueue(iidc->device, iidc->taken[frame->slot]) ? fate(iidc) : 0;
+}
+
+static int64_t iidc_due(const struct camera *camera) {
+    (void)camera;
+    return INT64_MAX;
+}
+
+static void iidc_list(struct camera *camera, struct controls *controls) {
+    features_list(iidc_of(camera)->device, controls);
+}
+
+static void iidc_refresh(struct camera *camera, struct controls *controls) {
+    features_refresh(iidc_of(camera)->device, controls);
+}
+
+static int iidc_set(struct camera *camera, uint32_t id, int value) {
+    struct iidc_camera *iidc = iidc_of(camera);
+
+    if (iidc->gone)
+        return -ENODEV;
+    int error = features_set(iidc->device, id, value);
+    if (error == -EIO && fate(iidc) == -ENODEV)
+        return -ENODEV;
+    if (!error && features_changes_rate(id))
+        keep_pace(iidc, 0);
+    return error;
+}
+
+void iidc_camera_init(struct iidc_camera *iidc) {
+    static const struct camera_functions functions = {.open = iidc_open,
+                                                      .close = iidc_close,
+                                                      .take = iidc_take,
+                                                      .give = iidc_give,
+                                                      .due = iidc_due,
+                                                      .list = iidc_list,
+                                                      .refresh = iidc_refresh,
+                                                      .set = iidc_set};
+
+    *iidc = (struct iidc_camera){.camera = {.call = &functions, .name = iidc->name, .fd = -1}};
+    library_log_begin();
+}

@@ -1,0 +1,11 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What libdc1394 says, as lines of ours: each once, as long as the camera is away. */
+#ifndef DDXVIDEO_LIBRARY_LOG_H
+#define DDXVIDEO_LIBRARY_LOG_H
+
+void library_log_begin(void);
+
+/* The camera is there: what was said so far is news when it is said again. */
+void library_log_forget(void);
+
+#endif

@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "pace.h"
+
+#include <stdlib.h>
+
+#define PHASE_SHARE 8    /* a frame's delay moves the next one's expected time by this part of it */
+#define PERIOD_SHARE 128 /* and the period by this part: a camera's clock is not ours */
+#define ALIKE_SHARE 8    /* steps that differ by less than this part are alike */
+
+void pace_restart(struct pace *pace, int64_t period) {
+    *pace = (struct pace){.period = period, .number = pace->number};
+}
+
+static void learn(struct pace *pace, int64_t time) {
+    int64_t step = pace->last ? time - pace->last : 0;
+
+    if (step <= 0 || llabs(step - pace->step) > pace->step / ALIKE_SHARE) {
+        pace->step = step > 0 ? step : 0;
+        pace->alike = 0;
+    } else if (++pace->alike == PACE_ALIKE) {
+        pace->period = step;
+    }
+}
+
+/* How many periods have passed; the clock is corrected by the frame's delay. */
+static void count_by_clock(struct pace *pace, int64_t time) {
+    int64_t steps = (time - pace->due + pace->period / 2) / pace->period;
+
+    if (steps < 1) /* it follows a delay */
+        return;
+    int64_t late = time - pace->due - steps * pace->period;
+    pace->due += steps * pace->period + late / PHASE_SHARE;
+    pace->period += late / steps / PERIOD_SHARE;
+    pace->counted += (uint32_t)steps;
+}
+
+uint32_t pace_number(struct pace *pace, int64_t time, bool more) {
+    bool known = pace->period > 0 && pace->last;
+
+    if (known && !more)
+        count_by_clock(pace, time);
+    int32_t ahead = (int32_t)(pace->counted - pace->number);
+    pace->number += known && ahead > 1 ? (uint32_t)ahead : 1;
+    if (!known) {
+        if (!pace->period)
+            learn(pace, time);
+        pace->due = time;
+        pace->counted = pace->number;
+    }
+    pace->last = time;
+    return pace->number;
+}

@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What the camera is to send: mode, coding, part of the picture, rate. */
+#ifndef DDXVIDEO_SETUP_H
+#define DDXVIDEO_SETUP_H
+
+#include <dc1394/dc1394.h>
+#include <ddxvideo.h>
+
+#include "pixels.h"
+
+struct setup_wish {
+    dc1394video_mode_t mode; /* 0: the best for the size, or as the camera is set */
+    int width, height;       /* of the result; 0: as the camera is set */
+    dc1394color_coding_t coding; /* of FORMAT7; 0: as the camera is set */
+    int left, top, roi_width, roi_height; /* of FORMAT7; 0: all that the sensor has */
+    double rate;                          /* frames per second; 0: the fastest */
+    dc1394color_filter_t bayer;           /* 0: as the camera says */
+};
+
+struct setup {
+    struct pixels pixels;
+    struct ddxvideo_geometry geometry;
+    bool eight_bits; /* each sample */
+};
+
+/*
+ * Stop the camera and set it up. 0; -EINVAL: it cannot do what is asked; -EIO: it does not answer as it should; with
+ * the reason in one line at `why`.
+ */
+int setup_camera(dc1394camera_t *device, const struct setup_wish *wish, struct setup *setup, char *why, size_t size);
+
+#endif
