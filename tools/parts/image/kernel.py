@@ -68,11 +68,16 @@ def _copy_modules(source: pathlib.Path, names: list[str], target: pathlib.Path) 
         binary.unlink()  # BusyBox reads the text files
 
 
+def package() -> str:
+    """The name of Debian's package."""
+    return foreign.asked("kernel.name", lambda: Archive().newest(PACKAGE))
+
+
 def kernel() -> pathlib.Path:
     """Output folder with boot/vmlinuz, boot/config, lib/modules."""
     out = OUTPUT / "dev/kernel"
     archive = Archive()
-    name = foreign.asked("kernel.name", lambda: archive.newest(PACKAGE))
+    name = package()
 
     def unpack(tree: pathlib.Path) -> None:
         run(["dpkg-deb", "-x", archive.package(name), tree])

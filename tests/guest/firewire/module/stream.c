@@ -1,0 +1,152 @@
+// SPDX-License-Identifier: GPL-2.0
+/*
+ * A camera's pictures, frame by frame, each handed over when its last packet is due. The packets' times are the planned
+ * ones: a machine that is late does not change them.
+ */
+#include <linux/delay.h>
+#include <linux/jiffies.h>
+#include <linux/kthread.h>
+#include <linux/math64.h>
+
+#include "vfirewire.h"
+
+struct stream {
+	unsigned int session, rate, packets, packet_size, channel;
+};
+
+static bool is_on(const struct vf_camera *camera)
+{
+	return camera->plugged && camera->registers[VF_ISO_EN / 4] >> 31;
+}
+
+/* What the camera was set to, and whether it is on at all. */
+static bool begin(struct vf_camera *camera, struct stream *stream)
+{
+	static const unsigned int bytes[] = {57600, 153600, 460800, 614400, 921600, 307200, 614400, 614400};
+
+	guard(spinlock_irqsave)(&vf_bus.lock);
+	stream->session = camera->session;
+	stream->rate = min(camera->registers[VF_FRAMERATE / 4] >> 29, 5u);
+	stream->packets = 3840 >> stream->rate;
+	stream->packet_size = bytes[camera->registers[VF_MODE / 4] >> 29] / stream->packets;
+	stream->channel = camera->registers[VF_ISO / 4] >> 28;
+	if (!is_on(camera))
+		return false;
+	camera->sent = camera->lost = camera->torn = 0;
+	return true;
+}
+
+static bool goes_on(struct vf_camera *camera, unsigned int session)
+{
+	return !kthread_should_stop() && READ_ONCE(camera->session) == session;
+}
+
+static bool contains(const struct vf_frames *frames, unsigned int number)
+{
+	return number - frames->first < frames->count;
+}
+
+/* Which packet of a frame is missing: none (-1), or all of them (-2). */
+static int missing(struct vf_camera *camera, const struct stream *stream, unsigned int number)
+{
+	guard(spinlock_irqsave)(&vf_bus.lock);
+	if (contains(&camera->lose, number)) {
+		camera->lost++;
+		return -2;
+	}
+	camera->sent++;
+	if (!contains(&camera->tear, number))
+		return -1;
+	camera->torn++;
+	return stream->packets / 2;
+}
+
+/* The reset is complete before the frame is sent. */
+static void reset_bus(const struct vf_camera *camera, unsigned int number)
+{
+	bool wanted;
+
+	scoped_guard(spinlock_irqsave, &vf_bus.lock)
+		wanted = contains(&camera->reset, number);
+	if (wanted) {
+		vf_schedule_reset();
+		flush_work(&vf_bus.reset);
+	}
+}
+
+static void send_frame(struct vf_camera *camera, const struct stream *stream, unsigned int number, u64 cycle)
+{
+	int lack = missing(camera, stream, number);
+	unsigned int i;
+
+	for (i = 0; i < stream->packets && lack != -2; i++) {
+		struct vf_packet packet = {
+			.camera = camera->index,
+			.number = number,
+			.offset = i * stream->packet_size,
+			.length = stream->packet_size,
+			.channel = stream->channel,
+			.sy = i == 0,
+			.cycle = cycle + i,
+		};
+
+		if ((int)i != lack)
+			vf_iso_receive(&packet);
+	}
+}
+
+/* Until a cycle; false when the stream was stopped before. */
+static bool sleep_until(struct vf_camera *camera, unsigned int session, u64 cycle)
+{
+	s64 left;
+
+	while ((left = cycle - vf_cycle()) > 0 && goes_on(camera, session))
+		wait_event_interruptible_timeout(camera->wake, !goes_on(camera, session),
+						 usecs_to_jiffies(left * 125) + 1);
+	return goes_on(camera, session);
+}
+
+static void run(struct vf_camera *camera, const struct stream *stream)
+{
+	u64 first = vf_cycle();
+	unsigned int number;
+
+	for (number = 0;; number++) {
+		u64 cycle = first + div_u64((u64)number * 12800, 3 << stream->rate);
+
+		if (!sleep_until(camera, stream->session, cycle + stream->packets))
+			return;
+		reset_bus(camera, number);
+		send_frame(camera, stream, number, cycle);
+	}
+}
+
+static int stream(void *data)
+{
+	struct vf_camera *camera = data;
+	struct stream now;
+
+	while (!kthread_should_stop()) {
+		if (begin(camera, &now))
+			run(camera, &now);
+		else
+			wait_event_interruptible(camera->wake, !goes_on(camera, now.session));
+	}
+	return 0;
+}
+
+int vf_stream_start(struct vf_camera *camera)
+{
+	camera->task = kthread_run(stream, camera, "vfirewire-%u", camera->index);
+	if (!IS_ERR(camera->task))
+		return 0;
+	camera->task = NULL;
+	return -ENOMEM;
+}
+
+void vf_stream_stop(struct vf_camera *camera)
+{
+	if (camera->task)
+		kthread_stop(camera->task);
+	camera->task = NULL;
+}
