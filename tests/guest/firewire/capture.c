@@ -77,8 +77,8 @@ static void set_up(dc1394camera_t *camera, const char *rate, unsigned frames) {
     CHECK(dc1394_video_set_transmission(camera, DC1394_ON));
 }
 
-/* libdc1394 has the bus cycle of a frame's first packet only in its log. The frame's time stamp is less exact: the cycle
- * timer and the clock are read one after the other, and an emulated processor may stand still in between. */
+/* libdc1394 has the bus cycle of a frame only in its log. The time stamp of a frame is less exact:
+ * the cycle timer and the clock are read one after the other, and an emulated processor may stand still in between. */
 static void note_cycle(dc1394log_t type, const char *message, void *user) {
     unsigned *cycle = user, stamp;
     (void)type;
