@@ -51,6 +51,7 @@ int main(int argc, char **argv) {
     while (!(item = ddx_store_lookup_item(id, "video", NULL, 0)))
         if (errno == EPROTOTYPE) { /* there is a video, and it is none of the paper's */
             fprintf(stderr, "%s\n", ddx_error_text(errno));
+            ddx_store_close(id);
             return 3;
         }
     live = ddx_store_var_pointer(item);
