@@ -70,6 +70,14 @@ static void test_a_period_is_learned(void) {
     CHECK_EQUAL(step(&pace, 100 * (PACE_ALIKE + 4), false), 2);
 }
 
+/* From frames that come a little early and late, so well that nothing is taken for a loss afterwards. */
+static void test_a_period_is_learned_from_several_steps(void) {
+    struct pace pace = begin(0);
+    for (int i = 1; i < 1000; i++)
+        CHECK_EQUAL(step(&pace, 100 * i + (i % 2 ? 3 : -3), false), 0);
+    CHECK(pace.period > PERIOD * 99 / 100 && pace.period < PERIOD * 101 / 100);
+}
+
 static void test_triggered_frames_have_no_gaps(void) {
     struct pace pace = begin(PACE_NONE);
     for (int i = 1; i < 30; i++)
@@ -110,6 +118,7 @@ int main(void) {
     test_jitter_and_drift(1002);
     test_delays_alone_do_not_add_up();
     test_a_period_is_learned();
+    test_a_period_is_learned_from_several_steps();
     test_triggered_frames_have_no_gaps();
     test_numbers_wrap();
     test_a_set_clock_does_not_show(3600 * 1000 * MS);

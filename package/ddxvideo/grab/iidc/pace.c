@@ -16,9 +16,10 @@ static void learn(struct pace *pace, int64_t time) {
 
     if (step <= 0 || llabs(step - pace->step) > pace->step / ALIKE_SHARE) {
         pace->step = step > 0 ? step : 0;
+        pace->since = time;
         pace->alike = 0;
     } else if (++pace->alike == PACE_ALIKE) {
-        pace->period = step;
+        pace->period = (time - pace->since) / PACE_ALIKE;
     }
 }
 

@@ -19,7 +19,8 @@ struct pace {
     uint32_t counted; /* frames that have passed by the clock */
     uint32_t number;  /* of the last frame */
     int64_t last;     /* its time; 0: there was none yet */
-    int64_t step;     /* what the last steps were like, and how many of them: */
+    int64_t step;     /* what the last steps were like, since when, and how many of them: */
+    int64_t since;
     unsigned alike;
 };
 
