@@ -22,11 +22,13 @@ static struct iidc_camera *iidc_of(struct camera *camera) {
 static void iidc_close(struct camera *camera) {
     struct iidc_camera *iidc = iidc_of(camera);
 
+    library_log_mute(iidc->gone);
     if (iidc->capturing) {
         dc1394_video_set_transmission(iidc->device, DC1394_OFF);
         dc1394_capture_stop(iidc->device);
     }
     bus_close(iidc->library, iidc->device);
+    library_log_mute(false);
     iidc->library = NULL;
     iidc->device = NULL;
     iidc->capturing = false;
@@ -80,8 +82,9 @@ static void take_over(struct iidc_camera *iidc, const struct setup *setup) {
 
 static int open_now(struct iidc_camera *iidc, char *why, size_t size) {
     struct setup setup;
-    int error = bus_open(&iidc->bus, &iidc->library, &iidc->device, why, size);
 
+    iidc->gone = false;
+    int error = bus_open(&iidc->bus, &iidc->library, &iidc->device, why, size);
     if (error)
         return error;
     snprintf(iidc->name, sizeof iidc->name, "camera %016" PRIx64, iidc->bus.guid);
@@ -94,7 +97,6 @@ static int open_now(struct iidc_camera *iidc, char *why, size_t size) {
         iidc_close(&iidc->camera);
         return error;
     }
-    iidc->gone = false;
     iidc->camera.fd = dc1394_capture_get_fileno(iidc->device);
     library_log_forget();
     return 0;
@@ -123,8 +125,10 @@ static int iidc_open(struct camera *camera, char *why, size_t size) {
 static int fate(struct iidc_camera *iidc) {
     dc1394switch_t on;
 
+    library_log_mute(true);
     if (!iidc->gone && dc1394_video_get_transmission(iidc->device, &on))
         iidc->gone = true;
+    library_log_mute(false);
     return iidc->gone ? -ENODEV : -EIO;
 }
 

@@ -15,6 +15,7 @@
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static char known[KNOWN][LENGTH];
 static unsigned known_count;
+static bool muted;
 
 /* Numbers differ from line to line: buffers, devices. */
 static void without_numbers(char to[LENGTH], const char *from) {
@@ -43,7 +44,7 @@ static void handle(dc1394log_t type, const char *message, void *user) {
     (void)type;
     (void)user;
     pthread_mutex_lock(&mutex);
-    if (is_new(message))
+    if (!muted && is_new(message))
         say("libdc1394: %.*s", (int)strcspn(message, "\n"), message);
     pthread_mutex_unlock(&mutex);
 }
@@ -52,6 +53,12 @@ void library_log_begin(void) {
     dc1394_log_register_handler(DC1394_LOG_ERROR, handle, NULL);
     dc1394_log_register_handler(DC1394_LOG_WARNING, handle, NULL);
     dc1394_log_register_handler(DC1394_LOG_DEBUG, NULL, NULL);
+}
+
+void library_log_mute(bool mute) {
+    pthread_mutex_lock(&mutex);
+    muted = mute;
+    pthread_mutex_unlock(&mutex);
 }
 
 void library_log_forget(void) {

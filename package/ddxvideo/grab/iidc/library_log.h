@@ -3,7 +3,12 @@
 #ifndef DDXVIDEO_LIBRARY_LOG_H
 #define DDXVIDEO_LIBRARY_LOG_H
 
+#include <stdbool.h>
+
 void library_log_begin(void);
+
+/* Say nothing, or go on: where a failure is expected. */
+void library_log_mute(bool mute);
 
 /* The camera is there: what was said so far is news when it is said again. */
 void library_log_forget(void);
