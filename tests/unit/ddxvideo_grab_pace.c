@@ -62,6 +62,28 @@ static void test_delays_alone_do_not_add_up(void) {
     CHECK(lost <= 1);
 }
 
+#define CYCLES 64000
+
+/* On FireWire a time that is late by less than a second does not show, nor does a bus time that wraps. */
+static void test_the_bus_time_counts_exactly(void) {
+    struct pace pace = {.number = 7};
+    pace_restart(&pace, PERIOD);
+    for (unsigned i = 0; i < 2000; i++) {
+        if (i % 100 == 42 || (i > 500 && i < 1100)) /* lost; the bus time wraps three times in the second gap */
+            continue;
+        int64_t late = i % 7 ? 0 : (int64_t)(i * 77 % 900) * MS;
+        CHECK_EQUAL(pace_bus_number(&pace, (60000 + i * 320) % CYCLES + 1, BEGIN + PERIOD * i + late), 8 + i);
+    }
+}
+
+/* It jumps when the bus gets another cycle master. */
+static void test_another_cycle_master_is_no_loss(void) {
+    struct pace pace = {.number = 7};
+    pace_restart(&pace, PERIOD);
+    for (unsigned i = 0; i < 100; i++)
+        CHECK_EQUAL(pace_bus_number(&pace, (i * 320 + (i < 50 ? 0 : 30000)) % CYCLES + 1, BEGIN + PERIOD * i), 8 + i);
+}
+
 static void test_a_period_is_learned(void) {
     struct pace pace = begin(0);
     for (int i = 1; i <= PACE_ALIKE + 1; i++)
@@ -117,6 +139,8 @@ int main(void) {
     test_jitter_and_drift(998);
     test_jitter_and_drift(1002);
     test_delays_alone_do_not_add_up();
+    test_the_bus_time_counts_exactly();
+    test_another_cycle_master_is_no_loss();
     test_a_period_is_learned();
     test_a_period_is_learned_from_several_steps();
     test_triggered_frames_have_no_gaps();

@@ -4,10 +4,12 @@
  *
  *   firewire list
  *   firewire capture CAMERA FPS FRAMES
+ *   firewire repeat CAMERA TIMES
  *
- * Each frame is a line: its number (as its pixels say), its bus cycle since the first one, and how many of its bytes
- * are wrong. The last line is the bus's generation before and after. There are as many buffers as frames, so that
- * none is lost however slow the machine is. A failure is one line and exit status 1.
+ * Each frame is a line: its number (as its pixels say), its bus cycle since the first one, how many of its bytes are
+ * wrong, and whether the library calls it damaged. The last line is the bus's generation before and after. There are as
+ * many buffers as frames, so that none is lost however slow the machine is. With "repeat" a capture begins and ends so
+ * often. A failure is one line and exit status 1.
  */
 #include <dc1394/dc1394.h>
 #include <inttypes.h>
@@ -70,6 +72,8 @@ static void set_up(dc1394camera_t *camera, const char *rate, unsigned frames) {
     dc1394framerate_t framerate = DC1394_FRAMERATE_30;
     if (!strcmp(rate, "15"))
         framerate = DC1394_FRAMERATE_15;
+    if (!strcmp(rate, "7.5"))
+        framerate = DC1394_FRAMERATE_7_5;
     CHECK(dc1394_video_set_iso_speed(camera, DC1394_ISO_SPEED_400));
     CHECK(dc1394_video_set_mode(camera, DC1394_VIDEO_MODE_640x480_MONO8));
     CHECK(dc1394_video_set_framerate(camera, framerate));
@@ -77,27 +81,17 @@ static void set_up(dc1394camera_t *camera, const char *rate, unsigned frames) {
     CHECK(dc1394_video_set_transmission(camera, DC1394_ON));
 }
 
-/* libdc1394 has the bus cycle of a frame only in its log. The time stamp of a frame is less exact:
- * the cycle timer and the clock are read one after the other, and an emulated processor may stand still in between. */
-static void note_cycle(dc1394log_t type, const char *message, void *user) {
-    unsigned *cycle = user, stamp;
-    (void)type;
-    if (sscanf(message, "Juju: using cycle 0x%x", &stamp) == 1)
-        *cycle = (stamp >> 13) * CYCLES + (stamp & 0x1fff);
-}
-
 static void capture(dc1394camera_t *camera, unsigned which, unsigned frames) {
-    unsigned cycle = 0, last = 0, passed = 0;
-    dc1394_log_register_handler(DC1394_LOG_DEBUG, note_cycle, &cycle);
+    unsigned last = 0, passed = 0;
     for (unsigned i = 0; i < frames; i++) {
         dc1394video_frame_t *frame;
         CHECK(dc1394_capture_dequeue(camera, DC1394_CAPTURE_POLICY_WAIT, &frame));
         if (i > 0)
-            passed += (cycle + 8 * CYCLES - last) % (8 * CYCLES);
-        last = cycle;
-        printf("%" PRIu32 " %u %u\n", number_of(frame->image), passed, wrong_bytes(frame, which));
+            passed += (frame->bus_cycle + 8 * CYCLES - last) % (8 * CYCLES);
+        last = frame->bus_cycle;
+        printf("%" PRIu32 " %u %u %d\n", number_of(frame->image), passed, wrong_bytes(frame, which),
+               dc1394_capture_is_frame_corrupt(camera, frame));
     }
-    dc1394_log_register_handler(DC1394_LOG_DEBUG, NULL, NULL);
 }
 
 /* A register, written and read. After a bus reset libdc1394 tries a request 20 times within half a millisecond, which
@@ -131,6 +125,17 @@ static void try_camera(dc1394_t *library, unsigned which, const char *rate, unsi
     dc1394_camera_free(camera);
 }
 
+/* Each capture takes a channel and bandwidth, and has to give them back. */
+static void repeat(dc1394_t *library, unsigned which, unsigned times) {
+    dc1394camera_t *camera = find(library, which);
+    for (unsigned i = 0; i < times; i++) {
+        set_up(camera, "30", 4);
+        CHECK(dc1394_video_set_transmission(camera, DC1394_OFF));
+        CHECK(dc1394_capture_stop(camera));
+    }
+    dc1394_camera_free(camera);
+}
+
 int main(int argc, char **argv) {
     dc1394_t *library = dc1394_new();
     if (!library) {
@@ -139,11 +144,14 @@ int main(int argc, char **argv) {
     }
     if (argc == 2 && !strcmp(argv[1], "list"))
         return list(library);
-    if (argc != 5 || strcmp(argv[1], "capture")) {
-        fprintf(stderr, "usage: firewire list | capture CAMERA FPS FRAMES\n");
+    if (argc == 4 && !strcmp(argv[1], "repeat")) {
+        repeat(library, (unsigned)atoi(argv[2]), (unsigned)atoi(argv[3]));
+    } else if (argc == 5 && !strcmp(argv[1], "capture")) {
+        try_camera(library, (unsigned)atoi(argv[2]), argv[3], (unsigned)atoi(argv[4]));
+    } else {
+        fprintf(stderr, "usage: firewire list | capture CAMERA FPS FRAMES | repeat CAMERA TIMES\n");
         return 2;
     }
-    try_camera(library, (unsigned)atoi(argv[2]), argv[3], (unsigned)atoi(argv[4]));
     dc1394_free(library);
     return 0;
 }

@@ -1,31 +1,44 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A FireWire bus inside a guest: a module with a card and IIDC cameras, and a program that captures from them."""
+import functools
 import pathlib
 
 from parts.common import TOP, run
 from parts.guest.qemu import Guest
-from parts.image import module, rootfs
+from parts.image import dc1394, module, srtp
 
 SOURCES = TOP / "tests/guest/firewire"
 NAME = "vfirewire"
 CONTROL = f"/sys/module/{NAME}/parameters/do"
-FOLDER = "/tmp/firewire"  # nothing runs from the test disk itself
-PROGRAM = f"LD_LIBRARY_PATH={FOLDER} {FOLDER}/firewire"
-IN_IMAGE = ("libc.so", "libm.so", "ld-linux")
+PROGRAM = "/tmp/firewire"  # nothing runs from the test disk itself
+GUID = "00b09d0100abcde{}"
+WIDTH, HEIGHT = 640, 480
 
 
 def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:
-    """For a test disk: the module, the program, and the libraries that the image does not have."""
-    program = work / "firewire"
-    run(["gcc", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", SOURCES / "capture.c", "-o", program, "-ldc1394"])
-    libraries = [path for path in rootfs.libraries(program, []) if not path.name.startswith(IN_IMAGE)]
-    return {f"{NAME}.ko": module.module(SOURCES / "module", NAME), program.name: program,
-            **{path.name: path.resolve() for path in libraries}}
+    """For a test disk: the module, and the program, with the product's patches of libdc1394."""
+    program, library = work / "firewire", dc1394.dc1394()
+    run(["gcc", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", f"-I{library}/usr/include",
+         SOURCES / "capture.c", "-o", program, library / srtp.LIBRARIES / "libdc1394.a",
+         "-lusb-1.0", "-lm"])  # libusb is in the image, for ddxvideo1394
+    return {f"{NAME}.ko": module.module(SOURCES / "module", NAME), program.name: program}
+
+
+@functools.cache
+def _pixels() -> bytes:
+    return bytes(place + (place >> 8) & 0xff for place in range(WIDTH * HEIGHT))
+
+
+def picture(camera: int, number: int) -> bytes:
+    """A frame of a camera, as module/iso.c makes it: the grey values."""
+    more = number * 7 + camera * 31
+    pixels = _pixels().translate(bytes(value + more & 0xff for value in range(256)))
+    return number.to_bytes(4, "big") + pixels[4:]
 
 
 def load(guest: Guest, cameras: int) -> None:
     """Until firewire-core has a device for each camera, and one for the card."""
-    guest.sh(f"mkdir {FOLDER} && cp /test/firewire /test/*.so.* {FOLDER} && chmod 755 {FOLDER}/firewire")
+    guest.sh(f"cp /test/firewire {PROGRAM} && chmod 755 {PROGRAM}")
     guest.sh(f"modprobe firewire-core && insmod /test/{NAME}.ko cameras={cameras}")
     wait_for_devices(guest, cameras + 1)
 

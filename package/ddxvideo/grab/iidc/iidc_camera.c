@@ -138,6 +138,8 @@ static uint32_t number_of(struct iidc_camera *iidc, dc1394video_frame_t *frame, 
         return iidc->pace.number = counter_take(frame);
     if (iidc->counts)
         return ++iidc->pace.number;
+    if (frame->bus_cycle)
+        return pace_bus_number(&iidc->pace, frame->bus_cycle, time);
     return pace_number(&iidc->pace, time, frame->frames_behind > 0);
 }
 

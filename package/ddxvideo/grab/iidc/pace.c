@@ -5,6 +5,10 @@
 
 #define PHASE_SHARE 8    /* a frame's delay moves the next one's expected time by this part of it */
 #define PERIOD_SHARE 128 /* and the period by this part: a camera's clock is not ours */
+#define CYCLES 64000     /* until they wrap */
+#define CYCLE_NS 125000
+#define WRAP_NS ((int64_t)CYCLES * CYCLE_NS)
+#define ODD_NS INT64_C(1000000000)
 #define ALIKE_SHARE 8    /* steps that differ by less than this part are alike */
 
 void pace_restart(struct pace *pace, int64_t period) {
@@ -50,4 +54,22 @@ uint32_t pace_number(struct pace *pace, int64_t time, bool more) {
     }
     pace->last = time;
     return pace->number;
+}
+
+/* The bus time since the last frame; `passed` is the same by the library's times. */
+static int64_t bus_step(const struct pace *pace, uint32_t cycle, int64_t passed) {
+    int64_t step = (int64_t)((cycle + CYCLES - pace->cycle) % CYCLES) * CYCLE_NS;
+
+    if (passed > step)
+        step += (passed - step + WRAP_NS / 2) / WRAP_NS * WRAP_NS;
+    if (llabs(step - passed) <= ODD_NS)
+        return step;
+    return passed > 0 ? passed : 0;
+}
+
+uint32_t pace_bus_number(struct pace *pace, uint32_t cycle, int64_t time) {
+    pace->bus = pace->cycle ? pace->bus + bus_step(pace, cycle, time - pace->host) : time;
+    pace->cycle = cycle;
+    pace->host = time;
+    return pace_number(pace, pace->bus, false);
 }

@@ -19,6 +19,9 @@ struct pace {
     uint32_t counted; /* frames that have passed by the clock */
     uint32_t number;  /* of the last frame */
     int64_t last;     /* its time; 0: there was none yet */
+    uint32_t cycle;   /* of the last frame on FireWire, 0: there was none yet; when the library says that it was, */
+    int64_t host;     /* and by the cycles: */
+    int64_t bus;
     int64_t step;     /* what the last steps were like, since when, and how many of them: */
     int64_t since;
     unsigned alike;
@@ -32,5 +35,12 @@ void pace_restart(struct pace *pace, int64_t period);
  * waiting, and only the last one of them says how many there should have been.
  */
 uint32_t pace_number(struct pace *pace, int64_t time, bool more);
+
+/*
+ * The same for FireWire, exactly: `cycle` is the frame's bus cycle, from 1 to 64000, which is 8 s. `time`, which may be
+ * late by a second, says how often they have wrapped. When both disagree by more, the bus has got another cycle master,
+ * and the time is taken.
+ */
+uint32_t pace_bus_number(struct pace *pace, uint32_t cycle, int64_t time);
 
 #endif

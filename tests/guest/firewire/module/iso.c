@@ -112,6 +112,7 @@ static void add_headers(struct context *context, const struct entry *entry)
 			report(context);
 		}
 		memcpy(context->header + context->header_length, (u8 *)entry->header + i * size, size);
+		context->timestamp = entry->timestamp;
 		context->header_length += size;
 	}
 }
@@ -132,7 +133,6 @@ static void complete_entries(struct context *context)
 	struct entry *entry;
 
 	while ((entry = take_done(context))) {
-		context->timestamp = entry->timestamp;
 		add_headers(context, entry);
 		if (entry->interrupt)
 			report(context);
