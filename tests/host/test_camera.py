@@ -22,6 +22,7 @@ GRABBER, IIDC = "ddxvideoV4L", "ddxvideo1394"
     (["-standard", "PALE"], "-standard PALE: PAL, NTSC or SECAM"),
     (["-deinterlace", "weave"], "-deinterlace weave: only `stack`"),
     (["-format", "RGB3"], "-format RGB3: unknown"),
+    (["-layout", "YUV411P"], "-layout YUV411P: YUV420P, YUV422P, YUV444P, GREY8, GREY16 or RGB24 is needed"),
     (["-rate", "0"], "-rate 0: a number from 1"),
     (["-input"], "-input needs a value"),
     (["0"], "unexpected argument 0"),
@@ -57,6 +58,7 @@ def test_it_is_there_before_the_store(tmp_path: pathlib.Path) -> None:
 @pytest.mark.parametrize("arguments, text", [
     (["-camera", "front"], "-camera front: a number or a GUID of 16 digits"),
     (["-camera", "00b09d0100abcdeg"], "a number or a GUID"),
+    (["-layout", "YUV411P"], "-layout YUV411P: YUV420P, YUV422P, YUV444P, GREY8, GREY16 or RGB24 is needed"),
     (["-camera", "0000000000000000"], "a number or a GUID"),
     (["-mode", "640x480"], "-mode 640x480: unknown"),
     (["-mode", "640x480_MONO8", "-format", "MONO8"], "-format: only the modes FORMAT7_0 to FORMAT7_7"),

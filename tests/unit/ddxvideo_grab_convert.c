@@ -52,7 +52,8 @@ static size_t bytes(const struct pixels *pixels) {
 static struct result convert(const struct pixels *from, const void *data, int width, int height, bool stack) {
     struct converter converter;
     struct result result = result_make(width, height);
-    CHECK_EQUAL(converter_open(&converter, from, width, height, stack), 0);
+    const struct ddxvideo_geometry paper = {.width = width, .height = height};
+    CHECK_EQUAL(converter_open(&converter, from, 0, &paper, stack), 0);
     CHECK_EQUAL(converter_run(&converter, data, bytes(from) - 1, result.plane, result.stride), -74); /* cut off */
     CHECK_EQUAL(converter_run(&converter, data, bytes(from), result.plane, result.stride), 0);
     converter_close(&converter);
@@ -168,11 +169,12 @@ static void test_fields(enum pixels_coding coding, enum pixels_order order, bool
 static void test_refusals(void) {
     struct converter converter;
     struct pixels from = {.coding = PIXELS_YUYV, .width = 32, .height = 32, .stride = 64};
-    CHECK_EQUAL(converter_open(&converter, &from, 32, 32, true), -22); /* no fields to stack */
+    const struct ddxvideo_geometry square = {.width = 32, .height = 32}, low = {.width = 32, .height = 30};
+    CHECK_EQUAL(converter_open(&converter, &from, 0, &square, true), -22); /* no fields to stack */
     from.order = PIXELS_INTERLEAVED;
-    CHECK_EQUAL(converter_open(&converter, &from, 32, 30, true), -22);
+    CHECK_EQUAL(converter_open(&converter, &from, 0, &low, true), -22);
     from.coding = PIXELS_NONE;
-    CHECK_EQUAL(converter_open(&converter, &from, 32, 32, false), -22);
+    CHECK_EQUAL(converter_open(&converter, &from, 0, &square, false), -22);
 }
 
 int main(void) {

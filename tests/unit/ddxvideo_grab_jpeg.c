@@ -36,7 +36,8 @@ static void test_kind(const char *name, const char *kind, const char *result) {
     const int stride[3] = {WIDTH, WIDTH / 2, WIDTH / 2};
     struct converter converter;
     const struct pixels from = {.coding = PIXELS_MJPEG, .width = WIDTH, .height = HEIGHT};
-    CHECK_EQUAL(converter_open(&converter, &from, WIDTH, HEIGHT, false), 0);
+    const struct ddxvideo_geometry paper = {.width = WIDTH, .height = HEIGHT};
+    CHECK_EQUAL(converter_open(&converter, &from, 0, &paper, false), 0);
     for (int again = 0; again < 3; again++) { /* a damaged picture does no harm to the next */
         memset(ours, 0, sizeof(ours));
         CHECK_EQUAL(converter_run(&converter, jpeg, size, plane, stride), 0);
@@ -50,7 +51,7 @@ static void test_kind(const char *name, const char *kind, const char *result) {
     converter_close(&converter);
     /* another size than was agreed */
     const struct pixels other = {.coding = PIXELS_JPEG, .width = WIDTH - 2, .height = HEIGHT};
-    CHECK_EQUAL(converter_open(&converter, &other, WIDTH, HEIGHT, false), 0);
+    CHECK_EQUAL(converter_open(&converter, &other, 0, &paper, false), 0);
     CHECK_EQUAL(converter_run(&converter, jpeg, size, plane, stride), -74);
     converter_close(&converter);
 }

@@ -60,6 +60,7 @@ static void test_inputs(void) {
 }
 
 static void test_geometry(void) {
+    const struct video_layout *paper = video_layout_of(DDX_VIDEO_420);
     /* PAL by the books: 59/54 at 720x576; as CIF the same picture has 59/54 * (720/352) / (576/288) */
     struct ddxvideo_geometry pal = {.width = 720,
                                     .height = 576,
@@ -69,20 +70,20 @@ static void test_geometry(void) {
                                     .aspect_num = 59,
                                     .aspect_den = 54,
                                     .interlacing = 't'};
-    struct ddxvideo_geometry cif = geometry_of_result(&pal, 352, 288, 5, false);
+    struct ddxvideo_geometry cif = geometry_of_result(&pal, 352, 288, 5, false, paper);
     CHECK_EQUAL(cif.width, 352);
     CHECK_EQUAL(cif.height, 288);
     CHECK_EQUAL((int64_t)cif.aspect_num * 54 * 352 * 2, (int64_t)cif.aspect_den * 59 * 720);
     CHECK_EQUAL(cif.rate_num, 5); /* the paper: 25 fps PAL with -skip 5 gives 5 Hz */
     CHECK_EQUAL(cif.rate_den, 1);
     CHECK_EQUAL(cif.interlacing, 't');
-    struct ddxvideo_geometry pair = geometry_of_result(&pal, 0, 0, 1, true);
+    struct ddxvideo_geometry pair = geometry_of_result(&pal, 0, 0, 1, true, paper);
     CHECK_EQUAL(pair.fields, 2);
     CHECK_EQUAL(pair.height, 576);
     CHECK_EQUAL(pair.interlacing, 'p');
     CHECK_EQUAL(pair.aspect_num * 108, pair.aspect_den * 59);
     struct ddxvideo_geometry odd = {.width = 175, .height = 143, .fields = 1};
-    odd = geometry_of_result(&odd, 0, 0, 3, false);
+    odd = geometry_of_result(&odd, 0, 0, 3, false, paper);
     CHECK_EQUAL(odd.width, 174);
     CHECK_EQUAL(odd.height, 142);
     CHECK_EQUAL(odd.rate_num, 0);
@@ -95,12 +96,35 @@ static void test_geometry(void) {
                                      .rate_den = 1000000006,
                                      .aspect_num = 1000003,
                                      .aspect_den = 1000001};
-    huge = geometry_of_result(&huge, 8188, 8186, 100000, true);
+    huge = geometry_of_result(&huge, 8188, 8186, 100000, true, paper);
     CHECK(huge.rate_num > 0 && huge.rate_den / huge.rate_num >= 99000 && huge.rate_den / huge.rate_num <= 101000);
     CHECK(huge.aspect_num > 0 && huge.aspect_den / huge.aspect_num <= 2);
 }
 
+static void test_geometry_of_layouts(void) {
+    static const struct {
+        int format, width, height, range;
+    } wanted[] = {{DDX_VIDEO_420, 174, 142, DDX_VIDEO_RANGE_LIMITED},
+                  {DDX_VIDEO_YUV422P, 174, 143, DDX_VIDEO_RANGE_LIMITED},
+                  {DDX_VIDEO_YUV444P, 175, 143, DDX_VIDEO_RANGE_LIMITED},
+                  {DDX_VIDEO_GREY8, 175, 143, DDX_VIDEO_RANGE_LIMITED},
+                  {DDX_VIDEO_GREY16, 175, 143, DDX_VIDEO_RANGE_LIMITED},
+                  {DDX_VIDEO_RGB24, 175, 143, DDX_VIDEO_RANGE_FULL}};
+    const struct ddxvideo_geometry camera = {
+        .width = 175, .height = 143, .fields = 1, .format = DDX_VIDEO_420_JPEG, .range = DDX_VIDEO_RANGE_LIMITED};
+    for (size_t i = 0; i < sizeof(wanted) / sizeof(*wanted); i++) {
+        struct ddxvideo_geometry result =
+            geometry_of_result(&camera, 0, 0, 1, false, video_layout_of(wanted[i].format));
+        CHECK_EQUAL(result.width, wanted[i].width);
+        CHECK_EQUAL(result.height, wanted[i].height);
+        CHECK_EQUAL(result.range, wanted[i].range);
+        CHECK_EQUAL(result.format, i ? wanted[i].format : DDX_VIDEO_420_JPEG);
+        CHECK(!ddxvideo_geometry_error(&result));
+    }
+}
+
 int main(void) {
+    test_geometry_of_layouts();
     test_sizes();
     test_standards();
     test_inputs();

@@ -94,7 +94,8 @@ static void test_converted(enum pixels_coding coding, int row_bytes, const unsig
     struct converter converter;
     for (int i = 0; i < row_bytes * HEIGHT; i++)
         data[i] = pattern[i % length];
-    CHECK_EQUAL(converter_open(&converter, &pixels, WIDTH, HEIGHT, false), 0);
+    const struct ddxvideo_geometry paper = {.width = WIDTH, .height = HEIGHT};
+    CHECK_EQUAL(converter_open(&converter, &pixels, 0, &paper, false), 0);
     unsigned char *const to[3] = {y, u, v};
     const int stride[3] = {WIDTH, WIDTH / 2, WIDTH / 2};
     CHECK_EQUAL(converter_run(&converter, data, (size_t)(row_bytes * HEIGHT - 1), to, stride), -74);
@@ -116,5 +117,6 @@ int main(void) {
     test_converted(PIXELS_YUV411, WIDTH * 3 / 2, (const unsigned char[]){55, 77, 77, 200, 77, 77}, 6);
     test_converted(PIXELS_YUV444, WIDTH * 3, (const unsigned char[]){55, 77, 200}, 3);
     test_converted(PIXELS_GREY16, WIDTH * 2, (const unsigned char[]){0x42, 0x99}, 2);
+    test_converted(PIXELS_Y16, WIDTH * 2, (const unsigned char[]){0x99, 0x42}, 2);
     return 0;
 }

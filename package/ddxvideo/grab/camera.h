@@ -11,6 +11,7 @@
 
 #include "controls.h"
 #include "pixels.h"
+#include "video_layout.h"
 
 /* A frame in the camera's memory, until it is given back. */
 struct camera_frame {
@@ -28,6 +29,7 @@ struct camera {
     const char *name;  /* in messages */
     int width, height; /* that are asked for; 0: as the camera is set */
     bool fields;       /* both fields of a picture are needed */
+    const struct video_layout *layout; /* of the result: cameras prefer what has the same samples */
     /* filled by open() */
     int fd;        /* readable when a frame is there, POLLPRI when an event is; -1: closed */
     char card[64]; /* the camera's own name */

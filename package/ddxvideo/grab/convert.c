@@ -2,6 +2,7 @@
 #include "convert.h"
 
 #include <errno.h>
+#include <libavutil/opt.h>
 #include <libavutil/pixdesc.h>
 #include <libswscale/swscale.h>
 #include <stdlib.h>
@@ -9,7 +10,8 @@
 
 #include "unpack.h"
 
-#define GREY 128 /* chroma of no colour */
+#define GREY 128  /* chroma of no colour */
+#define VECTOR 64 /* bytes, the largest that any processor has */
 
 /* Planes of one part of a picture, on either side. */
 struct planes {
@@ -17,46 +19,169 @@ struct planes {
     int stride[4];
 };
 
-/* For pictures of this format; what was there before may do. Grey ones keep their luma, whatever its range. */
-static int prepare(struct converter *converter, enum AVPixelFormat format) {
-    const struct pixels *from = &converter->from;
-    bool grey = format == AV_PIX_FMT_GRAY8;
+/* ---- Pictures between two steps ---- */
 
-    if (grey && from->width == converter->width && from->height == converter->height)
-        return 0;
-    int parts = (int)converter->parts;
-    converter->sws = sws_getCachedContext(converter->sws, from->width, from->height / parts, format, converter->width,
-                                          converter->height / parts, grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_YUV420P,
-                                          SWS_BILINEAR, NULL, NULL, NULL);
-    return converter->sws ? 0 : -ENOMEM;
+static void picture_free(struct picture *picture) {
+    for (int i = 0; i < 3; i++)
+        free(picture->plane[i]);
+    *picture = (struct picture){0};
 }
 
-int converter_open(struct converter *converter, const struct pixels *from, int width, int height, bool stack) {
-    *converter = (struct converter){.from = *from, .width = width, .height = height, .stack = stack};
+static int picture_make(struct picture *picture, const struct video_layout *layout, int width, int height) {
+    picture_free(picture);
+    for (int i = 0; i < 3; i++) {
+        int bytes, rows;
+
+        video_layout_plane(layout, (width + 1) & ~1, (height + 1) & ~1, i, &bytes, &rows);
+        picture->stride[i] = (bytes + 2 * VECTOR - 1) / VECTOR * VECTOR;
+        if (!rows)
+            continue;
+        picture->plane[i] = aligned_alloc(VECTOR, (size_t)picture->stride[i] * (size_t)rows);
+        if (!picture->plane[i])
+            return -ENOMEM;
+    }
+    return 0;
+}
+
+static struct planes planes_of(const struct picture *picture) {
+    struct planes planes = {{NULL}, {0}};
+
+    memcpy(planes.data, picture->plane, sizeof picture->plane);
+    memcpy(planes.stride, picture->stride, sizeof picture->stride);
+    return planes;
+}
+
+/* ---- Getting ready ---- */
+
+static enum AVPixelFormat libav_of(const struct video_layout *layout) {
+    switch (layout->format) {
+    case DDX_VIDEO_YUV422P: return AV_PIX_FMT_YUV422P;
+    case DDX_VIDEO_YUV444P: return AV_PIX_FMT_YUV444P;
+    case DDX_VIDEO_GREY8: return AV_PIX_FMT_GRAY8;
+    case DDX_VIDEO_GREY16: return AV_PIX_FMT_GRAY16LE;
+    case DDX_VIDEO_RGB24: return AV_PIX_FMT_RGB24;
+    default: return AV_PIX_FMT_YUV420P;
+    }
+}
+
+static int open_scaler(struct converter *converter, enum AVPixelFormat source, enum AVPixelFormat target) {
+    bool paper = video_layout_is_420(converter->layout->format), rgb = target == AV_PIX_FMT_RGB24;
+    const struct {
+        const char *name;
+        int64_t value;
+    } settings[] = {
+        {"srcw", converter->from.width},
+        {"srch", converter->from.height / (int)converter->parts},
+        {"src_format", source},
+        {"src_range", rgb && converter->direct.full}, /* else the range stays what it is */
+        {"dstw", converter->width},
+        {"dsth", converter->height / (int)converter->parts},
+        {"dst_format", target},
+        {"dst_range", rgb},
+        {"sws_flags", SWS_BILINEAR | (paper ? 0 : SWS_ACCURATE_RND) | (rgb ? SWS_FULL_CHR_H_INT : 0)},
+    };
+
+    struct SwsContext *sws = converter->sws = sws_alloc_context();
+    if (!sws)
+        return -ENOMEM;
+    for (size_t i = 0; i < sizeof settings / sizeof *settings; i++)
+        if (av_opt_set_int(sws, settings[i].name, settings[i].value, 0) < 0)
+            return -EINVAL;
+    return sws_init_context(sws, NULL, NULL) < 0 ? -ENOMEM : 0;
+}
+
+static void forget(struct converter *converter) {
+    sws_freeContext(converter->sws);
+    converter->sws = NULL;
+    picture_free(&converter->taken);
+    picture_free(&converter->scaled);
+    converter->prepared = AV_PIX_FMT_NONE;
+}
+
+/* 4:2:0 is scaled in place, grey keeps its luma, whatever its range. */
+static int prepare_420(struct converter *converter, enum AVPixelFormat format) {
+    bool grey = format == AV_PIX_FMT_GRAY8;
+
+    converter->before = converter->after = NULL;
+    return open_scaler(converter, format, grey ? AV_PIX_FMT_GRAY8 : AV_PIX_FMT_YUV420P);
+}
+
+/*
+ * Other layouts are scaled as they are, if rows can be brought into the layout before. Grey that is made of RGB goes by
+ * way of 4:2:0, whose luma has the same range in each layout.
+ */
+static int prepare_other(struct converter *converter, enum AVPixelFormat format) {
+    const struct video_layout *layout = converter->layout, *between = layout;
+    enum AVPixelFormat source = converter->before ? libav_of(layout) : format;
+    bool grey = layout->chroma_x < 0 && layout->samples == 1;
+    int error = 0;
+
+    if (grey && !converter->before)
+        between = video_layout_of(DDX_VIDEO_420);
+    converter->after = direct_find(libav_of(between), layout);
+    if (converter->before)
+        error = picture_make(&converter->taken, layout, converter->from.width, converter->from.height);
+    if (!error)
+        error = picture_make(&converter->scaled, between, converter->width, converter->height);
+    return error ? error : open_scaler(converter, source, libav_of(between));
+}
+
+/* For pictures of this format; what was there before may do. */
+static int prepare(struct converter *converter, enum AVPixelFormat format) {
+    bool same = converter->from.width == converter->width && converter->from.height == converter->height;
+
+    if (format == converter->prepared)
+        return 0;
+    forget(converter);
+    int error = 0;
+    converter->before = direct_find(format, converter->layout);
+    if (!converter->before || !same)
+        error = video_layout_is_420(converter->layout->format) ? prepare_420(converter, format)
+                                                               : prepare_other(converter, format);
+    if (error)
+        forget(converter);
+    else
+        converter->prepared = format;
+    return error;
+}
+
+int converter_open(struct converter *converter, const struct pixels *from, int range,
+                   const struct ddxvideo_geometry *to, bool stack) {
+    *converter = (struct converter){.from = *from,
+                                    .width = to->width,
+                                    .height = to->height,
+                                    .layout = video_layout_of(to->format),
+                                    .stack = stack,
+                                    .prepared = AV_PIX_FMT_NONE,
+                                    .direct = {.depth = from->depth, .full = range == DDX_VIDEO_RANGE_FULL}};
     converter->format = pixels_find(from->coding);
-    if (!converter->format || (stack && from->order == PIXELS_PROGRESSIVE))
+    if (!converter->format || !converter->layout || (stack && from->order == PIXELS_PROGRESSIVE))
         return -EINVAL;
     converter->parts = from->order == PIXELS_PROGRESSIVE ? 1 : 2;
     /* A field has half the rows, and its chroma a quarter. */
-    if (converter->parts == 2 && (from->height % 4 || height % 4)) {
+    if (converter->parts == 2 && (from->height % 4 || to->height % 4)) {
         if (stack || from->order != PIXELS_INTERLEAVED)
             return -EINVAL;
         converter->parts = 1;
     }
-    if (converter->format->unpack && !(converter->rearranged = malloc(unpack_size(from))))
+    bool deep = converter->layout->bytes == 2 && converter->format->deep != AV_PIX_FMT_NONE;
+    converter->libav = deep ? converter->format->deep : converter->format->libav;
+    if (converter->format->unpack && !deep && !(converter->unpacked = malloc(unpack_size(from) + VECTOR)))
         return -ENOMEM;
     if (!converter->format->compressed)
-        return prepare(converter, converter->format->libav);
+        return prepare(converter, converter->libav);
     converter->jpeg = jpeg_open();
     return converter->jpeg ? 0 : -ENOMEM;
 }
 
 void converter_close(struct converter *converter) {
     jpeg_close(converter->jpeg);
-    sws_freeContext(converter->sws);
-    free(converter->rearranged);
+    forget(converter);
+    free(converter->unpacked);
     memset(converter, 0, sizeof *converter);
 }
+
+/* ---- Picture by picture ---- */
 
 /* Field `part` (0: the top one) of a picture that has them row by row, or one after the other, from plane to plane. */
 static void choose(struct planes *planes, const int rows[3], unsigned part, bool interleaved) {
@@ -68,20 +193,31 @@ static void choose(struct planes *planes, const int rows[3], unsigned part, bool
     }
 }
 
-static void copy_rows(const struct planes *from, const struct planes *to, int width, int height) {
-    for (int row = 0; row < height; row++)
-        memcpy(to->data[0] + (ptrdiff_t)row * to->stride[0], from->data[0] + (ptrdiff_t)row * from->stride[0],
-               (size_t)width);
+static void run_rows(struct converter *converter, direct_row *row, int width, int rows, struct planes from,
+                     struct planes to) {
+    converter->direct.width = width;
+    for (int number = 0; number < rows; number++) {
+        row(&converter->direct, (const unsigned char *const *)from.data, to.data);
+        for (int i = 0; i < 3; i++) {
+            from.data[i] += from.data[i] ? from.stride[i] : 0;
+            to.data[i] += to.data[i] ? to.stride[i] : 0;
+        }
+    }
 }
 
 static void convert_part(struct converter *converter, const struct planes *from, const struct planes *to) {
-    int rows = (int)converter->parts;
+    int rows = converter->from.height / (int)converter->parts, to_rows = converter->height / (int)converter->parts;
+    struct planes taken = planes_of(&converter->taken), scaled = planes_of(&converter->scaled);
 
-    if (converter->sws)
-        sws_scale(converter->sws, (const uint8_t *const *)from->data, from->stride, 0, converter->from.height / rows,
-                  to->data, to->stride);
-    else
-        copy_rows(from, to, converter->width, converter->height / rows);
+    if (converter->before)
+        run_rows(converter, converter->before, converter->from.width, rows, *from, converter->sws ? taken : *to);
+    if (!converter->sws)
+        return;
+    const struct planes *source = converter->before ? &taken : from, *target = converter->after ? &scaled : to;
+    sws_scale(converter->sws, (const uint8_t *const *)source->data, source->stride, 0, rows, target->data,
+              target->stride);
+    if (converter->after)
+        run_rows(converter, converter->after, converter->width, to_rows, scaled, *to);
 }
 
 /* The planes of what the camera gave: format and rows of chroma for each, where they lie. */
@@ -92,12 +228,12 @@ static int find_planes(struct converter *converter, const void *data, size_t use
     size_t offset[3];
 
     if (!converter->jpeg) {
-        *format = converter->format->libav;
+        *format = converter->libav;
         *chroma_rows = pixels->height / converter->format->chroma_row_step;
         if (used < pixels_planes(pixels, offset, planes->stride))
             return -EBADMSG;
-        if (converter->rearranged) {
-            unpack_run(pixels, data, converter->rearranged, planes->data, planes->stride);
+        if (converter->unpacked) {
+            unpack_run(pixels, data, converter->unpacked, planes->data, planes->stride);
             return 0;
         }
         for (int i = 0; i < converter->format->planes; i++)
@@ -128,7 +264,9 @@ int converter_run(struct converter *converter, const void *data, size_t used, un
     if (error)
         return error;
     const int from_rows[3] = {pixels->height, chroma, chroma};
-    const int to_rows[3] = {converter->height, converter->height / 2, converter->height / 2};
+    int to_rows[3], bytes;
+    for (int i = 0; i < 3; i++)
+        video_layout_plane(converter->layout, converter->width, converter->height, i, &bytes, &to_rows[i]);
     for (unsigned part = 0; part < converter->parts; part++) {
         struct planes source = from, target = to;
 
@@ -140,7 +278,7 @@ int converter_run(struct converter *converter, const void *data, size_t used, un
         }
         convert_part(converter, &source, &target);
     }
-    if (format == AV_PIX_FMT_GRAY8)
+    if (format == AV_PIX_FMT_GRAY8 && video_layout_is_420(converter->layout->format))
         for (int i = 1; i < 3; i++)
             memset(plane[i], GREY, (size_t)stride[i] * (size_t)to_rows[i]);
     return 0;

@@ -6,29 +6,47 @@
 #include <ddxvideo.h>
 #include <stddef.h>
 
+#include "direct.h"
 #include "jpeg.h"
 #include "pixels.h"
+
+/* Planes of our own. */
+struct picture {
+    unsigned char *plane[3];
+    int stride[3];
+};
 
 struct converter {
     struct pixels from;
     int width, height; /* of the result */
-    bool stack;        /* the two fields one above the other instead of row by row */
+    const struct video_layout *layout;
+    bool stack; /* the two fields one above the other instead of row by row */
     /* private: */
     const struct pixels_format *format;
-    unsigned parts;         /* 2: field by field, so that fields never mix */
-    struct SwsContext *sws; /* of one part; NULL where rows are copied */
-    struct jpeg *jpeg;      /* for compressed pictures */
-    unsigned char *rearranged; /* by unpack_run(), where that is needed */
+    enum AVPixelFormat libav;    /* of the camera's pictures, after unpack_run() */
+    enum AVPixelFormat prepared; /* the format that what follows is for; AV_PIX_FMT_NONE: for none */
+    unsigned parts;              /* 2: field by field, so that fields never mix */
+    struct direct direct;
+    direct_row *before;      /* from the camera's rows to the layout's; NULL: libswscale does it */
+    direct_row *after;       /* from the scaled picture's rows to the layout's; NULL: it has been scaled in place */
+    struct SwsContext *sws;  /* of one part; NULL where `before` does all */
+    struct picture taken;    /* by `before`, to be scaled */
+    struct picture scaled;   /* libswscale may write rows beyond their end: not for the store */
+    struct jpeg *jpeg;       /* for compressed pictures */
+    unsigned char *unpacked; /* by unpack_run(), where that is needed */
 };
 
 /*
- * Get ready. Fields that lie in a buffer one after the other come out row by row, or stacked if told so. 0; -EINVAL: no
- * such format, or heights that two fields do not divide; -ENOMEM.
+ * Get ready for pictures of this size and layout, `to`. `range` is that of the camera's luma. Fields that lie in a
+ * buffer one after the other come out row by row, or stacked if told so. 0; -EINVAL: no such format, or heights that
+ * two fields do not divide; -ENOMEM.
  */
-int converter_open(struct converter *converter, const struct pixels *from, int width, int height, bool stack);
+int converter_open(struct converter *converter, const struct pixels *from, int range,
+                   const struct ddxvideo_geometry *to, bool stack);
 
 /*
- * Convert the `used` bytes at `data` into the three planes. 0, -EBADMSG: they hold no whole picture, -ENOMEM.
+ * Convert the `used` bytes at `data` into the planes that the layout has. 0, -EBADMSG: they hold no whole picture,
+ * -ENOMEM.
  */
 int converter_run(struct converter *converter, const void *data, size_t used, unsigned char *const plane[3],
                   const int stride[3]);

@@ -14,11 +14,15 @@ void geometry_scale_aspect(struct ddxvideo_geometry *geometry, int width, int he
 }
 
 struct ddxvideo_geometry geometry_of_result(const struct ddxvideo_geometry *camera, int width, int height, long skip,
-                                            bool stack) {
+                                            bool stack, const struct video_layout *layout) {
     struct ddxvideo_geometry result = *camera;
 
-    result.width = width ? width : camera->width & ~1;
-    result.height = height ? height : camera->height & ~1;
+    result.width = width ? width : camera->width - (layout->chroma_x == 1 ? camera->width % 2 : 0);
+    result.height = height ? height : camera->height - (layout->chroma_y == 1 || stack ? camera->height % 2 : 0);
+    if (!video_layout_is_420(layout->format)) /* else the camera knows where the chroma sits */
+        result.format = layout->format;
+    if (layout->format == DDX_VIDEO_RGB24)
+        result.range = DDX_VIDEO_RANGE_FULL;
     if (width)
         geometry_scale_aspect(&result, camera->width, camera->height);
     if (stack) {

@@ -90,11 +90,12 @@ static void try_open(struct grabber *grabber) {
     *grabber->reason = 0;
     struct camera *camera = grabber->camera;
     grabber->geometry =
-        geometry_of_result(&camera->geometry, camera->width, camera->height, grabber->skip, grabber->stack);
+        geometry_of_result(&camera->geometry, camera->width, camera->height, grabber->skip, grabber->stack,
+                           camera->layout);
     const char *bad = ddxvideo_geometry_error(&grabber->geometry);
     error = bad ? -EINVAL
-                : converter_open(&grabber->converter, &camera->pixels, grabber->geometry.width,
-                                 grabber->geometry.height, grabber->stack);
+                : converter_open(&grabber->converter, &camera->pixels, camera->geometry.range, &grabber->geometry,
+                                 grabber->stack);
     if (error) {
         let_go(grabber, bad ? bad : "its pictures cannot be converted");
         return;

@@ -17,11 +17,12 @@ enum pixels_coding {
     PIXELS_MJPEG,
     PIXELS_JPEG,
     PIXELS_GREY,
+    PIXELS_Y16, /* grey, 16 bits, the lower byte first */
+    PIXELS_RGB24,
     /* of IIDC cameras: */
     PIXELS_GREY16, /* samples of 16 bits: the upper byte first, `depth` bits in use */
     PIXELS_YUV411, /* U Y Y V Y Y */
     PIXELS_YUV444, /* U Y V */
-    PIXELS_RGB24,
     PIXELS_RGB48, /* samples as of GREY16 */
     PIXELS_RGGB,  /* raw sensor: its first two rows begin with R G and G B */
     PIXELS_GBRG,
@@ -34,7 +35,7 @@ enum pixels_coding {
 };
 
 /* What has to be done before libswscale can read it. */
-enum pixels_unpack { UNPACK_NOTHING, UNPACK_16, UNPACK_411, UNPACK_444 };
+enum pixels_unpack { UNPACK_NOTHING, UNPACK_16, UNPACK_16_LE, UNPACK_411, UNPACK_444 };
 
 /* How two fields lie in a buffer. */
 enum pixels_order {
@@ -63,6 +64,8 @@ struct pixels_format {
     uint8_t other_divisor;   /* the other planes' stride is the first one's divided by this */
     uint8_t chroma_row_step; /* rows of luma for each row of the other planes */
     enum pixels_unpack unpack;
+    enum AVPixelFormat deep; /* for a layout of 16 bits, without `unpack`; AV_PIX_FMT_NONE: the camera has 8 bits */
+    int layout; /* enum ddx_video_format that has the same samples; -1: there is none */
 };
 
 const struct pixels_format *pixels_find(enum pixels_coding coding); /* or NULL */

@@ -18,9 +18,10 @@ static void complain(const struct grabber *grabber, const char *item, int error)
 static bool have_items(struct grabber *grabber) {
     const struct ddxvideo_geometry *wanted = &grabber->geometry;
     int64_t now = ddx_time_now();
-    bool fits = grabber->video && wanted->width == grabber->created.width && wanted->height == grabber->created.height;
+    const struct ddxvideo_geometry *made = &grabber->created;
+    bool same_size = wanted->width == made->width && wanted->height == made->height;
 
-    if (fits)
+    if (grabber->video && same_size && video_layout_of(wanted->format) == video_layout_of(made->format))
         return true;
     if (now < grabber->create)
         return false;

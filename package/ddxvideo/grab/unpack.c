@@ -6,7 +6,8 @@ static void set_strides(const struct pixels *pixels, int stride[3]) {
     stride[0] = pixels->width;
     stride[1] = stride[2] = 0;
     switch (pixels_find(pixels->coding)->unpack) {
-    case UNPACK_16: stride[0] = pixels->stride / 2; break;
+    case UNPACK_16:
+    case UNPACK_16_LE: stride[0] = pixels->stride / 2; break;
     case UNPACK_411: stride[1] = stride[2] = pixels->width / 4; break;
     case UNPACK_444: stride[1] = stride[2] = pixels->width; break;
     case UNPACK_NOTHING: break;
@@ -27,6 +28,12 @@ static void take_upper_bits(const unsigned char *from, unsigned char *to, int sa
 
         to[i] = (unsigned char)(value < 255 ? value : 255);
     }
+}
+
+/* The upper bytes, which come second. */
+static void take_second_bytes(const unsigned char *from, unsigned char *to, int samples) {
+    for (int i = 0; i < samples; i++)
+        to[i] = from[2 * i + 1];
 }
 
 /* U Y Y V Y Y: four pixels that share their chroma. */
@@ -66,6 +73,8 @@ void unpack_run(const struct pixels *pixels, const unsigned char *from, unsigned
             at[i] = stride[i] ? plane[i] + (ptrdiff_t)row * stride[i] : NULL;
         if (unpack == UNPACK_16)
             take_upper_bits(from, at[0], pixels->stride / 2, pixels->depth);
+        else if (unpack == UNPACK_16_LE)
+            take_second_bytes(from, at[0], pixels->stride / 2);
         else if (unpack == UNPACK_411)
             part_411(from, at, pixels->width);
         else

@@ -14,7 +14,7 @@
 
 /* The options as they are typed. */
 struct words {
-    const char *camera, *size, *mode, *format, *roi, *rate, *bayer;
+    const char *camera, *size, *mode, *format, *roi, *rate, *bayer, *layout;
 };
 
 /* "X,Y,WIDTH,HEIGHT"; even sides, as those of all pictures in the store are. */
@@ -71,6 +71,12 @@ static bool understand(struct iidc_camera *iidc, const struct words *words) {
     }
     iidc->camera.width = wish->width;
     iidc->camera.height = wish->height;
+    wish->layout = video_layout_named(words->layout);
+    if (!wish->layout) {
+        say("-layout %s: " VIDEO_LAYOUT_NAMES " is needed; see ddxvideo1394 -help", words->layout);
+        return false;
+    }
+    iidc->camera.layout = wish->layout;
     if (words->mode && !mode_parse(words->mode, &wish->mode)) {
         say("-mode %s: unknown; there are %s, see ddxvideo1394 -list", words->mode, MODE_NAMES);
         return false;
@@ -89,7 +95,7 @@ static bool understand(struct iidc_camera *iidc, const struct words *words) {
 int main(int argc, char **argv) {
     struct iidc_camera iidc;
     struct grabber grabber = {.name = "video", .skip = 1, .camera = &iidc.camera};
-    struct words words = {.camera = "0"};
+    struct words words = {.camera = "0", .layout = "YUV420P"};
     bool list = false;
     const struct option_entry options[] = {
         {"camera", "GUID|N", "the camera's GUID, or its number by order of the GUIDs (default: 0)", OPTION_TEXT,
@@ -98,6 +104,7 @@ int main(int argc, char **argv) {
         {"size", "SIZE", SIZE_NAMES, OPTION_TEXT, &words.size, 0, 0},
         {"name", "ITEM", "the video item to write (default: video)", OPTION_NAME, &grabber.name, 0,
          DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
+        {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT, &words.layout, 0, 0},
         {"mode", "MODE", MODE_NAMES " (default: the nearest to -size, or as it is set)", OPTION_TEXT, &words.mode, 0,
          0},
         {"rate", "R", "frames per second to ask of the camera, such as 7.5 (default: the fastest)", OPTION_TEXT,

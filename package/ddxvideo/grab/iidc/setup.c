@@ -10,6 +10,7 @@
 #include "modes.h"
 
 #define FULL_DEPTH 16
+#define SAME_SAMPLES 100
 #define SMALLER (INT64_C(1) << 40) /* a picture that would have to be enlarged is farther away than any larger one */
 
 /* How far a mode's picture is from the one that is wanted; without a wish the largest is the nearest. */
@@ -22,13 +23,17 @@ static int64_t distance(const struct setup_wish *wish, uint32_t width, uint32_t 
     return covers ? area - wanted : SMALLER - area;
 }
 
-static int merit_of(dc1394camera_t *device, dc1394video_mode_t mode) {
+/* Codings with the layout's own samples come first. */
+static int merit_of(dc1394camera_t *device, dc1394video_mode_t mode, const struct setup_wish *wish) {
     dc1394color_coding_t coding;
 
     if (mode == DC1394_VIDEO_MODE_EXIF || dc1394_is_video_mode_scalable(mode) ||
         dc1394_get_color_coding_from_video_mode(device, mode, &coding) != DC1394_SUCCESS)
         return 0;
-    return mode_merit(coding);
+    int layout = wish->layout->format;
+    const struct pixels_format *format = pixels_find(mode_pixels(coding, wish->bayer));
+    bool same = !video_layout_is_420(layout) && format && format->layout == layout;
+    return mode_merit(coding) + (same ? SAME_SAMPLES : 0);
 }
 
 /* The mode whose pictures are nearest, in the coding that serves best; 0: there is no fixed mode. */
@@ -40,7 +45,7 @@ static dc1394video_mode_t nearest(dc1394camera_t *device, const dc1394video_mode
 
     for (unsigned i = 0; i < modes->num && i < DC1394_VIDEO_MODE_NUM; i++) {
         uint32_t width, height;
-        int merit = merit_of(device, modes->modes[i]);
+        int merit = merit_of(device, modes->modes[i], wish);
 
         if (!merit || dc1394_get_image_size_from_video_mode(device, modes->modes[i], &width, &height))
             continue;
@@ -76,7 +81,7 @@ static int choose_mode(dc1394camera_t *device, const struct setup_wish *wish, dc
         snprintf(why, size, "has no mode %s; ddxvideo1394 -list shows those that it has", mode_name(*mode));
         return -EINVAL;
     }
-    if (!wish->width && !dc1394_video_get_mode(device, mode) && offers(&modes, *mode) && merit_of(device, *mode))
+    if (!wish->width && !dc1394_video_get_mode(device, mode) && offers(&modes, *mode) && merit_of(device, *mode, wish))
         return 0;
     *mode = nearest(device, &modes, wish);
     if (!*mode && offers(&modes, DC1394_VIDEO_MODE_FORMAT7_0))

@@ -7,8 +7,10 @@
 #include <ddxvideo.h>
 
 #include "pixels.h"
+#include "video_layout.h"
 
 struct setup_wish {
+    const struct video_layout *layout; /* of the result */
     dc1394video_mode_t mode; /* 0: the best for the size, or as the camera is set */
     int width, height;       /* of the result; 0: as the camera is set */
     dc1394color_coding_t coding; /* of FORMAT7; 0: as the camera is set */

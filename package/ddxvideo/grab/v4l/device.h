@@ -7,6 +7,7 @@
 #include <linux/videodev2.h>
 
 #include "pixels.h"
+#include "video_layout.h"
 
 #define DEVICE_BUFFERS 8
 
@@ -17,6 +18,7 @@ struct device_wish {
     const char *input;    /* name or number; NULL: as it is */
     const char *standard; /* NULL: what is on the line, if the driver can tell, else as it is */
     uint32_t fourcc;      /* 0: the best */
+    const struct video_layout *layout; /* of the result */
     long rate;            /* frames per second; 0: as it is */
     bool fields;          /* both fields of a picture are needed */
 };

@@ -13,7 +13,7 @@
 
 /* The options as they are typed. */
 struct words {
-    const char *camera, *size, *format, *deinterlace;
+    const char *camera, *size, *format, *deinterlace, *layout;
 };
 
 /* False after one line. */
@@ -30,6 +30,11 @@ static bool understand(struct grabber *grabber, struct v4l_camera *v4l, const st
     }
     if (words->size && !size_parse(words->size, &camera->width, &camera->height)) {
         say("-size %s: one of %s is needed", words->size, SIZE_NAMES);
+        return false;
+    }
+    camera->layout = video_layout_named(words->layout);
+    if (!camera->layout) {
+        say("-layout %s: " VIDEO_LAYOUT_NAMES " is needed; see ddxvideoV4L -help", words->layout);
         return false;
     }
     if (words->format && !(wish->fourcc = negotiate_fourcc(words->format))) {
@@ -51,7 +56,7 @@ static bool understand(struct grabber *grabber, struct v4l_camera *v4l, const st
 int main(int argc, char **argv) {
     struct v4l_camera v4l;
     struct grabber grabber = {.name = "video", .skip = 1, .camera = &v4l.camera};
-    struct words words = {.camera = "0"};
+    struct words words = {.camera = "0", .layout = "YUV420P"};
     const struct option_entry options[] = {
         {"camera", "N", "the camera /dev/videoN, or a path (default: 0)", OPTION_TEXT, &words.camera, 0, 0},
         {"skip", "N", "take one of N frames (default: 1, each)", OPTION_NUMBER, &grabber.skip, 1, 100000},
@@ -64,8 +69,9 @@ int main(int argc, char **argv) {
          0, 0},
         {"deinterlace", "stack", "two fields (a line-interlaced stereo pair) one above the other", OPTION_TEXT,
          &words.deinterlace, 0, 0},
-        {"format", "NAME", "pixel format of the camera: YU12, NV12, YUYV, UYVY, MJPEG or GREY (default: the best)",
+        {"format", "NAME", "the camera's pixels: YU12, NV12, YUYV, UYVY, MJPEG, RGB24, GREY or Y16 (default: the best)",
          OPTION_TEXT, &words.format, 0, 0},
+        {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT, &words.layout, 0, 0},
         {"rate", "R", "frames per second to ask of the camera (default: as it is set)", OPTION_NUMBER,
          &v4l.wish.rate, 1, 1000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},

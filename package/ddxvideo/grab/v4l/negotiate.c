@@ -9,14 +9,14 @@
 #include "geometry.h"
 #include "input.h"
 
-/* The best first: a copy, chroma taken apart, chroma averaged, decoded; grey has no colour. */
+/* The best first: a copy, chroma taken apart, chroma averaged, decoded, made of RGB; grey has no colour. */
 static const struct {
     uint32_t fourcc;
     enum pixels_coding coding;
 } formats[] = {
     {V4L2_PIX_FMT_YUV420, PIXELS_YU12}, {V4L2_PIX_FMT_NV12, PIXELS_NV12},   {V4L2_PIX_FMT_YUYV, PIXELS_YUYV},
     {V4L2_PIX_FMT_UYVY, PIXELS_UYVY},   {V4L2_PIX_FMT_MJPEG, PIXELS_MJPEG}, {V4L2_PIX_FMT_JPEG, PIXELS_JPEG},
-    {V4L2_PIX_FMT_GREY, PIXELS_GREY},
+    {V4L2_PIX_FMT_RGB24, PIXELS_RGB24}, {V4L2_PIX_FMT_GREY, PIXELS_GREY},   {V4L2_PIX_FMT_Y16, PIXELS_Y16},
 };
 
 #define FORMATS (sizeof formats / sizeof *formats)
@@ -64,7 +64,10 @@ static bool offers(int fd, uint32_t fourcc) {
     return false;
 }
 
-/* How well a format serves: the size as asked counts more than fluent motion; the list is in order of preference. */
+/*
+ * How well a format serves: the size as asked counts more than fluent motion, and the layout's own samples count least,
+ * but where 16 bits are wanted; the list is in order of preference.
+ */
 static int merit(int fd, const struct device_wish *wish, struct v4l2_format format, uint32_t fourcc) {
     format.fmt.pix.pixelformat = fourcc;
     if (!offers(fd, fourcc) || device_ioctl(fd, VIDIOC_TRY_FMT, &format) || format.fmt.pix.pixelformat != fourcc)
@@ -72,7 +75,9 @@ static int merit(int fd, const struct device_wish *wish, struct v4l2_format form
     bool exact =
         !wish->width || ((int)format.fmt.pix.width == wish->width && (int)format.fmt.pix.height == wish->height);
     double rate = greatest_rate(fd, &format.fmt.pix), wanted = wish->rate ? (double)wish->rate : FLUENT;
-    return 2 * exact + (rate == 0 || rate + 0.1 >= wanted);
+    bool fluent = rate == 0 || rate + 0.1 >= wanted, paper = video_layout_is_420(wish->layout->format);
+    bool same = !paper && pixels_find(coding_of(fourcc))->layout == wish->layout->format;
+    return 8 * (same && wish->layout->bytes == 2) + 4 * exact + 2 * fluent + same;
 }
 
 static uint32_t best_format(int fd, const struct device_wish *wish, const struct v4l2_format *format) {
@@ -173,6 +178,8 @@ static void take_rate(struct device *device, const struct device_wish *wish) {
 }
 
 static int range_of(const struct v4l2_pix_format *pix) {
+    if (coding_of(pix->pixelformat) == PIXELS_RGB24)
+        return DDX_VIDEO_RANGE_LIMITED; /* of what is made of it */
     if (pixels_find(coding_of(pix->pixelformat))->compressed)
         return DDX_VIDEO_RANGE_FULL; /* that is JPEG's, whatever the driver thinks */
     uint32_t quantization = pix->quantization;
@@ -193,7 +200,7 @@ int negotiate(struct device *device, const struct device_wish *wish, char *why, 
         return error;
     device->pixels = (struct pixels){
         .coding = coding_of(pix.pixelformat), .width = (int)pix.width, .height = (int)pix.height,
-        .stride = (int)pix.bytesperline};
+        .stride = (int)pix.bytesperline, .depth = 16};
     device->geometry = (struct ddxvideo_geometry){
         .width = (int)pix.width, .height = (int)pix.height, .fields = 1, .range = range_of(&pix)};
     if (pixels_find(device->pixels.coding)->compressed)

@@ -20,6 +20,7 @@ static int v4l_open(struct camera *camera, char *why, size_t size) {
     v4l->wish.width = camera->width;
     v4l->wish.height = camera->height;
     v4l->wish.fields = camera->fields;
+    v4l->wish.layout = camera->layout;
     int error = device_open(&v4l->device, &v4l->wish, why, size);
     if (error)
         return error;
