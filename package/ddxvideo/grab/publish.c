@@ -9,7 +9,10 @@
 static void complain(const struct grabber *grabber, const char *item, int error) {
     static int said;
 
-    if (error && error != said)
+    if (error == -EPROTOTYPE && !*item && error != said)
+        say("%s: its readers have it open in a layout other than %s; restart them, until then its frames are lost",
+            grabber->name, grabber->camera->layout->name);
+    else if (error && error != said)
         say("%s%s: %s", grabber->name, item, ddx_error_text(error));
     said = error;
 }
