@@ -84,9 +84,13 @@ def wait_for_frames(guest: Guest, frames: int = 1, instance: str = GRABBER, seco
 
 def checksum(picture: bytes, width: int, height: int) -> int:
     """As tests/guest/frames counts it: FNV-1a over the eight-byte words of each plane."""
-    total, luma = 14695981039346656037, width * height
-    for begin, end in [(0, luma), (luma, luma // 4 * 5), (luma // 4 * 5, luma // 2 * 3)]:
-        plane = picture[begin:end]
+    luma = width * height
+    return checksum_of_planes([picture[:luma], picture[luma:luma // 4 * 5], picture[luma // 4 * 5:luma // 2 * 3]])
+
+
+def checksum_of_planes(planes: Iterable[bytes]) -> int:
+    total = 14695981039346656037
+    for plane in planes:
         for word in struct.unpack(f"<{len(plane) // 8}Q", plane[:len(plane) // 8 * 8]):
             total = (total ^ word) * 1099511628211 & 0xffffffffffffffff
     return total

@@ -64,6 +64,46 @@ def test_each_format_comes_out_bit_exact(guest: Guest, pictures: list[bytes], fo
     assert camera.shows(frames, camera.checksums(wanted, WIDTH, HEIGHT))
 
 
+def planes_in(layout: str, clip: bytes) -> list[bytes]:
+    """A picture of the clip in this layout as the far side shows it: rows of chroma belong to the fields by turns."""
+    luma, half = WIDTH * HEIGHT, WIDTH // 2
+    if layout == "GREY8":
+        return [clip[:luma]]
+    planes = [numpy.frombuffer(clip[begin:begin + luma // 4], numpy.uint8).reshape(-1, half)
+              for begin in (luma, luma // 4 * 5)]
+    rows = [row // 4 * 2 + row % 2 for row in range(HEIGHT)]
+    return [clip[:luma], *(bytes(plane[rows].tobytes()) for plane in planes)]
+
+
+@pytest.mark.parametrize("fourcc, layout", [("YUYV", "YUV422P"), ("UYVY", "YUV422P"), ("GREY", "GREY8"),
+                                            ("YUYV", "GREY8")])
+def test_a_layout_of_the_same_samples_is_bit_exact(guest: Guest, pictures: list[bytes], fourcc: str,
+                                                   layout: str) -> None:
+    wanted = [camera.checksum_of_planes(planes_in(layout, one)) for one in pictures]
+    assert camera.shows(looped(guest, f"format={fourcc} layout={layout}", fourcc), wanted)
+
+
+@pytest.mark.parametrize("layout, number, taken", [
+    ("YUV422P", 16, "YUYV"), ("GREY8", 18, "GREY"), ("GREY16", 19, "Y16"), ("RGB24", 20, "RGB24")])
+def test_the_camera_s_own_samples_come_first(guest: Guest, layout: str, number: int, taken: str) -> None:
+    camera.configure(guest, f"input=Webcam size=320x180 layout={layout}")
+    camera.wait_for_frames(guest, 3)
+    assert camera.value(guest, "video")["format"] == number
+    assert f" {taken} 320x180, to video 320x180" in camera.said(guest)[0]
+
+
+def test_a_reader_that_holds_another_layout_is_named(guest: Guest) -> None:
+    camera.configure(guest, "input=Webcam size=320x180")
+    camera.wait_for_frames(guest, 3)
+    reader = Reader(guest, 60)
+    camera.configure(guest, "input=Webcam size=320x180 layout=GREY8")
+    guest.wait_until("grep -q 'its readers have it open in a layout other than GREY8' /run/log/ddxvideoV4L/current")
+    reader.stop()
+    camera.wait_for_frames(guest, 3)
+    assert camera.stats(guest).lost["store"] > 0
+    assert camera.value(guest, "video")["format"] == 18
+
+
 def test_an_interlaced_pair_is_stacked(guest: Guest, pictures: list[bytes]) -> None:
     def stacked(plane: bytes, width: int) -> bytes:
         rows = numpy.frombuffer(plane, numpy.uint8).reshape(-1, width)

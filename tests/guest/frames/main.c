@@ -71,7 +71,7 @@ int main(int argc, char **argv) {
             break;
         if (error)
             continue;
-        if (!ddxvideo_view(item, frame.data, &view))
+        if (!ddxvideo_view_any(item, frame.data, &view))
             printf("%d %" PRId64 " %" PRId64 " %" PRId64 " %" PRId64 " %d %d %d %" PRIu64 " %#018" PRIx64 "\n",
                    view.stamp.frame, view.stamp.source_sequence, view.stamp.source_lost, view.stamp.time, frame.time,
                    view.geometry.fields, view.geometry.width, view.geometry.height, frame.missed, checksum(&view));
