@@ -4,26 +4,31 @@ import hashlib
 import pathlib
 import tempfile
 import zipfile
+from collections.abc import Sequence
 
 from parts.common import Failed, fingerprint, run
 from parts.image import foreign
 
 MCAP = {"mcap==1.6.0": "7cd37fba2cf51d033f2139ca837d2ed3024dcec3cd9f8ecdf3d4d15930df6e17",
         "mcap-ros2-support==0.6.0": "0b5f86c88432a1370b6c8f0e8a26d1403dc02495d751052e3dd9f9a0679645ef"}
+SKIMAGE = {"scikit-image==0.16.2": "2aa962aa82d815606d7dad7f045f5d7ca55c65b4320d47e15a98fc92612c2d6c"}
+# Its wheels are for a Python that Debian does not have any more.
+PYTHON_37 = ["--python-version=3.7", "--implementation=cp", "--abi=cp37m", "--platform=manylinux1_x86_64"]
 
 
-def folder(wheels: dict[str, str]) -> pathlib.Path:
-    """A folder for sys.path that has these packages: name and version, SHA-256 of the wheel."""
+def folder(wheels: dict[str, str], options: Sequence[str] = (), parts: str = "") -> pathlib.Path:
+    """A folder for sys.path that has these packages: name and version, SHA-256 of the wheel. `options`: for pip;
+    `parts`: only files whose names begin so."""
     def make(tree: pathlib.Path) -> None:
         with tempfile.TemporaryDirectory() as down:
             for number, (wheel, digest) in enumerate(wheels.items()):
                 into = pathlib.Path(down) / str(number)
                 run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
-                     "--dest", into, wheel])
+                     *options, "--dest", into, wheel])
                 file = next(into.glob("*.whl"))
                 if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
                     raise Failed(f"{file.name} is not the one expected")
                 with zipfile.ZipFile(file) as archive:
-                    archive.extractall(tree)
+                    archive.extractall(tree, [name for name in archive.namelist() if name.startswith(parts)])
 
-    return foreign.kept("wheels", fingerprint([], repr(wheels)), make)
+    return foreign.kept("wheels", fingerprint([], repr(wheels), *([parts] if parts else [])), make)
