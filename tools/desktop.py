@@ -35,6 +35,8 @@ def install(prefix: str, destination: str) -> None:
         options = [*native.MESON, f"--prefix={prefix}", "-Dtests=false"]  # the last prefix counts
         if package == "ddx":
             options.append(f"-Dpython_folder={python_folder(prefix)}")
+        if package == "ddxvideo":
+            options.append("-Ddesk_tools=true")
         env = {**native.environment(desk), "DESTDIR": destination}
         again = ["--reconfigure"] if (out / "build.ninja").exists() else []
         run(["meson", "setup", *again, *options, out, TOP / "package" / package], env=env)

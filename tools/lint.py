@@ -60,7 +60,8 @@ def main() -> int:
     failed = bool(bad)
     scripts = [path for path in paths if is_script(path)]
     failed |= subprocess.run(["shellcheck", "--shell=sh", *scripts], check=False).returncode != 0
-    python = [TOP / "tools", TOP / "package/ddx/python", TOP / "examples", *sorted((TOP / "tests").glob("*"))]
+    python = [TOP / "tools", TOP / "package/ddx/python", TOP / "package/ddxvideo/stereo", TOP / "examples",
+              *sorted((TOP / "tests").glob("*"))]
     folders = [path for path in python if list(path.glob("*.py"))]
     for folder in folders:
         mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={TOP}/output/mypy"]
