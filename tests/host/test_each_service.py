@@ -14,7 +14,7 @@ import pytest
 import build
 from parts.guest.native_machine import NativeMachine
 from parts.image import native, tables
-from parts.media import clip, counters
+from parts.media import calibration, clip, counters
 from parts.testing import crash_loop
 
 from .programs import wait_until
@@ -22,7 +22,8 @@ from .programs import wait_until
 SAVE, SEND = "ddxvideosave", "ddxvideosend"
 SERVICES = tuple(tables.services())
 OTHERS = tuple(name for name in SERVICES if name != "store")
-SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo\n", "decode": "interface=lo\n"}
+SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo\n", "decode": "interface=lo\n",
+            "ddxvideoSVS": "calib=/test/stereo.yml\n"}
 
 
 @pytest.fixture
@@ -32,6 +33,7 @@ def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
         pytest.skip("a machine in namespaces of its own takes root")
     (tmp_path / "test").mkdir()
     clip.write(tmp_path / "test/clip.y4m", 1)
+    (tmp_path / "test/stereo.yml").write_text(calibration.text(calibration.ideal(352, 144)))
     for name in SERVICES:
         (tmp_path / f"test/{name}.conf").write_text("enabled=yes\n" + SETTINGS.get(name, ""))
     with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:

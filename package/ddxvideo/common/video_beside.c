@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* The items beside a video item: frame counter and parameters. */
+/* The items beside a video item: frame counter, parameters, what a range picture means. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -42,4 +42,10 @@ int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *
         if (!memchr(parameters->parameter[i].name, 0, sizeof parameters->parameter[i].name))
             return -EINVAL;
     return ddx_store_write(item, parameters, NULL);
+}
+
+int ddxvideo_stereo_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item) {
+    struct ddx_item_spec spec = {.type = "DDX_VIDEO_STEREO", .size = sizeof(DDX_VIDEO_STEREO)};
+
+    return create_beside(id, video_name, "stereo", &spec, item);
 }

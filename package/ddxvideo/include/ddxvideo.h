@@ -239,6 +239,26 @@ int ddxvideo_parameters_create(DDX_STORE_ID *id, const char *video_name, DDX_STO
 /* -EINVAL: a bad count, or a name without end. */
 int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *parameters);
 
+/*
+ * ---- Range: item `<name>.stereo` beside a range picture `<name>` and its disparities `<name>.disparity` ----
+ *
+ * The disparities are pictures of layout GREY16, those of the left rectified picture in 1/16 pixel; 0 is unknown. With
+ * d in pixels, a point is f * T / d away along the axis of the left camera, (x - cx) * T / d to its right and
+ * (y - cy) * T / d below it, in the unit of T, which is that of the calibration: metres, if the squares of the
+ * chessboard were given in metres.
+ */
+DDX_STORE_TYPE(
+    DDX_VIDEO_STEREO, struct {
+        double f;      /* focal length, pixels */
+        double T;      /* between both cameras */
+        double cx, cy; /* centre of the rectified pictures, pixels */
+        double min, max; /* the disparities that are looked for, pixels */
+        double step;   /* what a difference of 1 in the disparities is, pixels */
+    });
+
+/* Errors: -EINVAL (name too long), and those of ddx_store_create(). */
+int ddxvideo_stereo_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item);
+
 #ifdef __cplusplus
 }
 #endif

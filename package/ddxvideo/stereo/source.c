@@ -1,0 +1,202 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "source.h"
+
+#include <errno.h>
+#include <stdlib.h>
+
+#define MS INT64_C(1000000)
+#define SECOND (1000 * MS)
+#define WINDOW (20 * MS)  /* where the frame rate is unknown */
+#define LONELY (200 * MS) /* and two frame periods: so long a frame waits for the other camera */
+#define STRANGE SECOND    /* times that differ by more than this: neither frame is waited for */
+#define PATIENCE SECOND   /* until a line says that there are no pairs */
+
+bool source_open(struct source *source, DDX_STORE_ID *id) {
+    source->items = source->name[1] ? 2 : 1;
+    source->last_pair = ddx_time_now();
+    for (int i = 0; i < source->items; i++) {
+        struct source_item *item = &source->item[i];
+
+        item->name = source->name[i];
+        item->item = program_await(id, item->name, source->book);
+        if (!item->item)
+            return false;
+        item->awaited = !*ddx_store_item_type(item->item);
+    }
+    return true;
+}
+
+static void release(struct source_item *item) {
+    if (item->held)
+        ddx_store_release(item->item);
+    item->held = false;
+}
+
+void source_give(struct source *source) {
+    for (int i = 0; i < source->items; i++)
+        release(&source->item[i]);
+}
+
+void source_close(struct source *source) {
+    for (int i = 0; i < source->items; i++) {
+        luma_free(&source->item[i].luma);
+        ddx_store_done_item(source->item[i].item);
+    }
+}
+
+static void give_up(struct source *source, struct source_item *item) {
+    ddx_stats_lost(source->book, LOST_PAIR, 1);
+    release(item);
+    source->lonely = true;
+}
+
+void source_end(struct source *source) {
+    for (int i = 0; i < source->items; i++)
+        if (source->item[i].held)
+            give_up(source, &source->item[i]);
+}
+
+static void count(struct source *source, uint64_t frames, uint64_t missed, uint64_t sequence) {
+    ddx_stats_in(source->book, frames, source->items == 1 ? sequence : 0);
+    ddx_stats_lost(source->book, source->lonely ? LOST_PAIR : LOST_LATE, missed);
+}
+
+/* After the first read, which may have given a frame: what was written since this program awaits the item counts. */
+static void begin(struct source *source, struct source_item *item, const struct ddx_frame *frame) {
+    uint64_t seen = ddx_store_seen(item->item), from = frame ? seen - frame->missed - 1 : seen;
+    uint64_t before = item->awaited ? from : 0;
+
+    item->begun = true;
+    if (source->items == 1)
+        ddx_stats_follow(source->book, from - before);
+    if (before)
+        count(source, before, before, from);
+}
+
+/* Hold the newest frame of an item that has not been seen yet. */
+static int take(struct source *source, struct source_item *item, double wait) {
+    if (item->held)
+        return 0;
+    int error = ddx_store_acquire(item->item, &item->frame, item->begun ? wait : 0, DDX_NEXT);
+    if (!item->begun && (!error || error == -ETIMEDOUT))
+        begin(source, item, error ? NULL : &item->frame);
+    if (error)
+        return error == -ETIMEDOUT ? -EAGAIN : error;
+    count(source, item->frame.missed + 1, item->frame.missed, item->frame.sequence);
+    item->held = true;
+    error = ddxvideo_view_any(item->item, item->frame.data, &item->picture);
+    if (!error)
+        error = luma_of(&item->luma, &item->picture);
+    if (error) {
+        ddx_stats_lost(source->book, LOST_PICTURE, 1);
+        release(item);
+        return error == -EBADMSG ? -EAGAIN : error;
+    }
+    item->time = item->picture.stamp.time ? item->picture.stamp.time : item->frame.time;
+    return 0;
+}
+
+/* Half a frame period. */
+static int64_t window_of(const struct ddxvideo_geometry *geometry) {
+    return geometry->rate_num ? SECOND * geometry->rate_den / geometry->rate_num / 2 : WINDOW;
+}
+
+/* Whether both frames belong together; if not, at least one of them is given up. */
+static bool match(struct source *source) {
+    struct source_item *left = &source->item[LEFT], *right = &source->item[RIGHT];
+    int64_t apart = left->time - right->time;
+    int64_t window = source->window ? source->window : window_of(&left->picture.geometry);
+
+    if (llabs(apart) <= window)
+        return true;
+    bool strange = llabs(apart) > STRANGE;
+    if (apart < 0 || strange)
+        give_up(source, left);
+    if (apart > 0 || strange)
+        give_up(source, right);
+    return false;
+}
+
+/* One line when pairs stay away while one of the cameras gives frames, and one when they are back. */
+static void tell(struct source *source, bool pair) {
+    int64_t now = ddx_time_now();
+
+    if (pair && source->said)
+        say("%s, %s: pairs again after %.1f s", source->name[0], source->name[1],
+            (double)(now - source->last_pair) / 1e9);
+    if (pair) {
+        source->last_pair = now;
+        source->said = false;
+    } else if (source->lonely && !source->said && now - source->last_pair > PATIENCE) {
+        say("%s, %s: no frames of the same time, waiting for them", source->name[0], source->name[1]);
+        source->said = true;
+    }
+}
+
+/* A frame that has waited for the other camera long enough, by the frame rate. */
+static void give_up_old(struct source *source) {
+    int64_t now = ddx_time_now();
+
+    for (int i = 0; i < 2; i++) {
+        struct source_item *item = &source->item[i];
+
+        if (item->held && now - item->frame.time > LONELY + 4 * window_of(&item->picture.geometry))
+            give_up(source, item);
+    }
+}
+
+/* Hold a frame of each; -EAGAIN: not yet. Waits for one item only: for the right one if there is a left frame. */
+static int take_both(struct source *source, double wait, const char **at) {
+    int wait_for = source->item[LEFT].held, error = 0;
+
+    for (int i = 0; i < 2; i++) {
+        struct source_item *item = &source->item[(wait_for + i) % 2];
+        int result = take(source, item, i ? 0 : wait);
+
+        *at = item->name;
+        if (result && result != -EAGAIN)
+            return result;
+        error = result ? result : error;
+    }
+    return error;
+}
+
+static int take_two(struct source *source, double wait, const char **at) {
+    int error = take_both(source, wait, at);
+
+    if (error && error != -EAGAIN)
+        return error;
+    if (error)
+        give_up_old(source);
+    else if (!match(source))
+        error = -EAGAIN;
+    tell(source, !error);
+    return error;
+}
+
+static void describe(const struct source *source, struct pair *pair) {
+    const struct source_item *left = &source->item[0], *right = &source->item[source->items - 1];
+
+    *pair = (struct pair){.luma = {left->luma.at, right->luma.at},
+                          .stride = {left->luma.stride, right->luma.stride},
+                          .geometry = left->picture.geometry,
+                          .stamp = left->picture.stamp,
+                          .written = left->frame.time > right->frame.time ? left->frame.time : right->frame.time,
+                          .frames = (unsigned)source->items};
+    pair->stamp.time = left->time;
+    if (source->items == 1) {
+        pair->geometry.height /= pair->geometry.fields > 1 ? pair->geometry.fields : 1;
+        pair->luma[source->top == LEFT ? RIGHT : LEFT] += left->luma.stride * pair->geometry.height;
+    }
+}
+
+int source_take(struct source *source, double wait, struct pair *pair, const char **at) {
+    *at = source->name[0];
+    int error = source->items == 2 ? take_two(source, wait, at) : take(source, &source->item[0], wait);
+
+    if (error)
+        return error;
+    source->lonely = false;
+    describe(source, pair);
+    return 0;
+}

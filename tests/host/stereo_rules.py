@@ -1,0 +1,90 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Calibrations and clips of stereo pairs, and what came of them."""
+from __future__ import annotations
+
+import json
+import pathlib
+from collections.abc import Iterable
+from typing import Any
+
+import numpy
+import pytest
+from numpy.typing import NDArray
+
+from parts.common import Failed
+from parts.media import calibration, stereo_pairs
+from parts.media.calibration import Matrices
+from parts.media.stereo_pairs import Pair
+
+from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_until
+
+SVS = "ddxvideoSVS"
+
+
+def write_calibration(path: pathlib.Path, matrices: Matrices, size: tuple[int, int] | None = None) -> pathlib.Path:
+    path.write_text(calibration.text(matrices, size))
+    return path
+
+
+def found(make: str, *arguments: object) -> Any:
+    """One of the pairs; on a machine that cannot get it, the test is skipped."""
+    try:
+        return getattr(stereo_pairs, make)(*arguments)
+    except Failed as error:
+        pytest.skip(f"no stereo pictures to test with: {error}")
+
+
+def write_clip(path: pathlib.Path, stacked: Iterable[NDArray[numpy.uint8]], fields: int = 2) -> pathlib.Path:
+    """Grey pictures at 25 Hz."""
+    pictures = list(stacked)
+    height, width = pictures[0].shape
+    header = f"YUV4MPEG2 W{width} H{height} F25:1 Ip Cmono XDDX_FIELDS={fields} XCOLORRANGE=FULL\n"
+    path.write_bytes(header.encode() + b"".join(b"FRAME\n" + picture.tobytes() for picture in pictures))
+    return path
+
+
+def start(desk: Desk, file: pathlib.Path, *options: object) -> Process:
+    process = desk.start(SVS, "-calib", file, *options)
+    wait_until(lambda: process.poll() is not None or desk.item(f"{SVS}.stats") != {})
+    return process
+
+
+def settled(desk: Desk, frames: int) -> Counters:
+    """The counters, when so many frames came in and none waits."""
+    def look() -> bool:
+        counters = desk.stats(SVS)
+        return bool(counters["in"] >= frames and counters["waiting"] == 0)
+
+    wait_until(look)
+    return desk.stats(SVS)
+
+
+def check_sum(counters: Counters) -> None:
+    assert counters["in"] == counters["out"] + sum(counters["lost"].values()) + counters["waiting"], counters
+
+
+def ranged(desk: Desk, pair: Pair, *options: object, top: str = "left",
+           matrices: Matrices | None = None) -> tuple[list[bytes], NDArray[numpy.float32], dict[str, Any]]:
+    """A clip of this pair through the program: the range pictures, the disparities of the last one, and what metres
+    take."""
+    height, width = pair.left.shape
+    eyes = [pair.left, pair.right] if top == "left" else [pair.right, pair.left]
+    clip = write_clip(desk.folder / "clip.y4m", [numpy.vstack(eyes)] * 3)
+    file = write_calibration(desk.folder / "stereo.yml", matrices or calibration.ideal(width, height),
+                             (width, height))
+    range_saver = start_recorder(desk, "-name", "range", "-output", "range.y4m", "-instance", "range")
+    saver = start_recorder(desk, "-name", "range.disparity", "-output", "disparity.y4m", "-instance", "disparity")
+    process = start(desk, file, "-disparities", pair.disparities, "-top", top, *options)
+    loader = desk.run("ddxvideoload", clip, "-layout", "GREY8", "-readers", 1)
+    assert loader.returncode == 0, loader.stderr
+    settled(desk, 3)
+    stereo = json.loads(desk.run("ddxctl", "show", "--json", "range.stereo").stdout or "{}")
+    status, counters = stop(process)
+    assert status == 0 and counters["in"] == 3 and counters["lost"]["picture"] == 0, desk.errors(process)
+    check_sum(counters)
+    for recorder in (range_saver, saver):
+        assert stop(recorder)[0] == 0
+    ranges, disparities = (pictures(desk.folder / f"{name}.y4m") for name in ("range", "disparity"))
+    assert len(ranges) == len(disparities) == counters["out"] > 0
+    map = numpy.frombuffer(disparities[-1], "<u2").reshape(height, width) / numpy.float32(16)
+    return ranges, map.astype(numpy.float32), stereo

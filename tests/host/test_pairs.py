@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Two cameras as one stereo pair: which frames belong together, and what is counted of those that do not."""
+from __future__ import annotations
+
+import random
+import subprocess
+from collections.abc import Iterator
+
+import pytest
+
+from parts.common import MORTAL
+from parts.media.calibration import ideal
+
+from .programs import TOP, Counters, Desk, Process, pictures, start_recorder, stop, times, wait_until
+from .stereo_rules import SVS, check_sum, settled, start, write_calibration
+
+WIDTH, HEIGHT = 64, 16
+LEFT = f"{WIDTH}x{HEIGHT}"
+PERIOD, WINDOW = 40, 20  # ms
+
+
+class Cameras:
+    """Both, each frame when it is told, and the program that pairs them."""
+
+    def __init__(self, desk: Desk, right: str) -> None:
+        self.desk = desk
+        self.writer = subprocess.Popen([*MORTAL, "/usr/bin/python3", "-B", TOP / "tests/host/eyes_client.py", LEFT,
+                                        right], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                                       env={**desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")})
+        self.expect("ready")
+        file = write_calibration(desk.folder / "stereo.yml", ideal(WIDTH, HEIGHT))
+        self.process: Process = start(desk, file, "-left", "left", "-right", "right", "-disparities", 16)
+        wait_until(lambda: desk.readers("left") == desk.readers("right") == 1)
+        self.written = 0
+
+    def expect(self, word: str) -> None:
+        assert self.writer.stdout
+        assert self.writer.stdout.readline() == f"{word}\n"
+
+    def write(self, name: str, milliseconds: int, value: int) -> None:
+        """A frame, which the program takes before the next one comes."""
+        assert self.writer.stdin
+        self.writer.stdin.write(f"{name} {milliseconds} {value}\n")
+        self.writer.stdin.flush()
+        self.expect("written")
+        self.written += 1
+        wait_until(lambda: int(self.desk.stats(SVS)["in"]) >= self.written)
+
+    def end(self) -> None:
+        assert self.writer.stdin and self.writer.stdout
+        self.writer.stdin.close()
+        self.writer.wait(10)
+        self.writer.stdout.close()
+
+    def write_pair(self, milliseconds: int, value: int) -> None:
+        for name in ("left", "right"):
+            self.write(name, milliseconds, value)
+
+    def settled(self) -> Counters:
+        return settled(self.desk, self.written)
+
+    def said(self) -> str:
+        return self.desk.errors(self.process)
+
+
+@pytest.fixture
+def cameras(desk: Desk, request: pytest.FixtureRequest) -> Iterator[Cameras]:
+    cameras = Cameras(desk, getattr(request, "param", LEFT))
+    yield cameras
+    cameras.end()
+
+
+def test_frames_of_shuffled_times(cameras: Cameras) -> None:
+    """The frames' values say when they were taken: those of each pair belong together, and all others are counted."""
+    desk, chance = cameras.desk, random.Random(5)
+    saver = start_recorder(desk, "-name", "range", "-output", "range.y4m")
+    cameras.write_pair(PERIOD, 1)
+    cameras.settled()
+    order = [(eye, number) for number in range(2, 14) for eye in ("left", "right")]
+    for first in range(0, len(order), 8):
+        part = order[first:first + 8]
+        chance.shuffle(part)
+        order[first:first + 8] = part
+    early = {("right", number): chance.randrange(-WINDOW + 1, WINDOW) for number in range(2, 14)}
+    for eye, number in [*order, *((eye, number) for number in range(14, 18) for eye in ("left", "right"))]:
+        cameras.write(eye, number * PERIOD + early.get((eye, number), 0), number)
+    status, counters = stop(cameras.process)
+    assert status == 0
+    check_sum(counters)
+    assert counters["in"] == cameras.written and counters["lost"]["pair"] > 0
+    assert counters["lost"]["pair"] == sum(counters["lost"].values())
+    stop(saver)
+    ranges = pictures(desk.folder / "range.y4m")
+    field = WIDTH * HEIGHT
+    pairs = [(picture[0], picture[2 * field]) for picture in ranges]
+    assert all(right == left for right, left in pairs) and counters["out"] == 2 * len(pairs)
+    assert [left for _, left in pairs][-3:] == [15, 16, 17]
+    taken = times(desk.folder / "range.y4m")
+    steps = [time - taken[0] for time in taken]
+    assert steps == [(left - pairs[0][1]) * PERIOD * 1000000 for _, left in pairs]
+
+
+def test_one_camera_is_gone(cameras: Cameras) -> None:
+    """Its partner's frames are counted as they come, and pairs are made again as soon as it is back."""
+    cameras.write_pair(0, 1)
+    assert cameras.settled()["out"] == 2
+    number = 1
+    while "no frames of the same time" not in cameras.said():
+        number += 1
+        cameras.write("left", number * PERIOD, number)
+        counters = cameras.settled()
+        assert counters["lost"]["pair"] == number - 1 and counters["out"] == 2
+    assert cameras.said().count("left, right: no frames of the same time, waiting for them\n") == 1
+    cameras.write_pair((number + 1) * PERIOD, 9)
+    counters = cameras.settled()
+    assert counters["out"] == 4 and counters["lost"]["pair"] == number - 1
+    wait_until(lambda: "left, right: pairs again after" in cameras.said())
+
+
+@pytest.mark.parametrize("cameras", ["64x18"], indirect=True)
+def test_unequal_sizes(cameras: Cameras) -> None:
+    """A line says so once, and each frame is counted."""
+    cameras.write_pair(0, 1)
+    cameras.write_pair(PERIOD, 2)
+    assert cameras.settled()["lost"]["picture"] == 4
+    line = f"{SVS}: left has pictures of 64x16, right has 64x18: both have to be of one size\n"
+    assert cameras.said().count(line) == 1
+    status, counters = stop(cameras.process)
+    check_sum(counters)
+    assert status == 0 and counters["out"] == 0

@@ -1,0 +1,122 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Range from stereo pairs that cameras made, beside what is known of them; and what is no pair."""
+from __future__ import annotations
+
+import pathlib
+import re
+import shutil
+import subprocess
+from typing import Any
+
+import numpy
+import pytest
+from numpy.typing import NDArray
+
+from parts.media import stereo_pairs
+from parts.media.calibration import BASELINE, FOCUS
+from parts.media.stereo_pairs import Pair
+
+from .programs import TOP, Desk
+from .stereo_rules import found, ranged, write_clip
+
+STEREO = TOP / "package/ddxvideo/stereo"
+CALIBRATE = STEREO / "calibrate.py"
+
+
+def small_pair(width: int = 96, height: int = 32, disparity: int = 9) -> Pair:
+    """Noise, and the same noise a few pixels to the left."""
+    noise = numpy.random.default_rng(1).integers(0, 256, (height, width + disparity), numpy.uint8)
+    truth = numpy.full((height, width), disparity, numpy.float32)
+    return Pair(noise[:, :width].copy(), noise[:, disparity:].copy(), truth, 16)
+
+
+@pytest.mark.parametrize("kind, factor, disparities, most", [("motorcycle", 2, 48, 0.10), ("aloe", 3, 80, 0.144)])
+def test_ground_truth(desk: Desk, kind: str, factor: int, disparities: int, most: float) -> None:
+    """Wrong or missing pixels; OpenCV's matcher has 10.9 and 15.8 % of them."""
+    pair: Pair = found(kind, factor, disparities)
+    _, map, _ = ranged(desk, pair)
+    assert pair.wrong(map) <= most
+
+
+@pytest.mark.parametrize("top", ["left", "right"])
+def test_three_fields(desk: Desk, top: str) -> None:
+    pair = small_pair()
+    ranges, map, stereo = ranged(desk, pair, top=top)
+    height, width = pair.left.shape
+    luma = numpy.frombuffer(ranges[-1][:3 * height * width], numpy.uint8).reshape(3, height, width)
+    assert numpy.array_equal(luma[0], pair.right) and numpy.array_equal(luma[2], pair.left)
+    expected = numpy.where(map > 0, 1 + map * 16 * 254 // (15 * 16), 0)
+    assert numpy.array_equal(luma[1], expected)
+    assert set(ranges[-1][3 * height * width:]) == {128}
+    assert (numpy.abs(map[:, 20:-4] - 9) < 0.5).all() and (map[:, 0] == 0).all()
+    value = stereo["value"]
+    assert (value["f"], value["T"], value["cx"], value["cy"]) == (FOCUS, BASELINE, width / 2, height / 2)
+    assert (value["min"], value["max"], value["step"]) == (1, 15, 1 / 16)
+
+
+def test_distance_of_chessboards(desk: Desk) -> None:
+    """Calibrated by ddxvideocalib with thirteen views of a board; the range at the corners of one of them is that which
+    the corners themselves give."""
+    cv2: Any = pytest.importorskip("cv2", reason="no python3-opencv to look for corners with")
+    boards = [found("chessboard", number) for number in stereo_pairs.CHESSBOARDS]
+    clip = write_clip(desk.folder / "boards.y4m", [numpy.vstack(board) for board in boards])
+    made = subprocess.run(["/usr/bin/python3", "-B", CALIBRATE, clip, "-output", "made.yml", "-picture", "lines.png"],
+                          cwd=desk.folder, capture_output=True, text=True, check=True)
+    rms, apart = (float(re.search(rf"{word} ([\d.]+)", made.stdout)[1]) for word in ("rms", "rows"))  # type: ignore
+    assert rms < 0.5 and apart < 0.3 and (desk.folder / "lines.png").stat().st_size > 10000
+    matrices = read_matrices(cv2, desk.folder / "made.yml")
+    left, right = boards[8]
+    _, map, stereo = ranged(desk, Pair(left, right, numpy.zeros(left.shape, numpy.float32), 160), matrices=matrices)
+    _, corners = cv2.findChessboardCorners(left, (9, 6))
+    corners = cv2.cornerSubPix(left, corners, (11, 11), (-1, -1), (3, 30, 0.01))
+    board = numpy.zeros((54, 3), numpy.float32)
+    board[:, :2] = numpy.mgrid[0:9, 0:6].T.reshape(-1, 2)
+    _, turn, shift = cv2.solvePnP(board, corners, matrices["M1"], matrices["D1"])
+    depth = (matrices["R1"] @ (cv2.Rodrigues(turn)[0] @ board.T + shift))[2]
+    places = cv2.undistortPoints(corners, matrices["M1"], matrices["D1"], R=matrices["R1"], P=matrices["P1"])[:, 0]
+    value = stereo["value"]
+    errors = []
+    for (x, y), truth in zip(places, depth):
+        around = map[int(round(y)) - 2:int(round(y)) + 3, int(round(x)) - 2:int(round(x)) + 3]
+        if (around > 0).any():
+            errors.append(abs(value["f"] * value["T"] / numpy.median(around[around > 0]) - truth) / truth)
+    assert sum(error <= 0.05 for error in errors) == 54 and numpy.median(errors) < 0.002
+
+
+def read_matrices(cv2: Any, path: pathlib.Path) -> dict[str, NDArray[numpy.float64]]:
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    return {name: file.getNode(name).mat() for name in ("M1", "D1", "M2", "D2", "R1", "R2", "P1", "P2")}
+
+
+def test_a_pentium_2_finds_the_same(desk: Desk) -> None:
+    """pc104's code: what gcc makes for that processor, run by an emulator that has nothing newer."""
+    if not shutil.which("qemu-i386"):
+        pytest.skip("no qemu-user to run code for a Pentium II")
+    whole: Pair = found("motorcycle", 2, 48)
+    pair = Pair(whole.left[100:180, 100:260].copy(), whole.right[100:180, 100:260].copy(),
+                whole.truth[100:180, 100:260], 48)
+    height, width = pair.left.shape
+    program = compile_for_pentium_2(desk.folder)
+    done = subprocess.run(["qemu-i386", "-cpu", "pentium2", program, str(width), str(height), "48"],
+                          input=pair.left.tobytes() + pair.right.tobytes(), capture_output=True, check=True)
+    assert done.stderr.split() == [b"scalar", b"mmx"]
+    _, map, _ = ranged(desk, pair)
+    for maps in numpy.split(numpy.frombuffer(done.stdout, "<u2"), 2):
+        assert numpy.array_equal(maps.reshape(height, width), map * 16)
+
+
+def compile_for_pentium_2(folder: pathlib.Path) -> pathlib.Path:
+    """With the flags of stereo/meson.build."""
+    gcc = ["gcc", "-m32", "-march=pentium2", "-O2", "-std=gnu11", f"-I{STEREO}"]
+    try:
+        for kind in ("mmx", "sse2", "avx2"):
+            subprocess.run([*gcc, f"-m{kind}", "-c", STEREO / f"kernel_{kind}.c", "-o", folder / f"{kind}.o"],
+                           check=True, capture_output=True)
+        files = [STEREO / f"{name}.c" for name in ("kernel_scalar", "kernel", "filter", "matcher")]
+        subprocess.run([*gcc, "-static", TOP / "tests/host/matcher_client.c", *files, *folder.glob("*.o"), "-o",
+                        folder / "matcher"], check=True, capture_output=True)
+    except subprocess.CalledProcessError as error:
+        if b"bits/libc-header-start.h" in error.stderr or b"-lgcc" in error.stderr:
+            pytest.skip("no gcc-multilib to compile for 32 bits")
+        raise
+    return folder / "matcher"
