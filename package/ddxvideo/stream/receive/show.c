@@ -93,17 +93,31 @@ static void keep_for_screen(struct viewer *viewer, const struct ddxvideo_stamp *
         pass_over(viewer, LOST_DECODE);
 }
 
+/* At once. */
+static void put_on_screen(struct viewer *viewer, const struct ddxvideo_stamp *stamp, const AVFrame *picture,
+                          bool damaged, bool counted) {
+    struct screen *screen = &viewer->screen;
+    const char *wrong = screen->show(screen->to, picture, viewer->decoder.context->framerate, stamp);
+
+    if (!wrong && !counted)
+        count_shown(viewer, stamp, damaged);
+    else if (!counted)
+        ddx_stats_lost(viewer->book, LOST_DECODE, 1);
+}
+
 void show_picture(struct viewer *viewer, const struct assembly_frame *frame, const AVFrame *picture, bool damaged) {
     struct ddxvideo_stamp stamp = stamp_of(viewer, frame);
     int error = output_write(&viewer->output, viewer->id, picture, viewer->decoder.context->framerate, &stamp);
     bool written = viewer->output.name && !error;
 
     say_store(viewer, error);
-    if (written || (!viewer->display && !error))
+    if (written || (!viewer->screen.show && !error))
         count_shown(viewer, &stamp, damaged);
-    else if (!viewer->display)
+    else if (!viewer->screen.show)
         ddx_stats_lost(viewer->book, output_is_refused(error) ? LOST_DECODE : LOST_STORE, 1);
-    if (viewer->display)
+    if (viewer->screen.each)
+        put_on_screen(viewer, &stamp, picture, damaged, written);
+    else if (viewer->screen.show)
         keep_for_screen(viewer, &stamp, picture, damaged, written);
 }
 
@@ -112,7 +126,8 @@ const char *show_newest(struct viewer *viewer) {
 
     if (!newest->waits)
         return NULL;
-    const char *wrong = display_show(viewer->display, newest->picture);
+    const char *wrong = viewer->screen.show(viewer->screen.to, newest->picture, viewer->decoder.context->framerate,
+                                            &newest->stamp);
     if (!wrong && !newest->counted) {
         count_shown(viewer, &newest->stamp, newest->damaged);
         newest->counted = true;

@@ -172,7 +172,7 @@ static void join(struct viewer *viewer) {
 
 static void wait_for_packets(const struct viewer *viewer) {
     struct pollfd wanted[INLET_PORTS];
-    int64_t now = ddx_time_now(), limit = viewer->display ? WINDOW : IDLE;
+    int64_t now = ddx_time_now(), limit = viewer->screen.tick ? WINDOW : IDLE;
     int64_t gap = intake_deadline(&viewer->intake);
     int64_t report = answer_deadline(&viewer->answer, &viewer->intake.restore);
     int64_t until = gap < report ? gap : report;
@@ -211,7 +211,7 @@ static void view(struct viewer *viewer) {
         report(viewer);
         tell_refused(viewer);
         put_on_screen(viewer);
-        if (viewer->display && !display_tick(viewer->display))
+        if (viewer->screen.tick && !viewer->screen.tick(viewer->screen.to))
             viewer->done = true;
         program_tick(viewer->book);
     }
@@ -256,8 +256,28 @@ static bool attach(struct viewer *viewer) {
     return true;
 }
 
-static bool prepare(struct viewer *viewer) {
+static const char *show_in_window(void *to, const AVFrame *picture, AVRational rate,
+                                  const struct ddxvideo_stamp *stamp) {
+    (void)rate;
+    (void)stamp;
+    return display_show(to, picture);
+}
+
+static bool tick_of_window(void *to) {
+    return display_tick(to);
+}
+
+static void open_window(struct viewer *viewer) {
     const char *wrong;
+
+    viewer->display = display_open(viewer->program.instance, &wrong);
+    if (viewer->display)
+        viewer->screen = (struct screen){.show = show_in_window, .tick = tick_of_window, .to = viewer->display};
+    else
+        say("no window: %s; going on without one, as with -headless", wrong);
+}
+
+static bool prepare(struct viewer *viewer) {
     int error = inlet_open(&viewer->inlet);
 
     if (error) {
@@ -269,8 +289,8 @@ static bool prepare(struct viewer *viewer) {
     if (error)
         say("port %ld: %s; going on without repair packets", viewer->inlet.port + NETWORK_REPAIR, strerror(-error));
     intake_init(&viewer->intake, viewer->patience * MS, !viewer->conceal && !error);
-    if (!viewer->headless && !(viewer->display = display_open(viewer->program.instance, &wrong)))
-        say("no window: %s; going on without one, as with -headless", wrong);
+    if (!viewer->headless && !viewer->screen.show)
+        open_window(viewer);
     viewer->newest.picture = av_frame_alloc();
     if (!viewer->newest.picture)
         return false;

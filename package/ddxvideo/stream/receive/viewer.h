@@ -2,6 +2,8 @@
 #ifndef DDXVIDEO_VIEWER_H
 #define DDXVIDEO_VIEWER_H
 
+#include <stdatomic.h>
+
 #include "answer.h"
 #include "counters.h"
 #include "decoder.h"
@@ -25,12 +27,24 @@ struct newest {
     bool counted; /* as shown */
 };
 
+/*
+ * Where pictures go, besides the item. With `each`, all of them do: else, of those that come at once, the newest one
+ * does.
+ */
+struct screen {
+    const char *(*show)(void *to, const AVFrame *picture, AVRational rate, const struct ddxvideo_stamp *stamp);
+    bool (*tick)(void *to); /* called often: false to stop. NULL: nothing to be done */
+    void *to;
+    bool each;
+};
+
 struct viewer {
     /* what to do */
     struct program program;
     struct inlet inlet;
     long patience; /* ms that a packet waits for one before it */
     bool headless, print;
+    struct screen screen; /* show: NULL for decode's window, which `headless` leaves out */
     bool conceal; /* show damaged pictures */
     const char *record; /* file, or NULL */
     struct output_item output;
@@ -43,7 +57,7 @@ struct viewer {
     struct intake intake;
     struct answer answer;
     struct decoder decoder;
-    struct display *display; /* NULL: headless */
+    struct display *display; /* NULL: no window */
     struct newest newest;
     struct movie movie;
     int64_t counted; /* when packets that gave no frame were counted last */
@@ -54,7 +68,7 @@ struct viewer {
     bool said_join;
     unsigned said; /* of the present source: bits of enum decoder_refusal; SAID_STORE */
     int status;
-    bool done;
+    atomic_bool done; /* may be set by another thread: stop */
 };
 
 /* Show until told to stop; returns the program's exit status. */
