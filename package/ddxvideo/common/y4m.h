@@ -114,6 +114,16 @@ void y4m_close(struct y4m_reader *reader);
  */
 enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3], int64_t *time);
 
+/* For files whose pictures are not y4m_is_plain(); NULL: no memory. The caller's, to picture_converter_free(). */
+struct picture_converter *y4m_converter(const struct y4m_header *header);
+
+/*
+ * A picture in the file's layout, whose planes lie one after the other at `from`, into planes without padding;
+ * PICTURE_READ_BEYOND bytes after it are readable. False if it failed.
+ */
+bool y4m_convert(const struct y4m_header *header, struct picture_converter *converter, const unsigned char *from,
+                 unsigned char *const plane[3]);
+
 /* Back to the first frame. Y4M_BAD for what cannot be rewound (a pipe). */
 enum y4m_result y4m_rewind(struct y4m_reader *reader);
 

@@ -145,7 +145,7 @@ static enum y4m_result read_header(struct y4m_reader *reader, int format) {
     return y4m_parse_header(line, format, &reader->header, reader->error) ? Y4M_OK : Y4M_BAD;
 }
 
-static struct picture_converter *new_converter(const struct y4m_header *header) {
+struct picture_converter *y4m_converter(const struct y4m_header *header) {
     const struct y4m_layout *layout = header->layout;
     const struct picture_kind kind = {.bits = layout->bits,
                                       .chroma_x = layout->chroma_x,
@@ -156,24 +156,23 @@ static struct picture_converter *new_converter(const struct y4m_header *header) 
     return picture_converter_new(&kind, &header->geometry);
 }
 
-/* From `scratch`, where the file's planes lie one after the other. */
-static bool convert(struct y4m_reader *reader, unsigned char *const plane[3]) {
-    const struct y4m_header *header = &reader->header;
+bool y4m_convert(const struct y4m_header *header, struct picture_converter *converter, const unsigned char *from,
+                 unsigned char *const plane[3]) {
     const struct y4m_layout *layout = header->layout;
     int sample = layout->bits > 8 ? 2 : 1, width = header->geometry.width, stride[3], to_stride[3], rows;
-    const unsigned char *from[3];
+    const unsigned char *planes[3];
     size_t offset = 0;
 
     for (int i = 0; i < 3; i++) {
         int columns = i && layout->chroma_x > 0 ? (width + (1 << layout->chroma_x) - 1) >> layout->chroma_x : width;
 
         stride[i] = columns * sample;
-        from[i] = reader->scratch + offset;
+        planes[i] = from + offset;
         offset += y4m_plane_bytes(header, i);
         video_layout_plane(video_layout_of(header->geometry.format), width, header->geometry.height, i, &to_stride[i],
                            &rows);
     }
-    return picture_convert(reader->converter, from, stride, plane, to_stride);
+    return picture_convert(converter, planes, stride, plane, to_stride);
 }
 
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path, int format) {
@@ -191,7 +190,7 @@ enum y4m_result y4m_open(struct y4m_reader *reader, const char *path, int format
     for (int i = 0; i < 4; i++)
         bytes += y4m_plane_bytes(&reader->header, i);
     reader->scratch = malloc(bytes + PICTURE_READ_BEYOND);
-    reader->converter = new_converter(&reader->header);
+    reader->converter = y4m_converter(&reader->header);
     if (!reader->scratch || !reader->converter)
         return fail(reader, Y4M_ERROR, "C%s cannot be converted to %s: out of memory", reader->header.layout->tag,
                     ddxvideo_layout_name(reader->header.geometry.format));
@@ -234,7 +233,7 @@ enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3
     result = read_parts(reader, parts, count);
     if (result != Y4M_OK)
         return result;
-    if (reader->converter && !convert(reader, plane))
+    if (reader->converter && !y4m_convert(&reader->header, reader->converter, reader->scratch, plane))
         return fail(reader, Y4M_ERROR, "frame %lld cannot be converted to %s", (long long)reader->frames,
                     ddxvideo_layout_name(reader->header.geometry.format));
     reader->frames++;

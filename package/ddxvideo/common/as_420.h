@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures of any layout as 4:2:0, which is what the encoders take. */
+/* Pictures of any layout as 4:2:0, which is what encoders and screens take. */
 #ifndef DDXVIDEO_AS_420_H
 #define DDXVIDEO_AS_420_H
 
