@@ -87,8 +87,9 @@ void layout_zoom_at(const struct layout *layout, struct layout_view *view, doubl
         *view = (struct layout_view){1, 0, 0};
         return;
     }
-    view->x = x - (x - view->x) * zoom / view->zoom;
-    view->y = y - (y - view->y) * zoom / view->zoom;
+    /* The middle of the pixel at the point stays where it is: from its edge, rounding may lead to the next one. */
+    view->x = x + 0.5 - (x + 0.5 - view->x) * zoom / view->zoom;
+    view->y = y + 0.5 - (y + 0.5 - view->y) * zoom / view->zoom;
     view->zoom = zoom;
 }
 

@@ -6,18 +6,23 @@
 
 #ifdef WITH_SDL2
 #include <SDL2/SDL.h>
+#include <SDL2/SDL_syswm.h>
 #include <dlfcn.h>
+#include <poll.h>
+#include <sys/eventfd.h>
+#include <unistd.h>
 
 /* Looked up when a window is wanted, so that a machine without a screen needs neither SDL2 nor what SDL2 needs. */
 /* clang-format off */
 #define FUNCTIONS(X)                                                                                              \
-    X(Init) X(Quit) X(GetError) X(SetHint) X(PollEvent) X(WaitEventTimeout) X(PushEvent) X(CreateWindow)          \
-    X(SetWindowSize) X(GetWindowSize) X(ShowWindow) X(SetWindowFullscreen) X(GetWindowSurface)                    \
-    X(UpdateWindowSurface) X(LockSurface) X(UnlockSurface) X(ConvertPixels)
+    X(Init) X(Quit) X(GetError) X(SetHint) X(PollEvent) X(WaitEventTimeout) X(GetWindowWMInfo) X(CreateWindow)    \
+    X(SetWindowSize) X(SetWindowPosition) X(GetWindowSize) X(ShowWindow) X(SetWindowFullscreen)                   \
+    X(GetWindowSurface) X(UpdateWindowSurface) X(LockSurface) X(UnlockSurface) X(ConvertPixels)
 /* clang-format on */
 #define LIBRARY "libSDL2-2.0.so.0"
 #define WIDTH 352 /* until the caller says how large */
 #define HEIGHT 288
+#define SLICE 5 /* ms, where it is not known what to wait for */
 
 struct window {
     struct surface surface;
@@ -25,6 +30,9 @@ struct window {
 #define DECLARE(name) __typeof__(&SDL_##name) name;
     FUNCTIONS(DECLARE)
     SDL_Window *window;
+    bool seen;
+    int wake;       /* an eventfd */
+    int connection; /* to the X server; -1: it is none */
     SDL_Surface *target; /* locked */
     uint32_t *pixel;     /* drawn in, where the window's own pixels are of another kind; else NULL */
 };
@@ -106,7 +114,6 @@ static bool translate(const SDL_Event *from, struct surface_event *to) {
     *to = (struct surface_event){.kind = SURFACE_KEY};
     switch (from->type) {
     case SDL_QUIT: to->kind = SURFACE_CLOSE; return true;
-    case SDL_USEREVENT: to->kind = SURFACE_WAKE; return true;
     case SDL_TEXTINPUT: /* keys with a character, as the layout gives it */
         to->key = (unsigned char)from->text.text[0];
         return to->key < 0x80;
@@ -130,21 +137,46 @@ static bool translate(const SDL_Event *from, struct surface_event *to) {
     }
 }
 
-static bool window_event(struct surface *surface, struct surface_event *event, int timeout) {
-    struct window *window = (struct window *)surface;
+/* False: there is none now. */
+static bool take_event(struct window *window, struct surface_event *event) {
+    eventfd_t count;
     SDL_Event from;
 
     while (window->PollEvent(&from))
         if (translate(&from, event))
             return true;
-    return timeout > 0 && window->WaitEventTimeout(&from, timeout) && translate(&from, event);
+    *event = (struct surface_event){.kind = SURFACE_WAKE};
+    return !eventfd_read(window->wake, &count);
 }
 
-static void window_wake(struct surface *surface) {
-    struct window *window = (struct window *)surface;
-    SDL_Event event = {.type = SDL_USEREVENT};
+/* Of the window system, or a wake; `timeout`: ms. */
+static void wait_for_event(struct window *window, int timeout) {
+    struct pollfd wanted[2] = {{.fd = window->wake, .events = POLLIN}, {.fd = window->connection, .events = POLLIN}};
 
-    window->PushEvent(&event);
+    if (window->connection >= 0)
+        poll(wanted, 2, timeout);
+    for (int waited = 0; window->connection < 0 && waited < timeout && !poll(wanted, 1, 0); waited += SLICE)
+        if (window->WaitEventTimeout(NULL, timeout < SLICE ? timeout : SLICE))
+            return;
+}
+
+static bool window_event(struct surface *surface, struct surface_event *event, int timeout) {
+    struct window *window = (struct window *)surface;
+
+    if (take_event(window, event))
+        return true;
+    if (timeout <= 0)
+        return false;
+    wait_for_event(window, timeout);
+    return take_event(window, event);
+}
+
+/*
+ * Not by an event of SDL: from another thread, SDL sends that through a second connection to the X server, which ends
+ * the program when the server does not know the window yet, or not any more.
+ */
+static void window_wake(struct surface *surface) {
+    eventfd_write(((struct window *)surface)->wake, 1);
 }
 
 /* ---- The window ---- */
@@ -153,6 +185,9 @@ static void window_resize(struct surface *surface, int width, int height) {
     struct window *window = (struct window *)surface;
 
     window->SetWindowSize(window->window, width, height);
+    if (!window->seen) /* it was placed for another size */
+        window->SetWindowPosition(window->window, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED);
+    window->seen = true;
     window->ShowWindow(window->window);
 }
 
@@ -166,8 +201,23 @@ static void window_close(struct surface *surface) {
     struct window *window = (struct window *)surface;
 
     window->Quit();
+    close(window->wake);
     free(window->pixel);
     free(window);
+}
+
+/* What poll() waits for; -1: not known. */
+static int connection_of(struct window *window) {
+    SDL_SysWMinfo info;
+
+    SDL_VERSION(&info.version);
+    if (!window->GetWindowWMInfo(window->window, &info))
+        return -1;
+#ifdef SDL_VIDEO_DRIVER_X11
+    if (info.subsystem == SDL_SYSWM_X11)
+        return ConnectionNumber(info.info.x11.display);
+#endif
+    return -1;
 }
 
 struct surface *window_open(const char *title, const char **error) {
@@ -178,8 +228,10 @@ struct surface *window_open(const char *title, const char **error) {
         return NULL;
     window->surface = (struct surface){window_size, window_lock,   window_show, window_event,
                                        window_wake, window_resize, window_full, window_close};
+    window->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (!load(window)) {
         *error = "no library " LIBRARY;
+        close(window->wake);
         free(window);
         return NULL;
     }
@@ -190,8 +242,10 @@ struct surface *window_open(const char *title, const char **error) {
     if (!window->Init(SDL_INIT_VIDEO))
         window->window = window->CreateWindow(title, SDL_WINDOWPOS_UNDEFINED, SDL_WINDOWPOS_UNDEFINED, WIDTH, HEIGHT,
                                               SDL_WINDOW_RESIZABLE | SDL_WINDOW_HIDDEN);
-    if (window->window)
+    if (window->window) {
+        window->connection = connection_of(window);
         return &window->surface;
+    }
     static char text[200];
     snprintf(text, sizeof text, "%s", window->GetError()); /* SDL's own text goes with Quit() */
     *error = text;
