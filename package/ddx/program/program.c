@@ -76,8 +76,10 @@ static void help_option(const struct option_entry *entry) {
 }
 
 static void help(const struct program *program, const struct option_entry *common) {
-    printf("usage: %s%s%s [options]\n\n%s\n\noptions (-name and --name are the same):\n", program->name,
-           program->positional ? " " : "", program->positional ? program->positional : "", program->purpose);
+    const char *begin = program->optional ? " [" : program->positional ? " " : "";
+
+    printf("usage: %s%s%s%s [options]\n\n%s\n\noptions (-name and --name are the same):\n", program->name, begin,
+           program->positional ? program->positional : "", program->optional ? "]" : "", program->purpose);
     for (const struct option_entry *entry = program->options; entry->name; entry++)
         help_option(entry);
     for (const struct option_entry *entry = common; entry->name; entry++)
@@ -185,7 +187,7 @@ void program_start(struct program *program, int argc, char **argv) {
         program->argument = argv[optind++];
     if (optind < argc)
         bad_usage("unexpected argument %s", argv[optind]);
-    if (program->positional && !program->argument)
+    if (program->positional && !program->argument && !program->optional)
         bad_usage("%s is missing", program->positional);
     signals_catch();
 }

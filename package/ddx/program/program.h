@@ -32,6 +32,7 @@ struct option_entry {
 struct program {
     const char *name;
     const char *positional; /* name of the one argument, NULL if there is none */
+    bool optional;          /* it may be left out */
     const char *purpose;    /* for -help: a sentence or more */
     const char *notes;      /* for -help: behind the options; NULL if none */
     const struct option_entry *options;
