@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pathlib
+import re
 import subprocess
 
 import numpy
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from parts.media import clip as numbered_clip
 
 from .programs import Desk, ffmpeg, make_clip
+from .window import read_text
 
 Image = NDArray[numpy.uint8]
 CONVERSION = "scale=in_color_matrix=bt601:out_color_matrix=bt601:flags=bicubic+accurate_rnd+full_chroma_int"
@@ -60,7 +62,7 @@ def test_formats(desk: Desk, format: str) -> None:
 
 
 def test_montage(desk: Desk) -> None:
-    """Three items of different sizes; each picture's number is read from its cell."""
+    """Three items of different sizes; each picture's number is read from its cell, and what it is from below it."""
     numbers = {"one": 7, "two": 123456, "wide": 42}
     for name, number in numbers.items():
         clip = desk.folder / f"{name}.y4m"
@@ -72,15 +74,21 @@ def test_montage(desk: Desk) -> None:
         play(desk, clip, name)
     snap(desk, "-montage", desk.folder / "all.png")
     image = rgb(desk.folder / "all.png")
-    assert image.shape == (2 * 288, 2 * 704, 3)
+    line = 12  # of text
+    second = 288 + line
+    assert image.shape == (2 * second, 2 * 704, 3)
     gray = numpy.ascontiguousarray(image[:, :, 1])
-    cells = {"one": gray[:288, 176:528], "two": gray[:288, 704 + 176:704 + 528], "wide": gray[288:, :704]}
+    cells = {"one": gray[:288, 176:528], "two": gray[:288, 704 + 176:704 + 528],
+             "wide": gray[second:second + 288, :704]}
+    captions = {"one": image[289:, 176:528], "two": image[289:, 704 + 176:704 + 528], "wide": image[-line + 1:, :704]}
+    for name, caption in captions.items():
+        assert re.fullmatch(rf"{name}  frame 0  \d+\.\d\d s old", read_text(caption, 1))
     for name, cell in cells.items():
         found = numbered_clip.frame_number(cell.tobytes(), cell.shape[1], cell.shape[0])
         assert found == numbers[name]
-    assert gray[:, :176][:288].max() == 0 and gray[288:, 704:].max() == 0  # around them it is black
+    assert gray[:288, :176].max() == 0 and gray[second:, 704:].max() == 0  # around them it is black
     # one item is missing: it shows
-    assert numbered_clip.frame_number(gray[288:, 704:].tobytes(), 704, 288) is None
+    assert numbered_clip.frame_number(gray[second:second + 288, 704:].tobytes(), 704, 288) is None
 
 
 def test_refusals(desk: Desk) -> None:

@@ -16,6 +16,7 @@ struct snap {
     /* the pictures; their frames are held, so that they can be drawn where they lie */
     DDX_STORE_ITEM *item[MONTAGE_MAX];
     struct ddxvideo_picture picture[MONTAGE_MAX];
+    int64_t time[MONTAGE_MAX]; /* of the capture; of the write, where that is not known */
     unsigned count;
 };
 
@@ -38,6 +39,8 @@ static int take(struct snap *snap, DDX_STORE_ID *id, const char *name, double ti
         ddx_store_done_item(item);
         return error;
     }
+    int64_t captured = snap->picture[snap->count].stamp.time;
+    snap->time[snap->count] = captured ? captured : frame.time;
     snap->item[snap->count++] = item;
     return 0;
 }
@@ -81,8 +84,15 @@ static int draw_all(const struct snap *snap, AVFrame **image) {
     *image = image_new(width, height);
     if (!*image)
         return -ENOMEM;
-    for (unsigned i = 0; i < snap->count && !error; i++)
+    for (unsigned i = 0; i < snap->count && !error; i++) {
+        char text[DDX_NAME_MAX + 60];
+
         error = image_draw(*image, &snap->picture[i], place[i].x, place[i].y, place[i].width, place[i].height);
+        snprintf(text, sizeof text, "%s  frame %d  %.2f s old", ddx_store_item_name(snap->item[i]),
+                 snap->picture[i].stamp.frame, (double)(ddx_time_now() - snap->time[i]) / 1e9);
+        if (!error)
+            error = montage_caption(*image, &place[i], text);
+    }
     return error;
 }
 
@@ -120,7 +130,7 @@ int main(int argc, char **argv) {
     static struct snap snap = {.name = "video"};
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item (default: video)", OPTION_NAME, &snap.name, 0, 0},
-        {"montage", NULL, "all video items side by side", OPTION_FLAG, &snap.montage, 0, 0},
+        {"montage", NULL, "all video items side by side, with name, frame and age", OPTION_FLAG, &snap.montage, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 

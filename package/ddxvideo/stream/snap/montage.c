@@ -1,6 +1,15 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "montage.h"
 
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "text.h"
+
+#define INK 0xe0e0e0
+#define LINE (TEXT_CELL_HEIGHT + 2)
+
 /* A picture's shape in pixels that are square. */
 static void square(const struct ddxvideo_geometry *picture, int *width, int *height) {
     *width = picture->width;
@@ -42,18 +51,38 @@ void montage_plan(const struct ddxvideo_geometry *pictures, unsigned count, stru
         cell_width = wide > cell_width ? wide : cell_width;
         cell_height = high > cell_height ? high : cell_height;
     }
-    while (cell_width * columns > MONTAGE_SIDE || cell_height * rows > MONTAGE_SIDE) {
+    while (cell_width * columns > MONTAGE_SIDE ||
+           (cell_height + LINE * text_scale(cell_height)) * rows > MONTAGE_SIDE) {
         cell_width = cell_width > 1 ? cell_width / 2 : 1;
         cell_height = cell_height > 1 ? cell_height / 2 : 1;
     }
+    int scale = text_scale(cell_height), line = LINE * scale;
     *width = cell_width * columns;
-    *height = cell_height * rows;
+    *height = (cell_height + line) * rows;
     for (unsigned i = 0; i < count; i++) {
         int wide, high;
 
         square(&pictures[i], &wide, &high);
-        places[i] = (struct montage_place){(int)i % columns * cell_width, (int)i / columns * cell_height, cell_width,
-                                           cell_height};
+        int x = (int)i % columns * cell_width, y = (int)i / columns * (cell_height + line);
+        places[i] = (struct montage_place){x, y, cell_width, cell_height, x + cell_width, scale};
         fit(wide, high, &places[i]);
     }
+}
+
+int montage_caption(AVFrame *image, const struct montage_place *place, const char *text) {
+    struct canvas canvas = {NULL, place->right - place->x, place->right - place->x, LINE * place->scale};
+    int top = place->y + place->height;
+
+    canvas.pixel = calloc((size_t)canvas.width * (size_t)canvas.height, sizeof *canvas.pixel);
+    if (!canvas.pixel)
+        return -ENOMEM;
+    text_write(&canvas, 0, place->scale, place->scale, INK, text);
+    for (int y = 0; y < canvas.height; y++) {
+        uint8_t *to = image->data[0] + (ptrdiff_t)(top + y) * image->linesize[0] + 3 * (ptrdiff_t)place->x;
+
+        for (int x = 0; x < canvas.width; x++)
+            memset(to + 3 * x, (int)(canvas.pixel[y * canvas.width + x] & 255), 3);
+    }
+    free(canvas.pixel);
+    return 0;
 }
