@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The session that the paper's users know, typed into a shell of the image. ddxvideoview, ddxlog and catalog, which are
-not part of it yet, aside."""
+"""The session that the paper's users know, typed into a shell of the image. ddxlog and catalog, which are not part of
+it yet, aside."""
 import json
 import re
 
@@ -27,6 +27,7 @@ def test_as_typed(boot: qemu.Boot) -> None:
         guest.sh("store -m 8M & sleep 1")
         guest.sh("ddxvideoV4L -camera 2 -skip 5 -size CIF -name video &")
         guest.sh("ddxvideosave -name video -output /tmp/test.y4m &")
+        guest.sh("{ ddxvideoview -name video; echo status $?; } > /tmp/viewed 2>&1 &")
         guest.sh("ddxvideosend -port 8000 &")
         guest.sh("decode > /tmp/decoded 2>&1 &")
         camera.wait_for_frames(guest, RECORDED, "ddxvideosave")
@@ -36,6 +37,7 @@ def test_as_typed(boot: qemu.Boot) -> None:
         rate = re.search(r" F(\d+):(\d+) ", guest.sh("head -n 1 /tmp/test.y4m"))
         said = guest.sh("ddxvideoload /tmp/test.y4m")
         decoded = guest.sh("cat /tmp/decoded")
+        viewed = guest.sh("cat /tmp/viewed")
     counters = json.loads(next(line for line in said.splitlines() if line.startswith("{")))
     assert counters["in"] == counters["out"] == len(times) >= RECORDED
     assert rate
@@ -43,4 +45,5 @@ def test_as_typed(boot: qemu.Boot) -> None:
     steps = [(after - before) / period for before, after in zip(times, times[1:])]
     assert all(abs(step - round(step)) < 0.3 for step in steps), steps  # every fifth of the camera's frames
     assert "going on without" in decoded and "receiving H.264" in decoded
+    assert "no display: " in viewed and "status 1" in viewed  # a window has no place there
 

@@ -78,4 +78,11 @@ DEFECTS = [
     Defect("each commit copies all that the store ever kept", "package/ddx/store/kept.c",
            "unsigned some = open.count > OPEN ? open.count - OPEN : 0;", "unsigned some = 0;",
            "C: kept", "kept_copied"),
+    Defect("the viewer steps by two frames", "package/ddxvideo/view/input.c",
+           "control_step, -1},", "control_step, -2},",
+           "tests/host/test_view.py::test_item", "PAUSED video  frame 19"),
+    Defect("a paused viewer shows the newest frame", "package/ddxvideo/view/control.c",
+           "!view->paused && view->source->live && view->position < newest",
+           "view->source->live && view->position < newest",
+           "tests/host/test_view.py::test_item", "PAUSED video  frame 39"),
 ]

@@ -96,7 +96,7 @@ static void keep_for_screen(struct viewer *viewer, const struct ddxvideo_stamp *
 /* At once. */
 static void put_on_screen(struct viewer *viewer, const struct ddxvideo_stamp *stamp, const AVFrame *picture,
                           bool damaged, bool counted) {
-    struct screen *screen = &viewer->screen;
+    struct viewer_screen *screen = &viewer->screen;
     const char *wrong = screen->show(screen->to, picture, viewer->decoder.context->framerate, stamp);
 
     if (!wrong && !counted)

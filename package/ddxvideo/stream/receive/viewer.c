@@ -272,7 +272,7 @@ static void open_window(struct viewer *viewer) {
 
     viewer->display = display_open(viewer->program.instance, &wrong);
     if (viewer->display)
-        viewer->screen = (struct screen){.show = show_in_window, .tick = tick_of_window, .to = viewer->display};
+        viewer->screen = (struct viewer_screen){.show = show_in_window, .tick = tick_of_window, .to = viewer->display};
     else
         say("no window: %s; going on without one, as with -headless", wrong);
 }

@@ -31,7 +31,7 @@ struct newest {
  * Where pictures go, besides the item. With `each`, all of them do: else, of those that come at once, the newest one
  * does.
  */
-struct screen {
+struct viewer_screen {
     const char *(*show)(void *to, const AVFrame *picture, AVRational rate, const struct ddxvideo_stamp *stamp);
     bool (*tick)(void *to); /* called often: false to stop. NULL: nothing to be done */
     void *to;
@@ -44,7 +44,7 @@ struct viewer {
     struct inlet inlet;
     long patience; /* ms that a packet waits for one before it */
     bool headless, print;
-    struct screen screen; /* show: NULL for decode's window, which `headless` leaves out */
+    struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
     bool conceal; /* show damaged pictures */
     const char *record; /* file, or NULL */
     struct output_item output;

@@ -1,0 +1,227 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "control.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ---- A frame ---- */
+
+/* A frame of a file that cannot be read leaves the window empty, and the status says why. */
+static void show(struct view *view, int64_t position) {
+    struct shot *shot = view->source->take(view->source, position);
+
+    if (!shot && view->source->live) /* just now it made room for another one */
+        return;
+    shot_drop(view->shot);
+    view->shot = shot;
+    view->position = position;
+    view->not_kept = 0;
+    view->dirty = true;
+}
+
+/* A file goes on from the frame that is shown. */
+static void begin_to_play(struct view *view) {
+    view->begun = ddx_time_now();
+    view->base = view->source->time(view->source, view->position);
+}
+
+static bool is_working(struct view *view) {
+    struct source_state state;
+
+    view->source->state(view->source, &state);
+    return state.working;
+}
+
+/* A position, or the nearest that there is. */
+static void go(struct view *view, int64_t position) {
+    int64_t oldest, newest, former = view->position;
+
+    view->source->range(view->source, &oldest, &newest);
+    if (newest < oldest)
+        return;
+    int64_t to = position < oldest ? oldest : position > newest ? newest : position;
+    if (position > newest && is_working(view)) /* more of a large file becomes known bit by bit */
+        view->wanted = position;
+    if (to == former)
+        return;
+    show(view, to);
+    if (position == former + 1)
+        view->not_kept = to - position;
+    begin_to_play(view);
+}
+
+/* ---- Keys ---- */
+
+static void set_paused(struct view *view, bool paused) {
+    view->paused = paused;
+    view->dirty = true;
+    view->wanted = -1;
+    if (!paused)
+        begin_to_play(view);
+}
+
+void control_pause(struct view *view) {
+    int64_t oldest, newest;
+
+    view->source->range(view->source, &oldest, &newest);
+    set_paused(view, !view->paused);
+    if (!view->paused && !view->source->live && view->position == newest)
+        go(view, oldest);
+}
+
+void control_step(struct view *view, int frames) {
+    int64_t oldest, newest, before = view->position;
+
+    set_paused(view, true);
+    view->source->range(view->source, &oldest, &newest);
+    if (before < 0)
+        return;
+    if (frames > 0 || before > oldest) /* also one that was dropped since is the oldest */
+        go(view, before + frames);
+    if (view->position == before && view->wanted < 0)
+        view_say(view, frames < 0 ? "this is the oldest frame" : "this is the newest frame");
+}
+
+/* The frame that was shown so much earlier or later, by the times of the frames. */
+void control_seconds(struct view *view, int seconds) {
+    int64_t oldest, newest, to = view->position;
+
+    view->source->range(view->source, &oldest, &newest);
+    if (newest < oldest || to < 0)
+        return;
+    if (view->source->live)
+        set_paused(view, true);
+    to = to < oldest ? oldest : to;
+    int64_t wanted = view->source->time(view->source, to) + seconds * VIEW_NS;
+    while (seconds < 0 && to > oldest && view->source->time(view->source, to) > wanted)
+        to--;
+    while (seconds > 0 && to < newest && view->source->time(view->source, to) < wanted)
+        to++;
+    go(view, to);
+}
+
+void control_oldest(struct view *view) {
+    if (view->source->live)
+        set_paused(view, true);
+    go(view, 0);
+}
+
+void control_newest(struct view *view) {
+    go(view, INT64_MAX);
+}
+
+/* ---- Items ---- */
+
+static bool is_shown(const struct ddx_item_info *item) {
+    return !strcmp(item->type, "DDX_VIDEO") && item->sequence;
+}
+
+/* The item after this one, in the order of their names, around the end. NULL: there is no other. */
+static const char *other_item(const struct ddx_item_info *items, unsigned count, const char *name, int direction) {
+    unsigned at = 0;
+
+    while (at < count && strcmp(items[at].name, name) < 0)
+        at++;
+    bool there = at < count && !strcmp(items[at].name, name);
+    if (!there && direction > 0)
+        at += count - 1;
+    for (unsigned i = 1; i <= count; i++) {
+        unsigned other = (at + count * i + (direction > 0 ? i : count - i)) % count;
+
+        if (is_shown(&items[other]) && strcmp(items[other].name, name))
+            return items[other].name;
+    }
+    return NULL;
+}
+
+static void open_item(struct view *view, const char *name) {
+    struct source *other = source_item(name, view->store, &view->limits, view->surface);
+
+    if (!other) {
+        view_say(view, "out of memory");
+        return;
+    }
+    shot_drop(view->shot);
+    view->shot = NULL;
+    view->source->close(view->source);
+    view->source = other;
+    view->position = -1;
+    view->zoom = (struct layout_view){1, 0, 0};
+    set_paused(view, false);
+}
+
+void control_item(struct view *view, int direction) {
+    DDX_STORE_ID *id = view->items ? ddx_store_open(NULL, view->store, 0) : NULL;
+    struct ddx_item_info *items;
+    unsigned count;
+
+    if (!id || ddx_store_list(id, NULL, &items, &count)) {
+        view_say(view, view->items ? "there is no store" : "there is no other item");
+        ddx_store_close(id);
+        return;
+    }
+    const char *name = count ? other_item(items, count, view->source->name, direction) : NULL;
+    if (name)
+        open_item(view, name);
+    else
+        view_say(view, "the store has no other video item");
+    free(items);
+    ddx_store_close(id);
+}
+
+/* ---- Time ---- */
+
+/* When a frame of the file is to be shown. */
+static int64_t due(struct view *view, int64_t position) {
+    return view->begun + view->source->time(view->source, position) - view->base;
+}
+
+/* The newest frame that is due; those before it that were not shown in time are passed over. */
+static void play_file(struct view *view, int64_t newest) {
+    int64_t to = view->position, now = ddx_time_now();
+
+    while (to < newest && due(view, to + 1) <= now)
+        to++;
+    if (to != view->position)
+        show(view, to);
+    if (to == newest && !is_working(view)) {
+        view->paused = true;
+        view->dirty = true;
+    }
+}
+
+static void go_on_to_wanted(struct view *view) {
+    int64_t wanted = view->wanted;
+
+    view->wanted = -1;
+    go(view, wanted);
+}
+
+void control_advance(struct view *view) {
+    int64_t oldest, newest;
+
+    view->source->range(view->source, &oldest, &newest);
+    if (newest < oldest)
+        return;
+    if (view->wanted >= 0)
+        go_on_to_wanted(view);
+    if (view->position < 0) {
+        show(view, view->source->live ? newest : oldest);
+        begin_to_play(view);
+    } else if (!view->paused && view->source->live && view->position < newest) {
+        show(view, newest);
+    } else if (!view->paused && !view->source->live) {
+        play_file(view, newest);
+    }
+}
+
+int control_wait(struct view *view, int most) {
+    int64_t oldest, newest;
+
+    view->source->range(view->source, &oldest, &newest);
+    if (view->paused || view->source->live || view->position >= newest)
+        return most;
+    int64_t ms = (due(view, view->position + 1) - ddx_time_now() + VIEW_MS - 1) / VIEW_MS;
+    return ms < 1 ? 1 : ms > most ? most : (int)ms;
+}

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "picture.h"
+
+#include <string.h>
+
+#include "input.h"
+#include "program.h"
+#include "status.h"
+#include "text.h"
+
+#define BACKGROUND 0x181818
+#define HELP_COLOUR 0x10243c
+#define GAP_COLOUR 0xa01818
+#define WHITE 0xf0f0f0
+#define LINE 52        /* characters that a line needs */
+#define PAD 3          /* around a line of text, times the scale */
+#define LEAST_WIDTH 640 /* of a window: the status needs that */
+#define MOST_WIDTH 1280 /* so that it fits on most screens */
+#define MOST_HEIGHT 900
+
+/* Of the text: as large as its lines fit in. */
+static int scale_of(int width, int height) {
+    int scale = text_scale(height), most = width / (LINE * TEXT_CELL_WIDTH);
+
+    return scale <= most ? scale : most > 1 ? most : 1;
+}
+
+static int bar_height(int scale) {
+    return 3 * (TEXT_CELL_HEIGHT + PAD) * scale;
+}
+
+void picture_size(const struct ddxvideo_geometry *geometry, int *width, int *height) {
+    struct layout layout;
+    double wide, high, factor = 1;
+
+    layout_square(geometry, &wide, &high);
+    layout_fields(&layout, geometry, LAYOUT_ALL, LAYOUT_SHAPE, MOST_WIDTH, MOST_HEIGHT);
+    int columns = 1;
+    for (int i = 1; i < layout.count; i++)
+        columns += layout.place[i].y == layout.place[0].y;
+    wide *= columns;
+    high *= (double)((layout.count + columns - 1) / columns);
+    while (wide * factor < LEAST_WIDTH)
+        factor++;
+    if (wide * factor > MOST_WIDTH)
+        factor = MOST_WIDTH / wide;
+    if (high * factor > MOST_HEIGHT)
+        factor = MOST_HEIGHT / high;
+    *width = (int)(wide * factor + 0.5);
+    *height = (int)(high * factor + 0.5);
+    *width = *width < LEAST_WIDTH / 2 ? LEAST_WIDTH / 2 : *width;
+    *height = *height < 16 ? 16 : *height;
+    *height += bar_height(scale_of(*width, *height + bar_height(scale_of(*width, *height))));
+}
+
+/* Text on a ground of its own; how wide that is. */
+static int write_on(const struct canvas *canvas, int x, int y, int scale, uint32_t ground, uint32_t ink,
+                    const char *text) {
+    int width = ((int)strlen(text) * TEXT_CELL_WIDTH + 2 * PAD) * scale;
+    struct canvas part = paint_part(canvas, x, y, width, (TEXT_CELL_HEIGHT + PAD) * scale);
+
+    paint_all(&part, ground);
+    text_write(canvas, x + PAD * scale, y + PAD * scale / 2 + scale / 2, scale, ink, text);
+    return width;
+}
+
+static void draw_status(const struct canvas *canvas, const struct status *status, int top, int scale) {
+    struct canvas bar = paint_part(canvas, 0, top, canvas->width, canvas->height - top);
+    int line = (TEXT_CELL_HEIGHT + PAD) * scale, x = 0;
+
+    paint_all(&bar, status->colour);
+    x = write_on(&bar, 0, 0, scale, status->ink, status->colour, status->label);
+    if (*status->gap) /* before the name, which may be long */
+        x += write_on(&bar, x, 0, scale, GAP_COLOUR, WHITE, status->gap);
+    write_on(&bar, x, 0, scale, status->colour, status->ink, status->name);
+    write_on(&bar, 0, line, scale, status->colour, status->ink, status->facts);
+    write_on(&bar, 0, 2 * line, scale, status->colour, status->ink, status->rest);
+}
+
+/* ---- The help ---- */
+
+static void draw_help(const struct canvas *canvas, int scale) {
+    const char *text = input_help();
+    int lines = 1, longest = 0, length = 0;
+
+    for (const char *c = text; *c; c++) {
+        length = *c == '\n' ? 0 : length + 1;
+        longest = length > longest ? length : longest;
+        lines += *c == '\n';
+    }
+    while (scale > 1 && (lines * TEXT_CELL_HEIGHT * scale > canvas->height ||
+                         longest * TEXT_CELL_WIDTH * scale > canvas->width))
+        scale--;
+    int width = (longest + 4) * TEXT_CELL_WIDTH * scale, height = (lines + 1) * TEXT_CELL_HEIGHT * scale;
+    int x = (canvas->width - width) / 2, y = (canvas->height - height) / 2;
+    x = x < 0 ? 0 : x;
+    y = y < 0 ? 0 : y;
+    struct canvas panel = paint_part(canvas, x, y, width, height);
+    paint_all(&panel, HELP_COLOUR);
+    text_write(&panel, 2 * TEXT_CELL_WIDTH * scale, TEXT_CELL_HEIGHT * scale / 2, scale, WHITE, text);
+}
+
+/* ---- All ---- */
+
+/* The fields, as zoomed. */
+static bool draw_fields(struct view *view, const struct canvas *area, struct layout *layout) {
+    layout_fields(&view->fitted, &view->shot->picture.geometry, view->field, view->fit, area->width, area->height);
+    *layout = view->fitted;
+    layout_zoom(layout, &view->zoom);
+    return !paint_fields(&view->painter, area, &view->shot->picture, layout, BACKGROUND);
+}
+
+void picture_paint(struct view *view, const struct canvas *canvas) {
+    int scale = scale_of(canvas->width, canvas->height), top = canvas->height - bar_height(scale);
+    struct canvas area = paint_part(canvas, 0, 0, canvas->width, top < 0 ? 0 : top);
+    struct layout layout;
+    struct status status;
+    bool shown = view->shot && area.height > 0;
+
+    view->area_width = area.width;
+    view->area_height = area.height;
+    if (shown)
+        draw_fields(view, &area, &layout);
+    else
+        paint_all(&area, BACKGROUND);
+    status_compose(&status, view, shown ? &layout : NULL);
+    if (view->help)
+        draw_help(&area, scale);
+    draw_status(canvas, &status, area.height, scale);
+}
+
+bool picture_draw(struct view *view) {
+    struct canvas canvas;
+    const char *wrong = surface_lock(view->surface, &canvas);
+
+    if (!wrong) {
+        picture_paint(view, &canvas);
+        wrong = surface_show(view->surface);
+    }
+    if (wrong)
+        say("window: %s", wrong);
+    view->dirty = false;
+    view->drawn = ddx_time_now();
+    return !wrong;
+}

@@ -1,0 +1,17 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* The window's content. */
+#ifndef DDXVIDEO_PICTURE_H
+#define DDXVIDEO_PICTURE_H
+
+#include "view.h"
+
+/* Draw all of it. False after a line: the surface is gone. */
+bool picture_draw(struct view *view);
+
+/* As picture_draw(), on a canvas. */
+void picture_paint(struct view *view, const struct canvas *canvas);
+
+/* The size of a window in which a picture of this kind is shown well, with the status below it. */
+void picture_size(const struct ddxvideo_geometry *geometry, int *width, int *height);
+
+#endif

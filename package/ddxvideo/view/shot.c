@@ -1,0 +1,94 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "shot.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+void shot_pool_open(struct shot_pool *pool) {
+    pthread_mutex_init(&pool->lock, NULL);
+    pool->spare = NULL;
+}
+
+static void shot_free(struct shot *shot) {
+    if (!shot)
+        return;
+    free(shot->memory);
+    free(shot);
+}
+
+void shot_pool_close(struct shot_pool *pool) {
+    shot_free(pool->spare);
+    pthread_mutex_destroy(&pool->lock);
+}
+
+/* The spare one, if it has this size. */
+static struct shot *take_spare(struct shot_pool *pool, size_t size) {
+    struct shot *shot = NULL;
+
+    pthread_mutex_lock(&pool->lock);
+    if (pool->spare && pool->spare->size == size) {
+        shot = pool->spare;
+        pool->spare = NULL;
+    }
+    pthread_mutex_unlock(&pool->lock);
+    return shot;
+}
+
+struct shot *shot_new(struct shot_pool *pool, size_t size) {
+    struct shot *shot = take_spare(pool, size);
+    unsigned char *memory = shot ? shot->memory : malloc(size);
+
+    if (!shot)
+        shot = memory ? malloc(sizeof *shot) : NULL;
+    if (!shot) {
+        free(memory);
+        return NULL;
+    }
+    *shot = (struct shot){.memory = memory, .size = size, .pool = pool};
+    atomic_init(&shot->references, 1);
+    return shot;
+}
+
+struct shot *shot_copy(struct shot_pool *pool, const struct ddxvideo_picture *picture) {
+    int width[3] = {picture->geometry.width, picture->geometry.width / 2, picture->geometry.width / 2};
+    size_t size = 0;
+
+    for (int i = 0; i < 3; i++)
+        size += (size_t)width[i] * (size_t)picture->rows[i];
+    struct shot *shot = shot_new(pool, size);
+    if (!shot)
+        return NULL;
+    shot->picture = *picture;
+    unsigned char *to = shot->memory;
+    for (int i = 0; i < 3; i++) {
+        shot->picture.plane[i] = to;
+        shot->picture.stride[i] = width[i];
+        for (int row = 0; row < picture->rows[i]; row++, to += width[i])
+            memcpy(to, picture->plane[i] + (ptrdiff_t)row * picture->stride[i], (size_t)width[i]);
+    }
+    return shot;
+}
+
+struct shot *shot_ref(struct shot *shot) {
+    atomic_fetch_add(&shot->references, 1);
+    return shot;
+}
+
+void shot_drop(struct shot *shot) {
+    if (!shot || atomic_fetch_sub(&shot->references, 1) > 1)
+        return;
+    struct shot_pool *pool = shot->pool;
+    free(shot->depth);
+    shot->depth = NULL;
+    pthread_mutex_lock(&pool->lock);
+    struct shot *former = pool->spare;
+    pool->spare = shot;
+    pthread_mutex_unlock(&pool->lock);
+    shot_free(former);
+}
+
+size_t shot_bytes(const struct shot *shot) {
+    const struct shot_depth *depth = shot->depth;
+
+    return sizeof *shot + shot->size + (depth ? 2 * (size_t)depth->width * (size_t)depth->height : 0);
+}

@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * A picture in memory of the viewer's own, with what belongs to it. References to a shot are counted: each shot_ref(),
+ * and each function that returns a shot, needs a shot_drop(). The content of a shot does not change once other threads
+ * can see it, but for `depth`, which history_depth() adds.
+ */
+#ifndef DDXVIDEO_SHOT_H
+#define DDXVIDEO_SHOT_H
+
+#include <ddxvideo.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+
+/* Disparities of one field: of the range from a stereo pair. */
+struct shot_depth {
+    int width, height;
+    double focal, base; /* metres = focal * base / disparity */
+    uint16_t disparity[]; /* 1/16 pixel; 0: unknown */
+};
+
+struct shot_pool;
+
+struct shot {
+    struct ddxvideo_picture picture; /* its planes are in `memory` */
+    uint64_t missing;                /* frames that are missing before this one */
+    int64_t arrival;                 /* CLOCK_MONOTONIC, ns */
+    struct shot_depth *_Atomic depth; /* NULL: none, or not yet */
+    unsigned char *memory;
+    size_t size;
+    atomic_int references;
+    struct shot_pool *pool;
+};
+
+/* Memory of the last shot that was dropped, for the next one: fresh pages would cost as much as the copy. */
+struct shot_pool {
+    pthread_mutex_t lock;
+    struct shot *spare;
+};
+
+void shot_pool_open(struct shot_pool *pool);
+/* All its shots have been dropped before. */
+void shot_pool_close(struct shot_pool *pool);
+
+/* A shot with `size` bytes of memory, and one reference. NULL: no memory. */
+struct shot *shot_new(struct shot_pool *pool, size_t size);
+/* A copy of a picture. NULL: no memory. */
+struct shot *shot_copy(struct shot_pool *pool, const struct ddxvideo_picture *picture);
+
+struct shot *shot_ref(struct shot *shot);
+/* NULL is allowed. */
+void shot_drop(struct shot *shot);
+
+/* Bytes that it takes. */
+size_t shot_bytes(const struct shot *shot);
+
+#endif

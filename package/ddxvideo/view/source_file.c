@@ -1,0 +1,210 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A Y4M file, or the files of a recording: each picture is one read, wherever it lies. */
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "frames.h"
+#include "picture_convert.h"
+#include "program.h"
+#include "source.h"
+
+struct file_source {
+    struct source source;
+    struct frames frames;
+    struct shot_pool pool;
+    /* the file that was read from last */
+    int fd; /* -1: none */
+    unsigned part;
+    struct y4m_header header;
+    struct picture_converter *converter; /* NULL: its planes are as those of the store */
+    char wrong[Y4M_ERROR_MAX];       /* why the last picture could not be read, or "" */
+};
+
+static void file_range(struct source *source, int64_t *oldest, int64_t *newest) {
+    *oldest = 0;
+    *newest = ((struct file_source *)source)->frames.count - 1;
+}
+
+static int64_t file_time(struct source *source, int64_t position) {
+    struct frames *frames = &((struct file_source *)source)->frames;
+
+    return position >= 0 && position < frames->count ? frames->entry[position].time : 0;
+}
+
+static void file_work(struct source *source) {
+    struct frames *frames = &((struct file_source *)source)->frames;
+
+    if (frames_work(frames)) {
+        snprintf(frames->text, sizeof frames->text, "out of memory: only the first frames are shown");
+        frames->complete = true;
+    }
+}
+
+static void file_state(struct source *source, struct source_state *state) {
+    struct file_source *from = (struct file_source *)source;
+    const struct ddxvideo_geometry *geometry = &from->header.geometry;
+
+    *state = (struct source_state){.working = !from->frames.complete, .lost = from->frames.lost};
+    if (geometry->rate_den)
+        state->rate = (double)geometry->rate_num / geometry->rate_den;
+    snprintf(state->text, sizeof state->text, "%.119s", *from->wrong ? from->wrong : from->frames.text);
+}
+
+static void file_close(struct source *source) {
+    struct file_source *from = (struct file_source *)source;
+
+    if (from->fd >= 0)
+        close(from->fd);
+    picture_converter_free(from->converter);
+    frames_close(&from->frames);
+    shot_pool_close(&from->pool);
+    free(from);
+}
+
+/* ---- Pictures ---- */
+
+/* Open a part, and understand its header. False, and a text in `wrong`. */
+static bool open_part(struct file_source *from, unsigned part) {
+    const char *path = from->frames.part[part].path;
+    struct stat status;
+
+    if (from->fd >= 0 && from->part == part)
+        return true;
+    if (from->fd >= 0)
+        close(from->fd);
+    picture_converter_free(from->converter);
+    from->converter = NULL;
+    from->part = part;
+    from->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY); /* a pipe must not be waited for */
+    if (from->fd < 0 || fstat(from->fd, &status))
+        snprintf(from->wrong, sizeof from->wrong, "cannot be opened: %s", strerror(errno));
+    else if (!S_ISREG(status.st_mode))
+        snprintf(from->wrong, sizeof from->wrong, "no regular file");
+    else if (frames_header(from->fd, &from->header, from->wrong)) {
+        if (!y4m_is_plain(&from->header) && !(from->converter = y4m_converter(&from->header)))
+            snprintf(from->wrong, sizeof from->wrong, "C%s cannot be converted to 4:2:0", from->header.layout->tag);
+        else
+            return true;
+    }
+    if (from->fd >= 0)
+        close(from->fd);
+    from->fd = -1;
+    return false;
+}
+
+/* Where the planes are, or are to be. */
+static void place_planes(struct shot *shot, const struct ddxvideo_geometry *geometry, unsigned char *at) {
+    for (int i = 0; i < 3; i++) {
+        int width = i ? geometry->width / 2 : geometry->width;
+
+        shot->picture.plane[i] = at;
+        shot->picture.stride[i] = width;
+        shot->picture.rows[i] = i ? geometry->height / 2 : geometry->height;
+        at += (size_t)width * (size_t)shot->picture.rows[i];
+    }
+}
+
+/* The planes out of what was read. False: it is no frame. */
+static bool find_planes(struct file_source *from, struct shot *shot, size_t bytes, unsigned char *converted) {
+    const unsigned char *end = memchr(shot->memory, '\n', bytes < Y4M_FRAME_LINE_MAX ? bytes : Y4M_FRAME_LINE_MAX);
+    size_t picture = 0;
+
+    for (int plane = 0; plane < 4; plane++)
+        picture += y4m_plane_bytes(&from->header, plane);
+    if (!end || strncmp((const char *)shot->memory, "FRAME", 5) || (size_t)(end + 1 - shot->memory) + picture != bytes)
+        return false;
+    unsigned char *start = shot->memory + (end + 1 - shot->memory);
+    if (!from->converter) {
+        place_planes(shot, &from->header.geometry, start);
+        return true;
+    }
+    place_planes(shot, &from->header.geometry, converted);
+    unsigned char *planes[3] = {converted, converted + (shot->picture.plane[1] - shot->picture.plane[0]),
+                                converted + (shot->picture.plane[2] - shot->picture.plane[0])};
+    return y4m_convert(&from->header, from->converter, start, planes);
+}
+
+static struct shot *read_shot(struct file_source *from, const struct frames_entry *entry) {
+    const struct ddxvideo_geometry *geometry = &from->header.geometry;
+    size_t luma = (size_t)geometry->width * (size_t)geometry->height;
+    size_t before = (entry->bytes + PICTURE_READ_BEYOND + 63) / 64 * 64;
+    struct shot *shot = shot_new(&from->pool, before + (from->converter ? luma / 2 * 3 : 0));
+
+    if (!shot) {
+        snprintf(from->wrong, sizeof from->wrong, "out of memory");
+        return NULL;
+    }
+    ssize_t got = pread(from->fd, shot->memory, entry->bytes, (off_t)entry->offset);
+    if (got != (ssize_t)entry->bytes || !find_planes(from, shot, (size_t)got, shot->memory + before)) {
+        snprintf(from->wrong, sizeof from->wrong, "frame %d: %s", entry->number,
+                 got < 0 ? strerror(errno) : "damaged");
+        shot_drop(shot);
+        return NULL;
+    }
+    return shot;
+}
+
+static struct shot *file_take(struct source *source, int64_t position) {
+    struct file_source *from = (struct file_source *)source;
+
+    if (position < 0 || position >= from->frames.count)
+        return NULL;
+    const struct frames_entry *entry = &from->frames.entry[position];
+    *from->wrong = 0;
+    struct shot *shot = open_part(from, entry->part) ? read_shot(from, entry) : NULL;
+    if (!shot)
+        return NULL;
+    shot->picture.geometry = from->header.geometry;
+    shot->picture.stamp = (struct ddxvideo_stamp){
+        .frame = entry->number, .time = entry->time, .wall_offset = from->frames.part[entry->part].wall_offset};
+    shot->missing = entry->missing;
+    return shot;
+}
+
+/* ---- Start ---- */
+
+/* False after a line: nothing in it can be shown. */
+static bool begin(struct file_source *from, const char *path) {
+    int error = frames_open(&from->frames, path);
+
+    if (error)
+        snprintf(from->wrong, sizeof from->wrong, "%s", strerror(-error));
+    else if (open_part(from, 0)) {
+        file_work(&from->source);
+        if (from->frames.count)
+            return true;
+        snprintf(from->wrong, sizeof from->wrong, "holds no frame; record or copy it again");
+    }
+    say("%s: %s", path, from->wrong);
+    return false;
+}
+
+struct source *source_file(const char *path, int *status) {
+    struct file_source *from = calloc(1, sizeof *from);
+
+    if (!from) {
+        say("out of memory");
+        *status = EXIT_FAILED;
+        return NULL;
+    }
+    from->fd = -1;
+    shot_pool_open(&from->pool);
+    from->source = (struct source){.range = file_range,
+                                   .take = file_take,
+                                   .time = file_time,
+                                   .work = file_work,
+                                   .state = file_state,
+                                   .close = file_close};
+    if (begin(from, path)) {
+        snprintf(from->source.name, sizeof from->source.name, "%s", from->frames.name);
+        return &from->source;
+    }
+    file_close(&from->source);
+    *status = EXIT_USAGE;
+    return NULL;
+}

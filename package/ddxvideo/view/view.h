@@ -1,0 +1,57 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What the viewer shows, and how it stands. */
+#ifndef DDXVIDEO_VIEW_H
+#define DDXVIDEO_VIEW_H
+
+#include "layout.h"
+#include "paint.h"
+#include "source.h"
+#include "surface.h"
+
+#define VIEW_MS INT64_C(1000000)
+#define VIEW_NS INT64_C(1000000000)
+
+struct view {
+    struct surface *surface;
+    struct painter painter;
+    struct source *source;
+    /* to open another item: 0, the source is none */
+    bool items;
+    int store; /* port */
+    struct source_limits limits;
+    /* what is shown */
+    struct shot *shot; /* NULL: nothing yet */
+    int64_t position;  /* of the shot */
+    bool paused;
+    int64_t wanted;      /* position that is wanted as soon as the source has it; -1: none */
+    int64_t not_kept;    /* frames between the shot and the one before, which the history has dropped */
+    int64_t begun, base; /* of a file that plays: when, and the time of the frame that was shown then */
+    /* how */
+    int field; /* or LAYOUT_ALL */
+    enum layout_fit fit;
+    struct layout_view zoom;
+    bool full, help;
+    struct layout fitted; /* as drawn last, before zooming; count 0: nothing was drawn */
+    int area_width, area_height; /* of the pictures, above the status */
+    /* pointer */
+    int x, y;
+    bool inside, dragging;
+    /* a message */
+    char message[200];
+    int64_t message_until;
+    /* the loop */
+    bool dirty, quit;
+    int64_t drawn;
+    int status; /* the program's */
+};
+
+/* Until the user has enough of it: the program's exit status. The source is closed. */
+int view_run(struct view *view);
+
+/* Show a message for some seconds. */
+__attribute__((format(printf, 2, 3))) void view_say(struct view *view, const char *format, ...);
+
+/* Whether a live source has given nothing for long. */
+bool view_is_stalled(struct view *view);
+
+#endif
