@@ -70,6 +70,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_loss.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_replay.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stereo.py)
+	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_view.py)
 bench-record: setup  ## frames lost on slow and frozen disks, beside a naive writer: DURATION=600, CASES=; docs/recording.md
 	@$(PYTHON) tools/bench_record.py $(if $(DURATION),-duration '$(DURATION)') $(if $(CASES),-cases '$(CASES)')
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.

@@ -1,0 +1,211 @@
+#!/usr/bin/python3
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A part of make bench: the viewer beside mpv, ffplay and sws_scale(). docs/screens.md.
+
+bench_view.py [-steps N] [-starts N] [-short]: under an X server without a monitor, keys are pressed and one pixel of
+the screen is watched. From a key to the picture, one step in a 1080p Y4M file, forward and back, beside mpv; from the
+start to the first picture of a CIF clip, beside ffplay; processor time for a frame, beside sws_scale() alone. Writes
+output/bench/view.json. -short: a few steps, without mpv and ffplay, for the gate: no file is written.
+"""
+from __future__ import annotations
+
+import argparse
+import ctypes
+import json
+import os
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from typing import Any
+
+from parts.bench.measure import percentile
+from parts.common import MORTAL, OUTPUT, Failed, finish, run, say
+from parts.image import native
+
+PATIENCE = 20  # s; for a program that hangs
+LEVELS, SPACING, BASE = 20, 10, 30
+AT = (500, 400)  # on the screen: all windows are there
+ROOT = OUTPUT / "desk/root"
+KEYS = {"forward": b"period", "back": b"comma"}
+
+
+class Screen:
+    """An X server, its keys, and a pixel of it."""
+
+    def __init__(self) -> None:
+        read, write = os.pipe()
+        self.server = subprocess.Popen([*MORTAL, "Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24",
+                                        "-nolisten", "tcp", "-noreset"], pass_fds=[write], stderr=subprocess.DEVNULL)
+        os.close(write)
+        with os.fdopen(read) as said:
+            self.name = f":{said.readline().strip()}"
+        self.x11, self.test = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
+        for name in ("XOpenDisplay", "XGetImage"):
+            getattr(self.x11, name).restype = ctypes.c_void_p
+        for name in ("XGetPixel", "XStringToKeysym", "XDefaultRootWindow"):
+            getattr(self.x11, name).restype = ctypes.c_ulong
+        self.display = ctypes.c_void_p(self.x11.XOpenDisplay(self.name.encode()))
+        self.root = ctypes.c_ulong(self.x11.XDefaultRootWindow(self.display))
+        self.x11.XWarpPointer(self.display, 0, self.root, 0, 0, 0, 0, *AT)  # keys go to the window under it
+
+    def level(self) -> int:
+        """Green of the pixel."""
+        image = ctypes.c_void_p(self.x11.XGetImage(self.display, self.root, AT[0] + 20, AT[1] + 20, 1, 1,
+                                                   ctypes.c_ulong(0xffffffff), 2))
+        green = int(self.x11.XGetPixel(image, 0, 0)) >> 8 & 255
+        self.x11.XDestroyImage(image)
+        return green
+
+    def press(self, key: bytes) -> None:
+        code = self.x11.XKeysymToKeycode(self.display, ctypes.c_ulong(self.x11.XStringToKeysym(key)))
+        for down in (1, 0):
+            self.test.XTestFakeKeyEvent(self.display, code, down, 0)
+        self.x11.XFlush(self.display)
+
+    def wait(self, number: int, begin: float) -> float:
+        """ms from `begin` until the frame with this number is on the screen."""
+        while abs(self.level() - shade(number)) > SPACING // 2 - 1:
+            if time.monotonic() - begin > PATIENCE:
+                raise Failed(f"frame {number} was not shown: the pixel is {self.level()}, not {shade(number)}")
+        return (time.monotonic() - begin) * 1000
+
+    def end(self) -> None:
+        self.x11.XCloseDisplay(self.display)
+        self.server.terminate()
+        self.server.wait()
+
+
+def shade(number: int) -> int:
+    """Green of frame `number`, full range without colour."""
+    return BASE + number % LEVELS * SPACING
+
+
+def make_clip(path: pathlib.Path, width: int, height: int, frames: int) -> pathlib.Path:
+    """Each frame of one grey; studio range, as players take it."""
+    with path.open("wb") as file:
+        file.write(b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420mpeg2\n" % (width, height))
+        for number in range(frames):
+            luma = round(16 + shade(number) * 219 / 255)
+            file.write(b"FRAME\n" + bytes([luma]) * (width * height) + bytes([128]) * (width * height // 2))
+    return path
+
+
+def commands(clip: pathlib.Path) -> dict[str, list[str]]:
+    viewer = str(ROOT / "usr/bin/ddxvideoview")
+    return {"ddxvideoview": [viewer, str(clip)],
+            "mpv": ["mpv", "--no-config", "--vo=x11", "--pause", "--no-osc", "--osd-level=0", "--ao=null",
+                    "--no-border", "--really-quiet", "--geometry=1280x720", "--keep-open=yes", str(clip)],
+            "ffplay": ["ffplay", "-loglevel", "quiet", "-nostats", "-an", str(clip)]}
+
+
+def start(screen: Screen, command: list[str]) -> subprocess.Popen[bytes]:
+    return subprocess.Popen([*MORTAL, *command], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                            stderr=subprocess.DEVNULL, env={**os.environ, **native.environment(ROOT),
+                                                            "DISPLAY": screen.name, "SDL_VIDEODRIVER": "x11"})
+
+
+def end(process: subprocess.Popen[bytes]) -> None:
+    process.terminate()
+    try:
+        process.wait(5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+
+
+def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int) -> dict[str, list[float]]:
+    """One step after the other, forward from the first frame and back from the last."""
+    found: dict[str, list[float]] = {"forward": [], "back": []}
+    process = start(screen, commands(clip)[name])
+    try:
+        if name == "ddxvideoview":
+            time.sleep(1)  # it plays
+            screen.press(b"space")
+            time.sleep(0.3)
+            screen.press(b"Home")
+        screen.wait(0, time.monotonic())
+        time.sleep(0.5)
+        at = 0
+        while min(map(len, found.values())) < count:
+            for way, key in KEYS.items():
+                for _ in range(frames - 1):
+                    at += 1 if way == "forward" else -1
+                    begin = time.monotonic()
+                    screen.press(key)
+                    found[way].append(screen.wait(at, begin))
+                    time.sleep(0.02)
+    finally:
+        end(process)
+    return found
+
+
+def first_picture(screen: Screen, name: str, clip: pathlib.Path) -> float:
+    command = commands(clip)[name]
+    begin = time.monotonic()
+    process = start(screen, command)
+    try:
+        while screen.level() < BASE - SPACING // 2:  # the screen is black
+            if time.monotonic() - begin > PATIENCE:
+                raise Failed(f"{name} showed nothing")
+        return (time.monotonic() - begin) * 1000
+    finally:
+        end(process)
+        while screen.level():
+            time.sleep(0.01)
+
+
+def summary(values: list[float]) -> dict[str, float]:
+    return {"p50_ms": round(statistics.median(values), 1), "p99_ms": round(percentile(values, 99), 1),
+            "count": len(values)}
+
+
+def measure(screen: Screen, folder: pathlib.Path, options: argparse.Namespace) -> dict[str, Any]:
+    frames = LEVELS if not options.short else 5
+    large = make_clip(folder / "large.y4m", 1920, 1080, frames)
+    small = make_clip(folder / "small.y4m", 352, 288, 50)
+    players = ["ddxvideoview"] if options.short else ["ddxvideoview", "mpv"]
+    found: dict[str, Any] = {"steps": {}, "start": {}}
+    for name in players:
+        for way, values in steps(screen, name, large, options.steps, frames).items():
+            found["steps"][f"{name} {way}"] = summary(values)
+    starts: dict[str, list[float]] = {}
+    for _ in range(options.starts):
+        for name in ["ddxvideoview"] if options.short else ["ddxvideoview", "ffplay"]:
+            starts.setdefault(name, []).append(first_picture(screen, name, small))
+    found["start"] = {name: summary(values) for name, values in starts.items()}
+    found["frame"] = json.loads(run([OUTPUT / "desk/ddxvideo/view/view", options.frames]))
+    return found
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("-steps", type=int, default=200)
+    parser.add_argument("-starts", type=int, default=20)
+    parser.add_argument("-short", action="store_true")
+    options = parser.parse_args()
+    options.frames = 500
+    if options.short:
+        options.steps, options.starts, options.frames = 4, 1, 20
+    native.build()
+    screen = Screen()
+    try:
+        with tempfile.TemporaryDirectory(prefix="ddx-bench-", dir="/dev/shm") as folder:
+            found = measure(screen, pathlib.Path(folder), options)
+    finally:
+        screen.end()
+    for name, row in {**found["steps"], **{f"{name} start": row for name, row in found["start"].items()}}.items():
+        say(f"{name:24} p50 {row['p50_ms']:6.1f} ms  p99 {row['p99_ms']:6.1f} ms")
+    frame = found["frame"]
+    say(f"frame: {frame['viewer_us']:.0f} us, sws_scale() alone {frame['sws_scale_us']:.0f} us: {frame['ratio']:.2f}")
+    if not options.short:
+        path = OUTPUT / "bench/view.json"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(found, indent=2) + "\n")
+    return 0
+
+
+if __name__ == "__main__":
+    finish("bench_view", main)
