@@ -1,0 +1,50 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* One output of a graphics card, through the kernel's DRM: its mode, and two buffers that take turns. */
+#ifndef DDXVIDEO_KMS_H
+#define DDXVIDEO_KMS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <xf86drmMode.h>
+
+#include "screen.h"
+
+struct kms_buffer {
+    uint32_t handle, frame; /* DRM's names of it; 0: none */
+    uint32_t *pixel;        /* NULL: not mapped */
+    size_t size;            /* bytes */
+    int stride;             /* pixels */
+};
+
+struct kms {
+    int card; /* file descriptor; -1: closed */
+    uint32_t connector, crtc;
+    drmModeModeInfo mode;
+    struct kms_buffer buffer[2];
+    int hidden;    /* the buffer that is not shown */
+    bool lit;      /* the mode is set, and one buffer is shown */
+    bool flipping; /* the other buffer is asked for, and may not be shown yet */
+    char name[64]; /* of output and mode */
+};
+
+/*
+ * All functions return NULL, or what went wrong as a static text, valid until the next call. After a failure of
+ * kms_open() nothing is open.
+ */
+const char *kms_open(struct kms *kms, const struct screen_choice *choice);
+void kms_close(struct kms *kms);
+
+/* Take note of a flip that is done, when the card's descriptor is readable. */
+void kms_read(struct kms *kms);
+
+/* Until the hidden buffer is hidden indeed: at most one refresh. */
+const char *kms_wait(struct kms *kms);
+
+/* Show the hidden buffer from the next refresh on; the other one becomes the hidden one. */
+const char *kms_flip(struct kms *kms);
+
+/* Whether the monitor is there, as far as the kernel knows without asking it. */
+bool kms_connected(const struct kms *kms);
+
+#endif

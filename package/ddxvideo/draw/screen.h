@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* A whole screen as a surface, without X: two buffers and page flips of the kernel's DRM, so that no picture is torn. */
+#ifndef DDXVIDEO_SCREEN_H
+#define DDXVIDEO_SCREEN_H
+
+#include "surface.h"
+
+struct screen_choice {
+    const char *output; /* a connector's name, such as "HDMI-A-1"; NULL: the first with a monitor */
+    int width, height;  /* of the mode, pixels; 0: the mode that the monitor prefers */
+    bool keys;          /* events for the keys of the terminal on standard input */
+};
+
+/*
+ * A screen that no other program uses; the text console is back after surface_close(), and after the program's death.
+ * Drivers may need some 100 ms to ask the monitors. The caller's, until surface_close(). NULL, and the reason in *error
+ * as a static text, valid until the next call: no screen, no monitor, no such output or mode, in use, no permission. A
+ * caller may try again at any time. One at a time.
+ *
+ * An error of surface_lock() or surface_show() means that the screen is lost (its monitor was unplugged, say): close
+ * the surface, and open another one.
+ *
+ * Keys are read, and the terminal is changed, only while the program is in the foreground of its terminal: in the
+ * background neither is touched, and SIGTTIN and SIGTTOU do not occur. There are no events of a pointer, and
+ * SURFACE_CLOSE means that the terminal is gone.
+ */
+struct surface *screen_open(const struct screen_choice *choice, const char **error);
+
+/* The connector's name and the mode, such as "HDMI-A-1, 1920x1080 at 60 Hz". Valid until surface_close(). */
+const char *screen_name(const struct surface *surface);
+
+#endif
