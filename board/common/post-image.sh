@@ -27,7 +27,7 @@ if [ -d "$grub/x86_64-efi" ]; then
 	mkdir -p "$boot/EFI/BOOT"
 	core x86_64-efi "$boot/EFI/BOOT/BOOTX64.EFI" all_video
 fi
-cp "$common/ddx.txt" "$common/serial-off.txt" "$boot/"
+cp "$common/ddx.txt" "$common/screen-off.txt" "$common/serial-off.txt" "$boot/"
 cp "$common/grub.cfg" "$boot/grub/"
 # An empty environment block: 1024 bytes, to be overwritten in place.
 grub-editenv "$boot/grub/grubenv" create

@@ -10,8 +10,8 @@ DDXVIDEO_SITE_METHOD = local
 DDXVIDEO_LICENSE = GPL-2.0+ (programs), LGPL-2.1+ (libddxvideo)
 DDXVIDEO_LICENSE_FILES = LICENSE LICENSE.GPL LICENSE.LGPL
 DDXVIDEO_INSTALL_STAGING = YES
-DDXVIDEO_DEPENDENCIES = ddx ffmpeg libdc1394 libsrtp libusb x264
-DDXVIDEO_CONF_OPTS = -Diidc=enabled -Dsrtp=enabled
+DDXVIDEO_DEPENDENCIES = ddx ffmpeg libdc1394 libdrm libsrtp libusb x264
+DDXVIDEO_CONF_OPTS = -Ddrm=enabled -Diidc=enabled -Dsrtp=enabled
 DDXVIDEO_USERS = $(call ddx-users,ddxvideo)
 
 $(eval $(meson-package))

@@ -1,0 +1,276 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "player.h"
+
+#include <errno.h>
+#include <string.h>
+
+#define NS INT64_C(1000000000)
+#define WAIT 0.1          /* s for the next frame; also between looks at whether to stop */
+#define PATIENCE NS       /* without a frame, or three frames' time: then it is missing */
+#define RATE_SPAN NS      /* frames are counted for so long */
+#define BACKGROUND 0x000000
+
+enum { LOST_SCREEN, LOST_BAD };
+static const char *const reasons[] = {"screen", "bad", NULL};
+
+/* ---- What is missing ---- */
+
+static const char *const absent[] = {[WATCH_NO_STORE] = "no store",
+                                     [WATCH_NO_ITEM] = "no item",
+                                     [WATCH_NO_VIDEO] = "no video item",
+                                     [WATCH_NO_WRITER] = "no writer",
+                                     [WATCH_WRITTEN] = "no frame"};
+
+static int64_t patience_of(const struct player *player) {
+    return player->rate > 0 && player->rate < 3 ? (int64_t)(3 * (double)NS / player->rate) : PATIENCE;
+}
+
+/* While frames come, only the store can be missing: they do without it. What it said of the writer may be older. */
+static void find_missing(const struct player *player, struct caption_facts *facts, int64_t now) {
+    enum watch_state state = facts->writer.state;
+    int64_t silence = now - player->written;
+    bool is_late = silence > patience_of(player), waits = silence > PATIENCE / 4;
+
+    if (player->trouble)
+        facts->missing = player->trouble;
+    else if (is_late || (waits && state != WATCH_WRITTEN) || (state == WATCH_NO_STORE && facts->writer.since))
+        facts->missing = absent[state];
+    facts->stale = facts->missing && (player->trouble || is_late || (waits && state != WATCH_NO_STORE));
+    facts->since = facts->stale ? silence : now - facts->writer.since;
+}
+
+static struct caption_facts facts_of(struct player *player, const struct ddxvideo_picture *picture) {
+    int64_t now = ddx_time_now();
+    struct caption_facts facts = {.name = player->name, .shown = picture != NULL, .rate = player->rate};
+
+    facts.writer = watch_look(&player->watch);
+    find_missing(player, &facts, now);
+    if (picture) {
+        facts.frame = picture->stamp.frame;
+        facts.age = now - (picture->stamp.time && picture->stamp.time <= now ? picture->stamp.time : player->written);
+    }
+    return facts;
+}
+
+/* ---- Drawing ---- */
+
+/* The picture, NULL for none, into pixels that are locked. 0, or -errno. */
+static int draw(struct player *player, const struct canvas *canvas, const struct ddxvideo_picture *picture) {
+    const struct caption_facts facts = facts_of(player, picture);
+    struct layout layout;
+    int error = 0;
+
+    if (picture) {
+        layout_fields(&layout, &picture->geometry, player->field, player->fit, canvas->width, canvas->height);
+        error = paint_fields(&player->painter, canvas, picture, &layout, BACKGROUND);
+    } else {
+        paint_all(canvas, BACKGROUND);
+    }
+    if (facts.stale)
+        paint_grey(canvas);
+    player->shown = caption_make(&facts, player->text);
+    caption_draw(&player->shown, canvas);
+    return error;
+}
+
+static const struct ddxvideo_picture *still_of(const struct player *player) {
+    return player->still.bytes ? &player->still.picture : NULL;
+}
+
+/* The last picture that was kept, again: where the text has changed, or `always`. */
+static void draw_still(struct player *player, bool always) {
+    const struct ddxvideo_picture *picture = still_of(player);
+    const struct caption_facts facts = facts_of(player, picture);
+    const struct caption caption = caption_make(&facts, player->text);
+    struct canvas canvas;
+
+    if (!always && (!facts.missing ? !*player->shown.line[1] : !strcmp(caption.line[1], player->shown.line[1])))
+        return;
+    const char *wrong = surface_lock(player->monitor.surface, &canvas);
+    if (!wrong) {
+        draw(player, &canvas, picture);
+        wrong = surface_show(player->monitor.surface);
+    }
+    if (wrong)
+        monitor_lose(&player->monitor, wrong);
+}
+
+/* ---- Frames ---- */
+
+static void count_rate(struct player *player) {
+    int64_t span = player->written - player->counted;
+
+    if (player->first && player->sequence > player->first && span < RATE_SPAN)
+        return;
+    player->rate = player->first && player->sequence > player->first
+                       ? (double)(player->sequence - player->first) * (double)NS / (double)span
+                       : 0;
+    player->first = player->sequence;
+    player->counted = player->written;
+}
+
+/* A frame is taken for the first time; what came and went between it and the one before was not wanted. */
+static void count_in(struct player *player, const struct ddx_frame *frame, bool fresh) {
+    int64_t now = ddx_time_now();
+
+    if (player->sequence && frame->sequence > player->sequence)
+        ddx_stats_skipped(player->book, frame->sequence - player->sequence - 1);
+    ddx_stats_in(player->book, 1, frame->sequence);
+    player->sequence = frame->sequence;
+    player->written = fresh || frame->time > now ? now : frame->time;
+    player->kept = false;
+    count_rate(player);
+}
+
+static void count_out(struct player *player, int error, const char *wrong, const struct ddx_frame *frame) {
+    if (error)
+        ddx_stats_lost(player->book, LOST_BAD, 1);
+    else if (wrong)
+        ddx_stats_lost(player->book, LOST_SCREEN, 1);
+    else
+        ddx_stats_out(player->book, 1, ddx_time_now() - frame->time);
+}
+
+/* A reason why frames cannot be had, said once. */
+static void note(struct player *player, int error) {
+    const char *text = error && error != -ETIMEDOUT && error != -ECONNREFUSED ? ddx_error_text(error) : NULL;
+
+    if (text && text != player->trouble)
+        say("%s: %s", player->name, text);
+    player->trouble = text;
+}
+
+/* Draw a frame that is held into pixels that are locked. 0, or -errno. */
+static int draw_held(struct player *player, const struct canvas *canvas, const struct ddx_frame *frame) {
+    struct ddxvideo_picture picture;
+    int error = ddxvideo_view(player->item, frame->data, &picture);
+
+    note(player, error);
+    if (error) {
+        draw(player, canvas, still_of(player));
+        return error;
+    }
+    error = draw(player, canvas, &picture);
+    note(player, error);
+    return error;
+}
+
+/*
+ * The newest frame; `fresh`: it was written just now. It is taken only when the screen is ready for it, since a newer
+ * one may come until then. False: there is none.
+ */
+static bool show_newest(struct player *player, bool fresh) {
+    struct canvas canvas;
+    struct ddx_frame frame;
+    const char *wrong = surface_lock(player->monitor.surface, &canvas);
+    bool found = !wrong && player->item && !ddx_store_acquire(player->item, &frame, 0, DDX_CURRENT);
+
+    if (found) {
+        bool known = frame.sequence == player->sequence;
+        if (!known)
+            count_in(player, &frame, fresh);
+        int error = draw_held(player, &canvas, &frame);
+        ddx_store_release(player->item);
+        wrong = surface_show(player->monitor.surface);
+        if (!known)
+            count_out(player, error, wrong, &frame);
+    }
+    if (wrong)
+        monitor_lose(&player->monitor, wrong);
+    return found || wrong;
+}
+
+/* The next frame lets us wait, and may never come: the store may go, and take this one along. */
+static void keep(struct player *player) {
+    struct ddxvideo_picture picture;
+    struct ddx_frame frame;
+
+    if (player->kept || !player->item || ddx_store_acquire(player->item, &frame, 0, DDX_CURRENT))
+        return;
+    if (frame.sequence == player->sequence) {
+        player->kept = true;
+        if (!ddxvideo_view(player->item, frame.data, &picture))
+            still_take(&player->still, &picture);
+    }
+    ddx_store_release(player->item);
+}
+
+/* ---- The loop ---- */
+
+/* False: it cannot go on. */
+static bool connect_store(struct player *player) {
+    if (!player->id) {
+        player->id = ddx_store_open(NULL, (int)player->program.port, 0);
+        if (player->id && !program_attach(&player->program, player->book, player->id, player->name))
+            return false;
+    }
+    if (player->id && !player->item) {
+        player->item = ddx_store_await_item(player->id, player->name);
+        if (!player->item)
+            note(player, -errno);
+    }
+    return true;
+}
+
+/* Wait for the next frame, or a moment. False: none came. */
+static bool wait_for_frame(struct player *player) {
+    struct ddx_frame frame;
+    int error = player->item ? ddx_store_acquire(player->item, &frame, WAIT, DDX_NEXT) : -ECONNREFUSED;
+
+    if (!error) {
+        ddx_store_release(player->item);
+        return true;
+    }
+    if (error != -ETIMEDOUT) {
+        note(player, error);
+        if (error != -ECONNREFUSED) { /* it may be another one, with another type, next time */
+            ddx_store_done_item(player->item);
+            player->item = NULL;
+        }
+        program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)NS), player->book);
+    }
+    return false;
+}
+
+static void step(struct player *player) {
+    bool dark = !player->monitor.surface;
+
+    if (!monitor_ready(&player->monitor)) {
+        program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)NS), player->book);
+        return;
+    }
+    bool fresh = !dark && wait_for_frame(player);
+    if ((dark || fresh) && show_newest(player, fresh))
+        return;
+    keep(player);
+    if (player->monitor.surface)
+        draw_still(player, dark);
+}
+
+int player_run(struct player *player) {
+    int status = EXIT_OK;
+
+    player->book = ddx_stats_open(player->program.instance, reasons);
+    player->watch.name = player->name;
+    player->watch.port = player->program.port;
+    player->written = ddx_time_now();
+    if (!player->book || watch_start(&player->watch)) {
+        say("out of memory");
+        return EXIT_FAILED;
+    }
+    for (; !program_stopping() && !status; program_tick(player->book)) {
+        if (connect_store(player))
+            step(player);
+        else
+            status = EXIT_FAILED;
+    }
+    monitor_close(&player->monitor);
+    program_report(player->book);
+    ddx_stats_close(player->book);
+    watch_stop(&player->watch);
+    ddx_store_done_item(player->item);
+    ddx_store_close(player->id);
+    paint_close(&player->painter);
+    still_close(&player->still);
+    return status;
+}
