@@ -163,6 +163,8 @@ static const char *open_output(struct kms *kms, const struct screen_choice *choi
     if (!wrong && !drmIsMaster(kms->card))
         wrong = because("%s: the screen is in use by another program", kms->name);
     if (!wrong)
+        kms->before = drmModeGetCrtc(kms->card, kms->crtc);
+    if (!wrong)
         wrong = make_buffer(kms, &kms->buffer[0]);
     if (!wrong)
         wrong = make_buffer(kms, &kms->buffer[1]);
@@ -192,7 +194,17 @@ const char *kms_open(struct kms *kms, const struct screen_choice *choice) {
     return wrong ? wrong : "no screen: no driver has made /dev/dri/card0";
 }
 
+/* The kernel does this as well, but lets the screen go dark first. */
+static void show_before(struct kms *kms) {
+    drmModeCrtc *before = kms->before;
+
+    if (kms->lit && before && before->buffer_id && before->mode_valid)
+        drmModeSetCrtc(kms->card, kms->crtc, before->buffer_id, before->x, before->y, &kms->connector, 1, &before->mode);
+    drmModeFreeCrtc(before);
+}
+
 void kms_close(struct kms *kms) {
+    show_before(kms);
     drop_buffer(kms, &kms->buffer[0]);
     drop_buffer(kms, &kms->buffer[1]);
     close(kms->card);

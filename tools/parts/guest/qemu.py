@@ -285,6 +285,16 @@ class Guest:
         with Monitor(self.folder / "qmp") as monitor:
             monitor.execute(command, **arguments)
 
+    def screen(self) -> bytes:
+        """What its screen shows at one moment, as a picture file (PPM): meanwhile nothing in it goes on."""
+        self._wake()
+        picture = self.folder / "screen.ppm"
+        with Monitor(self.folder / "qmp") as monitor:
+            monitor.execute("stop")
+            monitor.execute("screendump", filename=str(picture))
+            monitor.execute("cont")
+        return picture.read_bytes()
+
     def poweroff(self, timeout: float = PATIENCE) -> None:
         """Stop the guest by its own means, so that its file systems are clean."""
         self.shell().begin("poweroff")

@@ -85,4 +85,7 @@ DEFECTS = [
            "!view->paused && view->source->live && view->position < newest",
            "view->source->live && view->position < newest",
            "tests/host/test_view.py::test_item", "PAUSED video  frame 39"),
+    Defect("pictures are drawn into the buffer that is shown", "package/ddxvideo/draw/kms.c",
+           "    kms->hidden = 1 - kms->hidden;\n", "",
+           "tests/boot/test_screen.py::test_each_picture_is_whole_and_newer", "torn"),
 ]

@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""ddxvideoplay, judged by what is on the screen: whole pictures, each the newest one; and the console when it is gone."""
+import base64
+import functools
+import re
+import time
+from collections.abc import Iterator
+
+import numpy
+import pytest
+from numpy.typing import NDArray
+
+from parts.common import PATIENCE, TOP, Failed
+from parts.guest import session
+from parts.guest.qemu import Guest
+from parts.media import clip
+
+PLAY, ITEM = "ddxvideoplay", "screen"
+SETTINGS = f"/data/ddx/{PLAY}.conf"
+DUMPS = 30  # of different frames
+PIXELS = "fit=pixels\\ntext=off\\n"
+PIECE = 16384
+PAUSE = 0.02  # s in which the guest goes on, between two looks
+LENGTH = clip.SHORT * clip.RATE
+BAND = 8   # rows of which each band is compared with the neighbours of the frame that is due
+NEAR = 2   # frames
+ALARM = (0xff, 0xc0, 0x20)
+SINCE = r"{} since \d\d:\d\d:\d\d \(\d+ s\)"
+
+Picture = NDArray[numpy.uint8]  # rows, columns, red green blue
+
+
+def ppm(data: bytes) -> Picture:
+    head = re.match(rb"P6\n(\d+) (\d+)\n255\n", data)
+    assert head
+    return numpy.frombuffer(data, numpy.uint8, offset=head.end()).reshape(int(head[2]), int(head[1]), 3)
+
+
+def place(screen: Picture, pixels: bool) -> tuple[int, int, int, int]:
+    """Where the clip's picture is: left, top, width, height."""
+    height, width = screen.shape[:2]
+    scale = 1 if pixels else min(width / clip.WIDTH, height / clip.HEIGHT)
+    wide, high = int(clip.WIDTH * scale + 1e-6), int(clip.HEIGHT * scale + 1e-6)
+    return (width - wide) // 2, (height - high) // 2, wide, high
+
+
+def sample(screen: Picture, pixels: bool = False) -> Picture:
+    """The clip's picture in the clip's size: of each of its pixels, the one in the middle."""
+    left, top, wide, high = place(screen, pixels)
+    columns = left + ((numpy.arange(clip.WIDTH) + 0.5) * wide / clip.WIDTH).astype(int)
+    rows = top + ((numpy.arange(clip.HEIGHT) + 0.5) * high / clip.HEIGHT).astype(int)
+    return screen[rows][:, columns]
+
+
+def number(picture: Picture) -> int | None:
+    luma = picture @ numpy.array([0.299, 0.587, 0.114])
+    return clip.frame_number(luma.astype(numpy.uint8).tobytes(), clip.WIDTH, clip.HEIGHT)
+
+
+@functools.cache
+def expected(frame: int) -> NDArray[numpy.float64]:
+    """Each second pixel of a frame of the clip, which has a colour of its own."""
+    data = numpy.frombuffer(clip.picture(frame), numpy.uint8).astype(float)
+    size = clip.WIDTH * clip.HEIGHT
+    luma = data[:size].reshape(clip.HEIGHT, clip.WIDTH)[::2, ::2] * 1.164 - 18.6
+    blue, red = (data[size:].reshape(2, clip.HEIGHT // 2, clip.WIDTH // 2) - 128)
+    rgb = numpy.dstack([luma + 1.596 * red, luma - 0.813 * red - 0.391 * blue, luma + 2.018 * blue])
+    return rgb.clip(0, 255)
+
+
+def torn(picture: Picture, frame: int) -> list[int]:
+    """Rows that show another frame than the one whose number is at the top."""
+    near = [(frame + step) % LENGTH for step in range(-NEAR, NEAR + 1)]
+    errors = numpy.array([numpy.abs(picture[::2, ::2] - expected(one)).mean(axis=(1, 2)) for one in near])
+    bands = errors.reshape(len(near), -1, BAND).sum(axis=2)
+    return [2 * BAND * int(band) for band in numpy.flatnonzero(bands.argmin(axis=0) != NEAR)]
+
+
+# ---- The text ----
+
+@functools.cache
+def font() -> dict[bytes, str]:
+    """Our characters, by their pixels."""
+    source = (TOP / "package/ddxvideo/draw/text.c").read_text()
+    lines = [line.split() for line in re.findall(r'"([.# ]+)"', source)]
+    bands = [lines[first:first + 9] for first in range(0, len(lines), 9)]
+    cells = [tuple(band[row][column] for row in range(9)) for band in bands for column in range(len(band[0]))]
+    return {"".join(cell).encode(): chr(ord(" ") + index) for index, cell in enumerate(cells)}
+
+
+def alarm(screen: Picture) -> str:
+    """The last line on the screen, if it is in the colour of what is missing; else nothing."""
+    height, scale = screen.shape[0], 2
+    top = height - 10 * scale
+    found = ""
+    for left in range(2 * scale, screen.shape[1] - 6 * scale, 6 * scale):
+        cell = screen[top:top + 9 * scale:scale, left:left + 5 * scale:scale]
+        dots = (cell == ALARM).all(axis=2)
+        found += font().get("".join("#" if dot else "." for dot in dots.flatten()).encode(), "?")
+    return found.rstrip()
+
+
+def is_grey(picture: Picture) -> bool:
+    """Of its upper half, where no text is."""
+    upper = picture[:len(picture) // 2]
+    return bool((upper.max(axis=2).astype(int) - upper.min(axis=2) <= 2).all())
+
+
+def wait_for_alarm(guest: Guest, text: str) -> Picture:
+    """The screen that says so; "": that nothing is missing."""
+    deadline = time.monotonic() + PATIENCE
+    while True:
+        screen = ppm(guest.screen())
+        said = alarm(screen)
+        if re.fullmatch(text, said):
+            return screen
+        if time.monotonic() > deadline:
+            raise Failed(f"the screen does not say {text!r}, but {said!r}")
+        time.sleep(5 * PAUSE)
+
+
+def wait_for_frame(guest: Guest, other: int | None, pixels: bool = False) -> Picture:
+    """The first screen with a picture of the clip, another one than this."""
+    end = time.monotonic() + PATIENCE
+    while number(sample(screen := ppm(guest.screen()), pixels)) in (None, other):
+        if time.monotonic() > end:
+            raise Failed(f"no other picture; {guest.sh(f'cat /run/log/{PLAY}/current')}")
+        time.sleep(PAUSE)
+    return screen
+
+
+# ---- Programs in the guest ----
+
+def start(guest: Guest, settings: str = "") -> Picture:
+    """The service with these settings, if it does not run with them already; a screen with a picture of the clip."""
+    text = f"enabled=yes\\nname={ITEM}\\n{settings}"
+    guest.sh(f"printf '{text}' > /tmp/{PLAY}; pidof {PLAY} && cmp -s /tmp/{PLAY} {SETTINGS} || "
+             f"{{ cp /tmp/{PLAY} {SETTINGS}; /etc/init.d/S*{PLAY} restart; }}")
+    return wait_for_frame(guest, None, "pixels" in settings)
+
+
+def console_of(guest: Guest) -> Picture:
+    """The screen with a line of text on the console. (This card's driver forgets what was there before.)"""
+    guest.sh("printf '\\033[2J\\033[Hconsole\\033[?25l' > /dev/tty1")
+    return ppm(guest.screen())
+
+
+def fetch(guest: Guest, path: str) -> bytes:
+    """A file of the guest. In pieces: the console drops what is too much at once."""
+    size = int(guest.sh(f"stat -c %s {path}"))
+    pieces = [guest.sh(f"dd if={path} bs={PIECE} skip={number} count=1 2> /dev/null | base64")
+              for number in range(-(-size // PIECE))]
+    return b"".join(map(base64.b64decode, pieces))
+
+
+def load(guest: Guest, options: str, name: str = ITEM) -> None:
+    guest.sh(f"ddxvideoload {options} -name {name} -instance {name} > /tmp/{name} 2>&1 & echo $! > /tmp/{name}.pid")
+
+
+@pytest.fixture(scope="module")
+def console(guest: Guest, recorded: session.Result) -> Picture:
+    """Before any program has drawn anything."""
+    return console_of(guest)
+
+
+@pytest.fixture(scope="module")
+def screen(guest: Guest, console: Picture) -> Iterator[Guest]:
+    """The guest, with the clip going round and round in an item that nobody records."""
+    load(guest, "/test/clip.y4m -loop")
+    yield guest
+    guest.sh(f"/etc/init.d/S*{PLAY} stop; rm -f {SETTINGS}; kill -9 $(cat /tmp/{ITEM}.pid); true")
+
+
+def test_each_picture_is_whole_and_newer(screen: Guest) -> None:
+    start(screen)
+    seen: list[int] = []
+    end = time.monotonic() + PATIENCE
+    while len(set(seen)) < DUMPS:
+        assert time.monotonic() < end, f"frames {seen}"
+        time.sleep(PAUSE)
+        picture = sample(ppm(screen.screen()))
+        frame = number(picture)
+        assert frame is not None, "torn: no number"
+        assert torn(picture, frame) == [], f"torn in frame {frame}"
+        step = (frame - seen[-1]) % LENGTH if seen else 0
+        assert step < LENGTH / 2, f"frame {frame} after frame {seen[-1] % LENGTH}: backwards"
+        seen.append(seen[-1] + step if seen else frame)
+    written = int(screen.sh(f"ddxctl show {ITEM}.frame | tr -cd '0-9\\n' | tail -n 1"))
+    assert seen[-1] <= written
+
+
+def test_a_writer_that_stops(screen: Guest) -> None:
+    start(screen)
+    loader = screen.sh(f"cat /tmp/{ITEM}.pid")
+    assert not is_grey(wait_for_alarm(screen, ""))
+    screen.sh(f"kill -STOP {loader}")
+    assert is_grey(wait_for_alarm(screen, SINCE.format("no frame")))
+    screen.sh(f"kill -9 {loader}")
+    assert is_grey(wait_for_alarm(screen, SINCE.format("no writer")))
+    load(screen, "/test/clip.y4m -loop")
+    assert not is_grey(wait_for_alarm(screen, ""))
+
+
+def test_its_pixels_are_those_of_a_snapshot(screen: Guest) -> None:
+    shown = start(screen, PIXELS)
+    frame = number(sample(shown, pixels=True))
+    assert frame is not None, "torn: no number"
+    size = clip.WIDTH * clip.HEIGHT * 3 // 2 + len("FRAME\n")
+    one = "{ head -n 1; tail -c +" + str(frame * size + 1) + f" | head -c {size}; }}"
+    screen.sh(f"{one} < /test/clip.y4m > /tmp/still.y4m")
+    screen.sh("ddxvideoload /tmp/still.y4m -name still -instance still && ddxvideosnap -name still /tmp/still.ppm")
+    snapshot = ppm(fetch(screen, "/tmp/still.ppm"))
+    left, top, wide, high = place(shown, pixels=True)
+    difference = numpy.abs(shown[top:top + high, left:left + wide].astype(int) - snapshot)
+    assert difference.max() <= 2
+
+
+@pytest.mark.parametrize(("signal", "settings"), [("TERM", ""), ("KILL", PIXELS)])
+def test_the_console_is_back_after_the_end(screen: Guest, console: Picture, signal: str, settings: str) -> None:
+    start(screen, settings)
+    screen.sh(f"sv once /run/service/{PLAY}; pid=$(cat /run/service/{PLAY}/supervise/pid); kill -{signal} $pid; "
+              f"while kill -0 $pid 2> /dev/null; do sleep 0.02; done")
+    assert console.any() and is_grey(console)
+    assert (console_of(screen) == console).all()
+
+
+def test_a_store_that_is_killed(screen: Guest) -> None:
+    """One of our own, since the robot's has others to serve. Frames go on without it."""
+    def run(command: str) -> None:
+        name = command.split()[0]
+        screen.sh(f"(cd /tmp/own && DDX_DIR=/tmp/own exec chpst -u ddxplay:ddx {command} > {name}.log 2>&1) & "
+                  f"echo $! > /tmp/own/{name}.pid")
+
+    screen.sh(f"/etc/init.d/S*{PLAY} stop; mkdir -p /tmp/own && chown ddxplay:ddx /tmp/own")
+    run(f"{PLAY} -name {ITEM}")
+    try:
+        wait_for_alarm(screen, SINCE.format("no store"))
+        run("store -m 8M")
+        wait_for_alarm(screen, SINCE.format("no item"))
+        run(f"ddxvideoload /test/clip.y4m -loop -name {ITEM}")
+        wait_for_alarm(screen, "")
+        screen.sh("kill -9 $(cat /tmp/own/store.pid) $(pgrep -P $(cat /tmp/own/store.pid))")
+        first = wait_for_alarm(screen, SINCE.format("no store"))
+        wait_for_frame(screen, number(sample(first)))
+        assert not is_grey(first) and alarm(ppm(screen.screen()))
+        run("store -m 8M")
+        assert not is_grey(wait_for_alarm(screen, ""))
+    finally:
+        screen.sh("kill -9 $(cat /tmp/own/*.pid) $(pgrep -P $(cat /tmp/own/store.pid)); rm -r /tmp/own")
