@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideoplay, judged by what is on the screen: whole pictures, each the newest one; and the console when it is gone."""
+"""ddxvideoplay, judged by what is on the screen: whole pictures, in order; and the console when it is gone."""
 import base64
 import functools
 import re
@@ -49,7 +49,8 @@ def sample(screen: Picture, pixels: bool = False) -> Picture:
     left, top, wide, high = place(screen, pixels)
     columns = left + ((numpy.arange(clip.WIDTH) + 0.5) * wide / clip.WIDTH).astype(int)
     rows = top + ((numpy.arange(clip.HEIGHT) + 0.5) * high / clip.HEIGHT).astype(int)
-    return screen[rows][:, columns]
+    picture: Picture = screen[rows][:, columns]
+    return picture
 
 
 def number(picture: Picture) -> int | None:

@@ -140,8 +140,8 @@ def check_refused(clip: pathlib.Path, text: str) -> None:
 
 
 @pytest.mark.parametrize("program", [
-    LOADER, SAVER, SENDER, DECODE, SNAP, VIEW, "ddxvideoV4L", "ddxvideo1394", "ddxhealth", "ddxlog", "store", "ddxctl",
-    "ddxrecordings", "../sbin/ddxgrow"])
+    LOADER, SAVER, SENDER, DECODE, SNAP, VIEW, "ddxvideoV4L", "ddxvideo1394", "ddxvideoplay", "ddxhealth", "ddxlog",
+    "store", "ddxctl", "ddxrecordings", "../sbin/ddxgrow"])
 def test_version(program: str) -> None:
     result = run(program, "-version")
     assert result.returncode == 0 and not result.stderr
@@ -166,6 +166,22 @@ def test_help_where_the_loader_knows_no_library(program: str) -> None:
 def test_bad_words_to_ddxctl(arguments: list[str], text: str) -> None:
     result = run("ddxctl", *arguments)
     assert result.returncode == 2 and text in result.stderr and result.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("arguments,needed", [
+    (["-field", "0"], "all, or a number from 1 to 16,"),
+    (["-field", "17"], "all, or a number from 1 to 16,"),
+    (["-field", "1a"], "all, or a number from 1 to 16,"),
+    (["-fit", "large"], "shape, fill or pixels"),
+    (["-mode", "640"], "a size such as 1024x768"),
+    (["-mode", "640x480x32"], "a size such as 1024x768"),
+    (["-mode", "0x480"], "a size such as 1024x768"),
+    (["-text", "yes"], "on or off"),
+])
+def test_bad_words_to_ddxvideoplay(arguments: list[str], needed: str) -> None:
+    result = run("ddxvideoplay", *arguments)
+    assert result.returncode == 2
+    assert result.stderr == f"ddxvideoplay: {' '.join(arguments)}: {needed} is needed; see ddxvideoplay -help\n"
 
 
 def test_store_port(tmp_path: pathlib.Path) -> None:

@@ -199,7 +199,8 @@ static void show_before(struct kms *kms) {
     drmModeCrtc *before = kms->before;
 
     if (kms->lit && before && before->buffer_id && before->mode_valid)
-        drmModeSetCrtc(kms->card, kms->crtc, before->buffer_id, before->x, before->y, &kms->connector, 1, &before->mode);
+        drmModeSetCrtc(kms->card, kms->crtc, before->buffer_id, before->x, before->y, &kms->connector, 1,
+                       &before->mode);
     drmModeFreeCrtc(before);
 }
 

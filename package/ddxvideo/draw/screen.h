@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A whole screen as a surface, without X: two buffers and page flips of the kernel's DRM, so that no picture is torn. */
+/* A whole screen as a surface, without X: two buffers and page flips of the kernel's DRM. No picture is torn. */
 #ifndef DDXVIDEO_SCREEN_H
 #define DDXVIDEO_SCREEN_H
 

@@ -77,14 +77,14 @@ static const struct ddxvideo_picture *still_of(const struct player *player) {
     return player->still.bytes ? &player->still.picture : NULL;
 }
 
-/* The last picture that was kept, again: where the text has changed, or `always`. */
-static void draw_still(struct player *player, bool always) {
+/* The last picture that was kept, again, where what is missing has changed. */
+static void draw_still(struct player *player) {
     const struct ddxvideo_picture *picture = still_of(player);
     const struct caption_facts facts = facts_of(player, picture);
     const struct caption caption = caption_make(&facts, player->text);
     struct canvas canvas;
 
-    if (!always && (!facts.missing ? !*player->shown.line[1] : !strcmp(caption.line[1], player->shown.line[1])))
+    if (!strcmp(caption.line[1], player->shown.line[1]))
         return;
     const char *wrong = surface_lock(player->monitor.surface, &canvas);
     if (!wrong) {
@@ -156,28 +156,31 @@ static int draw_held(struct player *player, const struct canvas *canvas, const s
 }
 
 /*
- * The newest frame; `fresh`: it was written just now. It is taken only when the screen is ready for it, since a newer
- * one may come until then. False: there is none.
+ * The newest frame, or what was kept; `fresh`: it was written just now. It is taken only when the screen is ready for
+ * it, since a newer one may come until then.
  */
-static bool show_newest(struct player *player, bool fresh) {
+static void show_newest(struct player *player, bool fresh) {
     struct canvas canvas;
     struct ddx_frame frame;
     const char *wrong = surface_lock(player->monitor.surface, &canvas);
-    bool found = !wrong && player->item && !ddx_store_acquire(player->item, &frame, 0, DDX_CURRENT);
+    bool counts = false;
+    int error = 0;
 
-    if (found) {
-        bool known = frame.sequence == player->sequence;
-        if (!known)
+    if (!wrong && player->item && !ddx_store_acquire(player->item, &frame, 0, DDX_CURRENT)) {
+        counts = frame.sequence != player->sequence;
+        if (counts)
             count_in(player, &frame, fresh);
-        int error = draw_held(player, &canvas, &frame);
+        error = draw_held(player, &canvas, &frame);
         ddx_store_release(player->item);
-        wrong = surface_show(player->monitor.surface);
-        if (!known)
-            count_out(player, error, wrong, &frame);
+    } else if (!wrong) {
+        draw(player, &canvas, still_of(player));
     }
+    if (!wrong)
+        wrong = surface_show(player->monitor.surface);
+    if (counts)
+        count_out(player, error, wrong, &frame);
     if (wrong)
         monitor_lose(&player->monitor, wrong);
-    return found || wrong;
 }
 
 /* The next frame lets us wait, and may never come: the store may go, and take this one along. */
@@ -240,11 +243,12 @@ static void step(struct player *player) {
         return;
     }
     bool fresh = !dark && wait_for_frame(player);
-    if ((dark || fresh) && show_newest(player, fresh))
-        return;
-    keep(player);
-    if (player->monitor.surface)
-        draw_still(player, dark);
+    if (dark || fresh) {
+        show_newest(player, fresh);
+    } else {
+        keep(player);
+        draw_still(player);
+    }
 }
 
 int player_run(struct player *player) {
