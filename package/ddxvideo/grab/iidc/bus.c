@@ -69,7 +69,7 @@ int bus_open(struct bus_wish *wish, dc1394_t **library, dc1394camera_t **device,
         return 0;
     bus_close(*library, NULL);
     *library = NULL;
-    snprintf(why, size, there ? "in use by another program" : "not there, or it does not answer");
+    snprintf(why, size, there ? "in use by another program, or does not answer" : "not there, or it does not answer");
     return there ? -EBUSY : -ENODEV;
 }
 
