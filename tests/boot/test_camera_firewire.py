@@ -5,6 +5,7 @@ import contextlib
 import dataclasses
 import functools
 import pathlib
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -174,6 +175,59 @@ def test_the_grabber_counts_each_loss(guest: Guest) -> None:
     assert counters.frames_in == counters.out + counters.lost_total == frames[-1].number + 1
     assert counters.lost["error"] == 1 and counters.lost_total == counters.lost["driver"] + 1
     assert len(said(guest, 2)) == 2, said(guest, 2)  # that it is there, and of the lost frames
+
+
+@pytest.mark.long
+def test_the_grabber_finds_a_camera_again_by_its_guid(guest: Guest) -> None:
+    """Beside another one, which goes on."""
+    start(guest, 0)
+    start(guest, 1)
+    for which in (0, 1):
+        camera.wait_for_frames(guest, 3, instance_of(which))
+    readers = [camera.Reader(guest, 60, f"cam{which}") for which in (0, 1)]
+    firewire.command(guest, "plug 1 0")
+    guest.wait_until(f"grep -q 'waiting for' /run/log/{instance_of(1)}/current", pause=0.1)
+    firewire.command(guest, "plug 0 0")  # now the numbers of all others are other ones
+    firewire.command(guest, "plug 1 1")
+    for which in (1, 0):
+        guest.wait_until(f"grep -q 'back after' /run/log/{instance_of(which)}/current", 30, pause=0.1)
+        camera.wait_for_frames(guest, 3, instance_of(which), 30)
+        firewire.command(guest, "plug 0 1")
+    for which, reader in enumerate(readers):
+        counters, frames = stop(guest, which), reader.stop()
+        begin = next(index for index, frame in enumerate(frames) if frame.checksum != checksum(which, frame.number))
+        judge(which, frames[:begin])
+        number = next(number for number in range(20) if checksum(which, number) == frames[begin].checksum)
+        judge(which, frames[begin:], frames[begin].number - number)  # a camera that was switched on counts from 0
+        assert counters.frames_in == counters.out + counters.lost_total and counters.lost["away"] > 0
+        assert "waiting for" in said(guest, which)[1] and "back after" in said(guest, which)[-1]
+
+
+@pytest.mark.long
+def test_five_grabbers_on_one_bus(guest: Guest) -> None:
+    readers = [camera.Reader(guest, 120, f"cam{which}") for which in range(CAMERAS)]
+    for which in range(CAMERAS):
+        start(guest, which, 7.5)
+    for which in range(CAMERAS):
+        camera.wait_for_frames(guest, 20, instance_of(which))
+    for which, reader in enumerate(readers):
+        counters, frames = stop(guest, which), reader.stop()
+        judge(which, frames)
+        assert counters.frames_in == counters.out + counters.lost_total == frames[-1].number + 1
+
+
+@pytest.mark.long
+def test_a_camera_that_does_not_answer_is_one_line(guest: Guest) -> None:
+    firewire.command(guest, "silent 3 1")
+    start(guest, 3)
+    guest.wait_until(f"grep -q 'does not answer' /run/log/{instance_of(3)}/current", 30, pause=0.1)
+    time.sleep(7)  # one that hangs is killed after 6 s
+    firewire.command(guest, "silent 3 0")
+    camera.wait_for_frames(guest, 3, instance_of(3))
+    lines = [line for line in said(guest, 3) if "libdc1394" not in line]
+    assert lines[0] == "in use by another program, or does not answer" and len(lines) == 2, lines
+    assert "restarts=0" in guest.sh(f"ddxctl status {instance_of(3)}")
+    stop(guest, 3)
 
 
 def test_the_module_leaves_nothing(guest: Guest) -> None:
