@@ -18,7 +18,7 @@ from .appliance import Appliance
 DEVICES = [
     ("video0", "81:0", "ddxgrab video 660"), ("media0", "249:0", "ddxgrab video 660"),
     ("fw0", "248:0", "ddx1394 video 660"), ("bus/usb/001/002", "189:1", "ddx1394 video 660"),
-    ("dri/card0", "226:0", "root video 660"), ("dri/renderD128", "226:128", "root video 660"),
+    ("dri/card0", "226:0", "ddxplay video 660"), ("dri/renderD128", "226:128", "root video 660"),
     ("ttyS0", "4:64", "root dialout 660"), ("ttyUSB12", "188:12", "root dialout 660"),
     ("ttyACM0", "166:0", "root dialout 660"), ("watchdog0", "247:0", "ddxhealth ddx 660"),
     ("null", "1:3", "root root 666"), ("mem", "1:1", "root root 660"), ("ttyprintk", "5:3", "root root 660"),
