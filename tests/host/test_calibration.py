@@ -65,6 +65,8 @@ def refused(path: pathlib.Path, text: str) -> None:
     (lambda text: text.replace("!!opencv-matrix", "", 1), "M1 is no matrix as OpenCV writes it"),
     (lambda text: text[:150], "M1: value"),
     (lambda text: text.replace(" ]", ", 1. ]", 1), "M1 has more than 9 values"),
+    (lambda text: text.replace("[ 500", "[ nan", 1), "M1: value 1 of 9 is not a number"),
+    (lambda text: text.replace("[ 500", "[ inf", 1), "M1: value 1 of 9 is not a number"),
     (lambda text: text.replace("image_width: 64", "image_width: many"), "no size of pictures"),
     (lambda text: "", "M1 is missing"),
     (lambda text: "#" * 70000 + text, "is no calibration"),
