@@ -19,6 +19,7 @@ Image = NDArray[numpy.uint8]
 FILES = {"C422": "YUV422P", "C444": "YUV444P", "Cmono": "GREY8", "Cmono16": "GREY16"}
 LAYOUTS = [*FILES.values(), "RGB24"]
 FRAMES = 5
+CAPTION = 12  # rows of text below each picture of a montage
 
 
 def write_clip(path: pathlib.Path, tag: str, width: int, height: int, frames: int = FRAMES) -> list[bytes]:
@@ -113,9 +114,10 @@ def test_snap_and_montage(desk: Desk) -> None:
         assert (abs(found - right) <= 3).all(), (layout, found)
     assert desk.run("ddxvideosnap", "-montage", "all.ppm").returncode == 0
     cells = ppm(desk.folder / "all.ppm")
-    assert cells.shape == (2 * 48, 3 * 64, 3)
+    height = 48 + CAPTION
+    assert cells.shape == (2 * height, 3 * 64, 3)
     for place, layout in enumerate(sorted(LAYOUTS)):
-        cell = cells[place // 3 * 48:, place % 3 * 64:][:48, :64]
+        cell = cells[place // 3 * height:, place % 3 * 64:][:48, :64]
         assert (abs(bars_of(cell) - (grey if "GREY" in layout else colours)) <= 3).all(), layout
     # RGB is shown as it is, in any size.
     with (desk.folder / "odd.y4m").open("wb") as file:
