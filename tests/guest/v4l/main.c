@@ -13,7 +13,7 @@
 static const struct {
     const char *name;
     int (*run)(int argc, char **argv);
-} jobs[] = {{"control", control}, {"feed", feed}, {"hold", hold}, {"uvc", uvc}};
+} jobs[] = {{"control", control}, {"feed", feed}, {"hold", hold}, {"iidc", iidc}, {"uvc", uvc}};
 
 void fail(const char *format, ...) {
     va_list arguments;
@@ -90,6 +90,6 @@ int main(int argc, char **argv) {
     for (unsigned i = 0; argc > 1 && i < sizeof(jobs) / sizeof(*jobs); i++)
         if (!strcmp(argv[1], jobs[i].name))
             return jobs[i].run(argc - 1, argv + 1);
-    fprintf(stderr, "usage: v4l control|feed|hold|uvc ...\n");
+    fprintf(stderr, "usage: v4l control|feed|hold|iidc|uvc ...\n");
     return 2;
 }

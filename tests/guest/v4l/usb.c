@@ -2,6 +2,7 @@
 #include "usb.h"
 
 #include <arpa/inet.h>
+#include <errno.h>
 #include <poll.h>
 #include <stdlib.h>
 #include <string.h>
@@ -71,13 +72,22 @@ static void finish(struct usb_device *device, uint32_t number, int status, const
     put(device->socket, data, size);
 }
 
+static uint32_t take_oldest(struct usb_device *device) {
+    uint32_t number = device->pending[0].number;
+    memmove(&device->pending[0], &device->pending[1], --device->pending_count * sizeof(device->pending[0]));
+    return number;
+}
+
 bool usb_send(struct usb_device *device, const void *data, size_t size) {
     if (!device->pending_count)
         return false;
-    uint32_t number = device->pending[0].number;
-    memmove(&device->pending[0], &device->pending[1], --device->pending_count * sizeof(device->pending[0]));
-    finish(device, number, 0, data, size, size);
+    finish(device, take_oldest(device), 0, data, size, size);
     return true;
+}
+
+void usb_stall(struct usb_device *device) {
+    if (device->pending_count)
+        finish(device, take_oldest(device), -EPIPE, NULL, 0, 0);
 }
 
 static void serve_control(struct usb_device *device, const struct message *message) {
@@ -91,8 +101,10 @@ static void serve_control(struct usb_device *device, const struct message *messa
     int length = device->control(&request, data);
     if (length > request.length)
         length = request.length;
-    if (length < 0)
-        finish(device, ntohl(message->number), -32, NULL, 0, 0); /* EPIPE: stalled */
+    if (length == USB_NO_ANSWER)
+        device->unanswered[device->unanswered_count++ % USB_PENDING] = ntohl(message->number);
+    else if (length < 0)
+        finish(device, ntohl(message->number), -EPIPE, NULL, 0, 0); /* stalled */
     else
         finish(device, ntohl(message->number), 0, data, in ? (size_t)length : 0, in ? (size_t)length : request.length);
 }
@@ -102,6 +114,13 @@ static void answer_unlink(struct usb_device *device, uint32_t by, bool taken_bac
     if (taken_back)
         answer.unlink = htonl((uint32_t)-104); /* ECONNRESET: before it was done */
     put(device->socket, &answer, sizeof(answer));
+}
+
+static bool was_unanswered(const struct usb_device *device, uint32_t number) {
+    for (unsigned i = 0; i < USB_PENDING; i++)
+        if (number && device->unanswered[i] == number)
+            return true;
+    return false;
 }
 
 /* Transfers are asked for in the order of their numbers, but vhci_hcd may take one back before it has asked for it:
@@ -118,7 +137,7 @@ static void serve_unlink(struct usb_device *device, const struct message *messag
         return;
     }
     if (number <= device->newest) {
-        answer_unlink(device, by, false);
+        answer_unlink(device, by, was_unanswered(device, number));
         return;
     }
     if (device->early_count == USB_PENDING)

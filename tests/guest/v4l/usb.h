@@ -10,7 +10,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define USB_PENDING 32
+#define USB_PENDING 64
+#define USB_NO_ANSWER (-2)
 
 struct usb_request {
     uint8_t type, request;
@@ -18,7 +19,8 @@ struct usb_request {
 };
 
 struct usb_device {
-    /* Answer a control request: bytes for `data` (at most 512), or what came in it. The length, or -1 to refuse. */
+    /* Answer a control request: bytes for `data` (at most 512), or what came in it. The length, -1 to
+     * refuse, or USB_NO_ANSWER: the host waits until it gives up. */
     int (*control)(const struct usb_request *request, uint8_t *data);
     int socket;
     /* Transfers from the one IN endpoint that the host waits for, oldest first. */
@@ -26,6 +28,9 @@ struct usb_device {
         uint32_t number, length;
     } pending[USB_PENDING];
     unsigned pending_count;
+    /* Control requests that get no answer. */
+    uint32_t unanswered[USB_PENDING];
+    unsigned unanswered_count;
     uint32_t newest; /* number of the latest transfer that was asked for */
     /* Transfers that were taken back before they came, and which of the host's messages said so. */
     struct {
@@ -42,5 +47,8 @@ void usb_serve(struct usb_device *device, long ms, bool until_pending);
 
 /* Complete the oldest waiting transfer with these bytes. False if there is none. */
 bool usb_send(struct usb_device *device, const void *data, size_t size);
+
+/* Refuse the oldest waiting transfer: the endpoint stalls. */
+void usb_stall(struct usb_device *device);
 
 #endif

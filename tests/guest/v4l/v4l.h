@@ -13,6 +13,7 @@
 int control(int argc, char **argv); /* controls of a device, by name */
 int feed(int argc, char **argv);    /* a Y4M file into an output device */
 int hold(int argc, char **argv);    /* keep a camera busy */
+int iidc(int argc, char **argv);    /* be a USB camera of the IIDC standard */
 int uvc(int argc, char **argv);     /* be a USB camera */
 
 __attribute__((format(printf, 1, 2), noreturn)) void fail(const char *format, ...);

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""An IIDC camera on USB: the real usbfs, libusb and libdc1394, and at the other end of the cable a program."""
+import pathlib
+from collections.abc import Iterator
+
+import pytest
+
+from parts.guest import qemu
+from parts.guest.machine import Machine
+from parts.guest.qemu import Guest
+
+from . import camera, iidc
+from .iidc import CODINGS, FRAMES, Camera, Grabber, expected, wrong
+
+
+@pytest.fixture(scope="module")
+def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:
+    with iidc.booted(boot, work, board, "camera-iidc") as running:
+        yield running
+
+
+@pytest.fixture
+def plugged(guest: Guest) -> Iterator[Camera]:
+    one = Camera(guest)
+    one.plug()
+    yield one
+    one.unplug()
+
+
+def test_each_coding_comes_out_bit_exact(guest: Guest, plugged: Camera) -> None:
+    for coding in CODINGS:
+        grabber = Grabber(guest, f"-camera {iidc.GUID} -format {coding}", coding)
+        grabber.wait(FRAMES)
+        run = grabber.stop()
+        assert wrong(run, expected(coding, True), counted=coding not in iidc.TWO_BYTES) == [], (coding, run.said)
+
+
+def test_frames_that_are_missing_or_damaged_are_counted(guest: Guest, plugged: Camera) -> None:
+    """Two short ones, three times three that were never sent: by the camera's counter, exactly."""
+    grabber = Grabber(guest, "-format MONO8", "faults")
+    grabber.wait(FRAMES)
+    plugged.tell("short", 2)
+    plugged.tell("skip", 3)
+    grabber.wait_for_more()
+    run = grabber.stop()
+    assert wrong(run, expected("MONO8", True)) == []
+    assert run.counters.lost["error"] == 2
+    assert run.counters.lost["driver"] == camera.gaps(run.frames) - 2 >= 9
+
+
+def test_a_stall_and_another_plug(guest: Guest, plugged: Camera) -> None:
+    """The stream begins again, with what was set before; while the camera is away, a clock counts."""
+    grabber = Grabber(guest, "-format MONO8", "again")
+    grabber.wait(FRAMES)
+    guest.sh("ddxctl set again brightness=42 white_balance_red=17")
+    plugged.tell("stall")
+    grabber.wait_said("beginning anew")
+    grabber.wait_for_more()
+    assert plugged.unplug().endswith("brightness 42")
+    grabber.wait_said("unplugged")
+    plugged.plug()
+    grabber.wait_for_more()
+    run = grabber.stop()
+    assert wrong(run, expected("MONO8", True)) == []
+    assert run.counters.lost["away"] > 3 and sum("back after" in line for line in run.said) == 2
+    value = {one["name"]: one["value"] for one in camera.value(guest, "again.parameters")["parameter"]}
+    assert (value["brightness"], value["white_balance_red"]) == (42, 17)
+
+
+def test_a_feature_and_its_range(guest: Guest, plugged: Camera) -> None:
+    grabber = Grabber(guest, "-format MONO8", "set")
+    grabber.wait(FRAMES)
+    guest.sh("ddxctl set set brightness_auto=1")
+    guest.sh("ddxctl set set brightness=200")  # ends the automatic
+    status, text = guest.shell().run("ddxctl set set brightness=236 2>&1")
+    assert (status, text.strip()) == (2, "ddxctl: set: brightness: takes a whole number from 16 to 235, not 236")
+    found = {one["name"]: one for one in camera.value(guest, "set.parameters")["parameter"] if one["name"]}
+    assert {name: one["value"] for name, one in found.items()} == {
+        "brightness": 200, "brightness_auto": 0, "brightness_one_push": 0, "brightness_on": 1, "white_balance_auto": 1,
+        "white_balance_blue": 40, "white_balance_red": 60}
+    assert (found["brightness"]["minimum"], found["brightness"]["maximum"]) == (16, 235)
+    grabber.stop()
+
+
+def test_a_camera_that_never_answers(guest: Guest, plugged: Camera) -> None:
+    """The program goes on and looks again; one that answers at last is taken."""
+    plugged.tell("silent")
+    grabber = Grabber(guest, "-format MONO8", "silent")
+    grabber.wait_said("it does not answer")
+    plugged.tell("answer")
+    grabber.wait(FRAMES)
+    run = grabber.stop()
+    assert wrong(run, expected("MONO8", True)) == []
