@@ -141,9 +141,15 @@ def start(guest: Guest, settings: str = "") -> Picture:
 
 
 def console_of(guest: Guest) -> Picture:
-    """The screen with a line of text on the console. (This card's driver forgets what was there before.)"""
+    """The screen with a line of text on the console. (This card's driver forgets what was there before.) The kernel
+    draws text a moment after it was written: until two looks in a row show the same."""
     guest.sh("printf '\\033[2J\\033[Hconsole\\033[?25l' > /dev/tty1")
-    return ppm(guest.screen())
+    shown, same, end = ppm(guest.screen()), False, time.monotonic() + PATIENCE
+    while not (same and shown.any() and is_grey(shown)) and time.monotonic() < end:
+        time.sleep(10 * PAUSE)
+        before, shown = shown, ppm(guest.screen())
+        same = numpy.array_equal(before, shown)
+    return shown
 
 
 def fetch(guest: Guest, path: str) -> bytes:
