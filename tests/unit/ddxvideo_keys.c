@@ -40,6 +40,17 @@ static void in_background(void) {
     _exit(0);
 }
 
+/* A process of another session, as after setsid: the terminal is there, and not its own. */
+static void detached(void) {
+    struct keys keys;
+
+    CHECK(setsid() >= 0);
+    keys_open(&keys);
+    CHECK_EQUAL(keys_ready(&keys), KEYS_NONE);
+    CHECK(echoes());
+    _exit(0);
+}
+
 static int next_key(struct keys *keys) {
     struct pollfd entry = {.fd = STDIN_FILENO, .events = POLLIN};
     int key;
@@ -63,15 +74,20 @@ static void in_foreground(void) {
     CHECK(echoes());
 }
 
+static void in_child(void (*check)(void)) {
+    int status;
+    pid_t child = fork();
+
+    if (!child)
+        check();
+    CHECK_EQUAL(waitpid(child, &status, WUNTRACED), child);
+    CHECK(WIFEXITED(status) && !WEXITSTATUS(status));
+}
+
 /* The first process of a session on a terminal of its own. */
 static void session(void) {
-    int status;
-    pid_t background = fork();
-
-    if (!background)
-        in_background();
-    CHECK_EQUAL(waitpid(background, &status, WUNTRACED), background);
-    CHECK(WIFEXITED(status) && !WEXITSTATUS(status));
+    in_child(in_background);
+    in_child(detached);
     in_foreground();
     _exit(0);
 }

@@ -27,7 +27,7 @@ static sigset_t hold_signals(void) {
 }
 
 void keys_open(struct keys *keys) {
-    *keys = (struct keys){.wanted = isatty(STDIN_FILENO)};
+    *keys = (struct keys){.wanted = tcgetpgrp(STDIN_FILENO) >= 0};
 }
 
 static bool is_foreground(void) {

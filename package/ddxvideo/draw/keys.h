@@ -11,7 +11,7 @@
 
 /* All 0 at first. */
 struct keys {
-    bool wanted;           /* standard input is a terminal */
+    bool wanted;           /* standard input is the terminal of our session */
     bool raw;              /* it is in our mode now, and was in this one: */
     struct termios before;
     unsigned char byte[32]; /* read, and not a key yet */
