@@ -115,8 +115,9 @@ static int scale(struct painter *painter, const struct canvas *canvas, const str
     bool direct = place->x + filled <= canvas->stride; /* what is beside it is drawn later */
     struct SwsContext **scaler = &painter->scaler[place->field];
 
+    /* Not AV_PIX_FMT_0RGB32: a scaler for that one says that it is for another, and is made again for each picture. */
     *scaler = sws_getCachedContext(*scaler, field->width, field->height, AV_PIX_FMT_YUV420P, place->width,
-                                   place->height, AV_PIX_FMT_0RGB32, SWS_BILINEAR, NULL, NULL, NULL);
+                                   place->height, AV_PIX_FMT_RGB32, SWS_BILINEAR, NULL, NULL, NULL);
     if (!*scaler || (!direct && !has_rows(painter, (size_t)filled * (size_t)place->height * sizeof *painter->rows)))
         return -ENOMEM;
     sws_setColorspaceDetails(*scaler, matrix, field->full, matrix, 1, 0, 1 << 16, 1 << 16);
