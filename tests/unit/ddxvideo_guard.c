@@ -75,6 +75,28 @@ static void test_repair_without_key(void) {
     secure_close(secure);
 }
 
+/* A forged packet that claims that the stream is encrypted changes nothing for the stream that is shown. */
+static void test_repair_of_a_shown_stream(void) {
+    uint8_t data[100] __attribute__((aligned(4))) = {0x81, 98, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 0xca, 0xfe, 0xba, 0xbe};
+    struct secure *secure = secure_with(KEY);
+    struct guard guard = {0};
+    size_t size = sizeof data;
+
+    CHECK(!pass(&guard, secure, SSRC, 0));
+    CHECK(!guard_repair(&guard, data, &size));
+    CHECK(pass(&guard, NULL, SSRC, 1));
+    guard_show(&guard, SSRC);
+    for (uint16_t i = 1; i < 2 * GUARD_DOUBT; i++) {
+        CHECK(!pass(&guard, secure, SSRC, i));
+        CHECK(guard_repair(&guard, data, &size));
+    }
+    check_line(&guard, 0, "");
+    data[15]++;
+    CHECK(!pass(&guard, secure, SSRC + 1, 0));
+    CHECK(!guard_repair(&guard, data, &size));
+    secure_close(secure);
+}
+
 static void test_with_key(void) {
     struct secure *sender = secure_with(KEY), *other = secure_with(OTHER);
     struct guard guard = {.path = "stream.key", .secure = secure_with(KEY)};
@@ -125,6 +147,7 @@ static void test_repeated_and_cut_off(void) {
 int main(void) {
     test_without_key();
     test_repair_without_key();
+    test_repair_of_a_shown_stream();
     test_with_key();
     test_repeated_and_cut_off();
     return 0;

@@ -33,7 +33,19 @@ static struct guard_source *source_of(struct guard *guard, uint32_t ssrc) {
     return source;
 }
 
+void guard_show(struct guard *guard, uint32_t ssrc) {
+    guard->shows = true;
+    guard->shown = ssrc;
+}
+
+static bool is_shown(const struct guard *guard, uint32_t ssrc) {
+    return guard->shows && guard->shown == ssrc;
+}
+
+/* A packet of a stream that is shown is forged, and says nothing about that stream. */
 static void refuse(struct guard *guard, const struct rtp_packet *packet) {
+    if (is_shown(guard, packet->ssrc))
+        return;
     struct guard_source *source = source_of(guard, packet->ssrc);
 
     source->refused++;
@@ -79,8 +91,9 @@ static bool pass_media(struct guard *guard, const uint8_t *data, size_t size) {
 
 /* The same of a repair packet, by the media stream that its first CSRC names. */
 static bool pass_repair(struct guard *guard, const uint8_t *data, size_t size) {
-    const struct guard_source *source = size >= CSRC + 4 && data[0] & 15 ? find(guard, get32(data + CSRC)) : NULL;
-
+    if (size < CSRC + 4 || !(data[0] & 15) || is_shown(guard, get32(data + CSRC)))
+        return true;
+    const struct guard_source *source = find(guard, get32(data + CSRC));
     if (!source || !source->encrypted)
         return true;
     guard->count[GUARD_REFUSED]++;

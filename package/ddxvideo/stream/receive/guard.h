@@ -3,6 +3,7 @@
  * Which datagrams are let through to the intake. With a key: packets that the key authenticates, decrypted. Without a
  * key: packets that are not encrypted (rtp.h, frame.encrypted), because an encrypted payload would only be garbage for
  * the decoder. All others are refused and counted, and one line for each source says why nothing of it is shown.
+ * A stream that is shown keeps its repair packets, whatever forged packets with its SSRC claim.
  *
  * No sockets, no clock. Nothing blocks. Fixed memory.
  */
@@ -41,12 +42,17 @@ struct guard {
     const char *path;      /* of the key file, or NULL */
     struct secure *secure; /* the key, or NULL */
     uint64_t count[GUARD_COUNTS];
+    bool shows; /* a stream is shown: */
+    uint32_t shown;
     /* how it stands */
     uint64_t used;
     bool has_said;
     int64_t said; /* when the last line was given */
     struct guard_source source[GUARD_SOURCES];
 };
+
+/* The stream with this SSRC is shown: packets of it have been let through, and the intake follows it. */
+void guard_show(struct guard *guard, uint32_t ssrc);
 
 /*
  * A datagram of the port of media packets, or of repair packets: whether it is let through. It is decrypted in place;

@@ -144,6 +144,8 @@ static bool read_packet(struct viewer *viewer, enum inlet_port port) {
         intake_put(&viewer->intake, data, size, now))
         answer_media(&viewer->answer, data, size, &from, now);
     take_frames(viewer);
+    if (viewer->intake.followed)
+        guard_show(&viewer->guard, viewer->intake.ssrc);
     return true;
 }
 
