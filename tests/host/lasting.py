@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A stream through the lossy link that goes on until the test stops it. Each frame at the operator is judged by the
+number in its picture while it is shown; nothing is recorded, so it may last for minutes."""
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import pathlib
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+
+from parts.common import MORTAL
+from parts.link.link import Counts, Link, Node, Way
+from parts.link.loss import NOTHING, Pattern
+from parts.media.clip import HEIGHT, RATE, WIDTH
+
+from .programs import TOP, Counters, Desk, Process, stop, wait_until
+from .stream import finish
+from .two_ends import Shown, play, settled
+
+CLIENT = pathlib.Path(__file__).with_name("numbers_client.py")
+Memory = dict[str, int]  # KiB of each program
+HANGS = 60               # s
+GROWTH = 2048            # KiB, after the first quarter of the samples: less than a second of the flood has
+
+
+class Numbers:
+    """The numbers of all frames of item `seen`, and those in their pictures."""
+
+    def __init__(self, desk: Desk) -> None:
+        self.path = desk.folder / "numbers"
+        environment = {**desk.environment, "PYTHONPATH": f"{TOP}/package/ddx/python:{TOP}/tools"}
+        with self.path.open("w") as file:
+            self.process = subprocess.Popen([*MORTAL, sys.executable, "-B", str(CLIENT), "seen"], stdout=file,
+                                            env=environment)
+        wait_until(lambda: bool(self.path.read_text()))
+
+    def wait(self, frames: int) -> Shown:
+        """Until there are so many."""
+        wait_until(lambda: self.path.read_text().count("\n") > frames)
+        words = [line.split() for line in self.path.read_text().splitlines()[1:]]
+        return [(int(said), None if drawn == "-" else int(drawn)) for said, drawn in words]
+
+    def end(self) -> None:
+        self.process.terminate()
+        self.process.wait()
+
+
+class End:
+    """decode at one end, and what it shows."""
+
+    def __init__(self, desk: Desk, node: Node, *options: object) -> None:
+        self.desk, self.numbers = desk, Numbers(desk)
+        self.decode = desk.start("decode", "-headless", "-name", "seen", "-group", "none", *options,
+                                 wrapper=node.inside)
+        wait_until(lambda: "decode.packets" in desk.run("ddxctl", "list").stdout)
+
+    def finish(self) -> tuple[Shown, dict[str, int], Counters]:
+        """What was shown; packets' and frames' counters."""
+        seen = self.numbers.wait(self.desk.out("decode"))
+        (_, packets, frames), = finish(self.decode)
+        return seen, packets, frames
+
+
+@dataclasses.dataclass
+class Outcome:
+    sent: Counters
+    sent_packets: dict[str, int]
+    shown: Counters
+    shown_packets: dict[str, int]
+    seen: Shown             # at the operator
+    coded: Shown            # on the robot, if there is a decode
+    before: Counts          # of the link, when the sender was told to stop
+    counts: Counts
+    seconds: float
+
+    def right(self, frames: int) -> int:
+        """Pictures with the number of their frame, of a clip of so many frames."""
+        return sum(said % frames == drawn for said, drawn in self.seen)
+
+    def disagreements(self) -> list[str]:
+        """The sums that are wrong."""
+        sent, shown = self.sent, self.shown
+        both = {"robot: in, and out + lost": (sent["in"], sent["out"] + sum(sent["lost"].values())),
+                "frames sent and expected": (sent["out"], shown["in"]),
+                "operator: in, and out + lost": (shown["in"], shown["out"] + sum(shown["lost"].values())),
+                "frames counted and seen": (shown["out"], len(self.seen)),
+                "bytes sent and passed on": (self.sent_packets["wire_bytes"],
+                                             self.counts.down[0].bytes)}
+        return [f"{what}: {ours} and {theirs}" for what, (ours, theirs) in both.items() if ours != theirs]
+
+    def wrong(self, frames: int) -> Shown:
+        """Pictures of other frames than decode said. A picture may be so coarse that it shows another number: then
+        decode on the robot, which misses no packet, has the same one."""
+        coded = dict(self.coded)
+        return [(said, drawn) for said, drawn in self.seen
+                if drawn not in (None, said % frames, coded.get(said))]
+
+
+class Lasting:
+    """Begun by lasting()."""
+
+    def __init__(self, link: Link, robot: Desk, ends: list[End], clip: pathlib.Path, back: Pattern,
+                 *options: object) -> None:
+        self.link, self.robot, self.ends, self.clip, self.back = link, robot, ends, clip, back
+        to = [link.operator[0].address, "127.0.0.1"][:len(ends)]
+        self.sender = robot.start("ddxvideosend", "-group", "none", "-to", ",".join(to), *options,
+                                  wrapper=link.robot.inside)
+        self.begin = time.monotonic()
+        self.loader = robot.start("ddxvideoload", clip, "-loop", "-readers", 1)
+
+    def wait_for(self, frames: int) -> None:
+        """So many have come to the sender."""
+        end = time.monotonic() + HANGS
+        while int(self.robot.stats("ddxvideosend")["in"]) < frames:
+            assert time.monotonic() < end, "no frames come to the sender"
+            time.sleep(0.1)
+
+    def ssrc(self) -> str:
+        found = re.search(r"SSRC (\w+)", self.robot.errors(self.sender))
+        assert found
+        return found[1]
+
+    def memory(self) -> Memory:
+        """KiB that the programs hold now."""
+        named = {"sender": self.sender, "decode": self.ends[0].decode}
+        return {name: resident(process.pid) for name, process in named.items()}
+
+    def samples(self, frames: int, step: int = RATE) -> Iterator[Memory]:
+        """The memory each second, until so many more frames have come."""
+        begin = self.robot.stats("ddxvideosend")["in"]
+        for number in range(begin + step, begin + frames + 1, step):
+            self.wait_for(number)
+            yield self.memory()
+
+    def finish(self) -> Outcome:
+        """The clip stops; a last frame, when the link is good, so that the operator knows of all frames."""
+        assert stop(self.loader)[0] == 0
+        self.settle()
+        self.link.lose(NOTHING, self.back)
+        play(self.robot, first_frame(self.clip, self.robot.folder / "mark.y4m"), "mark")
+        self.settle()
+        wait_until(lambda: all(settled(end.desk, "decode", self.robot.out("ddxvideosend")) for end in self.ends))
+        before, seconds = self.link.counts(), time.monotonic() - self.begin
+        (_, sent_packets, sent), = finish(self.sender)
+        wait_until(lambda: passed_on(self.link.counts().down[0], sent_packets["wire_bytes"]))
+        seen, shown_packets, shown = self.ends[0].finish()
+        coded = [one for end in self.ends[1:] for one in end.finish()[0]]
+        return Outcome(sent, sent_packets, shown, shown_packets, seen, coded, before, self.link.counts(), seconds)
+
+    def settle(self) -> None:
+        wait_until(lambda: settled(self.robot, "ddxvideosend", self.robot.sequence("video")))
+
+
+@contextlib.contextmanager
+def lasting(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, *options: object,
+            local: bool = False) -> Iterator[Lasting]:
+    """With a clip that is played over and over. `local`: a decode on the robot as well."""
+    with Link(delay_ms=2) as link, contextlib.ExitStack() as stack:
+        desks = []
+        for name in ("robot", "operator"):
+            (folder / name).mkdir(parents=True)
+            desks.append(Desk(folder / name))
+            stack.callback(desks[-1].end)
+        robot, operator = desks
+        ends = [End(operator, link.operator[0])]
+        if local:
+            ends.append(End(robot, link.robot, "-silent"))
+        for end in ends:
+            stack.callback(end.numbers.end)
+        stream = Lasting(link, robot, ends, clip, loss, *options)
+        wait_until(lambda: all(end.desk.out("decode") for end in ends))  # decode knows of no frame before its first one
+        link.lose(loss)
+        yield stream
+
+
+def passed_on(way: Way, size: int) -> bool:
+    """Whether so many bytes have come to the link, and none is on its way."""
+    return way.bytes >= size and way.packets == way.lost + way.delivered
+
+
+def first_frame(clip: pathlib.Path, path: pathlib.Path) -> pathlib.Path:
+    with clip.open("rb") as file:
+        path.write_bytes(file.readline() + file.read(len(b"FRAME\n") + WIDTH * HEIGHT * 3 // 2))
+    return path
+
+
+def grown(samples: list[Memory]) -> list[str]:
+    """Programs that hold more memory at the end than after the first quarter of the time."""
+    first, last = samples[len(samples) // 4], samples[-1]
+    return [f"{name}: {first[name]} KiB, then {last[name]}" for name in first if last[name] - first[name] > GROWTH]
+
+
+def resident(pid: int) -> int:
+    """VmRSS, in KiB."""
+    line = next(line for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines() if "VmRSS" in line)
+    return int(line.split()[1])
