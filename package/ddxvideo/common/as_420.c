@@ -26,22 +26,16 @@ struct ddxvideo_geometry as_420_geometry(const struct ddxvideo_geometry *from) {
 static int set_up(struct as_420 *as, const struct ddxvideo_geometry *from) {
     const struct picture_kind kind = picture_kind_of(from);
     struct ddxvideo_picture *to = &as->picture;
-    unsigned char *at;
 
     as_420_close(as);
     to->geometry = as_420_geometry(from);
     as->converter = picture_converter_new(&kind, &to->geometry);
-    at = as->memory = malloc(video_layout_bytes(&to->geometry));
+    as->memory = malloc(video_layout_bytes(&to->geometry));
     if (!as->converter || !as->memory) {
         as_420_close(as);
         return -ENOMEM;
     }
-    for (int i = 0; i < 3; i++) {
-        video_layout_plane(video_layout_of(to->geometry.format), to->geometry.width, to->geometry.height, i,
-                           &to->stride[i], &to->rows[i]);
-        to->plane[i] = at;
-        at += (size_t)to->stride[i] * (size_t)to->rows[i];
-    }
+    video_layout_place(to, as->memory);
     as->from = *from;
     return 0;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 #include "video_layout.h"
 
+#include <string.h>
 #include <strings.h>
 
 static const struct video_layout layouts[] = {
@@ -55,4 +56,23 @@ size_t video_layout_bytes(const struct ddxvideo_geometry *geometry) {
         bytes += (size_t)stride * (size_t)rows;
     }
     return bytes;
+}
+
+void video_layout_place(struct ddxvideo_picture *picture, unsigned char *memory) {
+    const struct ddxvideo_geometry *geometry = &picture->geometry;
+
+    for (int i = 0; i < 3; i++) {
+        video_layout_plane(video_layout_of(geometry->format), geometry->width, geometry->height, i,
+                           &picture->stride[i], &picture->rows[i]);
+        picture->plane[i] = picture->rows[i] ? memory : NULL;
+        memory += (size_t)picture->stride[i] * (size_t)picture->rows[i];
+    }
+}
+
+void video_layout_copy(struct ddxvideo_picture *to, const struct ddxvideo_picture *from, unsigned char *memory) {
+    *to = *from;
+    video_layout_place(to, memory);
+    for (int i = 0; i < 3; i++)
+        for (int row = 0; row < to->rows[i]; row++, memory += to->stride[i])
+            memcpy(memory, from->plane[i] + (ptrdiff_t)row * from->stride[i], (size_t)to->stride[i]);
 }

@@ -35,4 +35,11 @@ void video_layout_plane(const struct video_layout *layout, int width, int height
 /* Bytes of all planes of a picture of this (checked) geometry. */
 size_t video_layout_bytes(const struct ddxvideo_geometry *geometry);
 
+/* Set the planes, strides and rows of a picture to this memory, one plane after the other without padding. Its geometry
+ * is set and checked; `memory` has video_layout_bytes() of it, and stays the caller's. */
+void video_layout_place(struct ddxvideo_picture *picture, unsigned char *memory);
+
+/* A copy of a picture: `memory` as above. */
+void video_layout_copy(struct ddxvideo_picture *to, const struct ddxvideo_picture *from, unsigned char *memory);
+
 #endif

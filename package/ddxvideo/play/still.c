@@ -3,28 +3,20 @@
 
 #include <errno.h>
 #include <stdlib.h>
-#include <string.h>
+
+#include "video_layout.h"
 
 int still_take(struct still *still, const struct ddxvideo_picture *picture) {
-    size_t bytes[3], sum = 0;
+    size_t size = video_layout_bytes(&picture->geometry);
 
-    for (int i = 0; i < 3; i++) {
-        bytes[i] = (size_t)picture->stride[i] * (size_t)picture->rows[i];
-        sum += bytes[i];
-    }
-    if (sum != still->size) {
+    if (size != still->size) {
         still_close(still);
-        still->bytes = malloc(sum);
+        still->bytes = malloc(size);
         if (!still->bytes)
             return -ENOMEM;
-        still->size = sum;
+        still->size = size;
     }
-    still->picture = *picture;
-    unsigned char *place = still->bytes;
-    for (int i = 0; i < 3; i++) {
-        still->picture.plane[i] = memcpy(place, picture->plane[i], bytes[i]);
-        place += bytes[i];
-    }
+    video_layout_copy(&still->picture, picture, still->bytes);
     return 0;
 }
 

@@ -2,7 +2,8 @@
 #include "shot.h"
 
 #include <stdlib.h>
-#include <string.h>
+
+#include "video_layout.h"
 
 void shot_pool_open(struct shot_pool *pool) {
     pthread_mutex_init(&pool->lock, NULL);
@@ -50,22 +51,10 @@ struct shot *shot_new(struct shot_pool *pool, size_t size) {
 }
 
 struct shot *shot_copy(struct shot_pool *pool, const struct ddxvideo_picture *picture) {
-    int width[3] = {picture->geometry.width, picture->geometry.width / 2, picture->geometry.width / 2};
-    size_t size = 0;
+    struct shot *shot = shot_new(pool, video_layout_bytes(&picture->geometry));
 
-    for (int i = 0; i < 3; i++)
-        size += (size_t)width[i] * (size_t)picture->rows[i];
-    struct shot *shot = shot_new(pool, size);
-    if (!shot)
-        return NULL;
-    shot->picture = *picture;
-    unsigned char *to = shot->memory;
-    for (int i = 0; i < 3; i++) {
-        shot->picture.plane[i] = to;
-        shot->picture.stride[i] = width[i];
-        for (int row = 0; row < picture->rows[i]; row++, to += width[i])
-            memcpy(to, picture->plane[i] + (ptrdiff_t)row * picture->stride[i], (size_t)width[i]);
-    }
+    if (shot)
+        video_layout_copy(&shot->picture, picture, shot->memory);
     return shot;
 }
 

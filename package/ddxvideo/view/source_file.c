@@ -12,6 +12,7 @@
 #include "picture_convert.h"
 #include "program.h"
 #include "source.h"
+#include "video_layout.h"
 
 struct file_source {
     struct source source;
@@ -97,18 +98,6 @@ static bool open_part(struct file_source *from, unsigned part) {
     return false;
 }
 
-/* Where the planes are, or are to be. */
-static void place_planes(struct shot *shot, const struct ddxvideo_geometry *geometry, unsigned char *at) {
-    for (int i = 0; i < 3; i++) {
-        int width = i ? geometry->width / 2 : geometry->width;
-
-        shot->picture.plane[i] = at;
-        shot->picture.stride[i] = width;
-        shot->picture.rows[i] = i ? geometry->height / 2 : geometry->height;
-        at += (size_t)width * (size_t)shot->picture.rows[i];
-    }
-}
-
 /* The planes out of what was read. False: it is no frame. */
 static bool find_planes(struct file_source *from, struct shot *shot, size_t bytes, unsigned char *converted) {
     const unsigned char *end = memchr(shot->memory, '\n', bytes < Y4M_FRAME_LINE_MAX ? bytes : Y4M_FRAME_LINE_MAX);
@@ -119,21 +108,21 @@ static bool find_planes(struct file_source *from, struct shot *shot, size_t byte
     if (!end || strncmp((const char *)shot->memory, "FRAME", 5) || (size_t)(end + 1 - shot->memory) + picture != bytes)
         return false;
     unsigned char *start = shot->memory + (end + 1 - shot->memory);
+    shot->picture.geometry = from->header.geometry;
     if (!from->converter) {
-        place_planes(shot, &from->header.geometry, start);
+        video_layout_place(&shot->picture, start);
         return true;
     }
-    place_planes(shot, &from->header.geometry, converted);
+    video_layout_place(&shot->picture, converted);
     unsigned char *planes[3] = {converted, converted + (shot->picture.plane[1] - shot->picture.plane[0]),
                                 converted + (shot->picture.plane[2] - shot->picture.plane[0])};
     return y4m_convert(&from->header, from->converter, start, planes);
 }
 
 static struct shot *read_shot(struct file_source *from, const struct frames_entry *entry) {
-    const struct ddxvideo_geometry *geometry = &from->header.geometry;
-    size_t luma = (size_t)geometry->width * (size_t)geometry->height;
     size_t before = (entry->bytes + PICTURE_READ_BEYOND + 63) / 64 * 64;
-    struct shot *shot = shot_new(&from->pool, before + (from->converter ? luma / 2 * 3 : 0));
+    size_t converted = from->converter ? video_layout_bytes(&from->header.geometry) : 0;
+    struct shot *shot = shot_new(&from->pool, before + converted);
 
     if (!shot) {
         snprintf(from->wrong, sizeof from->wrong, "out of memory");
@@ -159,7 +148,6 @@ static struct shot *file_take(struct source *source, int64_t position) {
     struct shot *shot = open_part(from, entry->part) ? read_shot(from, entry) : NULL;
     if (!shot)
         return NULL;
-    shot->picture.geometry = from->header.geometry;
     shot->picture.stamp = (struct ddxvideo_stamp){
         .frame = entry->number, .time = entry->time, .wall_offset = from->frames.part[entry->part].wall_offset};
     shot->missing = entry->missing;
