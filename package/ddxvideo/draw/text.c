@@ -1,7 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "text.h"
 
+#include <stdarg.h>
 #include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
 
 #define FIRST ' '
 #define ACROSS 16 /* characters of a band */
@@ -107,4 +110,13 @@ void text_write(const struct canvas *canvas, int x, int y, int scale, uint32_t c
                     dot(canvas, x + column * scale, y + row * scale, scale, colour);
         x += TEXT_CELL_WIDTH * scale;
     }
+}
+
+void text_append(char *text, size_t size, const char *format, ...) {
+    size_t used = strlen(text);
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text + used, size - used, format, arguments);
+    va_end(arguments);
 }

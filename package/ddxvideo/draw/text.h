@@ -3,6 +3,8 @@
 #ifndef DDXVIDEO_TEXT_H
 #define DDXVIDEO_TEXT_H
 
+#include <stddef.h>
+
 #include "surface.h"
 
 #define TEXT_CELL_WIDTH 6 /* pixels of the canvas, times the scale */
@@ -16,5 +18,8 @@ int text_scale(int height);
  * begins a new line. The background stays.
  */
 void text_write(const struct canvas *canvas, int x, int y, int scale, uint32_t colour, const char *text);
+
+/* Append to a text in `size` bytes of memory; what does not fit is cut off. */
+__attribute__((format(printf, 3, 4))) void text_append(char *text, size_t size, const char *format, ...);
 
 #endif

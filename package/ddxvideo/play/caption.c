@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "caption.h"
 
-#include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
 #include <time.h>
@@ -16,25 +15,16 @@
 #define PLAIN 0xffffff
 #define ALARM 0xffc020
 
-__attribute__((format(printf, 3, 4))) static void append(char *text, size_t size, const char *format, ...) {
-    size_t used = strlen(text);
-    va_list arguments;
-
-    va_start(arguments, format);
-    vsnprintf(text + used, size - used, format, arguments);
-    va_end(arguments);
-}
-
 static void write_frame(const struct caption_facts *facts, char *text, size_t size) {
     snprintf(text, size, "%s  frame %d", facts->name, facts->frame);
     if (facts->rate > 0)
-        append(text, size, "  %.1f/s", facts->rate);
+        text_append(text, size, "  %.1f/s", facts->rate);
     if (facts->age < NS)
-        append(text, size, "  age %d ms", (int)(facts->age / MS));
+        text_append(text, size, "  age %d ms", (int)(facts->age / MS));
     else
-        append(text, size, "  age %lld s", (long long)(facts->age / NS));
+        text_append(text, size, "  age %lld s", (long long)(facts->age / NS));
     if (facts->writer.counted)
-        append(text, size, "  lost %llu", (unsigned long long)facts->writer.lost);
+        text_append(text, size, "  lost %llu", (unsigned long long)facts->writer.lost);
 }
 
 static void write_missing(const struct caption_facts *facts, char *text, size_t size) {

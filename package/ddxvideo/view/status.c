@@ -2,12 +2,11 @@
 #include "status.h"
 
 #include <inttypes.h>
-#include <stdarg.h>
 #include <stdio.h>
-#include <string.h>
 #include <time.h>
 
 #include "range.h"
+#include "text.h"
 
 /* At a glance: live is green, paused amber, and red is a picture that is not what is now. */
 static const struct {
@@ -19,15 +18,6 @@ static const struct {
               {"STALLED", 0xa01818, 0xffffff},
               {"WAITING", 0x404040, 0xf0f0f0}};
 enum { LIVE, PAUSED, PLAYING, STALLED, WAITING };
-
-__attribute__((format(printf, 3, 4))) static void append(char *text, size_t size, const char *format, ...) {
-    va_list arguments;
-    size_t length = strlen(text);
-
-    va_start(arguments, format);
-    vsnprintf(text + length, size - length, format, arguments);
-    va_end(arguments);
-}
 
 static int state_of(struct view *view) {
     if (view->position < 0)
@@ -52,33 +42,33 @@ static void add_time(char *text, struct view *view) {
         local = (struct tm){.tm_hour = (int)(time / VIEW_NS / 3600 % 1000), .tm_min = (int)(time / VIEW_NS / 60 % 60),
                             .tm_sec = (int)(time / VIEW_NS % 60)};
     }
-    append(text, STATUS_MAX, "%02d:%02d:%02d.%03d", local.tm_hour, local.tm_min, local.tm_sec,
-           (int)(time / VIEW_MS % 1000));
+    text_append(text, STATUS_MAX, "%02d:%02d:%02d.%03d", local.tm_hour, local.tm_min, local.tm_sec,
+                (int)(time / VIEW_MS % 1000));
 }
 
 static void add_name(char *text, struct view *view, const struct source_state *state) {
     int64_t oldest, newest;
 
     view->source->range(view->source, &oldest, &newest);
-    append(text, STATUS_MAX, "%s", view->source->name);
+    text_append(text, STATUS_MAX, "%s", view->source->name);
     if (view->shot)
-        append(text, STATUS_MAX, "  frame %d", view->shot->picture.stamp.frame);
+        text_append(text, STATUS_MAX, "  frame %d", view->shot->picture.stamp.frame);
     if (view->position >= 0 && !view->source->live)
-        append(text, STATUS_MAX, "  %" PRId64 "/%" PRId64 "%s", view->position + 1, newest + 1,
-               state->working ? "..." : "");
+        text_append(text, STATUS_MAX, "  %" PRId64 "/%" PRId64 "%s", view->position + 1, newest + 1,
+                    state->working ? "..." : "");
 }
 
 static void add_facts(char *text, struct view *view, const struct source_state *state) {
     int64_t oldest, newest;
 
     add_time(text, view);
-    append(text, STATUS_MAX, state->rate > 0 ? "  %.1f/s" : "  -/s", state->rate);
+    text_append(text, STATUS_MAX, state->rate > 0 ? "  %.1f/s" : "  -/s", state->rate);
     if (view->source->live)
-        append(text, STATUS_MAX, "  age %.2f s", (double)(ddx_time_now() - view->shot->picture.stamp.time) / 1e9);
-    append(text, STATUS_MAX, "  lost %" PRIu64, state->lost);
+        text_append(text, STATUS_MAX, "  age %.2f s", (double)(ddx_time_now() - view->shot->picture.stamp.time) / 1e9);
+    text_append(text, STATUS_MAX, "  lost %" PRIu64, state->lost);
     view->source->range(view->source, &oldest, &newest);
     if (view->source->live && view->paused && newest > view->position)
-        append(text, STATUS_MAX, "  %" PRId64 " newer", newest - view->position);
+        text_append(text, STATUS_MAX, "  %" PRId64 " newer", newest - view->position);
 }
 
 /* Of the pixel under the pointer. */
@@ -89,21 +79,21 @@ static void add_pixel(char *text, struct view *view, const struct layout *layout
         return;
     struct paint_pixel pixel = paint_look(&view->shot->picture, field, column, row);
     if (view->shot->picture.geometry.fields > 1)
-        append(text, STATUS_MAX, "field %d  ", field + 1);
-    append(text, STATUS_MAX, "%d,%d  Y %d U %d V %d  RGB %d %d %d", column, row, pixel.y, pixel.u, pixel.v, pixel.red,
-           pixel.green, pixel.blue);
+        text_append(text, STATUS_MAX, "field %d  ", field + 1);
+    text_append(text, STATUS_MAX, "%d,%d  Y %d U %d V %d  RGB %d %d %d", column, row, pixel.y, pixel.u, pixel.v,
+                pixel.red, pixel.green, pixel.blue);
     const struct shot_depth *depth = view->shot->depth;
     if (!depth)
         return;
     double metres = range_metres(depth, column, row, layout->width, layout->height);
-    append(text, STATUS_MAX, metres > 0 ? "  %.3f m" : "  range unknown", metres);
+    text_append(text, STATUS_MAX, metres > 0 ? "  %.3f m" : "  range unknown", metres);
 }
 
 static void add_gap(char *text, size_t size, const struct view *view) {
     if (view->shot->missing)
-        append(text, size, "%" PRIu64 " missing before this one", view->shot->missing);
+        text_append(text, size, "%" PRIu64 " missing before this one", view->shot->missing);
     if (view->not_kept > 0)
-        append(text, size, "%s%" PRId64 " not kept before this one", *text ? ", " : "", view->not_kept);
+        text_append(text, size, "%s%" PRId64 " not kept before this one", *text ? ", " : "", view->not_kept);
 }
 
 void status_compose(struct status *status, struct view *view, const struct layout *layout) {
@@ -119,9 +109,9 @@ void status_compose(struct status *status, struct view *view, const struct layou
         add_gap(status->gap, sizeof status->gap, view);
     }
     if (ddx_time_now() < view->message_until)
-        append(status->rest, STATUS_MAX, "%s", view->message);
+        text_append(status->rest, STATUS_MAX, "%s", view->message);
     else if (*source.text)
-        append(status->rest, STATUS_MAX, "%s", source.text);
+        text_append(status->rest, STATUS_MAX, "%s", source.text);
     else if (view->shot && layout)
         add_pixel(status->rest, view, layout);
 }
