@@ -176,9 +176,7 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
         struct feedback_reporter *reporter = &feedback->reporter[i];
         struct deficit *deficit = &reporter->deficit;
 
-        if (!is_active(reporter, now))
-            continue;
-        if (!deficit->wanted || !may_claim(feedback, reporter, now))
+        if (!is_active(reporter, now) || !deficit->wanted || !may_claim(feedback, reporter, now))
             continue;
         if (!wanted || (int32_t)(deficit->first - *first) < 0)
             *first = deficit->first;
