@@ -22,7 +22,7 @@ static const struct {
 };
 
 /* As people write it; which is taken first where -mode leaves it open: colour as it is, made of RGB, none. */
-static const struct {
+static const struct coding {
     const char *name;
     dc1394color_coding_t coding;
     int merit;
@@ -83,18 +83,23 @@ const char *mode_name(dc1394video_mode_t mode) {
     return "a mode that is not known here";
 }
 
-const char *mode_coding_name(dc1394color_coding_t coding) {
+static const struct coding *find(dc1394color_coding_t coding) {
     for (unsigned i = 0; i < COUNT(codings); i++)
         if (codings[i].coding == coding)
-            return codings[i].name;
+            return &codings[i];
     return NULL;
 }
 
+const char *mode_coding_name(dc1394color_coding_t coding) {
+    const struct coding *found = find(coding);
+
+    return found ? found->name : NULL;
+}
+
 int mode_merit(dc1394color_coding_t coding) {
-    for (unsigned i = 0; i < COUNT(codings); i++)
-        if (codings[i].coding == coding)
-            return codings[i].merit;
-    return 0;
+    const struct coding *found = find(coding);
+
+    return found ? found->merit : 0;
 }
 
 static enum pixels_coding of_pattern(dc1394color_filter_t bayer, bool two_bytes) {
@@ -105,13 +110,12 @@ static enum pixels_coding of_pattern(dc1394color_filter_t bayer, bool two_bytes)
 }
 
 enum pixels_coding mode_pixels(dc1394color_coding_t coding, dc1394color_filter_t bayer) {
-    for (unsigned i = 0; i < COUNT(codings); i++) {
-        if (codings[i].coding != coding)
-            continue;
-        bool grey = codings[i].pixels == PIXELS_GREY || codings[i].pixels == PIXELS_GREY16;
-        return grey && bayer ? of_pattern(bayer, codings[i].pixels == PIXELS_GREY16) : codings[i].pixels;
-    }
-    return PIXELS_NONE;
+    const struct coding *found = find(coding);
+
+    if (!found)
+        return PIXELS_NONE;
+    bool two_bytes = found->pixels == PIXELS_GREY16, grey = found->pixels == PIXELS_GREY || two_bytes;
+    return grey && bayer ? of_pattern(bayer, two_bytes) : found->pixels;
 }
 
 void mode_rate(dc1394framerate_t rate, int *num, int *den) {
