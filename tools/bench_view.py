@@ -24,6 +24,7 @@ from typing import Any
 from parts.bench.measure import percentile
 from parts.common import MORTAL, OUTPUT, Failed, finish, run, say
 from parts.image import native
+from parts.media.display import Display
 
 PATIENCE = 20  # s; for a program that hangs
 LEVELS, SPACING, BASE = 20, 10, 30
@@ -32,16 +33,11 @@ ROOT = OUTPUT / "desk/root"
 KEYS = {"forward": b"period", "back": b"comma"}
 
 
-class Screen:
-    """An X server, its keys, and a pixel of it."""
+class Screen(Display):
+    """Its keys, and a pixel of it."""
 
     def __init__(self) -> None:
-        read, write = os.pipe()
-        self.server = subprocess.Popen([*MORTAL, "Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24",
-                                        "-nolisten", "tcp", "-noreset"], pass_fds=[write], stderr=subprocess.DEVNULL)
-        os.close(write)
-        with os.fdopen(read) as said:
-            self.name = f":{said.readline().strip()}"
+        super().__init__()
         self.x11, self.test = ctypes.CDLL("libX11.so.6"), ctypes.CDLL("libXtst.so.6")
         for name in ("XOpenDisplay", "XGetImage"):
             getattr(self.x11, name).restype = ctypes.c_void_p
@@ -74,8 +70,7 @@ class Screen:
 
     def end(self) -> None:
         self.x11.XCloseDisplay(self.display)
-        self.server.terminate()
-        self.server.wait()
+        super().end()
 
 
 def shade(number: int) -> int:

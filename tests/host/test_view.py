@@ -14,13 +14,14 @@ import numpy
 import pytest
 
 from parts.media import clip as numbered
+from parts.media.display import Display
 
 from .programs import Desk, pictures, result, stop, wait_until
 from .stream import PORT, Stream
 from .test_pool import recordings, start
 from .test_python import MODULES
 from .test_snap import rgb
-from .window import Display, Seen, Window
+from .window import Seen, Window
 
 WIDTH, HEIGHT = 352, 288
 

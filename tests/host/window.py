@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
 import pathlib
 import re
 import subprocess
@@ -14,8 +13,9 @@ from collections.abc import Callable
 import numpy
 from numpy.typing import NDArray
 
-from parts.common import MORTAL, TOP
+from parts.common import TOP
 from parts.media.clip import frame_number
+from parts.media.display import Display
 
 from .programs import Desk, Process
 
@@ -37,26 +37,6 @@ event = (ctypes.c_long * 24)(33, 0, 0, 0, window, atoms[0], 32, atoms[1], 0)
 x11.XSendEvent(display, ctypes.c_ulong(window), 0, 0, event)
 x11.XSync(display, 0)
 """
-
-
-class Display:
-    """An X server of the test's own."""
-
-    def __init__(self) -> None:
-        read, write = os.pipe()
-        self.server = subprocess.Popen([*MORTAL, "Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24",
-                                        "-nolisten", "tcp", "-noreset"], pass_fds=[write], stderr=subprocess.DEVNULL)
-        os.close(write)
-        with os.fdopen(read) as said:
-            self.name = f":{said.readline().strip()}"
-
-    def run(self, *command: object) -> bytes:
-        return subprocess.run(list(map(str, command)), env={**os.environ, "DISPLAY": self.name}, check=True,
-                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, timeout=PATIENCE).stdout
-
-    def end(self) -> None:
-        self.server.terminate()
-        self.server.wait()
 
 
 @functools.cache

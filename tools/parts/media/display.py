@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""An X server without a monitor, for tests and benchmarks of windows."""
+from __future__ import annotations
+
+import os
+import subprocess
+
+from parts.common import MORTAL
+
+PATIENCE = 15  # s; for a machine that hangs
+
+
+class Display:
+    """Xvfb on the next free number; `name` is what DISPLAY has to be."""
+
+    def __init__(self) -> None:
+        read, write = os.pipe()
+        self.server = subprocess.Popen([*MORTAL, "Xvfb", "-displayfd", str(write), "-screen", "0", "1280x1024x24",
+                                        "-nolisten", "tcp", "-noreset"], pass_fds=[write], stderr=subprocess.DEVNULL)
+        os.close(write)
+        with os.fdopen(read) as said:
+            self.name = f":{said.readline().strip()}"
+
+    def run(self, *command: object) -> bytes:
+        """A command that sees this display; what it prints."""
+        return subprocess.run(list(map(str, command)), env={**os.environ, "DISPLAY": self.name}, check=True,
+                              stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, timeout=PATIENCE).stdout
+
+    def end(self) -> None:
+        self.server.terminate()
+        self.server.wait()
