@@ -19,7 +19,7 @@ from parts.media.clip import HEIGHT, RATE, WIDTH
 
 from .programs import TOP, Counters, Desk, Process, stop, wait_until
 from .stream import finish
-from .two_ends import Shown, play, settled
+from .two_ends import Outcome, Shown, play, settled
 
 CLIENT = pathlib.Path(__file__).with_name("numbers_client.py")
 Memory = dict[str, int]  # KiB of each program
@@ -66,16 +66,9 @@ class End:
 
 
 @dataclasses.dataclass
-class Outcome:
-    sent: Counters
-    sent_packets: dict[str, int]
-    shown: Counters
-    shown_packets: dict[str, int]
-    seen: Shown             # at the operator
-    coded: Shown            # on the robot, if there is a decode
+class Lasted(Outcome):
+    """Of a stream that was stopped; `coded` is empty without a decode on the robot."""
     before: Counts          # of the link, when the sender was told to stop
-    counts: Counts
-    seconds: float
 
     def right(self, frames: int) -> int:
         """Pictures with the number of their frame, of a clip of so many frames."""
@@ -83,14 +76,7 @@ class Outcome:
 
     def disagreements(self) -> list[str]:
         """The sums that are wrong."""
-        sent, shown = self.sent, self.shown
-        both = {"robot: in, and out + lost": (sent["in"], sent["out"] + sum(sent["lost"].values())),
-                "frames sent and expected": (sent["out"], shown["in"]),
-                "operator: in, and out + lost": (shown["in"], shown["out"] + sum(shown["lost"].values())),
-                "frames counted and seen": (shown["out"], len(self.seen)),
-                "bytes sent and passed on": (self.sent_packets["wire_bytes"],
-                                             self.counts.down[0].bytes)}
-        return [f"{what}: {ours} and {theirs}" for what, (ours, theirs) in both.items() if ours != theirs]
+        return self.wrong_sums(("frames counted and seen", self.shown["out"], len(self.seen)))
 
     def wrong(self, frames: int) -> Shown:
         """Pictures of other frames than decode said. A picture may be so coarse that it shows another number: then
@@ -136,7 +122,7 @@ class Lasting:
             self.wait_for(number)
             yield self.memory()
 
-    def finish(self) -> Outcome:
+    def finish(self) -> Lasted:
         """The clip stops; a last frame, when the link is good, so that the operator knows of all frames."""
         assert stop(self.loader)[0] == 0
         self.settle()
@@ -149,7 +135,7 @@ class Lasting:
         wait_until(lambda: passed_on(self.link.counts().down[0], sent_packets["wire_bytes"]))
         seen, shown_packets, shown = self.ends[0].finish()
         coded = [one for end in self.ends[1:] for one in end.finish()[0]]
-        return Outcome(sent, sent_packets, shown, shown_packets, seen, coded, before, self.link.counts(), seconds)
+        return Lasted(sent, sent_packets, shown, shown_packets, seen, coded, self.link.counts(), seconds, before)
 
     def settle(self) -> None:
         wait_until(lambda: settled(self.robot, "ddxvideosend", self.robot.sequence("video")))

@@ -15,7 +15,7 @@ from parts.link.link import Node, Way
 from parts.link.loss import Iid
 from parts.media import clip as numbered_clip
 
-from .lasting import Memory, Outcome, grown, lasting
+from .lasting import Lasted, Memory, grown, lasting
 from .programs import Process
 from .stream import PORT
 
@@ -56,7 +56,7 @@ def passed(way: Way, port: int) -> int:
     return way.ports[port].delivered if port in way.ports else 0
 
 
-def miscounted(done: Outcome, sent: Sent, drops: Sent) -> list[str]:
+def miscounted(done: Lasted, sent: Sent, drops: Sent) -> list[str]:
     """Datagrams that came to a port, and are not counted there; garbage that passed for something else."""
     ours, theirs = done.shown_packets, done.sent_packets
     made, gone = sent[PORT] + sent[PORT + 2], drops[PORT] + drops[PORT + 2]
@@ -71,7 +71,7 @@ def miscounted(done: Outcome, sent: Sent, drops: Sent) -> list[str]:
     return [what for what, right in checks.items() if not right]
 
 
-def run(folder: pathlib.Path, clip: pathlib.Path, seconds: int) -> tuple[Outcome, Sent, Sent, list[Memory]]:
+def run(folder: pathlib.Path, clip: pathlib.Path, seconds: int) -> tuple[Lasted, Sent, Sent, list[Memory]]:
     """What came of the stream, how much garbage was sent to each port and dropped by the kernel, and the memory."""
     with lasting(folder, clip, LOSS, "-wire", WIRE) as stream:
         stream.wait_for(WARM_UP)
@@ -88,7 +88,7 @@ def run(folder: pathlib.Path, clip: pathlib.Path, seconds: int) -> tuple[Outcome
         return stream.finish(), sent, drops, memory
 
 
-def check(done: Outcome, sent: Sent, drops: Sent, memory: list[Memory]) -> float:
+def check(done: Lasted, sent: Sent, drops: Sent, memory: list[Memory]) -> float:
     """The part of the frames that was shown whole."""
     whole = done.right(FRAMES) / int(done.sent["out"])
     print(f"{100 * whole:.1f} % whole, sent {sent}, dropped by the kernel {drops}, memory {memory}\n{done}")

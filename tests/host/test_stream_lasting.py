@@ -13,7 +13,7 @@ from parts.link.loss import Bursts, EveryThird, Iid, Outages
 from parts.media import clip as numbered_clip
 
 from . import two_ends
-from .lasting import Outcome, grown, lasting
+from .lasting import Lasted, grown, lasting
 
 WIRE = 250  # kbit/s
 LAP = 20    # s of the clip, which is played over and over
@@ -25,9 +25,9 @@ LEAST = {"every third": (EveryThird(), 0.95), "iid": (Iid(0.3), 0.95), "bursts":
 NOWHERE = Counts([], [], 0, 0)
 
 
-def outcome(seen: two_ends.Shown, coded: two_ends.Shown) -> Outcome:
+def outcome(seen: two_ends.Shown, coded: two_ends.Shown) -> Lasted:
     empty = {"in": 0, "out": 0, "lost": {}}
-    return Outcome(empty, {}, empty, {}, seen, coded, NOWHERE, NOWHERE, 1)
+    return Lasted(empty, {}, empty, {}, seen, coded, NOWHERE, 1, NOWHERE)
 
 
 def test_wrong_pictures_and_growth_are_seen() -> None:

@@ -21,8 +21,8 @@ Shown = list[tuple[int, int | None]]  # of each frame shown, the number that it 
 
 
 @dataclasses.dataclass
-class Run:
-    """What came of a clip. The counters are those of the programs, but for `counts`, which are the relay's."""
+class Outcome:
+    """What came of a stream. The counters are those of the programs, but for `counts`, which are the link's."""
     sent: Counters
     sent_packets: dict[str, int]
     shown: Counters
@@ -31,6 +31,20 @@ class Run:
     coded: Shown            # on the robot
     counts: Counts
     seconds: float          # from the first frame until all was there
+
+    def wrong_sums(self, *more: tuple[str, int, int]) -> list[str]:
+        """Of the sums that hold for every stream, and of others: those whose two sides differ."""
+        sent, shown = self.sent, self.shown
+        both = [*more, ("robot: in, and out + lost", sent["in"], sent["out"] + sum(sent["lost"].values())),
+                ("frames sent and expected", sent["out"], shown["in"]),
+                ("operator: in, and out + lost", shown["in"], shown["out"] + sum(shown["lost"].values())),
+                ("bytes sent and passed on", self.sent_packets["wire_bytes"], self.counts.down[0].bytes)]
+        return [f"{what}: {ours} and {theirs}" for what, ours, theirs in both if ours != theirs]
+
+
+@dataclasses.dataclass
+class Run(Outcome):
+    """Of a clip with a mark after it."""
 
     @property
     def whole(self) -> float:
@@ -41,14 +55,9 @@ class Run:
 
     def disagreements(self, frames: int) -> list[str]:
         """The sums that are wrong, of a clip of `frames` frames and the mark after it."""
-        sent, shown = self.sent, self.shown
-        both = [("robot: frames written and seen", frames + 1, sent["in"]),
-                ("robot: in, and out + lost", sent["in"], sent["out"] + sum(sent["lost"].values())),
-                ("frames sent and expected", sent["out"], shown["in"]),
-                ("operator: in, and out + lost", shown["in"], shown["out"] + sum(shown["lost"].values())),
-                ("bytes sent and passed on", self.sent_packets["wire_bytes"], self.counts.down[0].bytes),
-                ("packets sent, and passed on twice", self.sent_packets["packets"], 2 * self.counts.down[0].packets)]
-        found = [f"{what}: {ours} and {theirs}" for what, ours, theirs in both if ours != theirs]
+        packets = self.sent_packets["packets"]
+        found = self.wrong_sums(("robot: frames written and seen", frames + 1, self.sent["in"]),
+                                ("packets sent, and passed on twice", packets, 2 * self.counts.down[0].packets))
         wrong = wrong_numbers(of_clip(self.seen), of_clip(self.coded))
         if wrong:
             found.append(f"numbers printed and in the pictures: {wrong}")
