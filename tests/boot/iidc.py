@@ -163,7 +163,7 @@ class Grabber:
             raise Failed(f"{failed}\n{said}") from failed
 
     def wait(self, frames: int) -> None:
-        """Until the reader has seen so many."""
+        """Until the reader has seen that number of frames."""
         self._wait_until(f"[ $(wc -l < /tmp/frames.{self.name}) -gt {frames} ]")
 
     def count(self) -> int:

@@ -172,7 +172,7 @@ def console(guest: Guest, recorded: session.Result) -> Picture:
 
 @pytest.fixture(scope="module")
 def screen(guest: Guest, console: Picture) -> Iterator[Guest]:
-    """The guest, with the clip going round and round in an item that nobody records."""
+    """The guest, with the clip played over and over in an item without a recorder."""
     load(guest, "/test/clip.y4m -loop")
     yield guest
     guest.sh(f"/etc/init.d/S*{PLAY} stop; rm -f {SETTINGS}; kill -9 $(cat /tmp/{ITEM}.pid); true")

@@ -39,7 +39,7 @@ class Numbers:
         wait_until(lambda: bool(self.path.read_text()))
 
     def wait(self, frames: int) -> Shown:
-        """Until there are so many."""
+        """Until there are `frames` of them."""
         wait_until(lambda: self.path.read_text().count("\n") > frames)
         words = [line.split() for line in self.path.read_text().splitlines()[1:]]
         return [(int(said), None if drawn == "-" else int(drawn)) for said, drawn in words]
@@ -71,7 +71,7 @@ class Lasted(Outcome):
     before: Counts          # of the link, when the sender was told to stop
 
     def right(self, frames: int) -> int:
-        """Pictures with the number of their frame, of a clip of so many frames."""
+        """Pictures with the number of their frame, of a clip of `frames` frames."""
         return sum(said % frames == drawn for said, drawn in self.seen)
 
     def disagreements(self) -> list[str]:
@@ -99,7 +99,7 @@ class Lasting:
         self.loader = robot.start("ddxvideoload", clip, "-loop", "-readers", 1)
 
     def wait_for(self, frames: int) -> None:
-        """So many have come to the sender."""
+        """Until `frames` frames have come to the sender."""
         end = time.monotonic() + HANGS
         while int(self.robot.stats("ddxvideosend")["in"]) < frames:
             assert time.monotonic() < end, "no frames come to the sender"
@@ -116,7 +116,7 @@ class Lasting:
         return {name: resident(process.pid) for name, process in named.items()}
 
     def samples(self, frames: int, step: int = RATE) -> Iterator[Memory]:
-        """The memory each second, until so many more frames have come."""
+        """The memory each second, until `frames` more frames have come."""
         begin = self.robot.stats("ddxvideosend")["in"]
         for number in range(begin + step, begin + frames + 1, step):
             self.wait_for(number)
@@ -164,7 +164,7 @@ def lasting(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, *options: o
 
 
 def passed_on(way: Way, size: int) -> bool:
-    """Whether so many bytes have come to the link, and none is on its way."""
+    """Whether that number of bytes has come to the link, and no packet is on its way."""
     return way.bytes >= size and way.packets == way.lost + way.delivered
 
 

@@ -50,7 +50,7 @@ def start(desk: Desk, file: pathlib.Path, *options: object) -> Process:
 
 
 def settled(desk: Desk, frames: int) -> Counters:
-    """The counters, when so many frames came in and none waits."""
+    """The counters, when that number of frames came in and none waits."""
     def look() -> bool:
         counters = desk.stats(SVS)
         return bool(counters["in"] >= frames and counters["waiting"] == 0)

@@ -10,7 +10,7 @@
 
 #define GUARD 0xdeadbeefu
 #define BACKGROUND 0x123456u
-#define MARGIN 64 /* pixels of memory that belong to nobody, before and after the canvas */
+#define MARGIN 64 /* pixels of memory before and after the canvas, which must not change */
 
 static struct canvas canvas_new(int width, int height, int stride) {
     size_t count = (size_t)stride * (size_t)height + 2 * MARGIN;

@@ -33,7 +33,7 @@ struct paint_pixel {
 };
 struct paint_pixel paint_look(const struct ddxvideo_picture *picture, int field, int column, int row);
 
-/* A part of the canvas, cut to what is there; it may be empty (width or height 0). */
+/* The part of a rectangle that lies on the canvas; the result may be empty (width or height 0). */
 struct canvas paint_part(const struct canvas *canvas, int x, int y, int width, int height);
 
 /* All of one colour. */

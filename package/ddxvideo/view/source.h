@@ -37,7 +37,7 @@ struct source_limits {
 };
 
 /*
- * The video item `name` of the store at this port, also one that nobody has created yet. `surface` is woken by each
+ * The video item `name` of the store at this port, also one that does not exist yet. `surface` is woken by each
  * picture. NULL: no memory.
  */
 struct source *source_item(const char *name, int port, const struct source_limits *limits, struct surface *surface);

@@ -61,12 +61,12 @@ static void let_go(struct item_source *from) {
     from->id = NULL;
 }
 
-/* False: another kind of item. One that nobody has created yet may become a video. */
+/* False: another kind of item. An item that does not exist yet may become a video item. */
 static bool is_video(const char *type) {
     return !*type || !strcmp(type, "DDX_VIDEO");
 }
 
-/* A handle on the item, also on one that nobody has created yet: then all of its frames come, from the first one on. */
+/* A handle on the item. It may be one that does not exist yet: then all of its frames come, from the first one on. */
 static bool find(struct item_source *from) {
     struct ddx_item_info info;
 

@@ -105,7 +105,7 @@ static void did(const char *word) {
     fflush(stdout);
 }
 
-/* What is asked for now, from a FIFO that may have nobody at its other end. */
+/* The requests of the test, from a FIFO that no program may have open for writing. */
 static const char *next_word(void) {
     static char word[16];
     static unsigned length;
