@@ -1,0 +1,46 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The page on the architecture names each reason of each program for which a frame can be lost, in the program's order."""
+import re
+
+from parts.common import TOP
+
+PAGE = TOP / "docs/architecture.md"
+# The source that states a program's reasons: the programs that are made of it.
+PROGRAMS = {
+    "package/ddxlog/log/logger.c": "`ddxlog`",
+    "package/ddxlog/play/replay.c": "`ddxvideoload`, `ddxlog replay`",
+    "package/ddxvideo/grab/grabber.c": "`ddxvideoV4L`, `ddxvideo1394`",
+    "package/ddxvideo/load/player.c": "`ddxvideoload`, `ddxlog replay`",
+    "package/ddxvideo/play/player.c": "`ddxvideoplay`",
+    "package/ddxvideo/save/recorder.c": "`ddxvideosave`",
+    "package/ddxvideo/stereo/main.c": "`ddxvideoSVS`",
+    "package/ddxvideo/stream/receive/viewer.h": "`decode`",
+    "package/ddxvideo/stream/send/sender.c": "`ddxvideosend`",
+}
+
+
+def stated() -> dict[str, list[str]]:
+    """The reasons in each source that has a list of them."""
+    lists = {}
+    for path in sorted([*TOP.glob("package/**/*.c"), *TOP.glob("package/**/*.h")]):
+        found = re.search(r"(?:reasons\[\] =|_REASONS) \{(.*), NULL\}", path.read_text())
+        if found and "/include/" not in str(path):
+            lists[str(path.relative_to(TOP))] = re.findall(r'"(\w+)"', found[1])
+    return lists
+
+
+def documented() -> dict[str, list[str]]:
+    """The reasons that the page's table gives for each row of programs."""
+    table = PAGE.read_text().partition("| program | reason | meaning |")[2].partition("\n\n")[0]
+    rows: dict[str, list[str]] = {}
+    name = ""
+    for program, reason in re.findall(r"^\| (.*?) ?\| `(\w+)` \|", table, re.MULTILINE):
+        name = program or name
+        rows.setdefault(name, []).append(reason)
+    return rows
+
+
+def test_the_page_names_each_reason_of_each_program() -> None:
+    sources = stated()
+    assert sorted(sources) == sorted(PROGRAMS)
+    assert documented() == {PROGRAMS[path]: reasons for path, reasons in sources.items()}
