@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Checks without running anything: scripts (shellcheck), tools (mypy --strict), length of lines, licence lines,
-links of pages."""
+links of pages, plain English."""
 import pathlib
 import re
 import subprocess
@@ -11,6 +11,20 @@ from parts.common import TOP, say
 
 SOURCES = ["*.c", "*.h", "*.py", "*.sh", "meson.build"]
 LONGEST = 120
+
+# Phrases that CONTRIBUTING.md rules out, with the reason.
+PLAIN = [
+    (r"\b(no|some|every)body\b|\bwhoever\b", "name the program or person"),
+    (r"(^|[.,;:(] )who\b", "name the program or person before \"who\""),
+    (r"\banew\b", "again"),
+    (r"\bso many\b", "a number or a name"),
+    (r"\btold of\b|\bis told\b", "gets, receives, reports"),
+    (r"\bhas an? (ear|say|eye)\b|\bin the books?\b|\bby hand of\b", "no metaphors"),
+]
+# Not rewritten yet.
+LATER = ("CHANGELOG.md", "CONTRIBUTING.md", "bench/", "board/", "buildroot-external/", "examples/", "overlay/",
+         "package/", "tests/", "tools/", "docs/bench.md", "docs/cameras.md", "docs/results.md", "docs/screens.md",
+         "docs/stereo.md", "docs/streaming.md", "Makefile")
 
 
 def files() -> list[pathlib.Path]:
@@ -52,9 +66,38 @@ def dead_links(paths: list[pathlib.Path]) -> list[str]:
     return found
 
 
+def is_prose(line: str) -> bool:
+    """Whether a page's line can be wrapped: rows of tables and code cannot."""
+    return not line.startswith(("|", "    ", "!["))
+
+
+def long_prose(paths: list[pathlib.Path]) -> list[str]:
+    found = []
+    for path in paths:
+        name = str(path.relative_to(TOP))
+        if path.suffix == ".md" and not name.startswith(LATER):
+            lines = path.read_text().splitlines()
+            found += [f"{name}:{number}: longer than {LONGEST}" for number, line in enumerate(lines, 1)
+                      if is_prose(line) and len(line) > LONGEST]
+    return found
+
+
+def phrases(paths: list[pathlib.Path]) -> list[str]:
+    """Lines with a phrase that is ruled out."""
+    found = []
+    for path in paths:
+        name = str(path.relative_to(TOP))
+        if name.startswith(LATER) or path.suffix in (".png", ".jpg", ".svg", ".y4m", ".xz"):
+            continue
+        for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+            found += [f"{name}:{number}: {match[0].strip()!r}: {instead}" for pattern, instead in PLAIN
+                      if (match := re.search(pattern, line, re.IGNORECASE))]
+    return found
+
+
 def main() -> int:
     paths = files()
-    bad = complaints(paths) + dead_links(paths)
+    bad = complaints(paths) + dead_links(paths) + long_prose(paths) + phrases(paths)
     for text in bad:
         say(text)
     failed = bool(bad)

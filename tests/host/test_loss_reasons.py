@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The page on the architecture names each reason of each program for which a frame can be lost, in the program's order."""
+"""The page on the architecture names each reason for which a program can lose a frame, in the program's order."""
 import re
 
 from parts.common import TOP
