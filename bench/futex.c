@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The floor: frames in shared memory and one futex word that tells the newest. No names, no late readers, no budget,
- * and nothing keeps the writer from overwriting what a slow reader looks at. Nobody who blocks can do with less.
+ * The floor: frames in shared memory and one futex word that names the newest. No names, no late readers, no budget,
+ * and nothing keeps the writer from overwriting the frame of a slow reader. No method that blocks can take less time.
  */
 #include <fcntl.h>
 #include <limits.h>
@@ -85,5 +85,5 @@ int peer_receive(void (*deliver)(const void *data)) {
 }
 
 void peer_close(void) {
-    shm_unlink(path); /* whoever is first */
+    shm_unlink(path); /* writer or reader, whichever is first */
 }

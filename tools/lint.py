@@ -21,10 +21,11 @@ PLAIN = [
     (r"\btold of\b|\bis told\b", "gets, receives, reports"),
     (r"\bhas an? (ear|say|eye)\b|\bin the books?\b|\bby hand of\b", "no metaphors"),
 ]
-# Not rewritten yet.
-LATER = ("CHANGELOG.md", "CONTRIBUTING.md", "bench/", "board/", "buildroot-external/", "examples/", "overlay/",
-         "package/", "tests/", "tools/", "docs/bench.md", "docs/cameras.md", "docs/results.md", "docs/screens.md",
-         "docs/stereo.md", "docs/streaming.md", "Makefile")
+# Not rewritten yet; the last line: the rules themselves, licences, and a user's name.
+LATER = ("CHANGELOG.md", "docs/bench.md", "docs/cameras.md", "docs/results.md", "docs/screens.md", "docs/stereo.md",
+         "docs/streaming.md", "package/ddxvideo/draw/", "package/ddxvideo/grab/", "package/ddxvideo/play/",
+         "package/ddxvideo/stereo/", "package/ddxvideo/stream/", "package/ddxvideo/view/", "tests/", "tools/",
+         "CONTRIBUTING.md", "board/dev/skeleton/", "package/ddxservice/merge.awk")
 
 
 def files() -> list[pathlib.Path]:
@@ -87,7 +88,7 @@ def phrases(paths: list[pathlib.Path]) -> list[str]:
     found = []
     for path in paths:
         name = str(path.relative_to(TOP))
-        if name.startswith(LATER) or path.suffix in (".png", ".jpg", ".svg", ".y4m", ".xz"):
+        if name.startswith(LATER) or "LICENSE" in name or path.suffix in (".png", ".jpg", ".svg", ".y4m", ".xz"):
             continue
         for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
             found += [f"{name}:{number}: {match[0].strip()!r}: {instead}" for pattern, instead in PLAIN

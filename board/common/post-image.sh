@@ -38,6 +38,6 @@ if [ -n "${SOURCE_DATE_EPOCH:-}" ]; then
 	export E2FSPROGS_FAKE_TIME="$SOURCE_DATE_EPOCH" E2FSCK_TIME="$SOURCE_DATE_EPOCH" # genimage runs mke2fs and e2fsck
 fi
 
-# mke2fs and mkfs.vfat are in sbin, which is not on everybody's path
+# mke2fs and mkfs.vfat are in sbin, which is not on every user's path
 PATH=$PATH:/usr/sbin:/sbin genimage --loglevel=1 --config "$common/disk.cfg" --rootpath "$scratch/root" \
 	--tmppath "$scratch/tmp" --inputpath "$BINARIES_DIR" --outputpath "$BINARIES_DIR"

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Copies standard input to standard output and to the first serial line, which is spoken to and never listened to: the
- * robot may have a GPS there. As a terminal comes, what such a device sends would be echoed, stop our output (Ctrl-S)
- * or end programs (Ctrl-C). No process becomes the line's own here, and who opens it next finds it raw.
+ * Copies standard input to standard output and to the first serial line, which is written and never read: the robot may
+ * have a GPS there. In a terminal's default mode, bytes of such a device would be echoed, stop our output (Ctrl-S) or
+ * kill programs (Ctrl-C). The line becomes no process's controlling terminal here, and the next program finds it raw.
  */
 #include <fcntl.h>
 #include <poll.h>
@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define LINE "/dev/ttyS0"
-#define PATIENCE 1000 /* ms that the line may take for some room; nobody waits for it any longer */
+#define PATIENCE 1000 /* ms to wait for space in the line's buffer */
 
 static int open_line(void) {
     struct termios mode;
@@ -21,7 +21,7 @@ static int open_line(void) {
     cfmakeraw(&mode);
     mode.c_oflag = OPOST | ONLCR;
     mode.c_cflag = (mode.c_cflag & ~(tcflag_t)CRTSCTS) | CLOCAL | CREAD;
-    /* At once: to wait until all is sent, as stty does, is to wait for who has sent a Ctrl-S already. */
+    /* At once: stty waits until everything is sent, which a device's Ctrl-S may delay for ever. */
     tcsetattr(line, TCSANOW, &mode);
     return line;
 }

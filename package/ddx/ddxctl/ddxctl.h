@@ -13,7 +13,7 @@ struct request {
     unsigned change_count;
     bool json;
     int port;
-    unsigned count; /* watch: so many frames, then end; 0: until interrupted */
+    unsigned count; /* watch: number of frames; 0: until interrupted */
     double every;   /* repeat, seconds between; 0: once */
 };
 

@@ -10,7 +10,7 @@ void json_string(const char *text, size_t length) {
 
         if (c == '"' || c == '\\')
             printf("\\%c", c);
-        else if (c < ' ' || c > 126) /* bytes, not characters: nobody knows their encoding */
+        else if (c < ' ' || c > 126) /* bytes, not characters: their encoding is unknown */
             printf("\\u%04x", c);
         else
             putchar(c);

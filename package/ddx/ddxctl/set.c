@@ -32,7 +32,10 @@ static void copy(const DDX_STORE_ITEM *item, char *to, const char *from) {
     }
 }
 
-/* With this handle as the writer nobody else can write between the look at the value and its successor. */
+/*
+ * While this handle is the writer, no other program can write between the read of the value and the write of the next
+ * one.
+ */
 static int write_changed(DDX_STORE_ITEM *item, const struct request *request) {
     struct ddx_frame frame;
     void *data;

@@ -71,7 +71,7 @@ void print_words(void) {
     for (int i = 0; i < count; i++) {
         char *words[] = {found[i]->d_name + strlen(PREFIX), option, NULL};
 
-        if (fflush(stdout)) /* nobody hears any more */
+        if (fflush(stdout)) /* the reader of the output is gone */
             break;
         pid_t child = fork();
         if (!child)

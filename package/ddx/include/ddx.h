@@ -113,10 +113,10 @@ int ddx_store_close(DDX_STORE_ID *id);
 DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size);
 
 /*
- * A handle for reading the item `name`, also before anybody has created it: a reader that waits with one (a read waits
+ * A handle for reading the item `name`, also before the item is created: a reader that waits with one (a read waits
  * for the item and its first value) and asks for DDX_IN_ORDER gets everything from the first value on, however soon the
- * writer begins. Until the item is created, its type is "", it has no fields, and nobody else finds it. What the reader
- * asked to keep becomes less if the store has no room for so many of the frames then. Else as ddx_store_lookup_item()
+ * writer begins. Until the item is created, its type is "", it has no fields, and no lookup finds it. The number of
+ * frames to keep is reduced if the store then has no memory for all of them. Otherwise as ddx_store_lookup_item()
  * with type NULL. Writing with it fails with -ENOENT until then.
  */
 DDX_STORE_ITEM *ddx_store_await_item(DDX_STORE_ID *id, const char *name);
@@ -160,7 +160,7 @@ int ddx_store_read_direct(DDX_STORE_ITEM *item, DDX_TIME *ts, double timeout, in
 enum ddx_tail {
     DDX_CURRENT = 0,  /* the newest value, now; waits only when nothing was ever written */
     DDX_NEXT = 1,     /* the newest value not yet seen; waits for the next write if there is none */
-    DDX_IN_ORDER = -1 /* the oldest value not yet seen that is still kept: for who wants every frame (a recorder) */
+    DDX_IN_ORDER = -1 /* the oldest kept value not yet seen: for readers that need every frame (a recorder) */
 };
 
 /*
@@ -191,9 +191,9 @@ struct ddx_item_spec {
 /*
  * Create the item, or take it over from a writer that is gone, and become its writer at once. The last whole value
  * stays readable when the layout stays the same; sequence numbers go on. Fields that have an extent may get another
- * bound or extent than before (a camera that changes its format); all else must agree with what the item was, unless
- * nobody uses the item. On success *item is the caller's. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMSGSIZE, -EINVAL,
- * -EMFILE, -EDQUOT, -ENOMEM, -ECONNREFUSED.
+ * bound or extent than before (a camera that changes its format); everything else must equal the item's former type,
+ * unless no program uses the item. On success *item is the caller's. Errors: -EEXIST, -ENOSPC, -EPROTOTYPE, -EMSGSIZE,
+ * -EINVAL, -EMFILE, -EDQUOT, -ENOMEM, -ECONNREFUSED.
  */
 int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STORE_ITEM **item);
 
@@ -223,7 +223,7 @@ int ddx_store_release(DDX_STORE_ITEM *item);
  */
 int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames);
 
-/* So many frames are kept for this handle; less than it asked for only where it awaited the item. 0 for NULL. */
+/* Number of frames kept for this handle; fewer than requested only if the handle awaited the item. 0 for NULL. */
 unsigned ddx_store_kept(const DDX_STORE_ITEM *item);
 
 /*
@@ -270,7 +270,7 @@ struct ddx_item_info {
     uint32_t frames;      /* frames that exist */
     uint32_t readers;
     uint32_t epoch;      /* changes of writer so far, from 1; 0 if never written */
-    int32_t writer_pid;  /* 0 if nobody writes it now */
+    int32_t writer_pid;  /* 0 if the item has no writer now */
     uint64_t missed_max; /* frames missed by the reader that missed most */
 };
 
@@ -298,7 +298,7 @@ struct ddx_store_info {
     uint64_t reserved; /* of the budget, never above it */
     uint32_t items, clients;
     int32_t pid;
-    uint32_t restarts; /* of its worker, which died or hung and was replaced; nobody has lost anything by that */
+    uint32_t restarts; /* of its worker, which died or hung and was replaced; no program loses anything by that */
 };
 
 /*
@@ -333,8 +333,8 @@ const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned ind
 const struct ddx_field *ddx_store_field_named(const DDX_STORE_ITEM *item, const char *name);
 
 /*
- * Changes whenever what ddx_store_field() says of this item may have changed, and grows: who keeps something that was
- * made of the fields looks here whether it still holds.
+ * Grows whenever the fields returned by ddx_store_field() for this item may have changed: a program that keeps data
+ * derived from the fields compares this number.
  */
 uint32_t ddx_store_layout(const DDX_STORE_ITEM *item);
 
@@ -344,7 +344,7 @@ const char *ddx_store_item_type(const DDX_STORE_ITEM *item);
 
 /*
  * Number of the newest write that this handle has seen; after a first read that timed out: of the newest that was there
- * when the handle began to read, so that all later ones come to it or are told of as missed. 0: none.
+ * when the handle began to read, so that all later ones are delivered or counted as missed. 0: none.
  */
 uint64_t ddx_store_seen(const DDX_STORE_ITEM *item);
 

@@ -4,8 +4,8 @@
  *
  * An item takes requests when its program keeps two more beside it. For an item `video`:
  *
- *     video.request   DDX_REQUEST   who wants something changed writes here, one after the other
- *     video.answer    DDX_ANSWER    what came of it, written by the program
+ *     video.request   DDX_REQUEST   programs write requests here, one after the other
+ *     video.answer    DDX_ANSWER    the result, written by the item's program
  *
  * What can be changed, and within which bounds, the program shows in an item of its own (a camera: `video.parameters`,
  * see ddxvideo.h), which also follows every change. `ddxctl set video brightness=128` is a request when video takes
@@ -52,7 +52,7 @@ DDX_STORE_TYPE(
         char text[DDX_ANSWER_TEXT];
     });
 
-/* ---- For who wants something changed ---- */
+/* ---- For programs that request a change ---- */
 
 struct ddx_change {
     const char *name;

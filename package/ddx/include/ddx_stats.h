@@ -4,13 +4,13 @@
  *
  * Every program of this family keeps one book: frames in, frames out, frames lost (by named reason), a histogram of
  * latencies, how often it was started. The book lives in the store as item `<instance>.stats` of type DDX_STATS, so
- * that anybody can read it, and a program that was restarted goes on with the totals of the one before. At all
+ * that any program can read it, and a restarted program continues with the previous totals. At all
  * times
  *
  *     in = out + waiting + sum(lost)
  *
- * where `waiting` is computed, not kept: frames that came in and have not been accounted for yet. Frames that nobody
- * asked for (a grabber's -skip) are in none of these; they are counted beside them, as `skipped`.
+ * where `waiting` is computed, not kept: frames that came in and have not been accounted for yet. Unwanted frames
+ * (a grabber's -skip) are in none of these; they are counted beside them, as `skipped`.
  *
  *     static const char *const reasons[] = {"store", "ring", NULL};
  *     DDX_STATS_BOOK *book = ddx_stats_open("ddxvideosave", reasons);
@@ -19,7 +19,7 @@
  *     for each frame:
  *         ddx_stats_in(book, 1, frame.sequence);
  *         ddx_stats_out(book, 1, ddx_time_now() - frame.time);      // or ddx_stats_lost(book, REASON_RING, 1)
- *         ddx_stats_write(book);                      // cheap: a 4 KB copy; also the program's sign of life
+ *         ddx_stats_write(book);                      // cheap: a 4 KB copy; also the program's liveness
  *     ddx_stats_print(book, stdout);
  *     ddx_stats_close(book);                          // a clean stop
  *
@@ -72,7 +72,7 @@ DDX_STORE_TYPE(
             uint64_t frames;
         } lost[DDX_STATS_REASONS];
         uint32_t follows;  /* 1: writes of the source above `sequence` are to be accounted for, by this program or the
-                              next one of this instance; 0: nobody asked for them */
+                              next one of this instance; 0: not wanted */
         uint32_t latency_until; /* where the latency of a frame stops: DDX_STATS_OUT or DDX_STATS_DISK */
         uint64_t publishing; /* number that the frame which goes into an item now gets there; 0: none does */
         uint64_t died; /* of lost "restart": with the last program; what it left on the disk may hold some of them */
@@ -93,7 +93,7 @@ DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons)
 
 /*
  * DDX_STATS_DISK: this program counts a frame as out when it is on the disk, so its latencies contain the wait for the
- * next flush; whoever shows them says so. Without this call, DDX_STATS_OUT. To be called before ddx_stats_attach().
+ * next flush; programs that show them say so. Without this call, DDX_STATS_OUT. To be called before ddx_stats_attach().
  */
 void ddx_stats_latency_until(DDX_STATS_BOOK *book, uint32_t until);
 
@@ -111,7 +111,7 @@ int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source)
  * From now on this program accounts for each write of the source item whose number is above `sequence`: to be called
  * when the source keeps frames for it (ddx_store_seen()), before the first one is counted. If a former program did so
  * and did not end as told (it died, or see ddx_stats_fail()), what was written since its last frame is counted now, as
- * in and as lost "restart"; returns how many these were. Where the numbers have started anew, that is all of them.
+ * in and as lost "restart"; returns their number. If numbering has started again, these are all frames.
  */
 uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence);
 
@@ -125,8 +125,8 @@ uint64_t ddx_stats_follow_some(DDX_STATS_BOOK *book, uint64_t sequence, ddx_stat
                                const void *argument);
 
 /*
- * The program is going to end though nobody told it to: what the source is given until the next start is lost, and
- * ddx_stats_close() leaves the book so that the next program of this instance counts it.
+ * The program is going to exit without a request to stop: frames written to the source until the next start are lost,
+ * and ddx_stats_close() leaves the book so that the next program of this instance counts them.
  */
 void ddx_stats_fail(DDX_STATS_BOOK *book);
 
@@ -186,7 +186,7 @@ void ddx_stats_print(DDX_STATS_BOOK *book, FILE *file);
  */
 void ddx_stats_close(DDX_STATS_BOOK *book);
 
-/* ---- For who reads the item ---- */
+/* ---- For readers of the item ---- */
 
 /*
  * The JSON line, without line feed, into line[size], always terminated; returns its length, as snprintf() does.

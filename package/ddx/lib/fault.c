@@ -102,7 +102,7 @@ int ddx_fault_broken(const char *way) {
 void ddx_fault_pass(enum ddx_point point) {
     pthread_once(&once, prepare);
     if (journal) {
-        journal->at[point] = clock_now(); /* before the count: who has waited for that may look when it was */
+        journal->at[point] = clock_now(); /* before the count: a program that waits for the count may read the time */
         journal->passed[point]++;
     }
     for (unsigned i = 0; i < plan_count; i++) {

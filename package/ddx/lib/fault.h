@@ -9,7 +9,7 @@
  *
  * Also `stop` (SIGSTOP); `end`: the whole store, its holder, too, where a kill is its worker's end alone; `die`, an end
  * that the journal does not mention; and `slow`: 20 ms each time from then on, to hold a race open. DDX_FAULT_JOURNAL
- * names a file of struct ddx_fault_journal that counts who passed what, for all programs together.
+ * names a file of struct ddx_fault_journal that counts the passes of each point, for all programs together.
  */
 #ifndef DDX_FAULT_H
 #define DDX_FAULT_H
@@ -21,19 +21,19 @@
     X(WRITER_MARKED,      "writer.marked")      /* W2: its generation is WRITING */ \
     X(WRITER_NEWS,        "writer.news")        /* W3: readers were added, mark undone */ \
     X(WRITER_UNCHANGED,   "writer.unchanged")   /* W3: they were not */ \
-    X(WRITER_COLLIDED,    "writer.collided")    /* W4: somebody pinned it meanwhile, mark undone */ \
-    X(WRITER_OWNS,        "writer.owns")        /* W4: nobody did */ \
+    X(WRITER_COLLIDED,    "writer.collided")    /* W4: a reader pinned it meanwhile, mark undone */ \
+    X(WRITER_OWNS,        "writer.owns")        /* W4: no reader did */ \
     X(WRITER_WRITTEN,     "writer.written")     /* W5: the data is there */ \
     X(WRITER_NUMBERED,    "writer.numbered")    /* W5: and its number and time */ \
     X(WRITER_WHOLE,       "writer.whole")       /* W6: its generation is even */ \
     X(WRITER_PUBLISHED,   "writer.published")   /* W7: it is the newest */ \
-    X(WRITER_WOKE,        "writer.woke")        /* W7: and everybody knows */ \
+    X(WRITER_WOKE,        "writer.woke")        /* W7: and all readers know */ \
     X(WRITER_CANCELLED,   "writer.cancelled")   /* instead of W5: the slot is empty */ \
     /* a writer's term begins, changes, ends */ \
     X(CLAIM_SENT,         "claim.sent")         /* asked the store for the role */ \
     X(CLAIM_CONTROL,      "claim.control")      /* control page mapped and sealed, notice mapped */ \
-    X(CLAIM_SLOT,         "claim.slot")         /* a slot mapped and sealed, the store not told */ \
-    X(CLAIM_READY,        "claim.ready")        /* the store told of it */ \
+    X(CLAIM_SLOT,         "claim.slot")         /* a slot mapped and sealed, not reported to the store */ \
+    X(CLAIM_READY,        "claim.ready")        /* reported to the store */ \
     X(CLAIM_READER,       "claim.reader")       /* a reader's pin page is in the list */ \
     X(CLAIM_TAKEN,        "claim.taken")        /* and the store told so */ \
     X(CLAIM_READER_GONE,  "claim.reader_gone")  /* and out of it again */ \
@@ -48,7 +48,7 @@
     X(READER_COPIED,      "reader.copied")      /* R4: the caller has a copy */ \
     X(READER_RELEASED,    "reader.released")    /* R5: unpinned */ \
     X(READER_WAITS,       "reader.waits")       /* nothing new: about to sleep */ \
-    X(READER_UNMAPPED,    "reader.unmapped")    /* the frame is in a slot that it was not told of yet */ \
+    X(READER_UNMAPPED,    "reader.unmapped")    /* the frame is in a slot that was not announced yet */ \
     X(DIRECT_TAKEN,       "direct.taken")       /* R3 for the stable pointer: the former frame is still shown */ \
     X(DIRECT_WITHDRAWN,   "direct.withdrawn")   /* the former frame's pages are home */ \
     X(DIRECT_PREPARED,    "direct.prepared")    /* the pages of a frame that may come are in the window */ \
@@ -74,15 +74,15 @@
     X(KEEPER_SUPERSEDED,  "keeper.superseded")  /* it did not: another writer was let in */ \
     /* the store: items and clients */ \
     X(STORE_LISTENS,      "store.listens")      /* others can connect */ \
-    X(STORE_CLIENT,       "store.client")       /* somebody did */ \
-    X(STORE_GONE,         "store.gone")         /* somebody left or died, nothing given back yet */ \
+    X(STORE_CLIENT,       "store.client")       /* a client did */ \
+    X(STORE_GONE,         "store.gone")         /* a client left or died, nothing given back yet */ \
     X(STORE_ITEM,         "store.item")         /* a new item in the list */ \
     X(STORE_OPENED,       "store.opened")       /* a handle counts, its program not told */ \
     X(STORE_DROPPED,      "store.dropped")      /* an item out of the list */ \
     X(STORE_HANDLED,      "store.handled")      /* a request was handled, nothing of it is committed */ \
     X(STORE_COMMITTED,    "store.committed")    /* it is, and the request is still there */ \
-    X(STORE_DISCARDED,    "store.discarded")    /* taken off, nobody was told */ \
-    X(STORE_SAID,         "store.said")         /* told, and that is not committed */ \
+    X(STORE_DISCARDED,    "store.discarded")    /* taken off, no reply sent */ \
+    X(STORE_SAID,         "store.said")         /* sent, and that is not committed */ \
     /* the store: a change of writer */ \
     X(STORE_PREPARED,     "store.prepared")     /* the next epoch's files exist */ \
     X(STORE_NOTICE,       "store.notice")       /* and its notice */ \
@@ -114,7 +114,7 @@
     X(STORE_WRITER_BACK,  "store.writer_back")  /* its writer is */ \
     X(STORE_READER_BACK,  "store.reader_back")  /* a reader is */ \
     X(STORE_ACCEPTED,     "store.accepted")     /* the offer was answered */ \
-    X(STORE_SETTLED,      "store.settled")      /* who has not reported is dead */
+    X(STORE_SETTLED,      "store.settled")      /* clients that have not reported are dead */
 /* clang-format on */
 
 #define DDX_POINT_ENUM_(name, text) DDX_AT_##name,
@@ -126,7 +126,7 @@ enum ddx_point { DDX_POINTS(DDX_POINT_ENUM_) DDX_POINT_COUNT };
 
 struct ddx_fault_journal {
     _Atomic(uint64_t) passed[DDX_POINT_COUNT];
-    _Atomic(int64_t) at[DDX_POINT_COUNT]; /* when somebody passed last, CLOCK_MONOTONIC */
+    _Atomic(int64_t) at[DDX_POINT_COUNT]; /* time of the last pass, CLOCK_MONOTONIC */
     /* the last kill or stop */
     _Atomic(int64_t) time;    /* CLOCK_MONOTONIC */
     _Atomic(uint32_t) struck; /* counts them; written last */

@@ -10,12 +10,12 @@
 #define DDX_FOREVER INT64_MAX
 
 /*
- * Sleep until the word is no longer `value`, or somebody wakes it, or the deadline (ns, CLOCK_MONOTONIC). May return
- * early: the caller looks. `shared`: other processes may wake it, too.
+ * Sleep until the word is no longer `value`, or another thread wakes it, or the deadline (ns, CLOCK_MONOTONIC). May
+ * return early: the caller looks. `shared`: other processes may wake it, too.
  */
 void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, int64_t deadline);
 
-/* Wake all sleepers on a word in shared memory. 0.3 us when nobody sleeps. */
+/* Wake all sleepers on a word in shared memory. 0.3 us without sleepers. */
 void ddx_futex_wake(const ddx_word *shared);
 
 /* Change a word of this process and wake its sleepers. */

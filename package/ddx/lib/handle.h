@@ -22,7 +22,7 @@ struct ddx_store_id {
 struct ddx_term {
     struct ddx_control *control;
     uint32_t epoch;
-    unsigned slots_coming; /* of those that the store announced with the epoch: not told of yet */
+    unsigned slots_coming; /* announced by the store with the epoch, not received yet */
     uint64_t former_last;  /* number of the last frame of the epoch before */
     bool writable;
     void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
@@ -56,7 +56,7 @@ struct ddx_reader_role {
     int shown;  /* slot that the window shows, or -1 */
     uint32_t shown_generation; /* and what it must still be for that */
     int placed; /* slot whose pages are in the window: `shown`; the one that probably comes next while the reader waits;
-                 * or -1, when who looks at the window faults in what is shown */
+                 * or -1, if the reader of the window faults in its pages */
 };
 
 struct ddx_writer_role {
@@ -65,10 +65,10 @@ struct ddx_writer_role {
     struct ddx_notice *notice;
     struct ddx_ring_writer ring;
     int pin_fd[DDX_READERS_MAX]; /* parallel to ring.reader */
-    bool confirmed[DDX_READERS_MAX]; /* the store that runs now told of it */
-    bool leaving[DDX_READERS_MAX];   /* and that it left; it stays until the kernel says so, too */
+    bool confirmed[DDX_READERS_MAX]; /* announced by the running store */
+    bool leaving[DDX_READERS_MAX];   /* reported as left; kept until the kernel confirms it */
     unsigned leaving_count;
-    unsigned offered; /* slots that the store was told of when it came back: what it tells readers */
+    unsigned offered; /* slots offered to the restarted store, which announces them to readers */
     uint64_t unseen[DDX_READERS_MAX]; /* numbers of the pin pages that it could not take: their readers may be in */
     unsigned unseen_count;
     bool refused;    /* a slot that was added could not be taken: nor can the reader that it was for */
@@ -80,7 +80,7 @@ struct ddx_writer_role {
 
 struct ddx_store_item {
     /* What a delivery needs is in the first cache line: it is cold whenever a frame comes. */
-    _Alignas(64) ddx_lock lock; /* for keeper and caller, who both take messages in */
+    _Alignas(64) ddx_lock lock; /* for keeper and caller, which both take messages in */
     ddx_word changed;           /* counts messages taken in; a reader without a term sleeps on it */
     struct ddx_reader_role reader;
     struct ddx_writer_role writer;
@@ -89,7 +89,7 @@ struct ddx_store_item {
     struct pollfd listen;              /* only for the keeper: where news came from when it last looked */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
     struct ddx_layout *layout; /* as the store last told, or as wanted */
-    uint32_t layouts;          /* so many before it */
+    uint32_t layouts;          /* number of layouts before it */
     struct ddx_layout *own;    /* the caller's struct, NULL if it knows none */
     struct ddx_field *fields;  /* of the layout, for ddx_store_field() */
     bool deaf;                 /* for want of descriptors: what came over this connection is not complete */

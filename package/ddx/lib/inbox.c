@@ -17,8 +17,8 @@
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 
 /*
- * The keeper may be looking at the socket, which keeps it open: shut down, so that the store cannot say anything more
- * that nobody hears. What it said before counts: it has let readers in.
+ * The keeper may be looking at the socket, which keeps it open: shut down, so that the store cannot send messages
+ * that are never read. Earlier messages count: the store has admitted readers.
  */
 static void hang_up(DDX_STORE_ITEM *item) {
     int result;
@@ -62,7 +62,8 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         return;
     }
     item->heard = m->number ? m->number : item->heard;
-    /* A reader without a descriptor for what it is told of has to be told anew when there are some. */
+    /* A reader that lacked a descriptor for an announced file must get the announcement again when descriptors are
+     * free. */
     if (packet->cut && (m->operation == DDX_EPOCH || (m->operation == DDX_SLOT && m->flags == DDX_FLAG_READER)))
         item->deaf = true;
     switch (m->operation) {
@@ -104,7 +105,7 @@ int ddx_item_service(DDX_STORE_ITEM *item) {
     if (result >= 0 && !item->deaf)
         return 0;
     ddx_item_disconnect(item);
-    if (item->deaf) /* there may be descriptors next time; the store tells all anew then */
+    if (item->deaf) /* there may be descriptors next time; the store then announces everything again */
         item->retry += DDX_RETRY;
     return -EPIPE;
 }
@@ -144,7 +145,7 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
         }
     }
     if (result)
-        ddx_item_service(item); /* what it said before it died; it may have let somebody in */
+        ddx_item_service(item); /* its messages before it died; it may have admitted a reader */
     item->answer = 0;
     if (item->answered)
         return item->reply.status;

@@ -38,9 +38,9 @@ static int look_after(DDX_STORE_ITEM *item) {
     /* Never wait here: the owner may hold the lock while it waits for the store's answer. */
     item->listen = (struct pollfd){.fd = -1};
     if (!ddx_lock_try(&item->lock))
-        return SOON; /* what comes for a busy owner it takes in itself; to be told of it would only keep us awake */
+        return SOON; /* a busy owner takes its messages in itself; polling for them would only keep this thread awake */
     if (item->socket >= 0) {
-        ddx_queue_go_on(&item->queue, item->socket, NULL, NULL); /* who is gone may have left news */
+        ddx_queue_go_on(&item->queue, item->socket, NULL, NULL); /* a dead peer may have left messages */
         ddx_item_service(item);
     }
     if (item->socket < 0) {
@@ -100,7 +100,7 @@ static void *run(void *unused) {
         DDX_PASS(KEEPER_HEARD);
         uint64_t ignored;
         if (list && list[0].revents & POLLIN && read(list[0].fd, &ignored, sizeof ignored) < 0) {
-            /* somebody else's descriptor by now: the keeper was about to end */
+            /* may be another file's descriptor by now: the keeper was about to exit */
         }
         free(list);
     }
@@ -152,7 +152,7 @@ static int start(void) {
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (result) {
         close(ddx_link_waker);
-        ddx_link_waker = -1; /* or a later wake goes to somebody else's descriptor */
+        ddx_link_waker = -1; /* or a later wake goes to another file's descriptor */
         return -result;
     }
     pthread_setname_np(thread, "ddx-keeper");

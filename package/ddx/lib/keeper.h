@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
  * One thread per process listens to the store on behalf of all items: it takes in new slots, readers and epochs before
- * the frame path needs them, and offers everything anew after the store was restarted, even if the program itself
+ * the frame path needs them, and offers everything again after the store was restarted, even if the program itself
  * sleeps.
  */
 #ifndef DDX_KEEPER_H

@@ -63,7 +63,7 @@ static_assert(sizeof(struct ddx_slot_state) == 32, "shared layout");
 static_assert(sizeof(struct ddx_control) == 256 + 32 * DDX_SLOTS_MAX, "shared layout");
 
 /* `pin`: which slot of which epoch this reader holds, 0 for none. The bits of an epoch that it has are never all 0, so
- * slot 0 is told from none. */
+ * slot 0 differs from none. */
 #define DDX_EPOCH_OK(epoch) (((epoch)&0xffffffu) != 0)
 #define DDX_PIN(epoch, slot) (((epoch)&0xffffffu) << 8 | (uint32_t)(slot))
 

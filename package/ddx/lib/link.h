@@ -5,7 +5,10 @@
 
 #include "handle.h"
 
-/* The keeper's eventfd, which it makes and closes; -1 while it does not run. Here nobody has to know the keeper. */
+/*
+ * The keeper's eventfd, which it makes and closes; -1 while it does not run. Thus this layer does not depend on the
+ * keeper.
+ */
 extern int ddx_link_waker __attribute__((visibility("hidden")));
 
 void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);

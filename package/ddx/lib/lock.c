@@ -37,7 +37,8 @@ void ddx_lock_wait(ddx_lock *lock) {
         if (ddx_lock_try(lock))
             return;
     }
-    /* The kernel made us the owner, which is a barrier, too; this is for who knows only C (ThreadSanitizer). */
+    /* The kernel made us the owner, which is a barrier, too; this is for tools that know only C's memory model
+     * (ThreadSanitizer). */
     atomic_load_explicit(lock, memory_order_acquire);
 }
 

@@ -196,7 +196,7 @@ DDX_HOT int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uin
 
         if (!bytes)
             break;
-        /* DONTUNMAP leaves the source mapped, though empty: nobody else's mmap() can slip into the hole. */
+        /* DONTUNMAP leaves the source mapped, though empty: no other thread's mmap() can use the hole. */
         if (mremap(source, bytes, bytes, MREMAP_MAYMOVE | MREMAP_FIXED | MREMAP_DONTUNMAP, target) != MAP_FAILED)
             continue;
         /* Kernels before 5.13 cannot do it for shared memory; a new mapping serves too, at the price of page faults. */

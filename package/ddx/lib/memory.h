@@ -34,7 +34,7 @@ int ddx_memory_create(const char *name, uint64_t bytes);
 /* Forbid any further writable mapping; those that exist stay. */
 int ddx_memory_freeze(int fd);
 
-/* Is this a memory file of this size that nobody can resize (and, if `frozen`, nobody can newly map writable)? */
+/* Is this a memory file of this size, sealed against resizing (and, if `frozen`, against new writable mappings)? */
 bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen);
 
 /*

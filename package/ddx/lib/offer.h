@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * After the store was restarted it knows nothing. Whoever holds an item offers its memory files, so that the new store
- * learns of the item and frames flow on; they never stopped.
+ * A restarted store knows no items. Each holder of an item offers its memory files, so that the new store
+ * learns of the item. Frames flow throughout.
  */
 #ifndef DDX_OFFER_H
 #define DDX_OFFER_H

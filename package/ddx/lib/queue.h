@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * Messages that wait until the other side has made room in the socket: an item may have more frames than a socket holds
- * messages, and nobody waits for who is slow. Who has one sends everything through it, and goes on when poll() says
- * what ddx_queue_events() asks for, or when DDX_QUEUE_PAUSE is over while it is crowded.
+ * Messages wait here until the peer's socket has room (an item may have more frames than a socket holds messages), so
+ * no program blocks on a slow peer. Once a queue exists, everything is sent through it. Continue when poll() reports
+ * the events of ddx_queue_events(), or after DDX_QUEUE_PAUSE while the queue is crowded.
  */
 #ifndef DDX_QUEUE_H
 #define DDX_QUEUE_H

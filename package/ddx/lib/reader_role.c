@@ -17,15 +17,15 @@ DDX_HOT void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence) {
 }
 
 DDX_COLD void ddx_reader_follow(struct ddx_reader_role *reader) {
-    /* Should the store die before it has told of all slots, this epoch is worth nothing, and the former one all that
-     * is left of the item: it must not be given up before. */
+    /* If the store dies before it has announced all slots, this epoch is useless, and only the former one
+     * has the item's data: it must not be given up before. */
     if (!reader->coming || reader->held >= 0 || (reader->coming->slots_coming && !DDX_BROKEN("half")))
         return;
-    /* Who reads in order has not seen all of it. What its writer has written since it was replaced does not count. */
+    /* A reader in order has not seen all of it. Frames that its writer wrote after it was replaced do not count. */
     if (reader->in_order && reader->term && !DDX_BROKEN("hasty") &&
         ddx_ring_left(reader->term->control, reader->term->base, reader->seen, reader->coming->former_last))
         return;
-    /* A frame in the window stays until the next one is there: nobody writes into an epoch that has ended. */
+    /* A frame in the window stays until the next one arrives: no program writes into an epoch that has ended. */
     if (reader->term != reader->shown_term)
         ddx_term_free(reader->term);
     reader->term = reader->coming;
@@ -56,10 +56,10 @@ void ddx_reader_on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         return;
     if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
         return;
-    /* Numbers begin anew only if store and writer were both lost; then what was seen means nothing. */
+    /* Numbers begin at 1 again only if store and writer were both lost; then the last number seen is meaningless. */
     if (packet->message.sequence < reader->seen)
         ddx_reader_saw(reader, 0);
-    /* The store had less room for a frame than was asked for when nobody knew its size. */
+    /* The store had less memory than was requested before the frame's size was known. */
     if (packet->message.frames && packet->message.frames < reader->keep)
         reader->keep = packet->message.frames;
     term->slots_coming = packet->message.index;
@@ -93,7 +93,7 @@ void ddx_reader_on_attached(struct ddx_reader_role *reader, struct ddx_packet *p
     reader->pin_fd = ddx_packet_take(packet, 0);
     /* By this the writer knows that its pins count. */
     reader->hold_fd = ddx_memory_hold(reader->pin_fd);
-    /* And nobody else can ever write to it: each writer of the item is handed this page. */
+    /* And no other program can ever write to it: each writer of the item gets this page. */
     if (reader->hold_fd < 0 || ddx_memory_freeze(reader->pin_fd)) {
         if (reader->hold_fd >= 0)
             close(reader->hold_fd);

@@ -13,7 +13,7 @@
 
 #define AGAIN_WAIT 10000000    /* ns between requests to be let in */
 #define ATTEMPTS 5             /* to pin a value that is overtaken or not mapped yet, timeout or not */
-#define OVERTAKEN 10000        /* attempts when there is nothing to go back to; only a liar makes it so many */
+#define OVERTAKEN 10000        /* attempts when there is no earlier frame; only a malicious writer causes this many */
 #define UNMAPPED_WAIT 10000000 /* ns; a slot that was just added is announced by the store within this time */
 
 int ddx_reader_ask(DDX_STORE_ITEM *item, unsigned frames) {
@@ -44,8 +44,8 @@ DDX_COLD static int attach(DDX_STORE_ITEM *item) {
 }
 
 /*
- * How far the newest frame is ahead of what was seen. Numbers are compared in their low 23 bits, and nobody sees what
- * was not published: a large difference is a reader that slept for long, not one that is ahead.
+ * How far the newest frame is ahead of what was seen. Numbers are compared in their low 23 bits, and no reader sees an
+ * unpublished frame: a large difference is a reader that slept for long, not a reader that is ahead.
  */
 DDX_HOT static int32_t ahead(uint32_t latest, uint64_t seen) {
     return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) & 0x7fffffu);
@@ -180,7 +180,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
         }
         if (wanted == GONE && pin == DDX_PIN_DIRECT && !ddx_window_keep(reader) && overtaken++ < OVERTAKEN)
             continue; /* the window shows what is gone: there has to be another one */
-        /* The value is there, its slot was not: that is no timeout. Also for who does not wait. */
+        /* The value exists, its slot was not mapped: that is no timeout, not even for a reader that does not wait. */
         if (wanted == GONE && attempts-- > 0)
             continue;
         if (!deadline)
@@ -190,7 +190,8 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
         if (timeout == 0) {
             if (asked)
                 return -ETIMEDOUT;
-            /* The keeper may not have got round to the news; who does not wait must see it all the same. */
+            /* The keeper may not have read the message yet; a reader that does not wait must see the frame all the
+             * same. */
             asked = true;
             ddx_item_service(item);
             continue;

@@ -5,7 +5,7 @@
 
 #include "handle.h"
 
-/* Ask for memory for so many frames. */
+/* Ask for memory for that number of frames. */
 int ddx_reader_ask(DDX_STORE_ITEM *item, unsigned frames);
 /*
  * Wait for a frame as `tail` says and pin it with pin number `pin`. `lock` is given up while sleeping. On success

@@ -53,9 +53,9 @@ static void clean(char *text, size_t bytes) {
             *text = '?';
 }
 
-/* ---- Who wants something changed ---- */
+/* ---- The program that requests a change ---- */
 
-/* Become the writer, after all who were before us, and write. */
+/* Become the writer, after all earlier requests, and write. */
 static int queue_up(DDX_STORE_ITEM *item, const DDX_REQUEST *request, int64_t deadline) {
     int error;
 

@@ -13,7 +13,10 @@ static uint64_t join(const ddx_word *low, const ddx_word *high) {
            atomic_load_explicit(low, memory_order_relaxed);
 }
 
-/* Before what is read next, for who has no pin and looks afterwards whether it was in time. */
+/*
+ * Acquire: the loads that follow must not move before this one. For readers without a pin, which check afterwards
+ * whether they were in time.
+ */
 static uint64_t join_first(const ddx_word *low, const ddx_word *high) {
     return (uint64_t)atomic_load_explicit(high, memory_order_acquire) << 32 |
            atomic_load_explicit(low, memory_order_acquire);
@@ -29,8 +32,8 @@ static uint64_t sequence_of(const struct ddx_slot_state *state) {
 }
 
 /*
- * Who has room for one frame only, and pins two, lies about one of them. The other pin is looked at last: an honest
- * reader has let go of it before it set the one that was found.
+ * A reader with a share of one frame that pins two slots is lying about one of them. The other pin is read last: an
+ * honest reader has cleared it before it set the one that was found.
  */
 DDX_COLD static bool lies(const struct ddx_ring_writer *writer, const struct ddx_ring_reader *reader, unsigned k) {
     uint32_t other = atomic_load(&reader->page->pin[DDX_PIN_READ]);
@@ -78,7 +81,7 @@ DDX_COLD static bool pins_rest(const struct ddx_ring_writer *writer, bool *tried
     return !memcmp(before, now, writer->reader_count * DDX_PINS * sizeof *now);
 }
 
-/* Oldest first, so that readers who are late find as many frames as there are spare slots. */
+/* Oldest first, so that late readers find as many frames as there are spare slots. */
 DDX_HOT static unsigned oldest_of(const struct ddx_ring_writer *writer, unsigned begin, unsigned end, unsigned newest,
                                   const bool *tried) {
     unsigned best = DDX_NO_SLOT;
@@ -96,7 +99,10 @@ DDX_HOT static unsigned oldest_of(const struct ddx_ring_writer *writer, unsigned
     return best;
 }
 
-/* A slot that readers were not told of yet only if there is no other: should the store stop now, they would miss it. */
+/*
+ * A slot that readers do not know yet is taken only if there is no other: if the store stopped now, they would miss the
+ * frame.
+ */
 DDX_HOT static unsigned oldest(const struct ddx_ring_writer *writer, unsigned newest, const bool *tried) {
     unsigned slot = oldest_of(writer, 0, writer->told_count, newest, tried);
 
@@ -109,7 +115,7 @@ DDX_HOT int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
     unsigned rounds = 0;
 
     while (DDX_BROKEN("patient") && pinned(writer, oldest(writer, newest, tried))) {
-        /* waits for the reader who has the oldest */
+        /* waits for the reader that has the oldest */
     }
     leave_out(writer, tried);
     for (;;) {
@@ -172,8 +178,8 @@ DDX_HOT void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int
     split(&state->sequence_low, &state->sequence_high, sequence);
     split(&state->time_low, &state->time_high, (uint64_t)time);
     DDX_PASS(WRITER_NUMBERED);
-    /* Release: who finds the generation even finds the whole frame. Before `latest`, or a reader that was told of the
-     * frame would find it unreadable and try in vain until the next one. */
+    /* Release: a reader that finds the generation even finds the whole frame. Before `latest`, or a reader that
+     * learns of the frame would find it unreadable and retry in vain until the next one. */
     atomic_store_explicit(&state->generation, (uint32_t)sequence << 1, memory_order_release);
     DDX_PASS(WRITER_WHOLE);
     atomic_store_explicit(&writer->control->latest, DDX_LATEST(sequence, slot), memory_order_release);

@@ -60,7 +60,7 @@ bool ddx_ring_outruns(const struct ddx_ring_writer *writer);
 /* W6-W7 but for the wake-up, which is the caller's. */
 void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time);
 
-/* The frame in the slot is spoilt; nobody sees it. */
+/* Drop the frame in the slot; no reader sees it. */
 void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot);
 
 /* The slot of the newest frame, or DDX_NO_SLOT. `latest` is the word read, to sleep on. */

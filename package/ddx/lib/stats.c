@@ -74,7 +74,7 @@ int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source)
     memcpy(name, book->instance, length);
     memcpy(name + length, DDX_STATS_SUFFIX, sizeof(DDX_STATS_SUFFIX));
 
-    /* First the writer's role, then the value: nobody can change it in between. */
+    /* First the writer's role, then the value: no other program can change it in between. */
     struct ddx_item_spec spec = {.name = name, .type = "DDX_STATS", .size = sizeof(DDX_STATS)};
     DDX_STORE_ITEM *item;
     int error = ddx_store_create(id, &spec, &item);

@@ -36,7 +36,7 @@ struct ddx_layout {
 bool ddx_item_name_ok(const char *name);
 bool ddx_type_name_ok(const char *name);
 
-/* Memory of a layout with so many fields, in bytes. */
+/* Memory of a layout with that number of fields, in bytes. */
 static inline size_t ddx_layout_bytes(unsigned fields) {
     return sizeof(struct ddx_layout) + fields * sizeof(struct ddx_layout_field);
 }

@@ -112,7 +112,7 @@ static int arithmetic(struct parser *p, const char *first, struct base *base) {
         before = p->at;
     } while (word(p, name));
     if (is_double)
-        /* long double differs between i386 and x86_64, and nobody can share one */
+        /* long double differs between i386 and x86_64, and cannot be shared */
         *base = (struct base)BASE(FLOAT, double);
     else if (is_char && (is_signed || is_unsigned))
         *base = is_unsigned ? (struct base)BASE(UNSIGNED, char) : (struct base)BASE(INT, char);

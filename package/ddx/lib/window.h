@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
  * The paper's stable pointer over a ring of slots: the pages of the pinned slot are moved into a window whose address
- * never changes, and home again when the next frame comes. Moving page tables costs ten or twenty microseconds,
- * copying or mapping anew hundreds. A reader that waits moves them beforehand, since it is known which slot is the
- * writer's next; the frame is looked at only when it is pinned, as ever. Should another one come, they are moved then.
+ * never changes, and back when the next frame comes. Moving page tables takes ten or twenty microseconds,
+ * copying or a new mapping hundreds. A waiting reader moves them beforehand, since the writer's next slot is
+ * known; the frame is read only once it is pinned. If another slot comes, the pages are moved then.
  */
 #ifndef DDX_WINDOW_H
 #define DDX_WINDOW_H

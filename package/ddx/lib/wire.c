@@ -78,8 +78,8 @@ static int receive(int socket, struct ddx_packet *packet, int flags) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet->fd[i] = -1;
     ssize_t got;
-    /* Who died with a message of ours unread resets the connection, which the kernel tells once, and before what that
-     * one said: the news is there all the same, and must not be lost. */
+    /* A peer that dies with a message of ours unread resets the connection. The kernel reports this once, before the
+     * peer's last messages: those are still there, and must not be lost. */
     do
         got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC | flags);
     while (got < 0 && (errno == EINTR || errno == ECONNRESET));

@@ -7,22 +7,22 @@
  *   OPEN                            -> OPENED (layout) or an error
  *   CLAIM (layout)                  -> CLAIMED (control, notice), SLOT..., READER...           become the writer
  *   READY (slot, or an error)       one for each slot mapped and sealed, the control file as slot DDX_NO_SLOT
- *                                   -> DONE when all are, and the readers were told
+ *                                   -> DONE when all are, and the readers were notified
  *   ATTACH (frames to keep)         -> ATTACHED (pin), then as below                           become a reader
  * and unasked from the store:
  *   EPOCH (layout, control), SLOT...   to a reader: a writer's term begins (or is going on)
  *   SLOT                               one slot more; to the writer a second time, without the file, when the readers
- *                                      have been told of it
+ *                                      know it
  *   READER (pin), READER_GONE          to the writer; the notice's version changes after READER was sent
  *                                      -> TAKEN: only then the reader hears more, ATTACHED among it; or with an error,
  *                                         which is what the reader gets then (or the claim, while there is one)
  * After the store was restarted, instead of OPEN:
  *   OFFER (layout, control, notice and what was heard of it), OFFER_SLOT..., OFFER_PIN, OFFER_END -> OFFERED
- * where -EEXIST tells a writer that another one was let in; with FLAG_WRITER, after which of its frames.
+ * where -EEXIST means that another writer was admitted; with FLAG_WRITER, after which of its frames.
  *
- * Messages are numbered in either direction. The store's worker may die between doing what it was asked and saying so,
- * or between saying so and noting that it did; the one that goes on in its place takes no message a second time, and
- * what it says twice has the number that it had.
+ * Messages are numbered in either direction. The store's worker may die between acting on a request and its reply,
+ * or between the reply and the record of it; the next worker takes no message a second time, and
+ * a repeated reply has its former number.
  */
 #ifndef DDX_WIRE_H
 #define DDX_WIRE_H
@@ -59,8 +59,8 @@ enum ddx_operation {
     DDX_LISTED,
 };
 
-/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for (both: see above). AWAIT: who opens an item before
- * it was created gives no layout, and learns the type with the first EPOCH. */
+/* Flags of OPEN and OFFER; and which side of a handle a SLOT is for (both: see above). AWAIT: a client that opens an
+ * item before it is created gives no layout, and learns the type with the first EPOCH. */
 #define DDX_FLAG_CREATE 1u
 #define DDX_FLAG_WRITER 2u
 #define DDX_FLAG_READER 4u
@@ -118,7 +118,7 @@ const struct ddx_layout *ddx_packet_layout(const struct ddx_packet *packet);
 /* Take descriptor i out of a packet; -1 if there is none. */
 int ddx_packet_take(struct ddx_packet *packet, unsigned i);
 
-/* Close what nobody took. */
+/* Close the descriptors that were not taken. */
 void ddx_packet_close(struct ddx_packet *packet);
 
 /* Paths that the store's socket may have, best first: false when i is past the last. */

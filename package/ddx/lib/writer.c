@@ -23,11 +23,11 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     if (item->writer.term)
         return 0;
     if (!*item->type)
-        return -ENOENT; /* awaited: nobody has said what it is */
+        return -ENOENT; /* awaited: its type is unknown */
     ddx_message_init(&message, DDX_CLAIM, item);
     int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
     if (result) {
-        /* Some of it may have come before the store died: readers were not told of it, so it is worth nothing. */
+        /* Some of it may have arrived before the store died: readers do not know it, so it is useless. */
         ddx_writer_end(&item->writer);
         return item->deaf ? -EMFILE : result;
     }
@@ -54,7 +54,7 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
             break;
         }
         if (result == -ENOBUFS) {
-            /* There may be slots that were not taken in yet, and dead readers that nobody told of. */
+            /* There may be slots that were not taken in yet, and dead readers that were not reported. */
             ddx_item_service(item);
             if (ddx_writer_forget(writer, true) || writer->ring.slot_count > slots)
                 continue;
@@ -63,7 +63,7 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
         }
         /* The store queued the news before it changed the notice, so they are here: this does not wait. */
         if (ddx_item_service(item))
-            /* The store died meanwhile: then nobody has let the new reader in. */
+            /* The store died meanwhile: then the new reader was not admitted. */
             writer->ring.notice_seen = version;
     }
     return result;
@@ -173,7 +173,7 @@ int ddx_store_readers(const DDX_STORE_ITEM *item) {
     ddx_lock_take(&handle->lock);
     if (handle->writer.notice) {
         count = (int)atomic_load(&handle->writer.notice->readers);
-        /* Who writes because they are there writes into the slots that were added for them. */
+        /* A caller that starts writing because readers exist must see their slots first. */
         ddx_item_service(handle);
     }
     ddx_lock_give(&handle->lock);

@@ -115,9 +115,9 @@ bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
 }
 
 /*
- * A reader left; or, with DDX_FLAG_CREATE, those are gone who did not come back after the store's restart. A number
- * counts only with the store that gave it: a reader that has not come back yet keeps its former one, which is somebody
- * else's by now.
+ * A reader left; or, with DDX_FLAG_CREATE, all readers are gone that did not return after the store's restart. A number
+ * is valid only with the store that assigned it: a reader that has not returned yet keeps its former number, which may
+ * belong to another reader by now.
  */
 void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m) {
     see(writer, m->size, false);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* The readers whose pins a writer looks at: who is let in, and who is forgotten. With `lock` held. */
+/* The readers whose pins a writer checks: admitting and removing them. With `lock` held. */
 #ifndef DDX_WRITER_READERS_H
 #define DDX_WRITER_READERS_H
 
@@ -9,8 +9,8 @@ void ddx_writer_on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m);
 
 /*
- * Forget readers whose pin page nobody holds any more: those that are leaving, or all of them. The store's word is not
- * enough, it may have hung up on one that was stopped. True if there were any.
+ * Remove readers whose pin page no process holds any more: those that are leaving, or all of them. The store's message
+ * is not enough, because it may have disconnected a reader that was only stopped. True if there were any.
  */
 bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
 

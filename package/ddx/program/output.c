@@ -101,7 +101,7 @@ static long highest_number(const struct output *output, const char *prefix) {
     return highest;
 }
 
-/* A pipe has another end, which somebody may open later. */
+/* A pipe has another end, which a reader may open later. */
 static int open_pipe(const char *path) {
     const struct timespec step = {0, 20000000};
 
@@ -116,7 +116,7 @@ static int open_pipe(const char *path) {
     }
 }
 
-/* Standard output; so that it can be given up, with flags of its own, which others who have it do not see. */
+/* Standard output, reopened with separate flags, which other holders of it do not share, so that it can be given up. */
 static int open_standard(char *path) {
     struct stat status;
     bool regular = !fstat(STDOUT_FILENO, &status) && S_ISREG(status.st_mode);
@@ -128,7 +128,7 @@ static int open_standard(char *path) {
     return fd < 0 ? -errno : fd;
 }
 
-/* Of this process alone, as long as it is open; where the file system knows no locks, nobody is kept out. */
+/* Of this process alone, as long as it is open; where the file system has no locks, no process is kept out. */
 static int lock(int fd) {
     if (!flock(fd, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
         return fd;
@@ -202,7 +202,7 @@ int output_open(const struct output *output, char *path) {
         int error = fd < 0 ? -errno : lock(fd);
         if (error != -EEXIST && error != -EWOULDBLOCK)
             return error;
-        if (fd >= 0) /* any user may have locked it in between: that keeps nobody from recording */
+        if (fd >= 0) /* any user may have locked it in between: that must not prevent recording */
             unlink(path);
     }
     return -EEXIST;

@@ -22,9 +22,9 @@ int output_check(struct output *output, const char *place, const char *name, con
  * Open the next file; its path into path[PATH_MAX]. In a folder it is called <name>-<NNNNNN>-<UTC>.<extension>, with a
  * number above all that are there: recordings keep their order, and are not overwritten, however wrong the clock
  * is. A place of that name is used: emptied, or with `keep` the next free one of FILE, FILE-2, FILE-3 ... (before the
- * extension); `-` is standard output. A pipe is waited for until somebody reads it. A file is locked as long as it is
- * open. Returns the file descriptor or -errno: -EWOULDBLOCK, another program records into it; -ECANCELED, told to stop
- * before anybody opened the pipe.
+ * extension); `-` is standard output. A pipe is waited for until it has a reader. A file is locked as long as it is
+ * open. Returns the file descriptor or -errno: -EWOULDBLOCK, another program records into it; -ECANCELED, a request to
+ * stop came before the pipe had a reader.
  */
 int output_open(const struct output *output, char *path);
 

@@ -224,7 +224,8 @@ bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_
 
     while (*patient && ddx_store_outruns(item) == 1) {
         if (ddx_time_now() - begin > PATIENCE) {
-            say("%s: a reader is stopped, or reads now and then only: nobody waits for it", ddx_store_item_name(item));
+            say("%s: a reader is stopped, or reads now and then only: this program stops waiting for it",
+                ddx_store_item_name(item));
             *patient = false;
         } else if (!program_sleep_until(ddx_time_now() + NS / 1000, book)) {
             return false;

@@ -52,10 +52,10 @@ struct program {
  */
 void program_start(struct program *program, int argc, char **argv);
 
-/* TERM or INT came: finish, within five seconds. Whoever has not ended by then is ended, with exit 0. */
+/* TERM or INT came: finish, within five seconds. A program still running then is ended, with exit 0. */
 bool program_stopping(void);
 
-/* That was more than three seconds ago: nobody waits for another program any more. From any thread. */
+/* That was more than three seconds ago: no more waiting for another program. From any thread. */
 bool program_has_no_patience(void);
 
 /* Where the counters go: standard output, unless it is wanted for something else. */
@@ -77,9 +77,9 @@ void program_tick(DDX_STATS_BOOK *book);
 bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book);
 
 /*
- * Before a write of what could as well be written later: wait until every reader of the item has seen what that write
- * takes the place of. A reader that is stopped is waited for once, for some seconds; then, after a line, *patient
- * becomes false, and with that nobody is. False if told to stop.
+ * Before a write that may be delayed: wait until every reader of the item has seen the frame that the write
+ * replaces. A stopped reader is waited for once, for some seconds; then, after a line, *patient
+ * becomes false, and no reader is waited for. False if the program is to stop.
  */
 bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_BOOK *book);
 
@@ -109,12 +109,14 @@ bool program_does_without(const char *item, const char *suffix, int error);
 bool program_attach(struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source);
 
 /*
- * The item, as soon as somebody has created it; says so once when that takes time. NULL and errno: EINTR when told to
- * stop; the store's reason, after a line, when it refuses.
+ * The item, as soon as it exists; one line if that takes time. NULL and errno: EINTR on a request to
+ * stop; the store's reason, after a line, if it refuses.
  */
 DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book);
 
-/* The item, also when nobody has created it yet: for who must not miss its first value. Else as program_find(). */
+/*
+ * The item, even if it does not exist yet: for readers that must not miss its first value. Otherwise as program_find().
+ */
 DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK *book);
 
 /* Prints a line if the item has not been created yet. */

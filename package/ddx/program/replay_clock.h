@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Several replays of one run: `ddxlog -replay` says by an item when the run begins, and whoever else replays a part of
- * it (ddxvideoload) goes by that. What was recorded at CLOCK_MONOTONIC `recorded` happens at `replayed`, what came t
- * later happens t * den / num later.
+ * Several replays of one run: `ddxlog -replay` writes the start of the run into an item, and other replays of it
+ * (ddxvideoload) follow that. A value recorded at CLOCK_MONOTONIC `recorded` is replayed at `replayed`; a value
+ * recorded t later is replayed t * den / num later.
  */
 #ifndef DDX_REPLAY_CLOCK_H
 #define DDX_REPLAY_CLOCK_H

@@ -8,7 +8,7 @@
 #include "program.h"
 
 #define TICK_NS 100000000
-#define PATIENCE_TICKS 35 /* with a pipe that nobody reads, and the like */
+#define PATIENCE_TICKS 35 /* with a pipe without reader, and the like */
 #define LAST_TICK 45      /* with anything */
 
 static volatile sig_atomic_t stop_wanted, report_wanted, ticks;

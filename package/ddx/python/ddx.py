@@ -399,7 +399,7 @@ class Item:
         return int(_missed(self._open_handle()))
 
     def keep(self, frames: int) -> None:
-        """Keep so many frames for IN_ORDER; after the first read more only."""
+        """Keep that number of frames for IN_ORDER; after the first read it can only grow."""
         _check(_keep(self._open_handle(), frames))
 
     def acquire(self, timeout: float | None = None, tail: int = NEXT) -> Frame:

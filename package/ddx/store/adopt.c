@@ -142,8 +142,8 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
         DDX_PASS(STORE_MERGED);
         return news;
     }
-    /* An epoch that began in our time is the newest. Else the highest number is: who slept through a change of writer
-     * reports an older one, and goes on writing until it is told. */
+    /* An epoch that began in our time is the newest. Otherwise the one with the highest number is: a writer that
+     * slept through a change of writer reports an older one, and continues to write until it is notified. */
     if (item->epoch && (!item->foreign || item->pending || epoch->number < item->epoch->number ||
                         (epoch->number == item->epoch->number && (!writes || item->writer))))
         return 0;
@@ -174,7 +174,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
         item->announced = item->taken = client->offered_seen;
     item->writer = client;
     item->adopted = item->away = false;
-    reader_add_slots(item, 0, 0); /* for readers who came back before it */
+    reader_add_slots(item, 0, 0); /* for readers that returned before it */
     news_of_slots(item, item->epoch, client);
     news_of_readers(item);
     readers_count(item);
@@ -182,7 +182,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     return 0;
 }
 
-/* Whether somebody reads with this page already. */
+/* Whether a reader has this page already. */
 static bool reads(const struct item *item, int pin_fd) {
     for (const struct client *c = NULL; (c = item_next_reader(item, c));)
         if (ddx_memory_same(c->pin_fd, pin_fd))

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * After a restart, items come back from those who hold them: first come, first known; a writer's word counts more than
- * a reader's, and a newer epoch more than an older one. Nothing of an offer is believed before its memory files were
- * looked at.
+ * After a restart, holders offer their items: the first offer is accepted; a writer's offer takes precedence over
+ * a reader's, and a newer epoch over an older one. No part of an offer is trusted before its memory files were
+ * checked.
  */
 #ifndef STORE_ADOPT_H
 #define STORE_ADOPT_H

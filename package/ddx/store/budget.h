@@ -10,7 +10,7 @@
 
 uint64_t budget_used(struct store *store);
 uint64_t budget_reserved(const struct store *store);
-/* May this item's reservation become `reserved`? Makes room by dropping items that nobody holds, oldest first. */
+/* May this item's reservation become `reserved`? Drops items without a holder, oldest first, to free memory. */
 bool budget_allows(struct item *item, uint64_t reserved);
 /*
  * Before its next request: drop items that it has left, oldest first, while its share of kept memory is nearly used

@@ -25,7 +25,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
     struct item *item = client->item;
 
     if (item_is_awaited(item))
-        return -ENOENT; /* nobody has said what it is */
+        return -ENOENT; /* awaited: its type is unknown */
     if (item->writer)
         return item->writer == client ? -EINVAL : -EEXIST;
     if (item->adopted && !item->store->settled && ddx_memory_held(item->epoch->control_fd))
@@ -47,8 +47,9 @@ static int new_notice(struct item *item) {
 }
 
 /*
- * Who waited for the item asked for frames when nobody knew how large they are. Writing comes first: half of them, but
- * one for each reader. False if there is nothing to take away, or a reader has seen frames and counts on what it has.
+ * Readers that awaited the item asked for frames before the size was known. The writer takes precedence: each reader
+ * keeps half of its frames, at least one. False if there is nothing to take away, or a reader has seen frames and
+ * relies on its share.
  */
 static bool keep_less(struct item *item) {
     bool less = false;
@@ -76,7 +77,7 @@ static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     return (old > one ? old : one) + one + pins;
 }
 
-/* Never twice: somebody may still have the files of one that has not begun. */
+/* Never twice: a program may still have the files of an epoch that has not begun. */
 static uint32_t next_number(const struct item *item) {
     uint32_t last = (int32_t)(item->numbered - item->epochs) > 0 ? item->numbered : item->epochs;
 
@@ -178,7 +179,10 @@ static void give_up(struct client *client, int status) {
     writer_left(client);
 }
 
-/* The writer cannot take a file: without it, it cannot write at all; or goes on, and who it was for is refused next. */
+/*
+ * The writer cannot take a file: without it, it cannot write at all; or it continues, and the reader of that file is
+ * refused.
+ */
 static void refused(struct client *client, struct epoch *epoch, const struct ddx_message *m) {
     if (epoch == client->item->pending) {
         give_up(client, m->status);
@@ -238,7 +242,8 @@ void writer_taken(struct client *client, const struct ddx_message *m) {
         give_up(client, m->status); /* it would write over what this one holds */
         return;
     }
-    /* First: who is let in now hears of the new epoch before it hears that it is in, and finds the newest value. */
+    /* First: a reader that is admitted now must hear of the new epoch before it hears that it is admitted, to find
+     * the newest value. */
     go_live_if_ready(item);
     if (reader)
         reader_taken(reader, m->status);

@@ -5,7 +5,7 @@
 
 #include "state.h"
 
-/* See that the item can have so many more, if dropping others is enough for that; else nothing is dropped. */
+/* Free that number of descriptors for the item, if dropping other items is sufficient; otherwise no item is dropped. */
 void descriptors_for_item(struct item *item, unsigned count);
 
 /* The same for one descriptor of a smaller number than this. False: none could be had. */

@@ -8,7 +8,7 @@
 #include "kept.h"
 #include "label.h"
 
-#define NUMBER_MAX (UINT64_MAX / 4) /* nobody writes as many frames; with higher ones numbers would come to their end */
+#define NUMBER_MAX (UINT64_MAX / 4) /* no writer reaches it; beyond it numbers could overflow */
 #define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */
 
 struct ddx_layout *store_layout(const struct ddx_layout *layout) {
@@ -104,8 +104,8 @@ static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *fr
 }
 
 /*
- * The newest frame that is there: the very last one may lie in a slot that none of those who are left has been told of.
- * Not one that was never published.
+ * The newest existing frame: the very last one may be in a slot that no remaining holder knows.
+ * Never an unpublished one.
  */
 static bool newest_left(const struct epoch *from, uint64_t last, struct ddx_ring_frame *frame) {
     bool found = false;

@@ -27,15 +27,15 @@ void files_are(struct files *files);
 int file_use(int fd);
 void file_unuse(int fd);
 
-/* Nobody else needs it: it is closed when no message does, and after the next commit. */
+/* Not needed otherwise: closed when no message needs it, and after the next commit. */
 void file_close(int fd);
 
-/* What was done is done: commits what is kept (kept.h), then closes what nobody needs any more. */
+/* Commits the state (kept.h), then closes the descriptors that are no longer needed. */
 void files_commit(void);
 
 /*
- * By a worker that takes over: `known` tells whether a descriptor is in use by what was committed. A connection that
- * nobody knows of was taken in by a worker that died before it could say so: `found` gets it. Others are closed.
+ * By a worker that takes over: `known` reports whether the committed state uses a descriptor. An unknown connection
+ * was accepted by a worker that died before its commit: `found` gets it. Others are closed.
  */
 void files_sweep(bool (*known)(int fd), void (*found)(void *context, int socket), void *context);
 

@@ -39,7 +39,7 @@ static struct watch {
     _Atomic(int32_t) serving; /* socket plus one, 0: none */
     int32_t banned;
     uint32_t restarts;
-} nobody, *watch = &nobody;
+} unwatched, *watch = &unwatched;
 
 void holder_beat(void) {
     watch->beats++;
@@ -64,7 +64,7 @@ static pid_t start(int (*work)(void)) {
 
     if (pid)
         return pid;
-    prctl(PR_SET_PDEATHSIG, SIGKILL); /* without a holder nobody would keep what this one does */
+    prctl(PR_SET_PDEATHSIG, SIGKILL); /* without a holder the worker's state would be lost */
     prctl(PR_SET_NAME, "store-worker");
     if (getppid() != holder)
         _exit(1);
@@ -74,7 +74,7 @@ static pid_t start(int (*work)(void)) {
     exit(work());
 }
 
-/* Who made it die? */
+/* Whose request killed it? */
 static void blame(void) {
     static int32_t last, strikes;
     int32_t served = atomic_exchange(&watch->serving, 0);

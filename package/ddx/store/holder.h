@@ -14,8 +14,8 @@ int holder_run(int (*work)(void));
 void holder_beat(void);
 
 /*
- * By the worker: whose request it handles from now on (a socket), -1: nobody's. Who has cost three workers their lives
- * is not served any more: the next worker finds it here, -1: nobody.
+ * By the worker: the client (a socket) whose request it handles from now on, -1: none. A client that has cost three
+ * workers their lives is not served any more: the next worker finds it here, -1: none.
  */
 void holder_serving(int socket);
 int holder_banned(void);

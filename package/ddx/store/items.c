@@ -122,7 +122,7 @@ uint64_t item_reserved(const struct item *item) {
      * and then there must be room for the next. */
     if (item->pending && item->epoch)
         then -= epoch_bytes(item->epoch);
-    /* An epoch that somebody has not left yet lies where there is room for the next one. */
+    /* An epoch that a client has not left yet occupies the place of the next one. */
     return then > now + ended ? then : now + ended;
 }
 

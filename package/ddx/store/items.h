@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Items: their names, types and memory, and who reads them. */
+/* Items: their names, types, memory and readers. */
 #ifndef STORE_ITEMS_H
 #define STORE_ITEMS_H
 
@@ -15,10 +15,10 @@ const struct ddx_layout *item_layout(const struct item *item);
 /* The item's memory from now on; the former epoch has ended. */
 void item_begin_epoch(struct item *item, struct epoch *epoch);
 
-/* Whether readers wait for an item that nobody has created yet: it has no type and no layout. */
+/* Whether readers wait for an item that does not exist yet: it has no type and no layout. */
 bool item_is_awaited(const struct item *item);
 
-/* Somebody creates it. 0, -ENOMEM or -EDQUOT. */
+/* A client creates it. 0, -ENOMEM or -EDQUOT. */
 int item_define(struct item *item, const char *type, const struct ddx_layout *layout);
 void item_drop_if_unused(struct item *item);
 int item_set_notice(struct item *item, int fd); /* takes fd, also on failure */
@@ -26,7 +26,7 @@ uint64_t item_bytes(const struct item *item);   /* of what is to be had of it: n
 uint64_t item_reserved(const struct item *item);
 void item_describe(const struct item *item, struct ddx_message *message);
 
-/* Who reads it, one after the other: NULL gives the first one; NULL: there is no other. */
+/* The next reader after this one; NULL gives the first one. Returns NULL after the last. */
 struct client *item_next_reader(const struct item *item, const struct client *former);
 
 #endif

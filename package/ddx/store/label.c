@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What a memory file is for stands in its name, and who made it in its owner: neither can be changed, whoever has the
- * file. So after a restart the store knows the files that its predecessor made, and believes no offer of others, nor of
+ * A memory file's name states its purpose, and its owner its maker: no holder of the file can change
+ * either. So after a restart the store recognizes its predecessor's files, and accepts no others, nor
  * these for another item, epoch, layout or place.
  */
 #include <stdio.h>

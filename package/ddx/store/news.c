@@ -31,7 +31,7 @@ void news_of_epoch(const struct item *item, struct client *reader) {
     struct ddx_ring_frame frame;
 
     strcpy(message.name, item->name);
-    strcpy(message.type, item->type); /* news for who awaited the item */
+    strcpy(message.type, item->type); /* new to clients that awaited the item */
     message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : 0;
     if (message.sequence < item->sequence) /* of what was published in the one before, not all may be left */
         message.sequence = item->sequence;
@@ -40,7 +40,7 @@ void news_of_epoch(const struct item *item, struct client *reader) {
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         message.index += epoch->slot_ready[i];
     if (epoch->readers_fd < 0 && (epoch->readers_fd = ddx_memory_share(epoch->control_fd)) < 0) {
-        note("%s: %d cannot be told of it: %s; closing its connection", item->name, (int)reader->pid, strerror(errno));
+        note("%s: %d cannot be notified: %s; closing its connection", item->name, (int)reader->pid, strerror(errno));
         reader->gone = true;
         return;
     }

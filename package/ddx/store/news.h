@@ -5,7 +5,7 @@
 
 #include "state.h"
 
-/* To the writer, who answers with TAKEN: see reader_taken(). */
+/* To the writer, which answers with TAKEN: see reader_taken(). */
 void news_of_reader(struct item *item, struct client *reader);
 void news_of_readers(struct item *item); /* all of them */
 void news_of_slots(const struct item *item, struct epoch *epoch, struct client *writer); /* those it has not heard of */
@@ -18,6 +18,6 @@ void news_of_slot_to_all(const struct item *item, unsigned slot);
 
 /* Count the readers for whom frames are kept: once the writer has their slots, and they know them. */
 void readers_count(struct item *item);
-void readers_tell(const struct store *store); /* to all writers, when everybody has been told of the rest */
+void readers_tell(const struct store *store); /* to all writers, after all other messages */
 
 #endif

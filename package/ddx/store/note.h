@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* A line for people; say() is for a whole text. False: nobody reads, it was left out. */
+/* A line for people; say() is for a whole text. False: the log is not read, the line was omitted. */
 void note(const char *format, ...) __attribute__((format(printf, 1, 2)));
 bool say(int fd, const char *text, size_t length);
 

@@ -26,7 +26,7 @@ int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
 
     if (wanted > DDX_SLOTS_MAX || item->readers + pages > DDX_READERS_MAX)
         return -EBUSY;
-    if (!epoch) /* nobody has written it: it is not known how large its frames will be */
+    if (!epoch) /* never written: the size of its frames is unknown */
         return budget_allows(item, item_reserved(item) + pages * ddx_page_round(1)) ? 0 : -EBUSY;
     unsigned more = item->writer && wanted > epoch->slots ? wanted - epoch->slots : 0;
     uint64_t cost = (more + keep) * epoch->runs.file_bytes + pages * ddx_page_round(1);

@@ -6,14 +6,14 @@
 #include "state.h"
 
 void reader_attach(struct client *client, unsigned keep);
-/* Its writer looks at its pins, or (-errno) does not; it is told so if it has asked. */
+/* Its writer checks its pins, or (-errno) does not; the reader is notified if it has asked. */
 void reader_taken(struct client *client, int status);
 /*
- * Whether any of them waits for that. A writer that is stopped keeps nobody waiting for long: when the news is in its
- * socket, and the notice says so, it takes it in before it writes.
+ * Whether any of them waits for that. A stopped writer delays no reader for long: when the message is in its
+ * socket, and the notice says so, it reads the message before it writes.
  */
 bool readers_wait(struct store *store);
-/* There is no writer any more: who waits for it is let in, unless it lives and may come back. */
+/* There is no writer any more: waiting readers are admitted, unless the writer lives and may come back. */
 void readers_without_writer(struct item *item);
 /* Give the writer as many slots as there are pins, plus the newest and the one being written. 0 or -EBUSY. */
 int reader_add_slots(struct item *item, unsigned keep, unsigned pages);

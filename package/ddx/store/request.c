@@ -39,7 +39,7 @@ static void open_item(struct client *client, struct ddx_packet *packet) {
         client_send(client, &reply, NULL, NULL, 0);
         return;
     }
-    /* Another type than before: allowed to who wants to write, when nobody has the item open. */
+    /* Another type than before: allowed to a future writer, if no program has the item open. */
     if (m->flags & DDX_FLAG_WRITER && !item->handles && layout &&
         (strcmp(item->type, m->type) || ddx_layout_may_become(item_layout(item), layout))) {
         struct item *former = item;
@@ -81,7 +81,7 @@ void list_continue(struct client *client) {
     m.size = store->settings->budget;
     m.bytes = budget_used(store);
     m.reserved = budget_reserved(store);
-    m.pid = (int32_t)getppid(); /* the holder: who ends it ends the store */
+    m.pid = (int32_t)getppid(); /* the holder: its end is the end of the store */
     m.index = holder_restarts();
     for (const struct client *c = store->clients; c; c = c->next)
         m.readers += c->item != NULL;

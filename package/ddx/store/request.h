@@ -6,7 +6,7 @@
 #include "state.h"
 
 void request_handle(struct client *client, struct ddx_packet *packet);
-/* Whether its answer depends on what others hold: those who are dead hold nothing any more. */
+/* Whether its answer depends on other clients' holdings: dead clients must be removed first. */
 bool request_counts(const struct ddx_packet *packet);
 /* Some of the list; the rest when the client has read that. */
 void list_continue(struct client *client);

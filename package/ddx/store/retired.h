@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Epochs that have ended. Whoever still has one, because it is stopped or has not read that the next one has begun,
- * keeps its memory, so it counts until the kernel says that nobody has it any more.
+ * Epochs that have ended. A client that still has one, because it is stopped or has not read that the next one has
+ * begun, keeps its memory, so the memory counts until the kernel reports that no process has it.
  */
 #ifndef STORE_RETIRED_H
 #define STORE_RETIRED_H

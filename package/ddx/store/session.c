@@ -66,15 +66,15 @@ static struct client *allocate(struct process *process) {
 }
 
 struct client *client_add(struct store *store, int socket) {
-    struct ucred who = {0};
-    socklen_t length = sizeof who;
+    struct ucred peer = {0};
+    socklen_t length = sizeof peer;
 
-    getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &who, &length);
-    struct process *process = process_join(store, who.pid);
+    getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length);
+    struct process *process = process_join(store, peer.pid);
     bool has_place = process && !too_many(process) && find_place(store, &socket);
     struct client *client = has_place ? allocate(process) : NULL;
     if (!client) {
-        note("%d is refused: %s", (int)who.pid,
+        note("%d is refused: %s", (int)peer.pid,
              process && !has_place ? "too many connections" : "no memory for one connection more");
         if (process)
             process_leave(process);
@@ -83,7 +83,7 @@ struct client *client_add(struct store *store, int socket) {
     }
     client->store = store;
     client->process = process;
-    client->pid = who.pid;
+    client->pid = peer.pid;
     client->socket = socket;
     client->pin_fd = client->offered_notice_fd = client->offered_pin_fd = -1;
     client->next = store->clients;
@@ -168,8 +168,8 @@ static const struct pollfd *look(const struct store *store) {
 }
 
 /*
- * Take back what those hold who hung up but whose last messages were not read yet: who asks for a thing after another
- * gave it back must get it.
+ * Take back the holdings of clients that hung up and whose last messages were not read yet: a client that asks for
+ * something after another client gave it back must get it.
  */
 static void reap(const struct client *asking) {
     const struct pollfd *found = look(asking->store);
@@ -222,7 +222,7 @@ void client_receive(struct client *client, unsigned most) {
         ddx_packet_close(&packet);
         ddx_discard(client->socket);
         DDX_PASS(STORE_DISCARDED);
-        /* Who complains is told first what comes of it. */
+        /* The complaining client gets its reply first. */
         clients_tell(client->store, packet.message.status ? NULL : client);
     }
 }
@@ -290,7 +290,7 @@ void clients_sweep(struct store *store) {
     processes_sweep(store);
 }
 
-/* Not before it is committed: what was said is true whoever dies. */
+/* Not before the commit: a reply must hold even if any process dies. */
 void clients_tell(struct store *store, struct client *last) {
     bool said = clients_go_on(store, last);
     readers_tell(store);

@@ -12,7 +12,7 @@ struct client *client_add(struct store *store, int socket); /* takes the socket,
 void client_accept(struct store *store);
 /* There was none a moment ago: poll() would report the same again and again. */
 bool clients_must_wait(void);
-/* At most so many of its requests, one after the other; each is committed before anybody hears what came of it. */
+/* At most that number of its requests, one after the other; each is committed before any reply is sent. */
 void client_receive(struct client *client, unsigned most);
 
 /*
@@ -20,8 +20,8 @@ void client_receive(struct client *client, unsigned most);
  * share of messages handled, and its other clients come first in the next turn.
  */
 void clients_hear(struct store *store, const struct pollfd *found);
-void clients_sweep(struct store *store); /* forget those who are gone */
-/* Now that it is committed, what is to be said: to this client (or NULL) after all others. */
+void clients_sweep(struct store *store); /* remove the clients that are gone */
+/* After the commit, send the pending messages: to this client (or NULL) after all others. */
 void clients_tell(struct store *store, struct client *last);
 
 #endif

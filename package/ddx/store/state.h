@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What the store knows: who has which item, and the memory files of it. One thread, nothing here is on the frame path.
+ * The store's state: items, their holders and memory files. One thread; nothing here is on the frame path.
  *
- * Who calls whom, from below (tests/host/test_layers.py looks): what is said to a client, kept and logged (link, heap,
- * kept, files, holder, note) - epochs and items - items that may be dropped (leftover) - the budget, descriptors, what
- * one process gets (process), and what holders are told (news) - terms of reading and writing (readers, claim, adopt) -
+ * Layers, from below (checked by tests/host/test_layers.py): messages, state and log (link, heap,
+ * kept, files, holder, note) - epochs and items - items that may be dropped (leftover) - the budget, descriptors,
+ * a process's share (process), and messages to holders (news) - terms of reading and writing (readers, claim, adopt) -
  * requests and sessions - the worker, and the succession of workers.
  */
 #ifndef STORE_STATE_H
@@ -58,8 +58,8 @@ struct client {
     uint32_t id; /* 0: does not read */
     unsigned keep;
     bool admitted;  /* the writer looks at its pins, or will before it writes: it may hear of frames, and pin them */
-    bool unseen;    /* the writer cannot, and is told again and again */
-    int64_t told_at; /* the last time */
+    bool unseen;    /* the writer cannot, and is notified repeatedly */
+    int64_t told_at; /* time of the last notification */
     uint32_t version; /* of the notice, when the writer was told */
     unsigned asked; /* frames of its ATTACH that is not answered yet, 0: there is none */
     int64_t asked_at;
@@ -72,7 +72,7 @@ struct client {
     int offered_notice_fd, offered_pin_fd;
     unsigned offered_keep;
     uint32_t offered_seen; /* the notice's version up to which it has heard of readers */
-    /* in the middle of LIST: the last item it was told of */
+    /* in the middle of LIST: the last item sent */
     bool listing;
     char listed[DDX_NAME_MAX + 1];
 };
@@ -101,7 +101,7 @@ struct item {
     struct ddx_notice *notice;
     uint32_t announced; /* the notice's version when the writer has heard of all readers */
     uint32_t taken;     /* and of those whose pins it looks at, or has refused to */
-    uint32_t counted;   /* what the notice says of readers when everybody has heard everything */
+    uint32_t counted;   /* the notice's count of readers once all messages are sent */
     uint64_t sequence; /* of the last epoch's last frame */
     struct ended ended[ENDED];
 };
@@ -111,7 +111,7 @@ struct retired {
     struct retired *next;
     const struct item *item; /* NULL: it is no more */
     uint64_t bytes;
-    int watch; /* a description of the control page that nobody else has */
+    int watch; /* a description of the control page that no other process has */
 };
 
 /* What is so from the beginning, for all workers. */
@@ -132,8 +132,8 @@ struct store {
     struct files files;
     uint32_t next_reader;
     int64_t listened; /* ns that this store had an ear for others, without what it was stopped for */
-    bool open;        /* living holders have had time to report, if they are awake: newcomers may come in */
-    bool settled;     /* who has not yet, is stopped or dead */
+    bool open;        /* living holders that are awake have had time to report: new clients are admitted */
+    bool settled;     /* holders that have not reported are stopped or dead */
 };
 
 #endif

@@ -70,7 +70,7 @@ static void *map(int fd, size_t bytes, bool writable) {
     return address;
 }
 
-/* Whoever made the control page has sealed it against writers meanwhile; what the store wrote there is written. */
+/* The control page has been sealed against writers meanwhile; what the store wrote into it remains. */
 static void take_over_epoch(struct epoch *epoch) {
     if (!epoch)
         return;

@@ -21,11 +21,11 @@
 #include "worker.h"
 
 /* ns of listening after a restart */
-#define GRACE 250000000   /* in which only living holders are heard */
-#define NOISE 1000000000  /* after which newcomers are heard although the holders still have a lot to say */
-#define SETTLE 2000000000 /* after which those who did not report count as dead */
-#define TICK 20000000     /* between looks at the clock while that goes on */
-#define BEAT 500000000    /* between signs of life, at most */
+#define GRACE 250000000   /* in which only living holders are served */
+#define NOISE 1000000000  /* after which new clients are served although holders still send a lot */
+#define SETTLE 2000000000 /* after which holders that did not report count as dead */
+#define TICK 20000000     /* between checks of the clock meanwhile */
+#define BEAT 500000000    /* between reports of liveness, at most */
 
 static volatile sig_atomic_t stop, report;
 
@@ -100,8 +100,8 @@ static struct pollfd *poll_list(struct store *store, nfds_t *count, bool *waits)
 }
 
 /*
- * After a restart: count the time that we listened. A store that was stopped meanwhile, or does not get to run, has not
- * heard those who reported; were it to let newcomers in by the clock, it would give them items that others hold.
+ * After a restart: count the time spent listening. A store that was stopped meanwhile, or got no processor, has not
+ * read the holders' reports; if it admitted new clients by the clock, it would give them items that others hold.
  */
 static void count_time(struct store *store, bool calm) {
     static int64_t last;
@@ -113,7 +113,10 @@ static void count_time(struct store *store, bool calm) {
         store->open = true;
 }
 
-/* How long nothing may happen: until the next look at the clock, at a crowd, at who waits, or the next beat. */
+/*
+ * How long to sleep: until the next check of the clock, of crowded queues, of waiting clients, or the next report of
+ * liveness.
+ */
 static struct timespec patience(const struct store *store, bool young, bool waits) {
     bool grace = young && !store->open;
 

@@ -4,7 +4,7 @@
 
 #include "state.h"
 
-/* Until it is told to end; gives the exit status. */
+/* Until a request to stop; gives the exit status. */
 int worker_run(const struct settings *settings);
 
 #endif

@@ -71,7 +71,7 @@ static void put_losses_channel(struct disk *disk) {
     mcap_put_channel(disk->writer, &channel);
 }
 
-/* What is there at the beginning: items that are rarely written would else be unknown to who has this file only. */
+/* The values at the beginning: otherwise this file alone would lack items that are rarely written. */
 static void put_last_values(struct disk *disk) {
     unsigned count = atomic_load(&disk->logger->item_count);
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The logger. Four threads:
- *   the main one   reads values, puts them into the queue; waits for nobody but the clock
+ *   the main one   reads values, puts them into the queue; waits for the clock only
  *   finder         asks the store what items there are, opens those that are wanted
  *   disk           takes values out of the queue, writes files
  *   mender         at the start, for a while: files that a power cut left without an end
@@ -36,7 +36,7 @@ enum item_state {
     ITEM_ABSENT, /* finder: not there, or given back */
     ITEM_FOUND,  /* main thread: opened, its newest value is held */
     ITEM_READ,   /* main thread */
-    ITEM_LEAVE   /* main thread: nobody writes it; give it back, so that its type may change */
+    ITEM_LEAVE   /* main thread: it has no writer; give it back, so that its type may change */
 };
 
 struct item {
@@ -65,7 +65,7 @@ struct item {
     uint64_t told; /* losses, when they were last written to the file */
     uint64_t unsafe; /* of `out`, since the file was last flushed to the disk */
     /* the finder's: */
-    int64_t alone;             /* since when nobody writes it; 0: somebody does */
+    int64_t alone;             /* since when it has no writer; 0: it has one */
     uint64_t listed;           /* its sequence when we last looked */
     _Atomic unsigned keep;     /* frames that it should keep for us */
     _Atomic uint64_t consumed; /* as `sequence`, for the finder */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* At the start: the files of this instance that were cut off by a power failure get an end. In nobody's way. */
+/* At the start: the files of this instance that were cut off by a power failure are repaired, at idle priority. */
 #include <dirent.h>
 #include <errno.h>
 #include <limits.h>
@@ -12,7 +12,7 @@
 #include "logger.h"
 #include "recover.h"
 
-#define IDLE_PRIORITY (3 << 13) /* ioprio_set(): the disk when nobody else wants it */
+#define IDLE_PRIORITY (3 << 13) /* ioprio_set(): the disk when no other program uses it */
 
 static bool is_ours(const struct logger *logger, const char *name) {
     size_t length = strlen(logger->program.instance), all = strlen(name);

@@ -110,7 +110,7 @@ void item_begin(struct logger *logger, struct item *item) {
 
         if (item->known && first->sequence > item->sequence)
             count_missed(logger, item, first->sequence - item->sequence - 1);
-        else if (!again && (item->known || item->awaited)) /* its numbers began anew, or we saw it come */
+        else if (!again && (item->known || item->awaited)) /* numbering started again, or it was awaited */
             count_missed(logger, item, first->sequence - 1);
         if (!again)
             take_value(logger, item, first);

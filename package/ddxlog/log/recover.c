@@ -43,7 +43,7 @@ static uint16_t new_schema(struct copy *copy, uint16_t id) {
     return schema.id;
 }
 
-/* 0: nobody said what the channel is. */
+/* 0: the channel was not declared. */
 static uint16_t new_channel(struct copy *copy, uint16_t id) {
     const struct mcap_channel *old = mcap_channel(copy->reader, id);
 
@@ -176,7 +176,7 @@ int recover(const char *path, const atomic_bool *stop, struct recovery *recovery
         snprintf(error, MCAP_ERROR_MAX, "cannot be opened: %s", strerror(-result));
         return result;
     }
-    if (flock(old, LOCK_EX | LOCK_NB)) { /* who writes it has it locked */
+    if (flock(old, LOCK_EX | LOCK_NB)) { /* its writer has it locked */
         close(old);
         return -EBUSY;
     }

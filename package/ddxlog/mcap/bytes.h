@@ -13,7 +13,9 @@ struct bytes {
     bool failed; /* no memory: what was put since then is missing */
 };
 
-/* Room for so many more, uninitialised; NULL if there is no memory (`failed` is set). They count at once. */
+/*
+ * Room for that number of bytes more, uninitialised; NULL if there is no memory (`failed` is set). They count at once.
+ */
 void *bytes_extend(struct bytes *bytes, size_t size);
 
 void bytes_put(struct bytes *bytes, const void *data, size_t size);
@@ -38,7 +40,7 @@ struct cursor {
 };
 
 uint64_t cursor_number(struct cursor *cursor, unsigned width);
-/* So many bytes as they are, or NULL. */
+/* That number of bytes, unchanged, or NULL. */
 const unsigned char *cursor_bytes(struct cursor *cursor, uint64_t size);
 /* A text as a string of its own, to free(); NULL if it is cut short, has a zero byte in it, or there is no memory. */
 char *cursor_text(struct cursor *cursor);

@@ -5,7 +5,7 @@
  * A file of ours is: magic, Header, Metadata; then, again and again, Schema and Channel records of what is new, a Chunk
  * of messages (LZ4) and its Message Indexes; at the end Data End, the summary (schemas and channels once more,
  * statistics, indexes) and a Footer, magic. Schemas and channels stand in front of the chunks and not in them, so that
- * who looks for them unpacks nothing. A file that was cut off lacks its end, and is read up to its last whole chunk.
+ * a search for them unpacks nothing. A file that was cut off lacks its end, and is read up to its last whole chunk.
  * Messages outside of chunks are passed over: they have no checksum, so damage might look like one.
  *
  * Errors: -errno. Times: ns, as the caller means them. A writer, or a reader, belongs to one thread at a time.

@@ -61,7 +61,7 @@ struct mcap_reader {
     struct own_channel *channels[MCAP_IDS];
 };
 
-/* All `size` bytes at this place of the file. 0, -EBADMSG: there are not so many; -errno. */
+/* All `size` bytes at this place of the file. 0, -EBADMSG: there are fewer; -errno. */
 int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size);
 
 /* Take in a Schema, Channel or Metadata record. -EBADMSG if it is none, -E2BIG beyond MCAP_DEFINED_MAX, -ENOMEM. */

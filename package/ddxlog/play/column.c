@@ -33,7 +33,7 @@ static void write_number(FILE *file, const struct form_leaf *leaf, const unsigne
         float value;
 
         memcpy(&value, &bits, sizeof value);
-        fprintf(file, "%.9g", (double)value); /* so many digits that the very same number is read again */
+        fprintf(file, "%.9g", (double)value); /* enough digits to read the same number again */
     } else if (leaf->kind == DDX_KIND_FLOAT) {
         double value;
 

@@ -13,7 +13,7 @@ struct replay_item {
     DDX_STORE_ITEM *handle;
     struct form *form; /* of the item as it is now */
     uint16_t channel;  /* whose layout that is; 0: none */
-    bool refused;      /* somebody else writes it, ...: said so, goes on without */
+    bool refused;      /* another program writes it, for example: reported, left out */
 };
 
 /* Create all items of the log. How many. */

@@ -265,7 +265,7 @@ int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_
 int64_t ddxvideo_wall_offset(void) {
     int64_t offset = 0, tightest = INT64_MAX;
 
-    for (int look = 0; look < LOOKS && tightest > TIGHT_NS; look++) { /* who is interrupted between them, looks again */
+    for (int look = 0; look < LOOKS && tightest > TIGHT_NS; look++) { /* an interruption between them is repeated */
         struct timespec wall;
         int64_t before = ddx_time_now();
         clock_gettime(CLOCK_REALTIME, &wall);

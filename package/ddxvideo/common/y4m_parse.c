@@ -99,7 +99,7 @@ static bool our_parameter(const char *word, struct y4m_header *header, char *err
         else if (!strcmp(value, "LIMITED"))
             geometry->range = DDX_VIDEO_RANGE_LIMITED;
     }
-    return true; /* other X parameters are somebody else's */
+    return true; /* other X parameters belong to other programs */
 }
 
 static bool parameter(const char *word, struct y4m_header *header, char *error) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Kills programs that hang, so that runsv starts them anew, and feeds the watchdog as long as that is enough. */
+/* Kills programs that hang, so that runsv starts them again, and feeds the watchdog as long as that is sufficient. */
 #include <string.h>
 #include <time.h>
 
@@ -35,8 +35,8 @@ static void kill_silent(struct watch *watch) {
 }
 
 /*
- * The store answers, and the recorder, if it is there, gives signs of life. A program that ends again and again is not
- * what a reset cures: it is started anew each time, and the rest of the robot goes on.
+ * The store answers, and the recorder, if there is one, reports liveness. A reset does not cure a program that exits
+ * again and again: it is restarted each time, and the rest of the robot continues.
  */
 static bool all_well(const struct watch *watch) {
     const struct watched *recorder = watch_find(watch, RECORDER);
@@ -73,7 +73,7 @@ int main(int argc, char **argv) {
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     struct program program = {.name = "ddxhealth",
-                              .purpose = "Looks after the services: a program that hangs is killed and started anew;\n"
+                              .purpose = "Supervises the services: a program that hangs is killed and started again;\n"
                                          "when that does not help the store or the recorder, the watchdog resets the\n"
                                          "machine. It does so as well when this program ends.",
                               .options = options,

@@ -103,7 +103,7 @@ void watch_look(struct watch *watch, const char *folder, DDX_STORE_ID *id) {
     last = begin;
     watch->answered = !ddx_store_list(id, NULL, &items, &count);
     if (!watch->answered) {
-        /* Nobody else can be judged now. A store that is away refuses at once, one that hangs lets us wait. */
+        /* No other program can be checked now. A missing store refuses at once, a hanging store blocks. */
         watch->refused += ddx_time_now() - begin;
         return;
     }

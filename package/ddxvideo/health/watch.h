@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Which services give signs of life. What runs is runsv's word (/run/service/<name>/supervise); a sign of life is a new
- * value of the service's item `<name>.stats`, which every program writes once a second, and for the store an answer.
+ * Which services are alive. runsv knows which ones run (/run/service/<name>/supervise); a program is alive if it writes
+ * its item `<name>.stats`, as every program does once a second, and the store if it answers.
  *
- * Silence is counted in this program's own time, from look to look: when the machine, or the host of a virtual one,
- * gives nobody any time, nobody is called dead.
+ * Silence is counted in this program's own running time, from check to check: if the machine, or the host of a virtual
+ * one, stops all programs, none of them counts as dead.
  */
 #ifndef DDXHEALTH_WATCH_H
 #define DDXHEALTH_WATCH_H

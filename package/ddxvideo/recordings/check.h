@@ -26,7 +26,7 @@ struct check {
 /* The next bytes of the file. */
 void check_bytes(struct check *check, const unsigned char *bytes, size_t size);
 
-/* So many of its frames were not there. */
+/* Number of its missing frames. */
 void check_end(struct check *check);
 
 /*

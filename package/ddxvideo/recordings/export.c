@@ -80,8 +80,8 @@ static int add_up(void *to, const unsigned char *bytes, size_t size) {
     return 0;
 }
 
-/* The file that was written, to be read. The folder may be another user's, who can put a link or a pipe in its place:
- * root neither follows nor waits for them, and reads no other file. */
+/* The file that was written, to be read. If the folder belongs to another user, that user can put a link or
+ * a pipe in its place: root neither follows nor waits for them, and reads no other file. */
 static int open_written(const struct copy *copy, int to, const char *name, bool *direct) {
     int flags = O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
     struct stat written, opened;

@@ -71,8 +71,9 @@ static bool same(const struct pooled_list *one, const struct pooled_list *other)
 }
 
 /*
- * A recorder may end a file and begin the next one while we look: first at the next one, which is nobody's yet, then at
- * the former, which is let go. So we look until two looks agree, or what is recorded would be told as interrupted.
+ * A recorder may end a file and begin the next one while we look: first at the next one, which is not locked yet, then
+ * at the former, which is unlocked by then. So we repeat until two scans agree, or a running recording would be
+ * reported as interrupted.
  */
 static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
     int error = look_once(folder, list);

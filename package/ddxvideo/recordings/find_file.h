@@ -12,8 +12,8 @@
 int find_open(int folder, const char *name, int flags);
 
 /*
- * All but the name that people gave it, from the index of found->id. False: it is no recording, but free, or somebody
- * has deleted it (`named`: it has a name).
+ * All but the name that people gave it, from the index of found->id. False: it is no recording, but free or
+ * deleted (`named`: it has a name).
  */
 bool find_indexed(int pool, bool named, struct found *found);
 

@@ -39,7 +39,7 @@ static int bad_usage(const char *word, const char *problem) {
     return EXIT_USAGE;
 }
 
-/* Whoever records, sends or receives comes first. */
+/* Programs that record, send or receive come first. */
 static void step_back(void) {
     setpriority(PRIO_PROCESS, 0, 19);
     syscall(SYS_ioprio_set, 1, 0, IDLE);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Recordings that have ended and are still being written: who takes frames from the store does not wait for them. */
+/* Recordings that have ended and are still being written: the thread that takes frames does not wait for them. */
 #ifndef DDXVIDEO_BACKLOG_H
 #define DDXVIDEO_BACKLOG_H
 
@@ -13,8 +13,8 @@ struct backlog {
 };
 
 /*
- * Whether `present`, which may be NULL, may be added and another one be begun, whose queue has so many bytes: together
- * they must not take all the memory, however long the disk stands still. There is always room beside a single one.
+ * Whether `present`, which may be NULL, may be added and another one be begun, whose queue has that number of bytes:
+ * together they must not take all the memory, however long the disk hangs. A second one is always allowed.
  */
 bool backlog_has_room(const struct backlog *backlog, const struct recording *present, uint64_t queue_bytes);
 

@@ -18,7 +18,7 @@ static void *populate(void *argument) {
     struct byte_queue *queue = argument;
 
     program_thread_signals();
-    program_thread_ordinary(); /* with priority it would take the processor from who takes frames */
+    program_thread_ordinary(); /* with priority it would take the processor from the thread that takes frames */
     for (size_t at = 0; at < queue->size && !queue->enough; at += ALIGNMENT)
         if (madvise(queue->memory + at, ALIGNMENT, MADV_POPULATE_WRITE))
             break; /* a kernel before 5.14: the frames touch them, then */
@@ -89,7 +89,7 @@ bool byte_queue_put(struct byte_queue *queue, const struct iovec *pieces, int co
     if (!room)
         return false;
 
-    /* Outside the lock: nobody looks at free room, and only this thread makes it less. */
+    /* Outside the lock: no other thread reads the free space, and only this thread reduces it. */
     uint64_t begin = queue->put + facts->header, at = queue->put;
     for (int i = 0; i < count; i++) {
         copy_in(queue, at, pieces[i].iov_base, pieces[i].iov_len);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The queue between store and disk: the bytes of the files to be, in order, and where each frame lies. One thread puts
- * frames in and never waits; another takes bytes out, in pieces as large as the disk likes them. Who uses the recorder
- * knows it as the ring (-ring, lost.ring).
+ * frames in and never waits; another takes bytes out, in pieces as large as the disk likes them. Users of the recorder
+ * know it as the ring (-ring, lost.ring).
  *
  * Each file begins at a multiple of BYTE_QUEUE_BLOCK in the memory: aligned pieces of the file are aligned there, too.
  * Of a block that has been taken in part all stays: a disk that is written in blocks gets it once more, with what
@@ -23,7 +23,7 @@
 
 /* What is known of a frame beside its bytes. */
 struct byte_queue_facts {
-    unsigned header;   /* so many of the bytes put belong to no frame: the file's header, at its begin */
+    unsigned header;   /* number of bytes before the frame: the file's header, at its beginning */
     int64_t published; /* when it was written into the store */
     int64_t time;      /* of the capture */
     int64_t wall;      /* as wall time; 0 if unknown */

@@ -48,7 +48,7 @@ uint64_t choice_up_to(const struct choice *choice, uint64_t sequence) {
 }
 
 uint64_t choice_wants(const struct choice *choice, uint64_t sequence, uint64_t frames) {
-    if (!choice->take || frames > sequence) /* some of them had other numbers, which nobody knows */
+    if (!choice->take || frames > sequence) /* some of them had other, unknown numbers */
         return frames;
     return choice_up_to(choice, sequence) - choice_up_to(choice, sequence - frames);
 }

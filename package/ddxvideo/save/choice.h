@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Which frames are to be recorded, when not all are: the first one that the item ever had, and from there on so many
- * of so many, evenly, by their numbers in the store. So it is known of each frame whether it was wanted, also of one
- * that nobody got to see, and a recorder that is started anew goes on in step with the one before.
+ * Which frames are to be recorded, when not all are: the item's first one, and from there on `take`
+ * of every `of` frames, evenly, by their numbers in the store. So each frame is known to be wanted or not, even if
+ * it was lost, and a recorder that is started again continues in step with the previous one.
  */
 #ifndef DDXVIDEO_CHOICE_H
 #define DDXVIDEO_CHOICE_H
@@ -13,10 +13,10 @@
 
 struct choice {
     /* what is wanted, one of both: */
-    long skip;                   /* one of so many frames; 0 or 1: each */
+    long skip;                   /* one of `skip` frames; 0 or 1: each */
     uint32_t rate_num, rate_den; /* frames a second at most; rate_num 0: as many as there are */
     /* private: */
-    uint32_t take, of; /* so many of so many; take 0: each. `of` 0: nobody has looked yet */
+    uint32_t take, of; /* record `take` of every `of` frames; take 0: all of them; of 0: not set yet */
     int their_num, their_den, kept_num, kept_den; /* rate of the pictures that this is for, and of those it leaves */
 };
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Tells how the recorder's disk is, in the item `<instance>.disk`, once a second, from a thread of its own: whoever
- * records does not wait for it.
+ * Writes the state of the recorder's disk into the item `<instance>.disk`, once a second, from a separate thread:
+ * recording does not wait for it.
  */
 #ifndef DDXVIDEO_DISK_WATCH_H
 #define DDXVIDEO_DISK_WATCH_H
@@ -14,7 +14,7 @@
 /* The value of the item. The layout is the same for 32-bit and 64-bit programs. */
 DDX_STORE_TYPE(
     DDX_DISK, struct {
-        uint64_t free;        /* bytes of the file system that nobody uses */
+        uint64_t free;        /* free bytes of the file system */
         uint64_t usable;      /* bytes that recordings can still take */
         uint64_t rate;        /* bytes a second that are recorded now */
         int64_t seconds_left; /* at this rate; -1: nothing is recorded, or the oldest recordings make room */

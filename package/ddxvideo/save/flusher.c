@@ -15,7 +15,7 @@ static bool may_finish(const struct flusher *flusher, const struct segment *segm
     return segment->closed && (!next || next->closed || segment_is_promised(next) || *flusher->error);
 }
 
-/* Until somebody has something for us to do, or it is time. False when there will be nothing more. */
+/* Waits for work or for the time of the next flush. False if there will be no more work. */
 static bool wait_for_work(struct flusher *flusher, int64_t until) {
     struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
     bool timeout = false;

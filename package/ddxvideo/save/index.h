@@ -24,7 +24,7 @@ enum index_state {
     INDEX_FREE,      /* ready */
     INDEX_RECORDING, /* in use; or was, when the power went */
     INDEX_FINISHED,  /* a recording of `bytes` bytes, which may lack its name */
-    INDEX_NAMED      /* one that has had its name: if it has none, somebody has deleted it */
+    INDEX_NAMED      /* one that has had its name: without a name it has been deleted */
 };
 
 #define INDEX_RECOVERED 1u /* finished by a later recorder: its own was killed, or the power went */

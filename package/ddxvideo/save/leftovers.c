@@ -39,7 +39,7 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     return frames;
 }
 
-/* A file that nobody records into; `own` if it is certainly one that was recorded to. Its frames; -1: it is none. */
+/* A file that no recorder uses; `own` if it was certainly recorded to. Returns its frames; -1: no recording. */
 static int64_t mend(const char *folder, int at, const char *name, bool own) {
     struct stat status;
     int64_t whole, frames = -1;

@@ -23,7 +23,7 @@ int main(int argc, char **argv) {
         {"skip", "N", "record one of N frames (default: 1, each)", OPTION_NUMBER, &recorder.choice.skip, 1, 100000},
         {"rate", "R", "record at most R frames a second, evenly, of an item that says how many it has", OPTION_TEXT,
          &rate, 0, 0},
-        {"recover", NULL, "with -segment: finish what nobody finished, and end", OPTION_FLAG, &recorder.recover, 0, 0},
+        {"recover", NULL, "with -segment: finish unfinished recordings and exit", OPTION_FLAG, &recorder.recover, 0, 0},
         {"full", "stop|recycle", "with -segment, on a full disk: record no more (default), or give up the oldest",
          OPTION_TEXT, &full, 0, 0},
         {"start", "recording|paused", "begin at once (default), or when `ddxctl record start` says so", OPTION_TEXT,

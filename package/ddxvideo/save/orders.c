@@ -64,7 +64,7 @@ static int check(const struct recorder *recorder, const DDX_REQUEST *request, ch
                      name);
             return -EACCES;
         }
-        int64_t fits = recorder->geometry.width /* else nobody knows yet, and a line tells later */
+        int64_t fits = recorder->geometry.width /* otherwise not known yet; a later line reports it */
                            ? preroll_seconds_max(&recorder->geometry, recorder_ring_frames(recorder))
                            : PRE_ROLL_MAX;
         if (order->carry_out == set_pre_roll && value > fits) {

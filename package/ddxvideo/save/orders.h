@@ -16,7 +16,7 @@
 /* Take orders from now on; where the store has no room for that, a line says so. */
 void orders_open(struct recorder *recorder, DDX_STORE_ID *id);
 
-/* Carry out the next one, if there is one. Waits for nobody but a former recording that is still being written. */
+/* Carry out the next one, if there is one. Waits only for a former recording that is still being written. */
 void orders_tick(struct recorder *recorder);
 
 void orders_close(struct recorder *recorder);

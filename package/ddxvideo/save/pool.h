@@ -38,7 +38,7 @@ struct pool_file {
  */
 int pool_open(const char *folder, const char *instance, uint64_t bytes, bool recycle, struct pool **pool);
 
-/* Finish what nobody finished; waits for the disk. 0, or -errno for one that cannot be. */
+/* Finish unfinished recordings; waits for the disk. 0, or -errno for one that fails. */
 int pool_recover(struct pool *pool);
 
 /*
@@ -48,12 +48,12 @@ int pool_recover(struct pool *pool);
 uint64_t pool_recovered_frames(struct pool *pool, uint64_t above);
 
 /*
- * Recover, and then keep files ready, in a thread of its own, which does the latter while `busy` (called from there)
- * says no. Who takes a file waits for the recovery. 0 or -errno.
+ * Recover, and then keep files ready, in a thread of its own, which prepares files while `busy` (called from there)
+ * returns false. Taking a file waits for the recovery. 0 or -errno.
  */
 int pool_prepare(struct pool *pool, bool (*busy)(void *argument), void *argument);
 
-/* So many bytes a second are recorded: files are prepared twice as fast, so as not to disturb that. 0: none. */
+/* The recording's rate in bytes a second: files are prepared at twice this rate, so as not to disturb it. 0: none. */
 void pool_recorded_at(struct pool *pool, uint64_t rate);
 
 /* Ends the thread, frees the pool. */
@@ -89,10 +89,10 @@ int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *
 /* Header block of the index, in place, with its checksum. The caller syncs. */
 int pool_write_header(const struct pool_file *file, struct index_header *header);
 
-/* Close it, and leave it as it is; whoever opens the pool next finishes it. */
+/* Close it unchanged; the next program that opens the pool finishes it. */
 void pool_release(struct pool_file *file);
 
-/* Nothing was recorded: whoever comes next may have it. */
+/* Nothing was recorded: the file is free. */
 void pool_give_back(struct pool_file *file);
 
 #endif

@@ -10,7 +10,7 @@
 #include "pool.h"
 
 #define POOL_PATH 32 /* room for the name of a file in the pool */
-#define POOL_ID_MAX 999999999L /* so many numbers of files: all fit a long, and a name */
+#define POOL_ID_MAX 999999999L /* highest number of a file: fits a long, and a name */
 #define POOL_READY 2 /* files that are kept ready */
 #define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs, and what the file system needs for itself */
 
@@ -29,7 +29,7 @@ struct pool {
     pthread_t thread;
     pthread_cond_t changed;
     bool preparing;
-    bool recovering; /* until then nobody knows which files are free, and which numbers */
+    bool recovering; /* until then free files and numbers are unknown */
     atomic_bool stop;
     _Atomic uint64_t rate; /* bytes a second that are recorded */
     bool (*busy)(void *argument);
@@ -39,7 +39,7 @@ struct pool {
 /* Open the file of locks, created if there is none: -errno, such as -EACCES where the pool is another user's. */
 int pool_lock_create(int folder);
 
-/* Nobody else looks for a file, in this program or another one. Waits. */
+/* Exclude other searches for a file, in this program or another one. Waits. */
 void pool_lock(struct pool *pool);
 void pool_unlock(struct pool *pool);
 
@@ -92,20 +92,20 @@ DIR *pool_list(int folder);
 /* Call `visit` for the number of each file. It returns false to end the walk. 0 or -errno. */
 int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void *argument), void *argument);
 
-/* Whether the file is a recording that has its name. It is nobody's to record into. */
+/* Whether the file is a recording that has its name. It must not be recorded into. */
 bool pool_is_named(const struct pool *pool, long id);
 
 /* The header of an index; false if it has none, or a spoilt one. */
 bool pool_read_header(int fd, struct index_header *header);
 
-/* Lock the file and open both; false if somebody else has it, or it cannot be. `header` is what the index says; a
- * spoilt one is INDEX_RAW, and so is that of a recording which somebody has deleted. */
+/* Lock the file and open both; false if another program has it, or on an error. `header` is the index's; a
+ * damaged one is INDEX_RAW, and so is that of a deleted recording. */
 bool pool_claim(struct pool *pool, long id, struct pool_file *file, struct index_header *header);
 
-/* Claim a file that is in this state, and nobody's. False if there is none. */
+/* Claim an unused file in this state. False if there is none. */
 bool pool_find(struct pool *pool, uint32_t state, struct pool_file *file);
 
-/* What was recorded in it, so many bytes, is nobody's any more. */
+/* Mark the recording in it, of that number of bytes, as free. */
 void pool_forget(struct pool_file *file, struct index_header *header, uint64_t bytes);
 
 /* A new file, ours; neither file nor index has any contents. */
@@ -117,7 +117,7 @@ int pool_write_index(const struct pool_file *file, uint32_t state);
 /* Blocks for all of it, in one piece where the disk has one. A file system that cannot gives them as it is written. */
 int pool_allocate(const struct pool *pool, const struct pool_file *file);
 
-/* As the disk is: free for one file more, and something left for whoever else writes there. */
+/* Whether the disk has space for one more file, and a reserve for other programs. */
 bool pool_has_room(const struct pool *pool);
 
 /* Give up the oldest recording: its file becomes ours, without its name, INDEX_RAW. -ENOENT: there is none. */

@@ -120,7 +120,7 @@ bool pool_can_hold(int folder) {
     return !faccessat(folder, LOCK, R_OK, AT_EACCESS) || errno == ENOENT;
 }
 
-/* Who cannot open the lock can read this. */
+/* Programs that cannot open the lock can read this. */
 bool pool_is_locked(int folder, long id) {
     struct stat status;
     char line[256];

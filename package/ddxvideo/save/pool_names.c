@@ -168,7 +168,7 @@ int pool_recycle(struct pool *pool, struct pool_file *file) {
 
         pool_each(pool, claim_inode, &wanted);
         if (!wanted.found)
-            continue; /* not of the pool, or somebody is reading it */
+            continue; /* not of the pool, or being read */
         int error = unlinkat(pool->outside, oldest.name, 0) || fsync(pool->outside) || fstat(file->fd, &status);
         if (!error) {
             pool_forget(file, &header, (uint64_t)status.st_size);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The thread that keeps files ready. It writes only while the recorder does not need the disk, not more than half of
- * the time, and twice as fast as recordings are written: who writes ahead need not be any faster.
+ * the time, and twice as fast as recordings are written: that is sufficient to stay ahead.
  */
 #include <errno.h>
 #include <fcntl.h>

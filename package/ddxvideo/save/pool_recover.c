@@ -82,7 +82,7 @@ static bool recover(struct pool *pool, long id, void *argument) {
             say("%s: not finished when it was last recorded to; it ends after %u whole frames now",
                 recording, frames);
     } else {
-        file.prepared = false; /* whoever prepares it looks at its size */
+        file.prepared = false; /* its size is checked when it is prepared */
         pool_give_back(&file);
     }
     if (error && !recovering->error)

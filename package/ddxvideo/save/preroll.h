@@ -18,7 +18,9 @@ struct preroll {
     uint64_t missed; /* since the newest */
 };
 
-/* How many seconds of pictures like these it can have: three quarters of a queue of so many, which takes them. */
+/*
+ * How many seconds of such pictures it can have: three quarters of a queue of that number of frames, which takes them.
+ */
 int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames);
 
 /*
@@ -30,8 +32,8 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
                      const struct recording_frame *frame);
 
 /*
- * So many frames were missed before one that is not kept. Behind a picture that waits they are remembered, as missed
- * before the next one. Returns how many are let go of instead: all, if none waits.
+ * Frames were missed before one that is not kept. After a waiting picture they are remembered, as missed
+ * before the next one. Returns how many are dropped instead: all, if no picture waits.
  */
 uint64_t preroll_missed(struct preroll *preroll, uint64_t frames);
 

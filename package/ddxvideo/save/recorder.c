@@ -36,8 +36,8 @@ static void finish(struct recorder *recorder, struct recording *recording) {
 
     if (!error)
         return;
-    if (error == -ECANCELED) { /* told to stop: that is no failure */
-        say("%s: nobody read it; what waited for that is lost", recorder->place);
+    if (error == -ECANCELED) { /* a request to stop: that is no failure */
+        say("%s: it had no reader; the waiting frames are lost", recorder->place);
         return;
     }
     const char *advice = error == -ENOSPC || error == -EDQUOT ? "make room and start again" : "see to the disk";
@@ -71,7 +71,7 @@ void recorder_end_file(struct recorder *recorder) {
         pool_recorded_at(recorder->pool, 0);
 }
 
-/* Who prepares files and who tells how long the disk lasts want to know how fast it fills. */
+/* Preparing files and reporting the remaining time need the recording's rate. */
 static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
     unsigned bytes = recording_frame_bytes(geometry);
     double rate = geometry->rate_num && geometry->rate_den ? (double)geometry->rate_num / geometry->rate_den : 30;
@@ -161,7 +161,7 @@ static void count_missed(struct recorder *recorder, uint64_t missed, int frame) 
 /* What kind of pictures come, and which of them are wanted. */
 static void look(struct recorder *recorder, struct ddxvideo_picture *view) {
     if (choice_look(&recorder->choice, &view->geometry) && !recorder->rate_unknown) {
-        say("%s: nobody says how many frames a second it has, so each one is recorded; -skip takes one of some",
+        say("%s: its rate is unknown, so each frame is recorded; -skip N takes one of N",
             recorder->name);
         recorder->rate_unknown = true;
     }
@@ -173,9 +173,9 @@ static uint64_t wanted_up_to(const void *choice, uint64_t sequence) {
 }
 
 /*
- * After the first read, which may have given a frame: what is written from now on is ours to record, and before that
- * what a forerunner who did not end as told has left. An item that was not there when we came is ours from its first
- * write on, whenever the store began to keep frames for us.
+ * After the first read, which may have returned a frame: this recorder accounts for all later frames, and for earlier
+ * ones that a predecessor left when it died. Of an item that did not exist before, it accounts for all frames from the
+ * first write on, whenever the store began to keep frames.
  */
 static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
@@ -259,7 +259,7 @@ static void put_broken(struct recorder *recorder, const struct recording_frame *
 }
 
 /*
- * While it is paused; also what was overwritten in the store: nobody wanted it, but between pictures of the pre-roll.
+ * While it is paused; also for frames overwritten in the store: unwanted, except between pictures of the pre-roll.
  * `view` is NULL if it is broken.
  */
 static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *view,
@@ -345,7 +345,7 @@ void recorder_set_paused(struct recorder *recorder, bool paused) {
         recorder_end_file(recorder);
     bool first = true;
     while (!paused && !recorder->done && preroll_take(&recorder->preroll, &view, &frame)) {
-        if (first) { /* nobody wanted what was missed before it */
+        if (first) { /* frames missed before it were not wanted */
             ddx_stats_skipped(recorder->book, frame.missed);
             frame.missed = 0;
         }
@@ -370,7 +370,7 @@ static void say_kept(const struct recorder *recorder) {
         recorder->keep);
 }
 
-/* Before the first frame: the store had no room for so many. False if there is no room for one either. */
+/* Before the first frame: the store had no memory for that number. False if there is none for one frame either. */
 static bool keep_fewer(struct recorder *recorder) {
     if (recorder->keep < 2 || ddx_store_keep(recorder->video, recorder->keep / 2))
         return false;
@@ -414,7 +414,7 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
     }
     bool wanted = frame.time <= not_after;
     if (!recorder->seen)
-        keep_more(recorder); /* before it is recorded: whoever sees the recording may count on what is kept */
+        keep_more(recorder); /* before it is recorded: a program that sees the recording may rely on the number kept */
     if (wanted)
         handle(recorder, &frame);
     ddx_store_release(recorder->video);
@@ -431,7 +431,7 @@ static void tell_waiting(struct recorder *recorder) {
 
 static void record(struct recorder *recorder) {
     while (!program_stopping() && !recorder->done) {
-        take_frame(recorder, recorder->follows ? READ_TIMEOUT : 0, INT64_MAX); /* what nobody knows of, nobody counts */
+        take_frame(recorder, recorder->follows ? READ_TIMEOUT : 0, INT64_MAX); /* only followed frames count */
         tell_waiting(recorder);
         orders_tick(recorder);
         program_tick(recorder->book);
@@ -477,8 +477,8 @@ static bool open_pool(struct recorder *recorder) {
 }
 
 /*
- * The item; where nobody has created it yet the store takes note that we want every frame from the first on. Had we to
- * look for it from time to time, those before we look would be lost. False if told to stop, or failed.
+ * The item; if it does not exist yet, the store notes that this reader needs every frame from the first on. With
+ * polling, the frames before each poll would be lost. False on a request to stop, or a failure.
  */
 static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
     recorder->video = program_await(id, recorder->name, recorder->book);
@@ -493,7 +493,7 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
     return true;
 }
 
-/* What a forerunner of this instance left, who did not end as told. */
+/* Files that a predecessor of this instance left when it died. */
 static void mend_leftovers(struct recorder *recorder) {
     DDX_STATS stats;
 

@@ -74,7 +74,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
         error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS * 3 / 4, &recording->error);
     if (error)
         goto no_flusher;
-    byte_queue_cut(&recording->queue); /* here a file begins: the first one, opened by who may wait for a disk */
+    byte_queue_cut(&recording->queue); /* a file begins: opened by the thread that may wait for a disk */
     error = -pthread_create(&recording->thread, NULL, recording_write, recording);
     if (error)
         goto no_thread;
@@ -118,7 +118,7 @@ static int64_t capture_time(const struct ddxvideo_picture *view, int64_t publish
     return view->stamp.time ? view->stamp.time : published;
 }
 
-/* Whether the present file has no room for so many bytes, or for one frame more. */
+/* Whether the present file has no space for that number of bytes, or for one more frame. */
 static bool is_full(const struct recording *recording, size_t bytes) {
     return recording->file_bytes + bytes > pool_file_bytes(recording->plan.pool) ||
            recording->file_frames >= INDEX_ENTRIES;

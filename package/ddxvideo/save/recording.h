@@ -47,12 +47,12 @@ struct recording_plan {
     unsigned queue_frames;
     struct recording_turn *turn;
     uint64_t lost_store, lost_ring; /* before its first frame */
-    DDX_STATS_BOOK *book; /* is told what becomes of each frame */
+    DDX_STATS_BOOK *book; /* counts each frame's outcome */
 };
 
 /*
- * Begin to record. The first file is opened by the thread that writes: nobody who puts frames waits for a disk. 0 or
- * -errno; -EFBIG if a frame has no room in a file of the pool.
+ * Begin to record. The thread that writes opens the first file, so that the caller does not wait for a disk. 0 or
+ * -errno; -EFBIG if a frame does not fit into a file of the pool.
  */
 int recording_begin(const struct recording_plan *plan, struct recording **recording);
 

@@ -13,7 +13,7 @@ struct recording {
     struct byte_queue queue;
     struct flusher flusher;
     pthread_t thread;
-    unsigned turn;    /* so many write first */
+    unsigned turn;    /* number of recordings that write first */
     atomic_int error; /* 0 or -errno */
     atomic_bool done; /* the writing thread has nothing more to do */
     /* of the reading thread, which puts: */

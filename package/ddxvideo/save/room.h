@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* How much more can be recorded. Opens no lock and waits for nobody but the disk. */
+/* How much more can be recorded. Opens no lock and waits for the disk only. */
 #ifndef DDXVIDEO_ROOM_H
 #define DDXVIDEO_ROOM_H
 
 #include <stdint.h>
 
 struct room {
-    uint64_t free;  /* bytes of the file system that nobody uses */
+    uint64_t free;  /* free bytes of the file system */
     uint64_t usable; /* bytes that recordings can still take: of these, and of the pool's files without a recording */
     uint32_t ready; /* files of the pool that are prepared, the one that has just been begun among them */
 };

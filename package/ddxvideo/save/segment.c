@@ -159,7 +159,7 @@ void segment_add(struct segment *segment, const struct byte_queue_frame *frame, 
         ddx_stats_out(segment->book, 1, latency);
     segment->adding++;
     segment->whole = frame->end - segment->begin;
-    segment->frames++; /* behind the entry: who counts it finds it */
+    segment->frames++; /* after the entry: a thread that reads the count finds the entry */
     segment->adding++;
 }
 

@@ -46,9 +46,9 @@ struct segment {
 };
 
 /*
- * Open the next file of `output`, in its pool unless that is NULL. 0 or -errno. The book is told of each frame that is
- * out: written, or in a pool promised by the index, since nothing else outlives this program. `session`: number of the
- * segment that began what this one continues; 0 if it begins something itself.
+ * Open the next file of `output`, in its pool unless that is NULL. 0 or -errno. Each frame that is out is counted in
+ * the book: written, or in a pool promised by the index, since only that survives this program. `session`: number of
+ * the segment that began what this one continues; 0 if it begins something itself.
  */
 int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK *book, uint32_t session,
                  struct segment **segment);

@@ -91,7 +91,7 @@ function wifi(name, phrase, bare) {
 	if (value ~ /\342\200[\234-\236]/)
 		wrong("the quotes have to be straight ones: \"")
 	else if (value ~ /[\001-\037\177]/)
-		wrong("there is a character in it that cannot be seen; type the line anew")
+		wrong("it has an invisible character; type the line again")
 	else if (broken || rest != "")
 		wrong("quotes are needed around what has spaces in it: wifi=\"Robot Hall\" \"pass phrase\"; a quote in there twice")
 	else if (name == "" || length(name) > 32)
