@@ -249,9 +249,13 @@ static void on_term(int number) {
 
 int actor_main(char kind, unsigned stream, unsigned index, double period) {
     struct sigaction action = {.sa_handler = on_term};
+    sigset_t term;
 
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     sigaction(SIGTERM, &action, NULL);
+    sigemptyset(&term);
+    sigaddset(&term, SIGTERM);
+    sigprocmask(SIG_UNBLOCK, &term, NULL);
     stage_open(false);
     self = &stage->actor[index];
     switch (kind) {

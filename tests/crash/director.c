@@ -178,7 +178,13 @@ struct party *party_begin(char kind, unsigned stream, double period, const char 
     const char *arguments[] = {"/proc/self/exe", "party", text[0], text[1], text[2], text[3], NULL};
     memset(&stage->actor[index], 0, sizeof stage->actor[index]);
     party[index] = (struct party){.index = index, .stream = stream, .kind = kind};
+    /* Blocked until the party has its handler (actor_main()), or a party that is stopped at once would be killed. */
+    sigset_t term;
+    sigemptyset(&term);
+    sigaddset(&term, SIGTERM);
+    sigprocmask(SIG_BLOCK, &term, NULL);
     party[index].pid = launch(arguments, fault);
+    sigprocmask(SIG_UNBLOCK, &term, NULL);
     return &party[index];
 }
 
