@@ -108,9 +108,9 @@ def window_numbers(folder: pathlib.Path) -> list[int | None]:
     return [number_in_bmp(path) for path in found[-31:-1]]  # the very last one may have been cut short
 
 
-def watch_window(process: subprocess.Popen[bytes], folder: pathlib.Path) -> list[int | None]:
-    """What a player's window shows, after a while; then the player is ended."""
-    wait_until(lambda: len(list(folder.glob("SDL_window*.bmp"))) > 110, 60)
+def watch_window(process: subprocess.Popen[bytes], folder: pathlib.Path, enough: int = 110) -> list[int | None]:
+    """The numbers in a player's window after `enough` pictures; then the player is stopped."""
+    wait_until(lambda: len(list(folder.glob("SDL_window*.bmp"))) > enough, 60)
     process.terminate()
     process.communicate(timeout=60)
     return window_numbers(folder)
