@@ -17,12 +17,14 @@ import argparse
 import functools
 import json
 import pathlib
+import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
 
 from parts.bench import loss_page
 from parts.bench.clips import RATE, numbered
+from parts.bench.loss_chromium import Chromium
 from parts.bench.loss_figures import WORSE
 from parts.bench.loss_gstreamer import BlockCode, Fec, Retransmission
 from parts.bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
@@ -31,7 +33,7 @@ from parts.common import OUTPUT, BadInput, Failed, finish, say
 from parts.image import native
 from parts.media import clip as made_up
 
-PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Fec, BlockCode]
+PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Chromium, Fec, BlockCode]
 # With a cap, the picture is the same with and without loss, as far as repair leaves that much: what is compared with
 # the run without loss is what came, not the rate of the video.
 BITRATE, WIRE, RATIO = 130, 250, 1.75
@@ -65,6 +67,14 @@ def chosen(cases: Iterator[Case], words: str) -> list[Case]:
     if not found:
         raise BadInput(f"no case has all words of one of the lists {words}")
     return found
+
+
+def available(cases: list[Case]) -> list[Case]:
+    """Those of peers that are installed; a line for each peer that is not."""
+    absent = {peer.name: peer.program for peer in PEERS if peer.program and not shutil.which(peer.program)}
+    for name in sorted(absent.keys() & {case.peer for case in cases}):
+        say(f"bench: {name} is left out: {absent[name]} is not installed (tools/setup bench)")
+    return [case for case in cases if case.peer not in absent]
 
 
 def our_options(more: str) -> list[str]:
@@ -155,7 +165,7 @@ def main() -> int:
     made = makers(options.sender, options.receiver)
     if options.short:
         return short(made)
-    wanted = chosen(plan(options.seeds), options.cases)
+    wanted = available(chosen(plan(options.seeds), options.cases))
     bench = Bench(made, {name: numbered(name, int(SECONDS)) for name in sorted({case.clip for case in wanted})})
     for case in wanted:
         bench.run(case)

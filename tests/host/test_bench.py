@@ -16,7 +16,11 @@ from typing import Any
 import pytest
 
 import bench
+import bench_loss
 from parts.bench import plot as bench_plot
+from parts.bench.loss_chromium import Chromium
+from parts.bench.loss_peers import OURS
+from parts.bench.loss_run import Case as LossCase
 from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
 from parts.common import MORTAL, TOP
 
@@ -111,3 +115,11 @@ def test_each_part_runs(words: tuple[str, ...]) -> None:
              "bench_stereo.py": r"368x248, 48 disparities, SGBM: ",
              "bench_view.py": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]"}[words[0]]
     assert re.search(found, done.stdout), done.stdout
+
+
+def test_a_peer_that_is_not_installed_is_left_out(monkeypatch: pytest.MonkeyPatch,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(Chromium, "program", "no-such-browser")
+    cases = [LossCase(name, "iid 30", "real") for name in (OURS, Chromium.name)]
+    assert bench_loss.available(cases) == cases[:1]
+    assert capsys.readouterr().out.count("no-such-browser is not installed") == 1

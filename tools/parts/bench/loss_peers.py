@@ -38,6 +38,7 @@ class Peer:
     name = ""
     reports = True     # uses the way back
     deadline_ms = 100  # from the robot's write until a frame is too late
+    program = ""       # that may not be installed
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path) -> None:
         self.link, self.clip, self.folder = link, clip, folder

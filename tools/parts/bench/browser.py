@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A headless Chromium with one page, controlled over its debugging pipe: expressions are evaluated in the page. The
+last line of the page's script defines `ready`."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import subprocess
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from parts.common import MORTAL, Failed, wait_until
+
+PROGRAM = "chromium"
+# Without its sandbox, because Chromium does not run as root with it.
+OPTIONS = ["--headless=new", "--no-sandbox", "--no-first-run", "--disable-gpu", "--disable-background-networking",
+           "--disable-component-update", "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
+           "--disable-dev-shm-usage", "--mute-audio", "--remote-debugging-pipe"]
+# The pipe is at descriptors 3 and 4.
+PIPED = ["sh", "-c", 'exec "$@" 3<&0 4>&1 < /dev/null > /dev/null', "sh"]
+PIECE = 1 << 20
+
+
+class Browser:
+    """`folder` is made, for what Chromium writes. `inside` goes before the command, such as a namespace's."""
+
+    def __init__(self, inside: Sequence[str], folder: pathlib.Path, *options: str) -> None:
+        folder.mkdir()
+        self.errors = folder / "errors"
+        words = [PROGRAM, *OPTIONS, f"--user-data-dir={folder}", *options]
+        with self.errors.open("w") as errors:
+            self.process = subprocess.Popen([*MORTAL, *inside, *PIPED, *words], stdin=subprocess.PIPE,
+                                            stdout=subprocess.PIPE, stderr=errors)
+        self.count, self.session, self.rest = 0, "", b""
+
+    def open(self, page: pathlib.Path) -> None:
+        target = self._order("Target.createTarget", url=page.as_uri())["targetId"]
+        self.session = self._order("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        wait_until(lambda: bool(self.value("typeof ready === 'boolean'")), f"{PROGRAM} does not open {page.name}")
+
+    def _order(self, method: str, **parameters: object) -> Any:
+        assert self.process.stdin
+        self.count += 1
+        order = {"id": self.count, "method": method, "params": parameters}
+        order |= {"sessionId": self.session} if self.session else {}
+        self.process.stdin.write(json.dumps(order).encode() + b"\0")
+        self.process.stdin.flush()
+        while (answer := self._read()).get("id") != self.count:
+            pass  # an event
+        if "error" in answer:
+            raise Failed(f"{PROGRAM}: {method}: {answer['error']['message']}")
+        return answer["result"]
+
+    def _read(self) -> Any:
+        assert self.process.stdout
+        parts = [self.rest]
+        while b"\0" not in parts[-1]:
+            parts.append(os.read(self.process.stdout.fileno(), PIECE))
+            if not parts[-1]:
+                raise Failed(f"{PROGRAM} has stopped: {self.errors.read_text()[-500:]}")
+        answer, _, self.rest = b"".join(parts).partition(b"\0")
+        return json.loads(answer)
+
+    def value(self, expression: str) -> Any:
+        """Of an expression in the page; of a promise, after it is fulfilled."""
+        found = self._order("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
+        if "exceptionDetails" in found:
+            raise Failed(f"{PROGRAM}: {expression[:60]}: {found['exceptionDetails']['exception'].get('description')}")
+        return found["result"].get("value")
+
+    def clock(self) -> int:
+        """CLOCK_MONOTONIC in ns when the page's clock, performance.now(), was 0."""
+        found = []
+        for _ in range(20):  # the quickest answer is the most exact one
+            before = time.monotonic_ns()
+            page = self.value("performance.now()")
+            after = time.monotonic_ns()
+            found.append((after - before, (before + after) // 2 - int(page * 1e6)))
+        return min(found)[1]
+
+    def end(self) -> None:
+        self.process.terminate()
+        self.process.communicate(timeout=20)
