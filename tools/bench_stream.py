@@ -3,9 +3,11 @@
 """The stream's part of make bench: from a frame that is ready to its decoded pixels, and what the sender costs.
 
 bench_stream.py [-rounds N] [-short] in a network of its own. Prints a table, writes output/bench/stream.json. A round
-is 15 s of the real clip at CIF 25 for each codec, and as much of the sender's encoder alone (bench/encode.c); the
-figures come from the pictures' numbers, the store's times and the kernel's CPU accounting, not from what the programs
-say. -short: a second of a made-up clip, for the gate: no file is written, and no time is judged.
+is 15 s of the real clip at CIF 25 for each codec, and as much of the sender's encoder alone (bench/encode.c); then of
+two senders at a link that loses 30 % of the packets, one with repair, reports and SRTP and one without, and of the
+encoder, all at the same time. The figures come from the pictures' numbers, the store's times and the kernel's CPU
+accounting, not from what the programs say.
+-short: a second of a made-up clip, for the gate: no file is written, and no time is judged.
 """
 from __future__ import annotations
 
@@ -23,6 +25,7 @@ from typing import Any
 from parts.bench.clips import RATE, numbered
 from parts.bench.measure import cpus, percentile
 from parts.bench.programs import Programs, cpu_seconds
+from parts.bench.stream_cost import protection
 from parts.common import MORTAL, OUTPUT, Failed, finish, say, wait_until
 from parts.image import native
 from parts.media import clip as made_up
@@ -30,7 +33,9 @@ from parts.media import clip as made_up
 SECONDS, WARM_UP = 15, 2
 BITRATE = 200
 LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 4.0
-CODECS = ["h264", "mpeg4"]
+# As bench/encode.c names them, and what the sender has to be given.
+CODECS = {"h264": ["-codec", "h264"], "ultrafast": ["-codec", "h264", "-preset", "ultrafast"],
+          "mpeg4": ["-codec", "mpeg4"]}
 ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
 
 
@@ -56,7 +61,7 @@ def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
     programs = Programs(folder)
     try:
         decode = programs.start("decode", "-headless", "-name", "seen")
-        sender = programs.start("ddxvideosend", "-codec", codec, "-bitrate", str(BITRATE))
+        sender = programs.start("ddxvideosend", *CODECS[codec], "-bitrate", str(BITRATE))
         watchers = [programs.watch(item) for item in ("video", "seen")]
         loader = programs.start("ddxvideoload", str(plan.clip), "-readers", "2")
         wait_until(lambda: programs.count("ddxvideoload", "out") > 0, "the clip is not played")
@@ -94,6 +99,19 @@ def alone(codec: str, plan: Plan) -> float:
         encoder.wait()
 
 
+def protect(folder: pathlib.Path, plan: Plan) -> dict[str, float]:
+    return protection(folder, plan.clip, [ENCODE, plan.clip, "h264", str(BITRATE)], BITRATE,
+                      (plan.warm_up, plan.seconds))
+
+
+def report_protection(rounds: list[dict[str, float]]) -> dict[str, float]:
+    """Medians, and what protection adds: percent of a core, and in parts of the encoder."""
+    added = [one["protected"] - one["plain"] for one in rounds]
+    return {**{f"{name}_percent": round(statistics.median(one[name] for one in rounds), 2) for name in rounds[0]},
+            "added_percent": round(statistics.median(added), 2),
+            "added_ratio": round(statistics.median(by / one["encoder"] for by, one in zip(added, rounds)), 3)}
+
+
 def report(slices: list[dict[str, Any]]) -> list[dict[str, Any]]:
     rows = []
     for codec in CODECS:
@@ -123,16 +141,20 @@ def table(rows: list[dict[str, Any]]) -> None:
             + (f"   over the limit: {', '.join(over)}" if over else ""))
 
 
-def measure(rounds: int, plan: Plan) -> list[dict[str, Any]]:
+def measure(rounds: int, plan: Plan) -> dict[str, Any]:
     """In a network where multicast goes over the loopback."""
-    slices = []
+    slices, protections = [], []
     for _ in range(rounds):
         for codec in CODECS:
             with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
                 slices.append({**slice_of(codec, pathlib.Path(name), plan), "encoder_percent": alone(codec, plan)})
-    rows = report(slices)
+        with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
+            protections.append(protect(pathlib.Path(name), plan))
+    rows, cost = report(slices), report_protection(protections)
     table(rows)
-    return rows
+    say("sender at 30 % loss: {plain_percent} %, with repair, reports and SRTP {protected_percent} %: {added_percent} "
+        "more, {added_ratio} of the encoder's {encoder_percent} %".format(**cost))
+    return {"stream": rows, "protection": cost}
 
 
 def main() -> int:
@@ -150,8 +172,8 @@ def main() -> int:
         with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
             measure(1, short(pathlib.Path(name)))
         return 0
-    rows = measure(options.rounds, whole())
-    (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), "stream": rows}, indent=1) + "\n")
+    found = measure(options.rounds, whole())
+    (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), **found}, indent=1) + "\n")
     return 0
 
 

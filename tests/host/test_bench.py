@@ -110,7 +110,7 @@ def test_each_part_runs(words: tuple[str, ...]) -> None:
     done = subprocess.run([*MORTAL, sys.executable, "-B", TOP / "tools" / words[0], *words[1:], "-short"], timeout=120,
                           stdin=subprocess.DEVNULL, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
-    found = {"bench.py": r"cif-1x1-zerocopy +ddx ", "bench_stream.py": r"h264 (.|\n)*mpeg4 ",
+    found = {"bench.py": r"cif-1x1-zerocopy +ddx ", "bench_stream.py": r"h264 (.|\n)*mpeg4 (.|\n)*SRTP \d",
              "bench_replay.py": r"replay: [1-9]\d* values", "bench_loss.py": r"clean, short, .* shown [1-9]",
              "bench_stereo.py": r"368x248, 48 disparities, SGBM: ",
              "bench_view.py": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]"}[words[0]]
