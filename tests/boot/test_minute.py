@@ -100,7 +100,7 @@ def judge_stream(minute: Minute, rate: float, figure: Figure) -> None:
     assert found.disagreements == [] and found.wrong == []
     assert found.sent.lost["store"] >= (FROZEN - 0.5) * rate
     assert found.lost_decode == 0
-    assert minute.missed > 30 * rate  # the slow reader has been one
+    assert minute.missed > ends[session.SAVE].out / 2  # the slow reader was slow, however few frames the camera made
     slowness = host_load.slowness()
     for name, value in {"recorded": minute.ends[session.SAVE].out, "sent": found.sent.out, "lost": found.sent.lost,
                         "shown": len(found.shown), "missed": minute.missed,
