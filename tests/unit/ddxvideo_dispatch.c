@@ -89,20 +89,36 @@ static void report(uint16_t highest, uint16_t base, uint16_t missing, int64_t ag
     report_as(1, 1, highest, base, missing, age, FEEDBACK_USED);
 }
 
-/* The first packet at once, the others within half an interval. */
+/* The first three packets at once, so that a frame of usual size waits for nothing; the others within half an interval,
+ * at most 1 ms apart. */
 static void check_pacing(void) {
     begin(10000000);
     write_frame(1, 100);
     expect(1, 0);
     now += INTERVAL;
     write_frame(40, 1000);
-    expect(1, 0);
-    run(INTERVAL / 2, 39, 0);
+    expect(3, 0);
+    run(INTERVAL / 2, 37, 0);
     now += INTERVAL;
     write_frame(3, 1000);
-    expect(1, 0);
+    expect(3, 0);
+    CHECK_EQUAL(dispatch_deadline(&dispatch, now), INT64_MAX);
+    now += INTERVAL;
+    write_frame(5, 1000);
+    expect(3, 0);
     run(2 * MS, 2, 0);
     CHECK_EQUAL(dispatch_deadline(&dispatch, now), INT64_MAX);
+}
+
+/* A frame after another one that still waits has three packets at once as well, and no more. */
+static void check_burst_of_waiting_frames(void) {
+    begin(10000000);
+    write_frame(5, 1000);
+    expect(3, 0);
+    write_frame(5, 1000);
+    now += MS;
+    expect(3, 0);
+    run(4 * MS, 4, 0);
 }
 
 static void check_queue(void) {
@@ -239,6 +255,7 @@ static void check_clock(void) {
 
 int main(void) {
     check_pacing();
+    check_burst_of_waiting_frames();
     check_queue();
     check_budget();
     check_others();

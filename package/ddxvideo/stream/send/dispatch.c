@@ -18,6 +18,7 @@
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
 #define GAP MS             /* between packets, at most */
+#define BURST 3            /* packets of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
 #define STOPPED (200 * MS) /* without reports: they have just stopped */
 #define REDUCED 0.5        /* of the rate, then */
 #define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
@@ -65,6 +66,7 @@ void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, cons
         dispatch->gap = dispatch->settings.interval / 2 / dispatch->waiting;
     if (dispatch->gap > GAP)
         dispatch->gap = GAP;
+    dispatch->burst = BURST;
 }
 
 void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
@@ -77,6 +79,12 @@ bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now) {
     dispatch->refresh = false;
     dispatch->refreshed = now;
     return true;
+}
+
+/* When a packet is sent: no two at the same time, because a report on one says nothing about those after it. */
+static int64_t sent_at(struct dispatch *dispatch, int64_t now) {
+    dispatch->sent = now > dispatch->sent ? now : dispatch->sent + 1;
+    return dispatch->sent;
 }
 
 /* ---- Repair ---- */
@@ -151,7 +159,7 @@ static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, siz
         return false;
     uint32_t number = repairs->count ? repairs->newest + 1 : dispatch->window.sequence;
     *size = repair_make(&dispatch->window, first, to);
-    history_add(repairs, number, now, now);
+    history_add(repairs, number, sent_at(dispatch, now), now);
     if (in_advance) {
         dispatch->owed--;
         dispatch->advance++;
@@ -183,14 +191,15 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
     memcpy(to, slot->data, slot->size);
     *size = slot->size;
     repair_window_add(&dispatch->window, dispatch->esi, slot->frame, slot->data, slot->size);
-    history_add(&dispatch->feedback.sent, dispatch->esi, now, slot->written);
+    history_add(&dispatch->feedback.sent, dispatch->esi, sent_at(dispatch, now), slot->written);
     dispatch->count[DISPATCH_SENT]++;
     dispatch->count[DISPATCH_BYTES] += media_bytes(dispatch);
     dispatch->media_share += (double)media_bytes(dispatch);
     dispatch->owed = ratio > 0 ? dispatch->owed + ratio : 0;
     dispatch->head = (dispatch->head + 1) % DISPATCH_QUEUE;
     dispatch->waiting--;
-    dispatch->next = now + dispatch->gap;
+    dispatch->burst -= dispatch->burst > 0;
+    dispatch->next = dispatch->burst ? now : now + dispatch->gap;
     return true;
 }
 

@@ -9,7 +9,8 @@
  * several receivers, one of which always misses something, repair would take all. What the bucket cannot pay for then
  * waits, and frames are left out.
  *
- * Pacing. The first packet of a frame goes at once, the others at most 1 ms apart and within half a frame interval.
+ * Pacing. The first three packets of a frame go at once: a frame of usual size waits for nothing. The others are at
+ * most 1 ms apart, and go within half a frame interval.
  *
  * Without reports for a second, or from the start, repair packets follow each frame in advance. Their number suits the
  * last loss that was reported, or is settings.ratio. Each third one covers the whole window and the others
@@ -68,6 +69,8 @@ struct dispatch {
     struct budget budget;
     struct feedback feedback;
     int64_t next, gap;        /* when the next packet may go; ns between packets */
+    unsigned burst;           /* packets that go without a gap */
+    int64_t sent;             /* when the last one was */
     bool begun;               /* a media packet was sent */
     uint32_t esi;             /* its extended sequence number */
     unsigned head, waiting;   /* of the queue */
