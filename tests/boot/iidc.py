@@ -76,8 +76,8 @@ def expected(coding: str, counted: bool) -> list[int]:
     else:
         done = subprocess.run(
             ["ffmpeg", "-v", "error", "-filter_threads", "1", "-f", "rawvideo", "-pix_fmt", form, "-s",
-             f"{WIDTH}x{HEIGHT}", "-i", "-", "-vf", f"scale={WIDTH}:{HEIGHT}:flags=bilinear", "-pix_fmt", "yuv420p",
-             "-f", "rawvideo", "-"], input=b"".join(raw), stdout=subprocess.PIPE, check=True, timeout=60).stdout
+             f"{WIDTH}x{HEIGHT}", "-i", "-", "-vf", f"scale={WIDTH}:{HEIGHT}:flags=bilinear+accurate_rnd", "-pix_fmt",
+             "yuv420p", "-f", "rawvideo", "-"], input=b"".join(raw), stdout=subprocess.PIPE, check=True, timeout=60).stdout
         size = WIDTH * HEIGHT * 3 // 2
         pictures = [done[at:at + size] for at in range(0, len(done), size)]
     return camera.checksums(pictures, WIDTH, HEIGHT)

@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures of every format and order of fields, compared with FFmpeg's program and with sums done by hand. */
+/* Pictures of every format and order of fields, compared with FFmpeg's program, with sums done by hand, and with those
+ * that other processors make. */
 #include "../scratch.h"
 #include "check.h"
 #include "convert.h"
+#include <libavutil/cpu.h>
 
 #define GUARD 64
 #define GUARD_BYTE 0x5a
@@ -22,11 +24,12 @@ struct result {
 };
 
 /* Planes without padding, as in the store, with guards around them. */
-static struct result result_make(int width, int height) {
+static struct result result_make(int format, int width, int height) {
     struct result result;
     for (int i = 0; i < 3; i++) {
-        result.stride[i] = i ? width / 2 : width;
-        result.size[i] = (size_t)result.stride[i] * (size_t)(i ? height / 2 : height);
+        int rows;
+        video_layout_plane(video_layout_of(format), width, height, i, &result.stride[i], &rows);
+        result.size[i] = (size_t)result.stride[i] * (size_t)rows;
         result.memory[i] = malloc(result.size[i] + 2 * GUARD);
         CHECK(result.memory[i]);
         memset(result.memory[i], GUARD_BYTE, result.size[i] + 2 * GUARD);
@@ -49,15 +52,20 @@ static size_t bytes(const struct pixels *pixels) {
     return pixels_planes(pixels, offset, stride);
 }
 
-static struct result convert(const struct pixels *from, const void *data, int width, int height, bool stack) {
+static struct result convert_to(int format, const struct pixels *from, const void *data, int width, int height,
+                                bool stack) {
     struct converter converter;
-    struct result result = result_make(width, height);
-    const struct ddxvideo_geometry paper = {.width = width, .height = height};
-    CHECK_EQUAL(converter_open(&converter, from, 0, &paper, stack), 0);
+    struct result result = result_make(format, width, height);
+    const struct ddxvideo_geometry geometry = {.width = width, .height = height, .format = format};
+    CHECK_EQUAL(converter_open(&converter, from, 0, &geometry, stack), 0);
     CHECK_EQUAL(converter_run(&converter, data, bytes(from) - 1, result.plane, result.stride), -74); /* cut off */
     CHECK_EQUAL(converter_run(&converter, data, bytes(from), result.plane, result.stride), 0);
     converter_close(&converter);
     return result;
+}
+
+static struct result convert(const struct pixels *from, const void *data, int width, int height, bool stack) {
+    return convert_to(DDX_VIDEO_420, from, data, width, height, stack);
 }
 
 /* What FFmpeg makes of the same bytes; false if there is no such program. */
@@ -68,7 +76,7 @@ static bool ask_ffmpeg(const char *format, const void *data, size_t size, int wi
     CHECK(file && fwrite(data, 1, size, file) == size && !fclose(file));
     snprintf(command, sizeof(command),
              "ffmpeg -v error -nostdin -filter_threads 1 -f rawvideo -pix_fmt %s -s %dx%d -i %s "
-             "-vf scale=%d:%d:flags=bilinear -pix_fmt %s -f rawvideo - 2>&1",
+             "-vf scale=%d:%d:flags=bilinear+accurate_rnd -pix_fmt %s -f rawvideo - 2>&1",
              format, width, height, name, to_width, to_height, to);
     FILE *pipe = popen(command, "r");
     size_t got = pipe ? fread(out, 1, out_size, pipe) : 0;
@@ -102,6 +110,25 @@ static bool test_against_ffmpeg(enum pixels_coding coding, const char *format, i
     free(data);
     result_free(&result);
     return there;
+}
+
+/* Boards differ in what their processors can do, but not in the pictures. */
+static void test_on_each_processor(enum pixels_coding coding, int format, int to_width, int to_height) {
+    static const unsigned processors[] = {0, AV_CPU_FLAG_MMX, AV_CPU_FLAG_MMX | AV_CPU_FLAG_MMXEXT | AV_CPU_FLAG_SSE};
+    struct pixels from = {.coding = coding, .width = 128, .height = 96, .depth = 16};
+    from.stride = coding == PIXELS_YUV411 ? 128 * 3 / 2 : 128 * pixels_find(coding)->row_bytes;
+    unsigned char *data = noise(bytes(&from));
+    struct result ours = convert_to(format, &from, data, to_width, to_height, false);
+    for (size_t i = 0; i < sizeof(processors) / sizeof(*processors); i++) {
+        av_force_cpu_flags((int)(processors[i] & (unsigned)av_get_cpu_flags()));
+        struct result theirs = convert_to(format, &from, data, to_width, to_height, false);
+        av_force_cpu_flags(-1);
+        for (int k = 0; k < 3; k++)
+            CHECK(!memcmp(ours.plane[k], theirs.plane[k], ours.size[k]));
+        result_free(&theirs);
+    }
+    free(data);
+    result_free(&ours);
 }
 
 /* Bytes of packed 4:2:2 at (x, y), by hand; u: 1, v: 3 (YUYV). */
@@ -194,10 +221,17 @@ int main(void) {
                        {PIXELS_GBRG, "bayer_gbrg8"},
                        {PIXELS_GRBG, "bayer_grbg8"},
                        {PIXELS_BGGR, "bayer_bggr8"}};
+    static const int layouts[] = {DDX_VIDEO_420,   DDX_VIDEO_YUV422P, DDX_VIDEO_YUV444P,
+                                  DDX_VIDEO_GREY8, DDX_VIDEO_GREY16,  DDX_VIDEO_RGB24};
     bool asked = true;
     scratch_make();
     test_by_hand();
     test_refusals();
+    for (enum pixels_coding coding = PIXELS_YU12; coding <= PIXELS_BGGR16; coding++)
+        for (size_t i = 0; !pixels_find(coding)->compressed && i < sizeof(layouts) / sizeof(*layouts); i++) {
+            test_on_each_processor(coding, layouts[i], 128, 96);
+            test_on_each_processor(coding, layouts[i], 88, 72);
+        }
     for (size_t i = 0; i < sizeof(formats) / sizeof(*formats); i++) {
         for (int order = PIXELS_INTERLEAVED; order <= PIXELS_BOTTOM_TOP; order++)
             for (int stack = 0; stack < 2; stack++)

@@ -30,7 +30,8 @@ static void test_kind(const char *name, const char *kind, const char *result) {
     if (!size)
         SKIP("no ffmpeg here to compare with");
     snprintf(command, sizeof(command),
-             "ffmpeg -v error -nostdin -f mjpeg -i %s -vf scale=flags=bilinear,format=%s -f rawvideo -", name, result);
+             "ffmpeg -v error -nostdin -f mjpeg -i %s -vf scale=flags=bilinear+accurate_rnd,format=%s -f rawvideo -",
+             name, result);
     size_t total = output_of(command, theirs, sizeof(theirs));
     unsigned char *const plane[3] = {ours, ours + LUMA, ours + LUMA / 4 * 5};
     const int stride[3] = {WIDTH, WIDTH / 2, WIDTH / 2};

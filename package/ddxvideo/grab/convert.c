@@ -65,7 +65,7 @@ static enum AVPixelFormat libav_of(const struct video_layout *layout) {
 }
 
 static int open_scaler(struct converter *converter, enum AVPixelFormat source, enum AVPixelFormat target) {
-    bool paper = video_layout_is_420(converter->layout->format), rgb = target == AV_PIX_FMT_RGB24;
+    bool rgb = target == AV_PIX_FMT_RGB24;
     const struct {
         const char *name;
         int64_t value;
@@ -78,7 +78,8 @@ static int open_scaler(struct converter *converter, enum AVPixelFormat source, e
         {"dsth", converter->height / (int)converter->parts},
         {"dst_format", target},
         {"dst_range", rgb},
-        {"sws_flags", SWS_BILINEAR | (paper ? 0 : SWS_ACCURATE_RND) | (rgb ? SWS_FULL_CHR_H_INT : 0)},
+        /* Accurate rounding: the code for each processor gives the same samples. */
+        {"sws_flags", SWS_BILINEAR | SWS_ACCURATE_RND | (rgb ? SWS_FULL_CHR_H_INT : 0)},
     };
 
     struct SwsContext *sws = converter->sws = sws_alloc_context();
