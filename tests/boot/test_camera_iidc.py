@@ -82,12 +82,36 @@ def test_a_feature_and_its_range(guest: Guest, plugged: Camera) -> None:
     grabber.stop()
 
 
+SILENT = "not found, but a camera that is plugged in does not answer: plug it in again"
+
+
+def states(run: iidc.Run) -> list[str]:
+    """What it says of the camera itself, without the lost frames."""
+    lines = [line.split(": ", 1) for line in run.said if "the driver lost" not in line]
+    return [state for name, state in lines if name.startswith("camera ")]
+
+
 def test_a_camera_that_never_answers(guest: Guest, plugged: Camera) -> None:
-    """The program goes on and looks again; one that answers at last is taken."""
+    """The program goes on and looks again; one that answers at last is taken. Each state is one line."""
     plugged.tell("silent")
     grabber = Grabber(guest, "-format MONO8", "silent")
-    grabber.wait_said("it does not answer")
+    grabber.wait_said("does not answer")
     plugged.tell("answer")
     grabber.wait(FRAMES)
     run = grabber.stop()
     assert wrong(run, expected("MONO8", True)) == []
+    assert [line.split(",")[0] for line in states(run)] == ["not found", "Test Cam"]
+
+
+def test_a_camera_that_answers_no_more_is_not_called_unplugged(guest: Guest, plugged: Camera) -> None:
+    grabber = Grabber(guest, "-format MONO8", "mute")
+    grabber.wait(FRAMES)
+    plugged.tell("silent")
+    plugged.tell("stall")
+    grabber.wait_said("does not answer")
+    plugged.tell("answer")
+    grabber.wait_for_more()
+    run = grabber.stop()
+    assert wrong(run, expected("MONO8", True)) == []
+    assert states(run)[1:-1] == ["the stream broke off, beginning anew", SILENT]
+    assert "back after" in states(run)[-1]

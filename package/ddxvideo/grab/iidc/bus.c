@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "library_log.h"
 #include "modes.h"
 #include "program.h"
 
@@ -34,11 +35,14 @@ static int compare(const void *a, const void *b) {
     return first < second ? -1 : first > second;
 }
 
-/* All cameras, by their GUIDs; NULL: none can be looked for. */
-static dc1394camera_list_t *find_all(dc1394_t *library) {
+/* All cameras, by their GUIDs; NULL: none can be looked for. `silent`: one is plugged in that is not among them. */
+static dc1394camera_list_t *find_all(dc1394_t *library, bool *silent) {
     dc1394camera_list_t *list = NULL;
 
-    if (dc1394_camera_enumerate(library, &list) != DC1394_SUCCESS)
+    library_log_mute(true);
+    dc1394error_t error = dc1394_camera_enumerate(library, &list);
+    *silent = library_log_mute(false) > 0;
+    if (error)
         return NULL;
     if (list->num)
         qsort(list->ids, list->num, sizeof *list->ids, compare);
@@ -58,7 +62,8 @@ static bool choose(const dc1394camera_list_t *list, struct bus_wish *wish) {
 int bus_open(struct bus_wish *wish, dc1394_t **library, dc1394camera_t **device, char *why, size_t size) {
     *device = NULL;
     *library = dc1394_new(); /* each time: it knows the buses of its own beginning only */
-    dc1394camera_list_t *list = *library ? find_all(*library) : NULL;
+    bool silent = false;
+    dc1394camera_list_t *list = *library ? find_all(*library, &silent) : NULL;
     bool there = list && choose(list, wish);
 
     if (list)
@@ -69,8 +74,11 @@ int bus_open(struct bus_wish *wish, dc1394_t **library, dc1394camera_t **device,
         return 0;
     bus_close(*library, NULL);
     *library = NULL;
-    snprintf(why, size, there ? "in use by another program, or does not answer" : "not there, or it does not answer");
-    return there ? -EBUSY : -ENODEV;
+    snprintf(why, size, "%s",
+             there    ? "in use by another program, or does not answer"
+             : silent ? "not found, but a camera that is plugged in does not answer: plug it in again"
+                      : "not there");
+    return there || silent ? -EBUSY : -ENODEV;
 }
 
 void bus_close(dc1394_t *library, dc1394camera_t *device) {
@@ -154,7 +162,8 @@ static void print_camera(dc1394_t *library, unsigned number, uint64_t guid) {
 
 int bus_list(void) {
     dc1394_t *library = dc1394_new();
-    dc1394camera_list_t *list = library ? find_all(library) : NULL;
+    bool silent = false;
+    dc1394camera_list_t *list = library ? find_all(library, &silent) : NULL;
     unsigned count = list ? list->num : 0;
 
     for (unsigned i = 0; i < count; i++)
@@ -162,7 +171,9 @@ int bus_list(void) {
     if (list)
         dc1394_camera_free_list(list);
     bus_close(library, NULL);
-    if (!count)
+    if (silent)
+        say("a camera that is plugged in does not answer, or this user may not open it");
+    else if (!count)
         say("found no IIDC camera on FireWire or USB that this user may open");
     return count ? EXIT_OK : EXIT_FAILED;
 }

@@ -18,8 +18,8 @@ struct bus_wish {
 bool bus_parse(const char *text, struct bus_wish *wish);
 
 /*
- * Look for the camera and open it. 0, -ENODEV: it is not there, -EBUSY; the reason in one line at `why`. Afterwards the
- * wish has its GUID, so that it is the same one that is looked for after it was unplugged.
+ * Look for the camera and open it. 0, -ENODEV: it is not there, -EBUSY: it is there, or may be; the reason in one line
+ * at `why`. Afterwards the wish has its GUID, so that the same camera is looked for after it was unplugged.
  */
 int bus_open(struct bus_wish *wish, dc1394_t **library, dc1394camera_t **device, char *why, size_t size);
 

@@ -12,6 +12,7 @@
 
 #define SECOND INT64_C(1000000000)
 #define AGAIN_NS (3 * SECOND)       /* before a camera is asked again while the buses are as they were */
+#define ANSWER_NS (SECOND * 9 / 10) /* libdc1394 waits a second for an answer */
 #define BUFFER_MEMORY (6 << 20)     /* of 16 MiB that the kernel has for all USB devices together */
 #define FEW_BUFFERS 3
 
@@ -121,15 +122,21 @@ static int iidc_open(struct camera *camera, char *why, size_t size) {
     return iidc->error;
 }
 
-/* What to make of a failure: an unplugged camera does not answer any more, another one has lost its stream. */
+/*
+ * What to make of a failure: a camera that is unplugged or does not answer any more is gone, another one has lost its
+ * stream. Access to an unplugged one fails at once.
+ */
 static int fate(struct iidc_camera *iidc) {
     dc1394switch_t on;
+    int64_t begin = ddx_time_now();
 
     library_log_mute(true);
-    if (!iidc->gone && dc1394_video_get_transmission(iidc->device, &on))
+    if (!iidc->gone && dc1394_video_get_transmission(iidc->device, &on)) {
         iidc->gone = true;
+        iidc->unplugged = ddx_time_now() < begin + ANSWER_NS || bus_devices() != iidc->devices;
+    }
     library_log_mute(false);
-    return iidc->gone ? -ENODEV : -EIO;
+    return iidc->gone && iidc->unplugged ? -ENODEV : -EIO;
 }
 
 /* The number that the camera gave it, or the one that its time asks for. */
@@ -153,6 +160,7 @@ static int iidc_take(struct camera *camera, int64_t now, struct camera_frame *fr
         return fate(iidc);
     if (!got)
         return -EAGAIN;
+    iidc->gone = false; /* it missed one access only */
     bool damaged = dc1394_capture_is_frame_corrupt(iidc->device, got) || got->total_bytes < got->image_bytes;
     int64_t time = wall_time(&iidc->wall, got->timestamp, now, ddxvideo_wall_offset());
     *frame = (struct camera_frame){.data = got->image,

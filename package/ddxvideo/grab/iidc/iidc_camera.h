@@ -21,6 +21,7 @@ struct iidc_camera {
     bool capturing;
     bool counts;  /* the frames have numbers of their own */
     bool gone;    /* an access has failed: no more of them before the camera is opened again */
+    bool unplugged; /* `gone`, and why */
     struct pace pace;
     struct wall wall;
     dc1394video_frame_t *taken[IIDC_BUFFERS];

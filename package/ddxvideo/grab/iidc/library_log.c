@@ -16,6 +16,7 @@ static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static char known[KNOWN][LENGTH];
 static unsigned known_count;
 static bool muted;
+static unsigned unsaid; /* since it was muted */
 
 /* Numbers differ from line to line: buffers, devices. */
 static void without_numbers(char to[LENGTH], const char *from) {
@@ -44,7 +45,9 @@ static void handle(dc1394log_t type, const char *message, void *user) {
     (void)type;
     (void)user;
     pthread_mutex_lock(&mutex);
-    if (!muted && is_new(message))
+    if (muted)
+        unsaid++;
+    else if (is_new(message))
         say("libdc1394: %.*s", (int)strcspn(message, "\n"), message);
     pthread_mutex_unlock(&mutex);
 }
@@ -55,10 +58,13 @@ void library_log_begin(void) {
     dc1394_log_register_handler(DC1394_LOG_DEBUG, NULL, NULL);
 }
 
-void library_log_mute(bool mute) {
+unsigned library_log_mute(bool mute) {
     pthread_mutex_lock(&mutex);
+    unsigned lines = unsaid;
+    unsaid = 0;
     muted = mute;
     pthread_mutex_unlock(&mutex);
+    return lines;
 }
 
 void library_log_forget(void) {

@@ -7,8 +7,8 @@
 
 void library_log_begin(void);
 
-/* Say nothing, or go on: where a failure is expected. */
-void library_log_mute(bool mute);
+/* Say nothing, or go on: where a failure is expected, or gets a line of ours. Returns how many lines were not said. */
+unsigned library_log_mute(bool mute);
 
 /* The camera is there: what was said so far is news when it is said again. */
 void library_log_forget(void);
