@@ -190,7 +190,8 @@ class Grabber:
 def wrong(run: Run, pictures: list[int], counted: bool = True) -> list[str]:
     """in = out + lost, and each frame is the picture that its number says, or, where it has none, one of them."""
     counts, found = run.counters, []
-    before = run.frames[0].number if run.frames else 0  # the reader found the item when it had these
+    first = run.frames[0] if run.frames else None
+    before = first.number - first.source_lost if first else 0  # the reader found the item when it had these
     if counts.waiting or counts.frames_in != counts.out + counts.lost_total or counts.out != before + len(run.frames):
         found.append(f"does not add up: {counts}, {len(run.frames)} frames seen")
     for frame in run.frames:
