@@ -27,6 +27,7 @@ MS = 40
 CODINGS = {"MONO8": (0, 2, "gray"), "YUV411": (1, 3, "yuv411p"), "YUV422": (2, 4, "uyvy422"),
            "YUV444": (3, 6, "yuv444p"), "RGB8": (4, 6, "rgb24"), "MONO16": (5, 4, "gray"), "RGB16": (6, 12, "rgb24"),
            "RAW8": (9, 2, "bayer_grbg8"), "RAW16": (10, 4, "bayer_grbg8")}
+LAYOUTS = {"RGB24": "RGB8", "YUV422P": "YUV422"}  # and the coding that has its samples
 TWO_BYTES = ("MONO16", "RGB16", "RAW16")
 
 Picture = NDArray[numpy.uint8]
@@ -74,13 +75,22 @@ def expected(coding: str, counted: bool) -> list[int]:
     if form == "gray":
         pictures = [luma + bytes([128]) * (WIDTH * HEIGHT // 2) for luma in raw]
     else:
+        scale = f"scale={WIDTH}:{HEIGHT}:flags=bilinear+accurate_rnd"
         done = subprocess.run(
             ["ffmpeg", "-v", "error", "-filter_threads", "1", "-f", "rawvideo", "-pix_fmt", form, "-s",
-             f"{WIDTH}x{HEIGHT}", "-i", "-", "-vf", f"scale={WIDTH}:{HEIGHT}:flags=bilinear+accurate_rnd", "-pix_fmt",
-             "yuv420p", "-f", "rawvideo", "-"], input=b"".join(raw), stdout=subprocess.PIPE, check=True, timeout=60).stdout
+             f"{WIDTH}x{HEIGHT}", "-i", "-", "-vf", scale, "-pix_fmt", "yuv420p", "-f", "rawvideo", "-"],
+            input=b"".join(raw), stdout=subprocess.PIPE, check=True, timeout=60).stdout
         size = WIDTH * HEIGHT * 3 // 2
         pictures = [done[at:at + size] for at in range(0, len(done), size)]
     return camera.checksums(pictures, WIDTH, HEIGHT)
+
+
+def in_layout(layout: str, number: int) -> list[bytes]:
+    """A frame of the coding that has this layout's samples: the planes in the store, each sample the camera's."""
+    frame = marked(LAYOUTS[layout], sent(LAYOUTS[layout], number))
+    if layout == "RGB24":
+        return [frame.tobytes()]
+    return [frame[:, begin::step].tobytes() for begin, step in [(1, 2), (0, 4), (2, 4)]]
 
 
 def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:

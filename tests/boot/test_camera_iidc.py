@@ -35,6 +35,15 @@ def test_each_coding_comes_out_bit_exact(guest: Guest, plugged: Camera) -> None:
         assert wrong(run, expected(coding, True), counted=coding not in iidc.TWO_BYTES) == [], (coding, run.said)
 
 
+def test_a_layout_with_the_camera_s_own_samples_is_bit_exact(guest: Guest, plugged: Camera) -> None:
+    for layout, coding in iidc.LAYOUTS.items():
+        grabber = Grabber(guest, f"-format {coding} -layout {layout}", layout)
+        grabber.wait(3)
+        run = grabber.stop()
+        pictures = [camera.checksum_of_planes(iidc.in_layout(layout, number)) for number in range(FRAMES)]
+        assert wrong(run, pictures) == [], (layout, run.said)
+
+
 def test_frames_that_are_missing_or_damaged_are_counted(guest: Guest, plugged: Camera) -> None:
     """Two short ones, three times three that were never sent: by the camera's counter, exactly."""
     grabber = Grabber(guest, "-format MONO8", "faults")
