@@ -57,7 +57,7 @@ def library() -> ctypes.CDLL:
 
 def ours(code: ctypes.CDLL, width: int, height: int, disparities: int, variant: str | None = None) -> Matcher | None:
     """None: the processor has no such variant."""
-    settings = Settings(width, height, disparities, 5, 1, 100, variant.encode() if variant else None)
+    settings = Settings(width, height, disparities, 5, 1, 50, variant.encode() if variant else None)
     matcher = code.matcher_new(ctypes.byref(settings))
     if not matcher:
         return None

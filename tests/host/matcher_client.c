@@ -10,7 +10,7 @@
 #include "matcher.h"
 
 int main(int argc, char **argv) {
-    struct matcher_settings settings = {.uniqueness = 5, .agreement = 1, .speckle = 100};
+    struct matcher_settings settings = {.uniqueness = 5, .agreement = 1, .speckle = 50};
 
     if (argc != 4)
         return 2;

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import json
 import pathlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy
 import pytest
-from numpy.typing import NDArray
 
 from parts.common import Failed
 from parts.media import calibration, stereo_pairs
 from parts.media.calibration import Matrices
-from parts.media.stereo_pairs import Pair
+from parts.media.stereo_pairs import Grey, Map, Pair
 
 from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_until
 
@@ -34,7 +33,7 @@ def found(make: str, *arguments: object) -> Any:
         pytest.skip(f"no stereo pictures to test with: {error}")
 
 
-def write_clip(path: pathlib.Path, stacked: Iterable[NDArray[numpy.uint8]], fields: int = 2) -> pathlib.Path:
+def write_clip(path: pathlib.Path, stacked: Iterable[Grey], fields: int = 2) -> pathlib.Path:
     """Grey pictures at 25 Hz."""
     pictures = list(stacked)
     height, width = pictures[0].shape
@@ -63,28 +62,40 @@ def check_sum(counters: Counters) -> None:
     assert counters["in"] == counters["out"] + sum(counters["lost"].values()) and not counters["waiting"], counters
 
 
+def run_clip(desk: Desk, stacked: list[Grey], matrices: Matrices, disparities: int, options: Sequence[object] = (),
+             load: Sequence[object] = ()) -> dict[str, Any]:
+    """Stacked pictures through the program, into range.y4m and disparity.y4m; item range.stereo."""
+    rows, width = stacked[0].shape
+    clip = write_clip(desk.folder / "clip.y4m", stacked)
+    file = write_calibration(desk.folder / "stereo.yml", matrices, (width, rows // 2))
+    range_saver = start_recorder(desk, "-name", "range", "-output", "range.y4m", "-instance", "range")
+    saver = start_recorder(desk, "-name", "range.disparity", "-output", "disparity.y4m", "-instance", "disparity")
+    process = start(desk, file, "-disparities", disparities, *options)
+    loader = desk.run("ddxvideoload", clip, "-layout", "GREY8", "-readers", 1, *load)
+    assert loader.returncode == 0, loader.stderr
+    settled(desk, len(stacked))
+    stereo = json.loads(desk.run("ddxctl", "show", "--json", "range.stereo").stdout or "{}")
+    status, counters = stop(process)
+    assert status == 0 and counters["in"] == len(stacked) and counters["lost"]["picture"] == 0, desk.errors(process)
+    check_sum(counters)
+    for recorder in (range_saver, saver):
+        status, saved = stop(recorder)
+        assert status == 0 and saved["out"] == counters["out"] > 0
+    return dict(stereo)
+
+
+def disparities_in(file: pathlib.Path, height: int, width: int) -> list[Map]:
+    """Of each frame, in pixels."""
+    return [numpy.frombuffer(picture, "<u2").reshape(height, width).astype(numpy.float32) / numpy.float32(16)
+            for picture in pictures(file)]
+
+
 def ranged(desk: Desk, pair: Pair, *options: object, top: str = "left",
-           matrices: Matrices | None = None) -> tuple[list[bytes], NDArray[numpy.float32], dict[str, Any]]:
+           matrices: Matrices | None = None) -> tuple[list[bytes], Map, dict[str, Any]]:
     """A clip of this pair through the program: the range pictures, the disparities of the last one, and what metres
     take."""
     height, width = pair.left.shape
     eyes = [pair.left, pair.right] if top == "left" else [pair.right, pair.left]
-    clip = write_clip(desk.folder / "clip.y4m", [numpy.vstack(eyes)] * 3)
-    file = write_calibration(desk.folder / "stereo.yml", matrices or calibration.ideal(width, height),
-                             (width, height))
-    range_saver = start_recorder(desk, "-name", "range", "-output", "range.y4m", "-instance", "range")
-    saver = start_recorder(desk, "-name", "range.disparity", "-output", "disparity.y4m", "-instance", "disparity")
-    process = start(desk, file, "-disparities", pair.disparities, "-top", top, *options)
-    loader = desk.run("ddxvideoload", clip, "-layout", "GREY8", "-readers", 1)
-    assert loader.returncode == 0, loader.stderr
-    settled(desk, 3)
-    stereo = json.loads(desk.run("ddxctl", "show", "--json", "range.stereo").stdout or "{}")
-    status, counters = stop(process)
-    assert status == 0 and counters["in"] == 3 and counters["lost"]["picture"] == 0, desk.errors(process)
-    check_sum(counters)
-    for recorder in (range_saver, saver):
-        assert stop(recorder)[0] == 0
-    ranges, disparities = (pictures(desk.folder / f"{name}.y4m") for name in ("range", "disparity"))
-    assert len(ranges) == len(disparities) == counters["out"] > 0
-    map = numpy.frombuffer(disparities[-1], "<u2").reshape(height, width) / numpy.float32(16)
-    return ranges, map.astype(numpy.float32), stereo
+    stereo = run_clip(desk, [numpy.vstack(eyes)] * 3, matrices or calibration.ideal(width, height), pair.disparities,
+                      ["-top", top, *options])
+    return pictures(desk.folder / "range.y4m"), disparities_in(desk.folder / "disparity.y4m", height, width)[-1], stereo

@@ -138,7 +138,7 @@ static bool understand(struct svs *svs, const struct words *words) {
         return false;
     }
     svs->ranger.settings = (struct matcher_settings){
-        .disparities = (int)words->disparities, .uniqueness = 5, .agreement = 1, .speckle = 100};
+        .disparities = (int)words->disparities, .uniqueness = 5, .agreement = 1, .speckle = 50};
     svs->source.window = words->window * MS;
     return true;
 }
