@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 Grey = NDArray[np.uint8]
 Views = list[tuple[Grey, Grey]]
 LUMA = {"C422": 2.0, "C444": 3.0, "Cmono": 1.0}  # bytes of a picture for each of luma; of 4:2:0 1.5
+SIDE_MAX = 32768  # pixels
 LEAST = 4       # views of the board
 MOVED = 0.02    # of the width: by so much some corner moves from view to view
 LINE_STEP = 24  # rows from line to line in the picture
@@ -41,19 +42,25 @@ class Calibration(NamedTuple):
     matrices: dict[str, NDArray[np.float64]]
 
 
+def number_in(words: list[str], key: str, usual: int = 0) -> int:
+    """The number of the first word with this key; 0 if it is none."""
+    text = next((word[len(key):] for word in words if word.startswith(key)), str(usual))
+    return int(text) if text.isdecimal() and len(text) < 10 else 0
+
+
 def read_y4m(path: pathlib.Path) -> tuple[int, Iterator[Grey]]:
     """How many fields are stacked in a frame, and the luma of each frame."""
     try:
         file = open(path, "rb")
+        words = file.readline(1024).decode(errors="replace").split()
     except OSError as error:
         raise Bad(f"{path}: {error.strerror}") from None
-    words = file.readline(1024).decode(errors="replace").split()
-    facts = {word[0]: word[1:] for word in words[1:]}
     tag = next((word for word in words if word[0] == "C"), "C420")
     if not words or words[0] != "YUV4MPEG2" or not (tag.startswith("C420") or tag in LUMA) or "p1" in tag:
         raise Bad(f"{path}: is no Y4M file of 8 bits; ddxvideosave records one")
-    width, height = int(facts.get("W", 0)), int(facts.get("H", 0))
-    fields = next((int(word[12:]) for word in words if word.startswith("XDDX_FIELDS=")), 1)
+    width, height, fields = number_in(words, "W"), number_in(words, "H"), number_in(words, "XDDX_FIELDS=", 1)
+    if not (0 < width <= SIDE_MAX and 0 < height <= SIDE_MAX and fields and height % fields == 0):
+        raise Bad(f"{path}: no picture is {width}x{height} with {fields} fields; the file is damaged")
 
     def frames() -> Iterator[Grey]:
         with file:
@@ -74,7 +81,8 @@ def views(clips: list[pathlib.Path], top: str) -> Iterator[tuple[Grey, Grey]]:
         return
     fields, frames = read[0]
     if fields != 2:
-        raise Bad(f"{clips[0]}: has {fields} field; two stacked ones are needed, or two clips: left, then right")
+        raise Bad(f"{clips[0]}: has {fields} stacked fields, not two; a clip with two is needed, or two clips: left, "
+                  "then right")
     for frame in frames:
         upper, lower = np.split(frame, 2)
         yield (upper, lower) if top == "left" else (lower, upper)
@@ -167,18 +175,41 @@ def draw(path: pathlib.Path, pair: tuple[Grey, Grey], calibration: Calibration) 
 
 
 def board_of(text: str) -> tuple[int, int]:
-    columns, rows = map(int, text.split("x"))
-    if min(columns, rows) < 3:
-        raise ValueError
-    return columns, rows
+    sides = text.split("x")
+    if len(sides) != 2 or not all(side.isdecimal() and 3 <= int(side) <= 100 for side in sides):
+        raise argparse.ArgumentTypeError(f"{text}: inner corners along rows and columns are needed, such as 9x6")
+    return int(sides[0]), int(sides[1])
+
+
+def length_of(text: str) -> float:
+    try:
+        length = float(text)
+    except ValueError:
+        length = 0
+    if not 0 < length < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text}: a length above 0 is needed")
+    return length
+
+
+def views_of(text: str) -> int:
+    if not text.isdecimal() or int(text) < LEAST:
+        raise argparse.ArgumentTypeError(f"{text}: a number of at least {LEAST} is needed")
+    return int(text)
 
 
 def run(arguments: argparse.Namespace) -> None:
     if len(arguments.clips) > 2:
         raise Bad("one clip with both eyes is needed, or two: left, then right")
+    if arguments.picture and arguments.picture.suffix not in (".png", ".jpg"):
+        raise Bad(f"{arguments.picture}: a name that ends in .png or .jpg is needed")
     pairs, left, right = choose(views(arguments.clips, arguments.top), arguments.board, arguments.most)
     size = pairs[0][0].shape[1], pairs[0][0].shape[0]
-    calibration = calibrate(size, left, right, arguments.board, arguments.square)
+    try:
+        calibration = calibrate(size, left, right, arguments.board, arguments.square)
+    except cv2.error as error:
+        raise Bad(f"these views make no calibration, move and tilt the board more: {error.err}") from None
+    if not all(np.isfinite(matrix).all() for matrix in calibration.matrices.values()):
+        raise Bad("these views make no calibration, move and tilt the board more")
     write(arguments.output, calibration, size)
     if arguments.picture:
         draw(arguments.picture, pairs[len(pairs) // 2], calibration)
@@ -195,11 +226,11 @@ def main() -> int:
     parser.add_argument("-picture", type=pathlib.Path, help="both rectified pictures with lines across, as PNG or JPEG")
     parser.add_argument("-board", type=board_of, default=(9, 6), metavar="9x6",
                         help="inner corners of the board, along its rows and columns (default: 9x6)")
-    parser.add_argument("-square", type=float, default=1, metavar="METRES",
+    parser.add_argument("-square", type=length_of, default=1, metavar="METRES",
                         help="side of a square: distances are in its unit (default: 1, distances in squares)")
     parser.add_argument("-top", choices=("left", "right"), default="left",
                         help="which eye the upper field of one clip is (default: left)")
-    parser.add_argument("-most", type=int, default=40, help="views that are used (default: 40)")
+    parser.add_argument("-most", type=views_of, default=40, metavar="N", help="views that are used (default: 40)")
     try:
         run(parser.parse_args())
     except Bad as error:
