@@ -12,7 +12,7 @@ import pytest
 from .programs import ROOT, Desk, library_folder, make_clip, wait_until
 
 LOADER, SAVER, SENDER, DECODE = "ddxvideoload", "ddxvideosave", "ddxvideosend", "decode"
-SNAP, VIEW = "ddxvideosnap", "ddxvideoview"
+SNAP, VIEW, SVS = "ddxvideosnap", "ddxvideoview", "ddxvideoSVS"
 
 
 def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
@@ -21,7 +21,7 @@ def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
                           env={"LD_LIBRARY_PATH": str(library_folder()), "DDX_DIR": "/nonexistent"})
 
 
-@pytest.mark.parametrize("program", [LOADER, SAVER, SENDER, DECODE, SNAP, VIEW])
+@pytest.mark.parametrize("program", [LOADER, SAVER, SENDER, DECODE, SNAP, VIEW, SVS])
 @pytest.mark.parametrize("option", ["-help", "--help"])
 def test_help(program: str, option: str) -> None:
     result = run(program, option)
@@ -78,6 +78,15 @@ def test_help(program: str, option: str) -> None:
     (VIEW, ["-memory", "12x"], "-memory 12x: a size of at least 1M"),
     (VIEW, ["-memory", "100K"], "-memory 100K: a size of at least 1M"),
     (VIEW, ["-history", "0"], "-history 0: a number"),
+    (SVS, [], "-calib is missing"),
+    (SVS, ["-top", "middle"], "-top middle: left or right is needed"),
+    (SVS, ["-disparities", "40"], "-disparities 40: a multiple of 16 is needed"),
+    (SVS, ["-disparities", "272"], "-disparities 272: a number"),
+    (SVS, ["-window", "0"], "-window 0: a number"),
+    (SVS, ["-left", "left"], "-left and -right go together"),
+    (SVS, ["-left", "same", "-right", "same"], "-left and -right are the same item"),
+    (SVS, ["-from", "video", "-right", "right"], "-from is one item with both eyes"),
+    (SVS, ["-name", "n" * 54], "a name of at most 53 bytes"),
 ])
 def test_bad_usage(program: str, arguments: list[str], text: str) -> None:
     result = run(program, *arguments)
