@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Two cameras by hand: eyes_client.py LEFT RIGHT, the sizes of their pictures. Writes what lines of standard input say,
-`ITEM MILLISECONDS VALUE`: a picture of this value, captured that long after the start; answers each line."""
+`ITEM MILLISECONDS VALUE`: a picture of this value, which is also its frame number, captured that long after the start;
+answers each line."""
 from __future__ import annotations
 
 import sys
@@ -21,6 +22,7 @@ def main() -> None:
             name, milliseconds, value = line.split()
             with items[name].loan() as out:
                 out["time"] = begin + int(milliseconds) * 1000000
+                out["frame"] = int(value)
                 ddxvideo.planes(out)[0][:] = int(value)
             print("written", flush=True)
 

@@ -2,6 +2,7 @@
 """Two cameras as one stereo pair: which frames belong together, and what is counted of those that do not."""
 from __future__ import annotations
 
+import json
 import random
 import subprocess
 from collections.abc import Iterator
@@ -22,14 +23,15 @@ PERIOD, WINDOW = 40, 20  # ms
 class Cameras:
     """Both, each frame when it is told, and the program that pairs them."""
 
-    def __init__(self, desk: Desk, right: str) -> None:
+    def __init__(self, desk: Desk, right: str, *options: object) -> None:
         self.desk = desk
         self.writer = subprocess.Popen([*MORTAL, "/usr/bin/python3", "-B", TOP / "tests/host/eyes_client.py", LEFT,
                                         right], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
                                        env={**desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")})
         self.expect("ready")
         file = write_calibration(desk.folder / "stereo.yml", ideal(WIDTH, HEIGHT))
-        self.process: Process = start(desk, file, "-left", "left", "-right", "right", "-disparities", 16)
+        self.process: Process = start(desk, file, "-left", "left", "-right", "right", "-disparities", 16,
+                                      *options)
         wait_until(lambda: desk.readers("left") == desk.readers("right") == 1)
         self.written = 0
 
@@ -115,6 +117,22 @@ def test_one_camera_is_gone(cameras: Cameras) -> None:
     counters = cameras.settled()
     assert counters["out"] == 4 and counters["lost"]["pair"] == number - 1
     wait_until(lambda: "left, right: pairs again after" in cameras.said())
+
+
+def test_a_window_that_was_set(desk: Desk) -> None:
+    """Frames that are 8 ms apart are no pair within 5 ms, and 4 ms are one, with the left frame's number and time."""
+    cameras = Cameras(desk, LEFT, "-window", 5)
+    number, counters = 0, cameras.settled()
+    while not counters["out"] and number < 100:
+        number += 1
+        cameras.write("left", number * PERIOD, number)
+        cameras.write("right", number * PERIOD + {1: 8, 2: -8}.get(number, -4), 10 + number)
+        counters = cameras.settled()
+    assert counters["lost"]["pair"] == 2 * (number - 1) >= 4
+    values = {name: json.loads(desk.run("ddxctl", "show", "--json", name).stdout)["value"]
+              for name in ("left", "range", "range.disparity")}
+    assert {(value["frame"], value["time"]) for value in values.values()} == {(number, values["left"]["time"])}
+    cameras.end()
 
 
 @pytest.mark.parametrize("cameras", ["64x18"], indirect=True)
