@@ -33,11 +33,11 @@ def found(make: str, *arguments: object) -> Any:
         pytest.skip(f"no stereo pictures to test with: {error}")
 
 
-def write_clip(path: pathlib.Path, stacked: Iterable[Grey], fields: int = 2) -> pathlib.Path:
+def write_clip(path: pathlib.Path, stacked: Iterable[Grey], fields: int = 2, levels: str = "FULL") -> pathlib.Path:
     """Grey pictures at 25 Hz."""
     pictures = list(stacked)
     height, width = pictures[0].shape
-    header = f"YUV4MPEG2 W{width} H{height} F25:1 Ip Cmono XDDX_FIELDS={fields} XCOLORRANGE=FULL\n"
+    header = f"YUV4MPEG2 W{width} H{height} F25:1 Ip Cmono XDDX_FIELDS={fields} XCOLORRANGE={levels}\n"
     path.write_bytes(header.encode() + b"".join(b"FRAME\n" + picture.tobytes() for picture in pictures))
     return path
 
@@ -63,10 +63,10 @@ def check_sum(counters: Counters) -> None:
 
 
 def run_clip(desk: Desk, stacked: list[Grey], matrices: Matrices, disparities: int, options: Sequence[object] = (),
-             load: Sequence[object] = ()) -> dict[str, Any]:
+             load: Sequence[object] = (), levels: str = "FULL") -> dict[str, Any]:
     """Stacked pictures through the program, into range.y4m and disparity.y4m; item range.stereo."""
     rows, width = stacked[0].shape
-    clip = write_clip(desk.folder / "clip.y4m", stacked)
+    clip = write_clip(desk.folder / "clip.y4m", stacked, levels=levels)
     file = write_calibration(desk.folder / "stereo.yml", matrices, (width, rows // 2))
     range_saver = start_recorder(desk, "-name", "range", "-output", "range.y4m", "-instance", "range")
     saver = start_recorder(desk, "-name", "range.disparity", "-output", "disparity.y4m", "-instance", "disparity")

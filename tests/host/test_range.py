@@ -13,11 +13,11 @@ import numpy
 import pytest
 from numpy.typing import NDArray
 
-from parts.media import stereo_pairs
+from parts.media import calibration, stereo_pairs
 from parts.media.calibration import BASELINE, FOCUS, Matrices
 from parts.media.stereo_pairs import Grey, Map, Pair
 
-from .programs import TOP, Desk
+from .programs import TOP, Desk, pictures
 from .stereo_rules import disparities_in, found, ranged, run_clip, write_clip
 
 STEREO = TOP / "package/ddxvideo/stereo"
@@ -53,6 +53,24 @@ def test_three_fields(desk: Desk, top: str) -> None:
     value = stereo["value"]
     assert (value["f"], value["T"], value["cx"], value["cy"]) == (FOCUS, BASELINE, width / 2, height / 2)
     assert (value["min"], value["max"], value["step"]) == (1, 15, 1 / 16)
+
+
+@pytest.mark.parametrize("layout, levels", [("YUV420P", "LIMITED"), ("YUV444P", "FULL"), ("GREY16", "FULL"),
+                                            ("RGB24", "FULL")])
+def test_eyes_of_each_layout(desk: Desk, layout: str, levels: str) -> None:
+    """Of grey pictures the same grey comes out, in full range."""
+    pair = small_pair()
+    height, width = pair.left.shape
+    eyes = numpy.vstack([pair.left, pair.right])
+    stored = eyes if levels == "FULL" else numpy.round(16 + eyes / 255 * 219).astype(numpy.uint8)
+    run_clip(desk, [stored] * 3, calibration.ideal(width, height), pair.disparities, load=["-layout", layout],
+             levels=levels)
+    field = height * width
+    range = numpy.frombuffer(pictures(desk.folder / "range.y4m")[-1], numpy.uint8)[:3 * field].reshape(3, field)
+    difference = numpy.abs(range[[2, 0]].ravel().astype(int) - eyes.ravel())
+    assert difference.max() <= (0 if levels == "FULL" else 1)
+    map = disparities_in(desk.folder / "disparity.y4m", height, width)[-1]
+    assert (numpy.abs(map[:, 20:-4] - 9) < 0.5).all()
 
 
 Boards = list[tuple[Grey, Grey]]

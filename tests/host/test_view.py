@@ -18,6 +18,7 @@ from parts.media.display import Display
 
 from .programs import Desk, pictures, result, stop, wait_until
 from .stream import PORT, Stream
+from .test_layout import LAYOUTS
 from .test_pool import recordings, start
 from .test_python import MODULES
 from .test_snap import rgb
@@ -46,9 +47,9 @@ def make_clip(path: pathlib.Path, frames: int, fields: int = 1, begin: int = 0) 
     return path
 
 
-def play(desk: Desk, clip: pathlib.Path, readers: int = 1) -> None:
+def play(desk: Desk, clip: pathlib.Path, *options: object, readers: int = 1) -> None:
     """At full speed, which waits for readers: no frame is lost, however slow the machine is."""
-    done = desk.run("ddxvideoload", clip, "-readers", readers, "-rate", "0")
+    done = desk.run("ddxvideoload", clip, "-readers", readers, "-rate", "0", *options)
     assert done.returncode == 0, done.stderr
 
 
@@ -80,6 +81,15 @@ def test_item(desk: Desk, display: Display) -> None:
     check(window.press("End"), 39, "PAUSED")
     check(window.press("comma"), 38, "PAUSED")
     check(window.press("space"), 39, "LIVE", "STALLED")
+    window.display.run("xdotool", "key", "q")
+    assert result(window.process)[0] == 0
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_item_of_each_layout(desk: Desk, display: Display, layout: str) -> None:
+    window = Window(desk, display)
+    play(desk, make_clip(desk.folder / "clip.y4m", 3), "-layout", layout)
+    check(window.until(lambda seen: seen.number() == 2), 2, "LIVE", "STALLED")
     window.display.run("xdotool", "key", "q")
     assert result(window.process)[0] == 0
 
