@@ -30,6 +30,18 @@ static void test_gaps(void) {
     CHECK_EQUAL(lost_now, 0);
 }
 
+static void test_times(void) {
+    const int64_t second = 1000000000, opened = 90 * second, now = 120 * second;
+
+    CHECK_EQUAL(count_time(now - 5, opened, now), now - 5);
+    CHECK_EQUAL(count_time(now + second, opened, now), now + second);
+    CHECK_EQUAL(count_time(opened + 1, opened, now), opened + 1); /* the program was held up since then */
+    CHECK_EQUAL(count_time(opened - 3 * second, opened, now), now);
+    CHECK_EQUAL(count_time(now + 3 * second, opened, now), now);
+    CHECK_EQUAL(count_time(0, opened, now), now);
+    CHECK_EQUAL(count_time(0, second, second + 1), second + 1);
+}
+
 static void test_wrap(void) {
     struct count count = {.skip = 1};
     CHECK_EQUAL(frame(&count, UINT32_MAX - 1), 0);
@@ -72,6 +84,7 @@ static void test_random(uint64_t skip) {
 
 int main(void) {
     test_gaps();
+    test_times();
     test_wrap();
     test_skip();
     for (uint64_t skip = 1; skip < 8; skip++)

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "frame_count.h"
 
+#define TIME_OFF INT64_C(2000000000) /* ns */
+
 void count_restart(struct count *count) {
     count->running = false;
 }
@@ -23,4 +25,8 @@ uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint6
     *position = count->position;
     *wanted = count_pass(count, 1) == 1;
     return lost;
+}
+
+int64_t count_time(int64_t said, int64_t opened, int64_t now) {
+    return said && said > opened - TIME_OFF && said < now + TIME_OFF ? said : now;
 }

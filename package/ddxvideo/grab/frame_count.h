@@ -32,4 +32,11 @@ uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint6
 /* So many frames passed that nobody numbered; returns how many of them were wanted. */
 uint64_t count_pass(struct count *count, uint64_t frames);
 
+/*
+ * When a frame was captured (ns): as the driver says, unless that is before the camera was opened or in the future, by
+ * more than 2 s; then it is not of this machine's clock, and the time is now. A program that was held up takes frames
+ * that are as old as it was held up, and their times hold.
+ */
+int64_t count_time(int64_t said, int64_t opened, int64_t now);
+
 #endif

@@ -21,7 +21,6 @@ static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 #define PATIENCE_NS SECOND      /* without a frame, the stream is begun anew; of a slow camera, four periods */
 #define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras need as long */
 #define LOST_SAID_NS (10 * SECOND)
-#define TIME_OFF_NS (2 * SECOND) /* a driver's time that is farther from now is none */
 
 static bool quit(const struct grabber *grabber) {
     return program_stopping() || !grabber->id;
@@ -82,6 +81,7 @@ static void try_open(struct grabber *grabber) {
     if (now < grabber->retry)
         return;
     grabber->retry = now + RETRY_NS;
+    grabber->opened = now;
     int error = grabber->camera->call->open(grabber->camera, why, sizeof why);
     if (error) {
         set_reason(grabber, error, why);
@@ -111,12 +111,14 @@ static void try_open(struct grabber *grabber) {
 
 /* When the frame was captured: as the camera says, if it counts the same time as we do. */
 static int64_t time_of(struct grabber *grabber, const struct camera_frame *frame, int64_t now) {
-    if (frame->time && frame->time > now - TIME_OFF_NS && frame->time < now + TIME_OFF_NS)
-        return frame->time;
+    int64_t time = count_time(frame->time, grabber->opened, now);
+
+    if (time == frame->time)
+        return time;
     if (!grabber->odd_times)
         say("%s: the driver's times are not of this machine's clock; taking those of arrival", grabber->camera->name);
     grabber->odd_times = true;
-    return now;
+    return time;
 }
 
 /* The first frame since the camera was opened. */

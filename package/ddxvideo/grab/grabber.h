@@ -23,6 +23,7 @@ struct grabber {
     char reason[256]; /* why it could not be opened last, and since when: */
     int64_t since;
     int64_t retry;      /* when to open it again */
+    int64_t opened;     /* when it was opened last */
     int64_t silent;     /* ns that we looked in vain since the last frame, or since it was opened */
     int64_t last;       /* time of the last frame counted, 0 if none yet */
     uint64_t away;      /* frames counted since the camera went */
