@@ -4,16 +4,19 @@ import base64
 import functools
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy
 import pytest
 from numpy.typing import NDArray
 
-from parts.common import PATIENCE, TOP, Failed
+from parts.common import PATIENCE, Failed
 from parts.guest import session
+from parts.guest.channel import END
 from parts.guest.qemu import Guest
 from parts.media import clip
+from parts.media.seen import Image as Picture
+from parts.media.seen import Seen, glyphs, ppm
 
 PLAY, ITEM = "ddxvideoplay", "screen"
 SETTINGS = f"/data/ddx/{PLAY}.conf"
@@ -26,15 +29,6 @@ BAND = 8   # rows of which each band is compared with the neighbours of the fram
 NEAR = 2   # frames
 ALARM = (0xff, 0xc0, 0x20)
 SINCE = r"{} since \d\d:\d\d:\d\d \(\d+ s\)"
-
-Picture = NDArray[numpy.uint8]  # rows, columns, red green blue
-
-
-def ppm(data: bytes) -> Picture:
-    head = re.match(rb"P6\n(\d+) (\d+)\n255\n", data)
-    assert head
-    return numpy.frombuffer(data, numpy.uint8, offset=head.end()).reshape(int(head[2]), int(head[1]), 3)
-
 
 def place(screen: Picture, pixels: bool) -> tuple[int, int, int, int]:
     """Where the clip's picture is: left, top, width, height."""
@@ -79,16 +73,6 @@ def torn(picture: Picture, frame: int) -> list[int]:
 
 # ---- The text ----
 
-@functools.cache
-def font() -> dict[bytes, str]:
-    """Our characters, by their pixels."""
-    source = (TOP / "package/ddxvideo/draw/text.c").read_text()
-    lines = [line.split() for line in re.findall(r'"([.# ]+)"', source)]
-    bands = [lines[first:first + 9] for first in range(0, len(lines), 9)]
-    cells = [tuple(band[row][column] for row in range(9)) for band in bands for column in range(len(band[0]))]
-    return {"".join(cell).encode(): chr(ord(" ") + index) for index, cell in enumerate(cells)}
-
-
 def alarm(screen: Picture) -> str:
     """The last line on the screen, if it is in the colour of what is missing; else nothing."""
     height, scale = screen.shape[0], 2
@@ -97,7 +81,7 @@ def alarm(screen: Picture) -> str:
     for left in range(2 * scale, screen.shape[1] - 6 * scale, 6 * scale):
         cell = screen[top:top + 9 * scale:scale, left:left + 5 * scale:scale]
         dots = (cell == ALARM).all(axis=2)
-        found += font().get("".join("#" if dot else "." for dot in dots.flatten()).encode(), "?")
+        found += glyphs().get("".join("#" if dot else "." for dot in dots.flatten()).encode(), "?")
     return found.rstrip()
 
 
@@ -152,12 +136,9 @@ def console_of(guest: Guest) -> Picture:
     return shown
 
 
-def fetch(guest: Guest, path: str) -> bytes:
-    """A file of the guest. In pieces: the console drops what is too much at once."""
-    size = int(guest.sh(f"stat -c %s {path}"))
-    pieces = [guest.sh(f"dd if={path} bs={PIECE} skip={number} count=1 2> /dev/null | base64")
-              for number in range(-(-size // PIECE))]
-    return b"".join(map(base64.b64decode, pieces))
+def fetch(guest: Guest, path: str, at: int) -> bytes:
+    """A piece of a file of the guest: the console drops what is too much at once."""
+    return base64.b64decode(guest.sh(f"dd if={path} bs={PIECE} skip={at} count=1 2> /dev/null | base64"))
 
 
 def load(guest: Guest, options: str, name: str = ITEM) -> None:
@@ -178,22 +159,27 @@ def screen(guest: Guest, console: Picture) -> Iterator[Guest]:
     guest.sh(f"/etc/init.d/S*{PLAY} stop; rm -f {SETTINGS}; kill -9 $(cat /tmp/{ITEM}.pid); true")
 
 
-def test_each_picture_is_whole_and_newer(screen: Guest) -> None:
-    start(screen)
+def watch(guest: Guest, dumps: int, seconds: float = PATIENCE) -> None:
+    """So many frames are seen, each of them whole, and none goes backwards."""
     seen: list[int] = []
-    end = time.monotonic() + PATIENCE
-    while len(set(seen)) < DUMPS:
+    end = time.monotonic() + seconds
+    while len(set(seen)) < dumps:
         assert time.monotonic() < end, f"frames {seen}"
         time.sleep(PAUSE)
-        picture = sample(ppm(screen.screen()))
+        picture = sample(ppm(guest.screen()))
         frame = number(picture)
         assert frame is not None, "torn: no number"
         assert torn(picture, frame) == [], f"torn in frame {frame}"
         step = (frame - seen[-1]) % LENGTH if seen else 0
         assert step < LENGTH / 2, f"frame {frame} after frame {seen[-1] % LENGTH}: backwards"
         seen.append(seen[-1] + step if seen else frame)
-    written = int(screen.sh(f"ddxctl show {ITEM}.frame | tr -cd '0-9\\n' | tail -n 1"))
+    written = int(guest.sh(f"ddxctl show {ITEM}.frame | tr -cd '0-9\\n' | tail -n 1"))
     assert seen[-1] <= written
+
+
+def test_each_picture_is_whole_and_newer(screen: Guest) -> None:
+    start(screen)
+    watch(screen, DUMPS)
 
 
 def test_a_writer_that_stops(screen: Guest) -> None:
@@ -216,10 +202,14 @@ def test_its_pixels_are_those_of_a_snapshot(screen: Guest) -> None:
     one = "{ head -n 1; tail -c +" + str(frame * size + 1) + f" | head -c {size}; }}"
     screen.sh(f"{one} < /test/clip.y4m > /tmp/still.y4m")
     screen.sh("ddxvideoload /tmp/still.y4m -name still -instance still && ddxvideosnap -name still /tmp/still.ppm")
-    snapshot = ppm(fetch(screen, "/tmp/still.ppm"))
     left, top, wide, high = place(shown, pixels=True)
-    difference = numpy.abs(shown[top:top + high, left:left + wide].astype(int) - snapshot)
-    assert difference.max() <= 2
+    ours = shown[top:top + high, left:left + wide].tobytes()
+    head = int(screen.sh("stat -c %s /tmp/still.ppm")) - len(ours)
+    for at in (0, len(ours) // PIECE // 2, len(ours) // PIECE):  # rows at the top, in the middle, at the bottom
+        piece = numpy.frombuffer(fetch(screen, "/tmp/still.ppm", at)[0 if at else head:], numpy.uint8)
+        begin = at * PIECE - head if at else 0
+        same = numpy.frombuffer(ours[begin:begin + len(piece)], numpy.uint8)
+        assert numpy.abs(piece.astype(int) - same).max() <= 2
 
 
 @pytest.mark.parametrize(("signal", "settings"), [("TERM", ""), ("KILL", PIXELS)])
@@ -228,6 +218,46 @@ def test_the_console_is_back_after_the_end(screen: Guest, console: Picture, sign
     screen.sh(f"sv once /run/service/{PLAY}; pid=$(cat /run/service/{PLAY}/supervise/pid); kill -{signal} $pid; "
               f"while kill -0 $pid 2> /dev/null; do sleep 0.02; done")
     assert console.any() and is_grey(console)
+    assert (console_of(screen) == console).all()
+
+
+def view(guest: Guest, condition: Callable[[Seen], object]) -> Seen:
+    """What the viewer shows, as soon as the condition holds."""
+    deadline = time.monotonic() + PATIENCE
+    while not condition(seen := Seen(ppm(guest.screen()))):
+        if time.monotonic() > deadline:
+            raise Failed(f"the viewer shows {seen.text!r}; {guest.sh('cat /tmp/view.log')}")
+        time.sleep(PAUSE)
+    return seen
+
+
+def test_the_viewer_takes_screen_and_keys(screen: Guest, console: Picture) -> None:
+    """In the background of a terminal without the keys; in the foreground with them."""
+    screen.sh(f"/etc/init.d/S*{PLAY} stop")
+    mode = screen.sh("stty -g < /dev/tty")
+    screen.sh(f"ddxvideoview -name {ITEM} < /dev/tty > /tmp/view.log 2>&1 & echo $! > /tmp/view.pid")
+    seen = view(screen, lambda seen: seen.label == "LIVE")
+    assert number(sample(seen.area)) == (seen.frame() or 0) % LENGTH, seen.text
+    assert screen.sh("stty -g < /dev/tty") == mode
+    screen.sh("kill $(cat /tmp/view.pid); wait $(cat /tmp/view.pid)")
+
+    terminal = screen.shell("hvc1")
+    terminal.begin(f"ddxvideoview -name {ITEM} < /dev/tty > /tmp/view.log 2>&1")
+    view(screen, lambda seen: seen.label == "LIVE")
+    terminal.send(" ")
+    paused = view(screen, lambda seen: seen.label == "PAUSED" and seen.newer() >= 2)
+    first = at = paused.frame()
+    for _ in range(2):
+        terminal.send(".")
+        forward = view(screen, lambda seen: seen.frame() != at)
+        assert forward.frame_before() == at, forward.text
+        at = forward.frame()
+    terminal.send(",,")
+    back = view(screen, lambda seen: seen.frame() == first)
+    assert back.label == "PAUSED" and number(sample(back.area)) == (first or 0) % LENGTH
+    terminal.send("q")
+    terminal.wait(END)  # what is sent before is the viewer's
+    assert terminal.run(f"[ \"$(stty -g < /dev/tty)\" = {mode} ]") == (0, "")
     assert (console_of(screen) == console).all()
 
 

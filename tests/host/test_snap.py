@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 
 from parts.media import clip as numbered_clip
+from parts.media.seen import read_text
 
 from .programs import Desk, ffmpeg, make_clip
-from .window import read_text
 
 Image = NDArray[numpy.uint8]
 CONVERSION = "scale=in_color_matrix=bt601:out_color_matrix=bt601:flags=bicubic+accurate_rnd+full_chroma_int"

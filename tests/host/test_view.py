@@ -15,6 +15,7 @@ import pytest
 
 from parts.media import clip as numbered
 from parts.media.display import Display
+from parts.media.seen import Seen
 
 from .programs import Desk, pictures, result, stop, wait_until
 from .stream import PORT, Stream
@@ -22,7 +23,7 @@ from .test_layout import LAYOUTS
 from .test_pool import recordings, start
 from .test_python import MODULES
 from .test_snap import rgb
-from .window import Seen, Window
+from .window import Window
 
 WIDTH, HEIGHT = 352, 288
 
@@ -282,4 +283,4 @@ def test_no_display_in_the_background(desk: Desk) -> None:
         said += os.read(main, 1000)
     shell.wait()
     os.close(main)
-    assert b"no display: neither DISPLAY nor WAYLAND_DISPLAY is set" in said and b"status 1" in said, said
+    assert b"no display: neither DISPLAY nor WAYLAND_DISPLAY is set; no screen: " in said and b"status 1" in said, said

@@ -6,6 +6,7 @@
 
 #include "network.h"
 #include "program.h"
+#include "screen.h"
 #include "view.h"
 #include "window.h"
 
@@ -39,17 +40,15 @@ static bool parse_memory(const char *text, uint64_t *bytes) {
     return false;
 }
 
-/*
- * Where it is shown: a window where there is a display. This is the one place where that is chosen: without a display,
- * a whole screen of the machine belongs here.
- */
+/* A window where there is a display; else the screen of this machine, with the keys of the terminal. */
 static struct surface *open_surface(const char *title) {
-    const char *wrong = "neither DISPLAY nor WAYLAND_DISPLAY is set";
+    const char *wrong;
     bool display = getenv("DISPLAY") || getenv("WAYLAND_DISPLAY") || getenv("SDL_VIDEODRIVER");
-    struct surface *surface = display ? window_open(title, &wrong) : NULL;
+    struct surface *surface =
+        display ? window_open(title, &wrong) : screen_open(&(struct screen_choice){.keys = true}, &wrong);
 
     if (!surface)
-        say("no display: %s", wrong);
+        say("no display: %s%s", display ? "" : "neither DISPLAY nor WAYLAND_DISPLAY is set; ", wrong);
     return surface;
 }
 
@@ -133,9 +132,9 @@ int main(int argc, char **argv) {
         .name = "ddxvideoview",
         .positional = "FILE",
         .optional = true,
-        .purpose = "Shows a video item, a stream or a file in a window, frame by frame. FILE is a Y4M file; of a\n"
-                   "recording, all its files are shown. While it is paused, an item or a stream goes on being\n"
-                   "received, and its last frames can be looked at.",
+        .purpose = "Shows a video item, a stream or a file in a window, frame by frame; without a display, on the\n"
+                   "screen of this machine. FILE is a Y4M file; of a recording, all its files are shown. While it\n"
+                   "is paused, an item or a stream goes on being received, and its last frames can be looked at.",
         .notes = "Keys are those of mpv: Space pauses, `.` and `,` step, `s` saves the frame, `q` quits; `?` lists\n"
                  "all of them.",
         .options = table,
@@ -145,6 +144,6 @@ int main(int argc, char **argv) {
     int status = judge(&options, &limits);
     if (status || options.program.check)
         return status;
-    signal(SIGTTOU, SIG_IGN); /* a line from the background must not stop it; it never reads from a terminal */
+    signal(SIGTTOU, SIG_IGN); /* a line from the background must not stop it */
     return run(&options, &limits);
 }

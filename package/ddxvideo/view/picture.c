@@ -138,7 +138,7 @@ bool picture_draw(struct view *view) {
         wrong = surface_show(view->surface);
     }
     if (wrong)
-        say("window: %s", wrong);
+        say("nothing can be shown: %s", wrong);
     view->dirty = false;
     view->drawn = ddx_time_now();
     return !wrong;

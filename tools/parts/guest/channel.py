@@ -52,7 +52,7 @@ class Channel:
             raise Timeout(f"{self.path.name}: the guest has gone")
         self._buffer += data
 
-    def wait(self, pattern: bytes, timeout: float = PATIENCE) -> re.Match[bytes]:
+    def wait(self, pattern: bytes | re.Pattern[bytes], timeout: float = PATIENCE) -> re.Match[bytes]:
         """Wait for a pattern in what the guest prints; drops everything up to its end."""
         deadline = time.monotonic() + timeout
         while not (match := re.search(pattern, self._buffer)):

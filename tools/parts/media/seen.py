@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A screenshot of ddxvideoview: the number in its picture, and the text below it."""
+import dataclasses
+import functools
+import re
+
+import numpy
+from numpy.typing import NDArray
+
+from parts.common import TOP
+from parts.media.clip import frame_number
+
+Image = NDArray[numpy.uint8]  # rows, columns, red green blue
+FONT = TOP / "package/ddxvideo/draw/text.c"
+CELL, PAD, LINES = (6, 10), 3, 3  # of text.h and picture.c
+LIST = (0x10, 0x24, 0x3c)  # behind the list of the keys
+
+
+def ppm(data: bytes) -> Image:
+    head = re.match(rb"P6\n(\d+) (\d+)\n255\n", data)
+    assert head
+    return numpy.frombuffer(data, numpy.uint8, offset=head.end()).reshape(int(head[2]), int(head[1]), 3)
+
+
+@functools.cache
+def glyphs() -> dict[bytes, str]:
+    """The font as the program has it: bands of 16 characters, 9 rows each."""
+    rows = [line.strip()[1:-2] for line in FONT.read_text().splitlines() if re.match(r'    "[.#]{5} ', line)]
+    found = {}
+    for number in range(ord("~") - ord(" ") + 1):
+        band, column = divmod(number, 16)
+        art = [row.ljust(96)[column * 6:column * 6 + 5] for row in rows[band * 9:band * 9 + 9]]
+        found["".join(art).replace(" ", ".").encode()] = chr(ord(" ") + number)
+    return found
+
+
+def read_text(image: Image, scale: int) -> str:
+    """The line of text that begins in the corner of an image."""
+    text, width = "", CELL[0] * scale
+    for left in range(0, image.shape[1] - width + 1, width):
+        cell = image[:9 * scale:scale, left:left + width:scale]
+        ink = (cell[:, :5] != cell[0, 5]).any(axis=2)
+        text += glyphs().get(numpy.where(ink, b"#", b".").tobytes(), "\0")
+    return text.rstrip()
+
+
+@dataclasses.dataclass
+class Seen:
+    """A screenshot of ddxvideoview, taken apart."""
+    image: Image
+
+    @property
+    def scale(self) -> int:
+        height, width = self.image.shape[:2]
+        return max(1, min(1 if height < 360 else 2 if height < 1000 else height // 500 + 1, width // 312))
+
+    @property
+    def area(self) -> Image:
+        """Above the text."""
+        return self.image[:-LINES * (CELL[1] + PAD) * self.scale]
+
+    def number(self, left: int = 0, top: int = 0, width: int = 0, height: int = 0) -> int | None:
+        """The number that is drawn in the picture at this place; by itself, in all of the area."""
+        part = self.area[top:top + height or None, left:left + width or None, 1]
+        rows = (numpy.arange(288) * 2 + 1) * part.shape[0] // 576
+        columns = (numpy.arange(352) * 2 + 1) * part.shape[1] // 704
+        return frame_number(part[rows][:, columns].tobytes(), 352, 288)
+
+    def line(self, number: int) -> list[str]:
+        """The text of a line, in parts with a ground of their own."""
+        top = len(self.area) + number * (CELL[1] + PAD) * self.scale
+        ground = self.image[top].astype(int) @ (65536, 256, 1)
+        edges = [0, *(numpy.flatnonzero(numpy.diff(ground)) + 1), len(ground)]
+        top += PAD * self.scale // 2 + self.scale // 2
+        return [read_text(self.image[top:, begin + PAD * self.scale:end], self.scale)
+                for begin, end in zip(edges, edges[1:])]
+
+    @property
+    def label(self) -> str:
+        return self.line(0)[0]
+
+    @property
+    def text(self) -> str:
+        return "\n".join(" ".join(self.line(number)) for number in range(LINES))
+
+    def is_listing(self) -> bool:
+        """Whether the list of the keys is shown."""
+        return bool((self.area == LIST).all(axis=2).mean() > 0.1)
+
+    def frame(self) -> int | None:
+        """The number in the text."""
+        found = re.search(r"  frame (\d+)", self.text)
+        return int(found[1]) if found else None
+
+    def frame_before(self) -> int:
+        """The number that the step to this frame started at: frames that were lost between them are stated."""
+        found = re.search(r"(\d+) missing before this one", self.text)
+        return (self.frame() or 0) - 1 - (int(found[1]) if found else 0)
+
+    def newer(self) -> int:
+        """How many newer frames there are, while it is paused."""
+        found = re.search(r"  (\d+) newer", self.text)
+        return int(found[1]) if found else 0
