@@ -45,7 +45,13 @@ class Screen(Display):
             getattr(self.x11, name).restype = ctypes.c_ulong
         self.display = ctypes.c_void_p(self.x11.XOpenDisplay(self.name.encode()))
         self.root = ctypes.c_ulong(self.x11.XDefaultRootWindow(self.display))
-        self.x11.XWarpPointer(self.display, 0, self.root, 0, 0, 0, 0, *AT)  # keys go to the window under it
+        self.x11.XWarpPointer(self.display, 0, self.root, 0, 0, 0, 0, *AT)
+
+    def give_focus(self) -> None:
+        """Keys go to the window under the pointer. A window that takes the focus leaves none when it closes."""
+        pointer_root = ctypes.c_ulong(1)
+        self.x11.XSetInputFocus(self.display, pointer_root, 1, ctypes.c_ulong(0))
+        self.x11.XSync(self.display, 0)
 
     def level(self) -> int:
         """Green of the pixel."""
@@ -61,11 +67,11 @@ class Screen(Display):
             self.test.XTestFakeKeyEvent(self.display, code, down, 0)
         self.x11.XFlush(self.display)
 
-    def wait(self, number: int, begin: float) -> float:
-        """ms from `begin` until the frame with this number is on the screen."""
+    def wait(self, name: str, number: int, begin: float) -> float:
+        """ms from `begin` until `name` shows the frame with this number."""
         while abs(self.level() - shade(number)) > SPACING // 2 - 1:
             if time.monotonic() - begin > PATIENCE:
-                raise Failed(f"frame {number} was not shown: the pixel is {self.level()}, not {shade(number)}")
+                raise Failed(f"{name}: frame {number} was not shown: the pixel is {self.level()}, not {shade(number)}")
         return (time.monotonic() - begin) * 1000
 
     def end(self) -> None:
@@ -97,6 +103,7 @@ def commands(clip: pathlib.Path) -> dict[str, list[str]]:
 
 
 def start(screen: Screen, command: list[str]) -> subprocess.Popen[bytes]:
+    screen.give_focus()
     return subprocess.Popen([*MORTAL, *command], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
                             stderr=subprocess.DEVNULL, env={**os.environ, **native.environment(ROOT),
                                                             "DISPLAY": screen.name, "SDL_VIDEODRIVER": "x11"})
@@ -117,11 +124,11 @@ def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int
     process = start(screen, commands(clip)[name])
     try:
         if name == "ddxvideoview":
-            time.sleep(1)  # it plays
-            screen.press(b"space")
-            time.sleep(0.3)
+            while screen.level() < BASE - SPACING // 2:  # no picture yet
+                time.sleep(0.01)
+            screen.press(b"comma")  # pauses, also after the last frame
             screen.press(b"Home")
-        screen.wait(0, time.monotonic())
+        screen.wait(name, 0, time.monotonic())
         time.sleep(0.5)
         at = 0
         while min(map(len, found.values())) < count:
@@ -130,7 +137,7 @@ def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int
                     at += 1 if way == "forward" else -1
                     begin = time.monotonic()
                     screen.press(key)
-                    found[way].append(screen.wait(at, begin))
+                    found[way].append(screen.wait(name, at, begin))
                     time.sleep(0.02)
     finally:
         end(process)
