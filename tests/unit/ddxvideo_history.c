@@ -96,10 +96,11 @@ static void test_losses(void) {
     history_close(&history);
 }
 
-static void test_rate(void) {
+/* Also of frames that have been dropped since. */
+static void test_rate(unsigned kept) {
     struct history history;
 
-    CHECK(history_open(&history, 100, UINT64_MAX));
+    CHECK(history_open(&history, kept, UINT64_MAX));
     CHECK(history_rate(&history, 0) == 0);
     for (int i = 0; i < 50; i++) {
         struct shot *shot = picture(&history, i, 64);
@@ -140,7 +141,8 @@ int main(void) {
     test_bytes();
     test_held();
     test_losses();
-    test_rate();
+    test_rate(100);
+    test_rate(1);
     test_depth();
     return 0;
 }

@@ -43,6 +43,8 @@ void history_add(struct history *history, struct shot *shot) {
         shot_drop(take_oldest(history));
     history->bytes += shot_bytes(shot);
     history->lost += shot->missing;
+    history->came[history->next % HISTORY_CAME].arrival = shot->arrival;
+    history->came[history->next % HISTORY_CAME].captured = shot->picture.stamp.time;
     *place(history, history->next++) = shot;
     pthread_mutex_unlock(&history->lock);
 }
@@ -102,13 +104,11 @@ double history_rate(struct history *history, int64_t now) {
     int count = 0;
 
     pthread_mutex_lock(&history->lock);
-    for (int64_t at = history->next - 1; at >= history->oldest; at--) {
-        const struct shot *shot = *place(history, at);
-
-        if (now - shot->arrival > NS)
+    for (int64_t at = history->next - 1; at >= 0 && count < HISTORY_CAME; at--) {
+        if (now - history->came[at % HISTORY_CAME].arrival > NS)
             break;
-        last = count ? last : shot->picture.stamp.time;
-        first = shot->picture.stamp.time;
+        first = history->came[at % HISTORY_CAME].captured;
+        last = count ? last : first;
         count++;
     }
     pthread_mutex_unlock(&history->lock);

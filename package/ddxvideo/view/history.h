@@ -8,6 +8,8 @@
 
 #include "shot.h"
 
+#define HISTORY_CAME 256
+
 struct history {
     struct shot_pool pool;
     unsigned capacity; /* frames */
@@ -17,6 +19,10 @@ struct history {
     struct shot **ring; /* the picture of a position is at position % capacity */
     int64_t oldest, next;
     uint64_t bytes, lost;
+    /* The newest pictures that came, whether they are kept or not: a position is at position % HISTORY_CAME. */
+    struct {
+        int64_t arrival, captured;
+    } came[HISTORY_CAME];
 };
 
 /* False: no memory. */
@@ -44,7 +50,10 @@ int64_t history_time(struct history *history, int64_t position);
 /* Frames missing so far: those before each picture, and what history_lose() was called with. */
 uint64_t history_lost(struct history *history);
 
-/* Pictures that came within the last second, and nothing once a second has passed without any. */
+/*
+ * Pictures that came within the last second, a second, whether they are kept or not; 0 once a second has passed without
+ * any. Of the last HISTORY_CAME ones, where more came.
+ */
 double history_rate(struct history *history, int64_t now);
 
 #endif
