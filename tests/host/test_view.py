@@ -18,7 +18,7 @@ from parts.media.display import Display
 from parts.media.seen import Seen
 
 from .programs import Desk, pictures, result, stop, wait_until
-from .stream import PORT, Stream
+from .stream import PORT, TO_RELAY, Stream
 from .test_layout import LAYOUTS
 from .test_pool import recordings, start
 from .test_python import MODULES
@@ -227,6 +227,27 @@ def test_stream(stream: Stream, display: Display) -> None:
     assert window.process.communicate(timeout=60) and window.process.returncode == 0
     counters = desk.stats("ddxvideoview")
     assert counters["in"] == counters["out"] + sum(counters["lost"].values())
+
+
+def test_stream_with_loss(stream: Stream, display: Display) -> None:
+    """What comes to nothing is seen at once, and before the next picture."""
+    desk = stream.desk
+    window = Window(desk, display, "-port", PORT, "-group", "none", wrapper=stream.network.inside)
+    wait_until(lambda: bool(desk.item("ddxvideoview.packets")))
+    relay = stream.relay("drop=60")
+    stream.send("-wire", 2000, "-bitrate", 1200, "-repair", "off", *TO_RELAY)
+    desk.start("ddxvideoload", make_clip(desk.folder / "clip.y4m", 40), "-loop", "-readers", "1")
+    assert window.until(lambda seen: seen.label == "LIVE").label == "LIVE"
+    relay.send_signal(signal.SIGUSR1)
+    bad = window.until(lambda seen: re.search(r"  lost [1-9](.|\n)* lost since the newest frame", seen.text))
+    assert " lost since the newest frame" in bad.text and "lost 0" not in bad.text, bad.text
+    relay.send_signal(signal.SIGUSR1)
+    good = window.until(lambda seen: seen.label == "LIVE" and "since the newest" not in seen.text)
+    assert "since the newest" not in good.text
+    gap = window.press("space")
+    while gap.frame() and "missing before this one" not in gap.text:
+        gap = window.press("comma")
+    assert re.search(r"PAUSED [1-9]\d* missing before this one", gap.text), gap.text
 
 
 def test_recording_with_its_parts(desk: Desk, display: Display) -> None:

@@ -93,6 +93,13 @@ static void test_losses(void) {
     }
     history_lose(&history, 100);
     CHECK_EQUAL(history_lost(&history), 115u); /* also those before frames that were dropped */
+    history_pend(&history, 7);
+    history_pend(&history, 8);
+    CHECK_EQUAL(history_lost(&history), 123u);
+    struct shot *next = picture(&history, 6, 64);
+    next->missing = 8;
+    history_add(&history, next);
+    CHECK_EQUAL(history_lost(&history), 123u);
     history_close(&history);
 }
 

@@ -43,6 +43,7 @@ void history_add(struct history *history, struct shot *shot) {
         shot_drop(take_oldest(history));
     history->bytes += shot_bytes(shot);
     history->lost += shot->missing;
+    history->pending = 0;
     history->came[history->next % HISTORY_CAME].arrival = shot->arrival;
     history->came[history->next % HISTORY_CAME].captured = shot->picture.stamp.time;
     *place(history, history->next++) = shot;
@@ -52,6 +53,12 @@ void history_add(struct history *history, struct shot *shot) {
 void history_lose(struct history *history, uint64_t frames) {
     pthread_mutex_lock(&history->lock);
     history->lost += frames;
+    pthread_mutex_unlock(&history->lock);
+}
+
+void history_pend(struct history *history, uint64_t frames) {
+    pthread_mutex_lock(&history->lock);
+    history->pending = frames;
     pthread_mutex_unlock(&history->lock);
 }
 
@@ -94,7 +101,7 @@ int64_t history_time(struct history *history, int64_t position) {
 
 uint64_t history_lost(struct history *history) {
     pthread_mutex_lock(&history->lock);
-    uint64_t lost = history->lost;
+    uint64_t lost = history->lost + history->pending;
     pthread_mutex_unlock(&history->lock);
     return lost;
 }

@@ -18,7 +18,7 @@ struct history {
     pthread_mutex_t lock;
     struct shot **ring; /* the picture of a position is at position % capacity */
     int64_t oldest, next;
-    uint64_t bytes, lost;
+    uint64_t bytes, lost, pending;
     /* The newest pictures that came, whether they are kept or not: a position is at position % HISTORY_CAME. */
     struct {
         int64_t arrival, captured;
@@ -35,6 +35,9 @@ void history_add(struct history *history, struct shot *shot);
 /* Frames that came to nothing, though no frame follows them yet. */
 void history_lose(struct history *history, uint64_t frames);
 
+/* Frames that have come to nothing since the newest picture: part of what is missing before the next one. */
+void history_pend(struct history *history, uint64_t frames);
+
 /* Add the disparities of a frame, by its number, if it is still there. Takes the memory, of malloc(). */
 void history_depth(struct history *history, int frame, struct shot_depth *depth);
 
@@ -47,7 +50,7 @@ struct shot *history_take(struct history *history, int64_t position);
 /* When it was captured, ns; 0 if it is not there. */
 int64_t history_time(struct history *history, int64_t position);
 
-/* Frames missing so far: those before each picture, and what history_lose() was called with. */
+/* Frames missing so far: those before each picture, those that pend, and what history_lose() was called with. */
 uint64_t history_lost(struct history *history);
 
 /*

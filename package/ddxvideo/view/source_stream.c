@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* A stream: decode's receiver in a thread, whose every picture goes into the history. */
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,6 +40,27 @@ static const char *take(void *to, const AVFrame *frame, AVRational rate, const s
     live_say(&from->live, "");
     live_add(&from->live, shot);
     return NULL;
+}
+
+/*
+ * What came to nothing is seen before the next picture comes: with a bad link, that may be long. The book counts a
+ * picture as one that came to nothing until it has been taken.
+ */
+static bool tick(void *to) {
+    struct stream_source *from = to;
+    char text[sizeof from->live.text];
+    DDX_STATS stats;
+
+    ddx_stats_get(from->viewer.book, &stats);
+    int64_t pending = (int64_t)(stats.in - stats.out) - (from->source_lost - 1);
+    if (!from->begun && stats.in)
+        live_say(&from->live, "the stream comes; waiting for its first whole picture");
+    if (!from->begun || pending <= 0)
+        return true;
+    history_pend(&from->live.history, (uint64_t)pending);
+    snprintf(text, sizeof text, "%" PRId64 " lost since the newest frame", pending);
+    live_say(&from->live, text);
+    return true;
 }
 
 static void *run(void *argument) {
@@ -95,7 +117,7 @@ struct source *source_stream(const struct source_stream *settings, bool check, c
     from->viewer.program = (struct program){.name = "ddxvideoview", .instance = settings->instance,
                                             .port = settings->store};
     from->viewer.patience = 20;
-    from->viewer.screen = (struct viewer_screen){.show = take, .to = from, .each = true};
+    from->viewer.screen = (struct viewer_screen){.show = take, .tick = tick, .to = from, .each = true};
     bool open = live_open(&from->live, "stream", limits, surface);
     live_say(&from->live, "waiting for the stream");
     from->live.source.close = stream_close;

@@ -174,7 +174,7 @@ static void join(struct viewer *viewer) {
 
 static void wait_for_packets(const struct viewer *viewer) {
     struct pollfd wanted[INLET_PORTS];
-    int64_t now = ddx_time_now(), limit = viewer->screen.tick ? WINDOW : IDLE;
+    int64_t now = ddx_time_now(), limit = viewer->screen.tick && !viewer->screen.each ? WINDOW : IDLE;
     int64_t gap = intake_deadline(&viewer->intake);
     int64_t report = answer_deadline(&viewer->answer, &viewer->intake.restore);
     int64_t until = gap < report ? gap : report;

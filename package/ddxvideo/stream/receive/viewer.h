@@ -33,7 +33,8 @@ struct newest {
  */
 struct viewer_screen {
     const char *(*show)(void *to, const AVFrame *picture, AVRational rate, const struct ddxvideo_stamp *stamp);
-    bool (*tick)(void *to); /* called often: false to stop. NULL: nothing to be done */
+    bool (*tick)(void *to); /* called often (with `each`, at least ten times a second): false to stop. NULL: nothing to
+                               be done */
     void *to;
     bool each;
 };
