@@ -137,6 +137,25 @@ def middle(seen: Seen, width: int) -> tuple[int, int, int, int]:
     return (wide - across) // 2, (high - down) // 2, across, down
 
 
+@pytest.mark.parametrize("name, size, becomes", [("video", None, (704, 327)), ("left", (500, 400), (500, 400))])
+def test_name_and_size_of_the_window(desk: Desk, display: Display, name: str, size: tuple[int, int] | None,
+                                     becomes: tuple[int, int]) -> None:
+    """One that has waited gets the size of the first picture, unless the user has given it another one."""
+    window = Window(desk, display, "-name", name)
+    waiting = window.until(lambda seen: seen.label == "WAITING")
+    assert waiting.image.shape[1::-1] == (704, 654)
+    if size:
+        window.display.run("xdotool", "windowsize", "--sync", window.id, *size)
+        window.until(lambda seen: seen.image.shape[1::-1] == size)
+    clip = make_clip(desk.folder / "clip.y4m", 2, fields=2)
+    assert desk.run("ddxvideoload", clip, "-readers", 1, "-rate", 0, "-name", name).returncode == 0
+    seen = window.until(lambda seen: seen.image.shape[1::-1] == becomes and seen.frame() == 1)
+    assert (seen.image.shape[1::-1], seen.frame()) == (becomes, 1)
+    assert display.run("xdotool", "getwindowname", window.id).decode().strip() == f"{name} - ddxvideoview"
+    window.close()
+    assert result(window.process)[0] == 0
+
+
 def test_stopped_resized_and_closed(desk: Desk, display: Display) -> None:
     clip = make_clip(desk.folder / "clip.y4m", 30)
     window = Window(desk, display)

@@ -42,7 +42,7 @@ class Window:
         self.display = display
         desk.environment["DISPLAY"] = display.name
         self.process: Process = desk.start("ddxvideoview", *arguments, wrapper=wrapper)
-        self.id = display.run("xdotool", "search", "--sync", "--onlyvisible", "--pid", self.process.pid,
+        self.id = display.run("xdotool", "search", "--all", "--sync", "--onlyvisible", "--pid", self.process.pid,
                               "--class", "ddxvideoview").split()[-1].decode()
         display.run("xdotool", "windowmove", self.id, 0, 0, "windowfocus", self.id)  # all of it is on the screen
 

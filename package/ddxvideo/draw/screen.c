@@ -120,6 +120,10 @@ static void screen_full(struct surface *surface, bool full) {
     (void)surface, (void)full;
 }
 
+static void screen_title(struct surface *surface, const char *title) {
+    (void)surface, (void)title;
+}
+
 static void screen_close(struct surface *surface) {
     struct screen *screen = (struct screen *)surface;
 
@@ -136,7 +140,8 @@ struct surface *screen_open(const struct screen_choice *choice, const char **err
     if (!screen)
         return NULL;
     screen->surface = (struct surface){screen_size, screen_lock,   screen_show, screen_event,
-                                       screen_wake, screen_resize, screen_full, screen_close};
+                                       screen_wake, screen_resize, screen_full, screen_title,
+                                       screen_close};
     screen->waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     *error = screen->waker < 0 ? "no file descriptor left" : kms_open(&screen->kms, choice);
     if (*error) {

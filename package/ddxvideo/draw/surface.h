@@ -56,6 +56,7 @@ struct surface {
     void (*wake)(struct surface *surface);
     void (*resize)(struct surface *surface, int width, int height);
     void (*full)(struct surface *surface, bool full);
+    void (*title)(struct surface *surface, const char *title);
     void (*close)(struct surface *surface);
 };
 
@@ -95,6 +96,11 @@ static inline void surface_resize(struct surface *surface, int width, int height
 /* Take the full screen with a window, or give it back. A screen stays as it is. */
 static inline void surface_full(struct surface *surface, bool full) {
     surface->full(surface, full);
+}
+
+/* The text on a window's frame, UTF-8. A screen has none. */
+static inline void surface_title(struct surface *surface, const char *title) {
+    surface->title(surface, title);
 }
 
 /* NULL is allowed. */

@@ -16,7 +16,7 @@
 /* clang-format off */
 #define FUNCTIONS(X)                                                                                              \
     X(Init) X(Quit) X(GetError) X(SetHint) X(PollEvent) X(WaitEventTimeout) X(GetWindowWMInfo) X(CreateWindow)    \
-    X(SetWindowSize) X(SetWindowPosition) X(GetWindowSize) X(ShowWindow) X(SetWindowFullscreen)                   \
+    X(SetWindowSize) X(SetWindowPosition) X(GetWindowSize) X(ShowWindow) X(SetWindowFullscreen) X(SetWindowTitle) \
     X(GetWindowSurface) X(UpdateWindowSurface) X(LockSurface) X(UnlockSurface) X(ConvertPixels)
 /* clang-format on */
 #define LIBRARY "libSDL2-2.0.so.0"
@@ -197,6 +197,12 @@ static void window_full(struct surface *surface, bool full) {
     window->SetWindowFullscreen(window->window, full ? SDL_WINDOW_FULLSCREEN_DESKTOP : 0);
 }
 
+static void window_title(struct surface *surface, const char *title) {
+    struct window *window = (struct window *)surface;
+
+    window->SetWindowTitle(window->window, title);
+}
+
 static void window_close(struct surface *surface) {
     struct window *window = (struct window *)surface;
 
@@ -227,7 +233,8 @@ struct surface *window_open(const char *title, const char **error) {
     if (!window)
         return NULL;
     window->surface = (struct surface){window_size, window_lock,   window_show, window_event,
-                                       window_wake, window_resize, window_full, window_close};
+                                       window_wake, window_resize, window_full, window_title,
+                                       window_close};
     window->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (!load(window)) {
         *error = "no library " LIBRARY;

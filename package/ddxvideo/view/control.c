@@ -146,6 +146,7 @@ static void open_item(struct view *view, const char *name) {
     view->shot = NULL;
     view->source->close(view->source);
     view->source = other;
+    view_name(view);
     view->position = -1;
     view->zoom = (struct layout_view){1, 0, 0};
     set_paused(view, false);

@@ -24,6 +24,13 @@ void view_say(struct view *view, const char *format, ...) {
     view->dirty = true;
 }
 
+void view_name(struct view *view) {
+    char title[sizeof view->source->name + sizeof " - ddxvideoview"];
+
+    snprintf(title, sizeof title, "%s - ddxvideoview", view->source->name);
+    surface_title(view->surface, title);
+}
+
 bool view_is_stalled(struct view *view) {
     const struct ddxvideo_geometry *geometry = view->shot ? &view->shot->picture.geometry : NULL;
     int64_t limit = STALLED;
@@ -35,15 +42,29 @@ bool view_is_stalled(struct view *view) {
     return ddx_time_now() - view->shot->arrival > limit;
 }
 
-/* The window gets the first picture's size, unless it is there already. */
+static bool has_size(struct surface *surface, int width, int height) {
+    int is_width, is_height;
+
+    surface_size(surface, &is_width, &is_height);
+    return is_width == width && is_height == height;
+}
+
+/* The window gets the first picture's size. One that has waited for it has the size of CIF, or the user's choice. */
 static void open_window(struct view *view, bool *open) {
     const struct ddxvideo_geometry cif = {.width = 352, .height = 288, .fields = 1};
-    int width, height;
+    int width, height, former_width, former_height;
 
-    if (*open)
+    if (view->sized || (*open && !view->shot))
+        return;
+    view->sized = view->shot;
+    picture_size(&cif, &former_width, &former_height);
+    if (*open && !has_size(view->surface, former_width, former_height))
         return;
     picture_size(view->shot ? &view->shot->picture.geometry : &cif, &width, &height);
-    surface_resize(view->surface, width, height);
+    if (!*open)
+        view_name(view);
+    if (!*open || width != former_width || height != former_height)
+        surface_resize(view->surface, width, height);
     view->dirty = *open = true;
 }
 

@@ -40,6 +40,7 @@ struct view {
     char message[200];
     int64_t message_until;
     /* the loop */
+    bool sized; /* the window has had the size of a picture */
     bool dirty, quit;
     int64_t drawn;
     int status; /* the program's */
@@ -50,6 +51,9 @@ int view_run(struct view *view);
 
 /* Show a message for some seconds. */
 __attribute__((format(printf, 2, 3))) void view_say(struct view *view, const char *format, ...);
+
+/* The name of the source on the window's frame. */
+void view_name(struct view *view);
 
 /* Whether a live source has given nothing for long. */
 bool view_is_stalled(struct view *view);
