@@ -222,7 +222,8 @@ def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
     window.press("p")
     bad = window.until(lambda seen: "numbers do not fit" in seen.text)
     assert "zzz" in bad.text and bad.label == "WAITING", bad.text
-    assert "video" in window.press("n").text
+    back = window.press("n")
+    assert "video" in back.text and back.items() == ["> video", "  video.disparity", "  zzz"]
     window.close()
     assert result(window.process)[0] == 0
     assert desk.errors(window.process).count("zzz: a frame that cannot be shown") == 1

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "text.h"
+
 /* ---- A frame ---- */
 
 /* A frame of a file that cannot be read leaves the window empty, and the status says why. */
@@ -113,6 +115,8 @@ void control_newest(struct view *view) {
 
 /* ---- Items ---- */
 
+#define LINES 16 /* of the list */
+
 static bool is_shown(const struct ddx_item_info *item) {
     return !strcmp(item->type, "DDX_VIDEO") && item->sequence;
 }
@@ -152,6 +156,30 @@ static void open_item(struct view *view, const char *name) {
     set_paused(view, false);
 }
 
+/* All items around the present one, which is marked, for as long as a message. */
+static void list_items(struct view *view, const struct ddx_item_info *items, unsigned count) {
+    unsigned shown = 0, at = 0, number = 0;
+
+    for (unsigned i = 0; i < count; i++) {
+        at = strcmp(items[i].name, view->source->name) ? at : shown;
+        shown += is_shown(&items[i]);
+    }
+    unsigned first = at > LINES / 2 ? at - LINES / 2 : 0;
+    first = first + LINES > shown && shown > LINES ? shown - LINES : first;
+    *view->list = 0;
+    for (unsigned i = 0; i < count; i++) {
+        if (!is_shown(&items[i]))
+            continue;
+        if (number >= first && number < first + LINES)
+            text_append(view->list, sizeof view->list, "%s%c %s", number > first ? "\n" : "",
+                        number == at ? '>' : ' ', items[i].name);
+        number++;
+    }
+    if (shown > LINES)
+        text_append(view->list, sizeof view->list, "\n  %u of %u", at + 1, shown);
+    view->list_until = ddx_time_now() + VIEW_MESSAGE;
+}
+
 void control_item(struct view *view, int direction) {
     DDX_STORE_ID *id = view->items ? ddx_store_open(NULL, view->store, 0) : NULL;
     struct ddx_item_info *items;
@@ -163,10 +191,12 @@ void control_item(struct view *view, int direction) {
         return;
     }
     const char *name = count ? other_item(items, count, view->source->name, direction) : NULL;
-    if (name)
+    if (name) {
         open_item(view, name);
-    else
+        list_items(view, items, count);
+    } else {
         view_say(view, "the store has no other video item");
+    }
     free(items);
     ddx_store_close(id);
 }

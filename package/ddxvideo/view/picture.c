@@ -10,6 +10,7 @@
 
 #define BACKGROUND 0x181818
 #define HELP_COLOUR 0x10243c
+#define ITEMS_COLOUR 0x2c1040
 #define GAP_COLOUR 0xa01818
 #define WHITE 0xf0f0f0
 #define LINE 52        /* characters that a line needs */
@@ -77,10 +78,9 @@ static void draw_status(const struct canvas *canvas, const struct status *status
     write_on(&bar, 0, 2 * line, scale, status->colour, status->ink, status->rest);
 }
 
-/* ---- The help ---- */
+/* ---- The lists of the keys and of the items ---- */
 
-static void draw_help(const struct canvas *canvas, int scale) {
-    const char *text = input_help();
+static void draw_list(const struct canvas *canvas, int scale, uint32_t colour, const char *text) {
     int lines = 1, longest = 0, length = 0;
 
     for (const char *c = text; *c; c++) {
@@ -96,7 +96,7 @@ static void draw_help(const struct canvas *canvas, int scale) {
     x = x < 0 ? 0 : x;
     y = y < 0 ? 0 : y;
     struct canvas panel = paint_part(canvas, x, y, width, height);
-    paint_all(&panel, HELP_COLOUR);
+    paint_all(&panel, colour);
     text_write(&panel, 2 * TEXT_CELL_WIDTH * scale, TEXT_CELL_HEIGHT * scale / 2, scale, WHITE, text);
 }
 
@@ -125,7 +125,9 @@ void picture_paint(struct view *view, const struct canvas *canvas) {
         paint_all(&area, BACKGROUND);
     status_compose(&status, view, shown ? &layout : NULL);
     if (view->help)
-        draw_help(&area, scale);
+        draw_list(&area, scale, HELP_COLOUR, input_help());
+    else if (ddx_time_now() < view->list_until)
+        draw_list(&area, scale, ITEMS_COLOUR, view->list);
     draw_status(canvas, &status, area.height, scale);
 }
 

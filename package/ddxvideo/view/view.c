@@ -9,7 +9,6 @@
 #include "picture.h"
 #include "program.h"
 
-#define MESSAGE (3 * VIEW_NS)
 #define REFRESH (250 * VIEW_MS) /* of ages and counts, while no picture comes */
 #define LOOK 100                /* ms; how often to look whether to stop */
 #define STALLED VIEW_NS         /* without a frame; or three frames' time, if that is longer */
@@ -20,7 +19,7 @@ void view_say(struct view *view, const char *format, ...) {
     va_start(arguments, format);
     vsnprintf(view->message, sizeof view->message, format, arguments);
     va_end(arguments);
-    view->message_until = ddx_time_now() + MESSAGE;
+    view->message_until = ddx_time_now() + VIEW_MESSAGE;
     view->dirty = true;
 }
 

@@ -39,6 +39,9 @@ struct view {
     /* a message */
     char message[200];
     int64_t message_until;
+    /* the list of the items, a line each */
+    char list[1600];
+    int64_t list_until;
     /* the loop */
     bool sized; /* the window has had the size of a picture */
     bool dirty, quit;
@@ -49,7 +52,9 @@ struct view {
 /* Until the user has enough of it: the program's exit status. The source is closed. */
 int view_run(struct view *view);
 
-/* Show a message for some seconds. */
+#define VIEW_MESSAGE (3 * VIEW_NS)
+
+/* Show a message for VIEW_MESSAGE. */
 __attribute__((format(printf, 2, 3))) void view_say(struct view *view, const char *format, ...);
 
 /* The name of the source on the window's frame. */

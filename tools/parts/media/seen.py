@@ -13,7 +13,7 @@ from parts.media.clip import frame_number
 Image = NDArray[numpy.uint8]  # rows, columns, red green blue
 FONT = TOP / "package/ddxvideo/draw/text.c"
 CELL, PAD, LINES = (6, 10), 3, 3  # of text.h and picture.c
-LIST = (0x10, 0x24, 0x3c)  # behind the list of the keys
+LIST, ITEMS = (0x10, 0x24, 0x3c), (0x2c, 0x10, 0x40)  # behind the list of the keys, and of the items
 
 
 def ppm(data: bytes) -> Image:
@@ -86,6 +86,16 @@ class Seen:
     def is_listing(self) -> bool:
         """Whether the list of the keys is shown."""
         return bool((self.area == LIST).all(axis=2).mean() > 0.1)
+
+    def items(self) -> list[str]:
+        """The lines of the list of the items."""
+        rows, columns = numpy.nonzero((self.area == ITEMS).all(axis=2))
+        if not rows.size:
+            return []
+        wide, high = CELL[0] * self.scale, CELL[1] * self.scale
+        tops = range(int(rows.min()) + high // 2, int(rows.max()) + 1 - high // 2, high)
+        left, right = int(columns.min()) + 2 * wide, int(columns.max()) + 1
+        return [read_text(self.area[top:, left:right], self.scale) for top in tops]
 
     def frame(self) -> int | None:
         """The number in the text."""
