@@ -218,6 +218,11 @@ def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
         window.point(left + x, top + 20)
         seen = window.until(lambda seen: said in seen.text)
         assert f"{x},20  Y " in seen.text and said in seen.text, seen.text
+    window.display.run("xdotool", "windowsize", "--sync", window.id, 640, 558)  # the letters get smaller, all are seen
+    narrow = window.until(lambda seen: seen.image.shape[1] == 640)
+    left, top, _, _ = middle(narrow, WIDTH)
+    window.point(left + 211, top + 120)
+    assert window.until(lambda seen: seen.text.endswith("  range unknown")).text.endswith("  range unknown")
     assert "range" not in window.press("period").text
     window.press("p")
     bad = window.until(lambda seen: "numbers do not fit" in seen.text)

@@ -54,14 +54,22 @@ void picture_size(const struct ddxvideo_geometry *geometry, int *width, int *hei
     *height += bar_height(scale_of(*width, *height + bar_height(scale_of(*width, *height))));
 }
 
-/* Text on a ground of its own; how wide that is. */
+static int width_of(const char *text, int letters, int scale) {
+    return (int)strlen(text) * TEXT_CELL_WIDTH * letters + 2 * PAD * scale;
+}
+
+/* Text on a ground of its own, in smaller letters where it is too long; how wide that is. */
 static int write_on(const struct canvas *canvas, int x, int y, int scale, uint32_t ground, uint32_t ink,
                     const char *text) {
-    int width = ((int)strlen(text) * TEXT_CELL_WIDTH + 2 * PAD) * scale;
+    int letters = scale;
+
+    while (letters > 1 && x + width_of(text, letters, scale) > canvas->width)
+        letters--;
+    int width = width_of(text, letters, scale);
     struct canvas part = paint_part(canvas, x, y, width, (TEXT_CELL_HEIGHT + PAD) * scale);
 
     paint_all(&part, ground);
-    text_write(canvas, x + PAD * scale, y + PAD * scale / 2 + scale / 2, scale, ink, text);
+    text_write(canvas, x + PAD * scale, y + PAD * scale / 2 + scale / 2, letters, ink, text);
     return width;
 }
 

@@ -35,7 +35,12 @@ def glyphs() -> dict[bytes, str]:
 
 
 def read_text(image: Image, scale: int) -> str:
-    """The line of text that begins in the corner of an image."""
+    """The line of text that begins in the corner of an image; one that is too long for it has smaller letters."""
+    found = [read_letters(image, size) for size in range(scale, 0, -1)]
+    return next((text for text in found if "\0" not in text), found[0])
+
+
+def read_letters(image: Image, scale: int) -> str:
     text, width = "", CELL[0] * scale
     for left in range(0, image.shape[1] - width + 1, width):
         cell = image[:9 * scale:scale, left:left + width:scale]
