@@ -260,7 +260,7 @@ def test_stream_with_loss(stream: Stream, display: Display) -> None:
     window = Window(desk, display, "-port", PORT, "-group", "none", wrapper=stream.network.inside)
     wait_until(lambda: bool(desk.item("ddxvideoview.packets")))
     relay = stream.relay("drop=60")
-    stream.send("-wire", 2000, "-bitrate", 1200, "-repair", "off", *TO_RELAY)
+    stream.send("-codec", "mpeg4", "-wire", 2000, "-bitrate", 1200, "-repair", "off", *TO_RELAY)
     desk.start("ddxvideoload", make_clip(desk.folder / "clip.y4m", 40), "-loop", "-readers", "1")
     assert window.until(lambda seen: seen.label == "LIVE").label == "LIVE"
     relay.send_signal(signal.SIGUSR1)
