@@ -24,6 +24,8 @@ ROBOT, LAPTOP = "robot#", "laptop>"
 PROMPT = re.compile(rf"^    ({ROBOT}|{LAPTOP}) (.*)$", re.M)
 KEY = "ed25519"  # in a command: it makes the laptop's key, or shows it, before there is a robot
 PICTURES = {"start": "", "health": "ddxctl health", "services": "ddxctl services"}
+CONSOLE = "min(iw\\,800):min(ih\\,416):0:0"  # where the text is, on a screen of any size
+PLAY = "ddxvideoplay"
 ANSWERS = {"ddxctl reset settings": "settings"}
 COMPLAINS = "ddxctl health"  # its status 1 is a complaint about the machine, which may be busy
 EXAMPLE = re.compile(r"(video-000012)(-\d+T\d+Z\.y4m)?")  # of the page; any recording that is there will do
@@ -40,9 +42,11 @@ def type_in(guest: Guest, text: str) -> None:
         time.sleep(0.05)
 
 
-def picture(guest: Guest, name: str) -> None:
-    path = TOP / "docs/pictures" / f"{name}.png"
-    guest.monitor("screendump", filename=str(path), format="png")
+def picture(guest: Guest, name: str, crop: str) -> None:
+    """`crop`: what FFmpeg's filter of that name is to leave."""
+    path, screen = TOP / "docs/pictures" / f"{name}.png", OUTPUT / "docs/screen.png"
+    guest.monitor("screendump", filename=str(screen), format="png")
+    run(["ffmpeg", "-v", "error", "-y", "-i", screen, "-vf", f"crop={crop}", path])
     say(f"docs: {path.relative_to(TOP)}")
 
 
@@ -54,7 +58,12 @@ def pictures(guest: Guest) -> None:
         if command:
             type_in(guest, f"clear\n{command}\n")
             time.sleep(12)
-        picture(guest, name)
+        picture(guest, name, CONSOLE)
+    guest.sh(f"ddxctl enable {PLAY}")
+    guest.wait_until(f"ddxctl stats --json | grep -q '{PLAY}'")
+    time.sleep(3)
+    picture(guest, "screen", "iw:ih:0:0")
+    guest.sh(f"ddxctl disable {PLAY}")
 
 
 def commands() -> list[tuple[str, str]]:
