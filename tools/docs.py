@@ -16,15 +16,15 @@ from parts.common import OUTPUT, TOP, Failed, run, say
 from parts.guest import laptop, machine, qemu, session, testdisk
 from parts.guest.laptop import Laptop
 from parts.guest.qemu import Guest
-from parts.image import native
-from parts.media import clip
+from parts.image import native, wheels
 
 PAGE = TOP / "docs/technician.md"
 ROBOT, LAPTOP = "robot#", "laptop>"
 PROMPT = re.compile(rf"^    ({ROBOT}|{LAPTOP}) (.*)$", re.M)
 KEY = "ed25519"  # in a command: it makes the laptop's key, or shows it, before there is a robot
 PICTURES = {"start": "", "health": "ddxctl health", "services": "ddxctl services"}
-CONSOLE = "min(iw\\,800):min(ih\\,416):0:0"  # where the text is, on a screen of any size
+CONSOLE = "crop=min(iw\\,800):min(ih\\,416):0:0"  # where the text is, on a screen of any size
+FILM = "scale=800:-1:flags=area,split[a][b];[a]palettegen=max_colors=96[p];[b][p]paletteuse=dither=none"  # a small file
 PLAY = "ddxvideoplay"
 ANSWERS = {"ddxctl reset settings": "settings"}
 COMPLAINS = "ddxctl health"  # its status 1 is a complaint about the machine, which may be busy
@@ -42,11 +42,11 @@ def type_in(guest: Guest, text: str) -> None:
         time.sleep(0.05)
 
 
-def picture(guest: Guest, name: str, crop: str) -> None:
-    """`crop`: what FFmpeg's filter of that name is to leave."""
+def picture(guest: Guest, name: str, filters: str) -> None:
+    """`filters`: FFmpeg's, for the picture of the screen."""
     path, screen = TOP / "docs/pictures" / f"{name}.png", OUTPUT / "docs/screen.png"
     guest.monitor("screendump", filename=str(screen), format="png")
-    run(["ffmpeg", "-v", "error", "-y", "-i", screen, "-vf", f"crop={crop}", path])
+    run(["ffmpeg", "-v", "error", "-y", "-i", screen, "-vf", filters, "-pred", "mixed", path])
     say(f"docs: {path.relative_to(TOP)}")
 
 
@@ -62,7 +62,7 @@ def pictures(guest: Guest) -> None:
     guest.sh(f"ddxctl enable {PLAY}")
     guest.wait_until(f"ddxctl stats --json | grep -q '{PLAY}'")
     time.sleep(3)
-    picture(guest, "screen", "iw:ih:0:0")
+    picture(guest, "screen", FILM)
     guest.sh(f"ddxctl disable {PLAY}")
 
 
@@ -82,13 +82,21 @@ def laptops(work: pathlib.Path) -> list[Laptop]:
     return found
 
 
+def camera(path: pathlib.Path) -> pathlib.Path:
+    """Ten seconds of a picture that a camera made: Middlebury's "Motorcycle" (CC0), in scikit-image's examples."""
+    folder = wheels.folder(wheels.SKIMAGE, wheels.PYTHON_37, "skimage/data/motorcycle") / "skimage/data"
+    run(["ffmpeg", "-v", "error", "-y", "-loop", "1", "-framerate", "25", "-i", folder / "motorcycle_left.png",
+         "-vf", "scale=384:256", "-frames:v", "250", "-pix_fmt", "yuv420p", path])
+    return path
+
+
 def provide(image: pathlib.Path, work: pathlib.Path, users: list[Laptop]) -> dict[str, Any]:
     """What the guest needs: a clip to record, a cable, a stick, room, and the laptops' keys."""
     work.mkdir(parents=True, exist_ok=True)
     stick = work / "stick.img"
     stick.unlink(missing_ok=True)
     run(["mkfs.vfat", "-C", stick, str(STICK_MB << 10)])
-    disk = testdisk.make(work / "docs.img", clip.write(work / "docs.y4m", 10),
+    disk = testdisk.make(work / "docs.img", camera(work / "docs.y4m"),
                          {"ddxvideoload.conf": "loop=\nrate=0.4\n", "ddxvideosave.conf": "segment=8\n"})
     extra = (*laptop.forward(users[0].port), "-device", "qemu-xhci,id=usb",
              "-drive", f"if=none,id=stick,file={stick},format=raw,cache=unsafe",
