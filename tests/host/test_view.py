@@ -204,23 +204,30 @@ with ddx.Store() as store:
 """
 
 
-def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
-    window = Window(desk, display)
-    play(desk, make_clip(desk.folder / "clip.y4m", 3))
-    paused = window.until(lambda seen: seen.number() == 2) and window.press("space", "comma")
-    check(paused, 1, "PAUSED")
-    window.press("z")
+def write_range(desk: Desk) -> None:
     done = subprocess.run(["/usr/bin/python3", "-B", "-c", RANGE], env={**desk.environment, "PYTHONPATH": str(MODULES)},
                           capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    left, top, _, _ = middle(window.see(), WIDTH)
-    for x, said in (10, "  6.000 m"), (11, "  range unknown"):  # 400 * 0.12 / 8
+
+
+def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
+    """Of three fields, as ddxvideoSVS writes them: the range is that of the left picture, and of no pixel of the right
+    one."""
+    window = Window(desk, display)
+    play(desk, make_clip(desk.folder / "clip.y4m", 3, fields=3))
+    assert window.until(lambda seen: seen.frame() == 2) and window.press("space", "comma").frame() == 1
+    write_range(desk)
+    window.press("z")
+    for field, x, said in ("3", 10, "  6.000 m"), ("3", 11, "  range unknown"), ("1", 10, ""):  # 400 * 0.12 / 8
+        left, top, _, _ = middle(window.press(field), WIDTH)
         window.point(left + x, top + 20)
-        seen = window.until(lambda seen: said in seen.text)
-        assert f"{x},20  Y " in seen.text and said in seen.text, seen.text
+        wanted = f"field {field}  {x},20  Y [^m]*{said}$"
+        text = window.until(lambda seen: re.search(wanted, seen.text)).text
+        assert re.search(wanted, text), text
     window.display.run("xdotool", "windowsize", "--sync", window.id, 640, 558)  # the letters get smaller, all are seen
     narrow = window.until(lambda seen: seen.image.shape[1] == 640)
     left, top, _, _ = middle(narrow, WIDTH)
+    window.press("3")
     window.point(left + 211, top + 120)
     assert window.until(lambda seen: seen.text.endswith("  range unknown")).text.endswith("  range unknown")
     assert "range" not in window.press("period").text

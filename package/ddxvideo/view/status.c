@@ -83,7 +83,8 @@ static void add_pixel(char *text, struct view *view, const struct layout *layout
     text_append(text, STATUS_MAX, "%d,%d  Y %d U %d V %d  RGB %d %d %d", column, row, pixel.y, pixel.u, pixel.v,
                 pixel.red, pixel.green, pixel.blue);
     const struct shot_depth *depth = view->shot->depth;
-    if (!depth)
+    /* The fields of ddxvideoSVS: right picture, range, left picture. Disparities are those of the left one. */
+    if (!depth || (view->shot->picture.geometry.fields == 3 && field == 0))
         return;
     double metres = range_metres(depth, column, row, layout->width, layout->height);
     text_append(text, STATUS_MAX, metres > 0 ? "  %.3f m" : "  range unknown", metres);
