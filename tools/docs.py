@@ -24,7 +24,7 @@ PROMPT = re.compile(rf"^    ({ROBOT}|{LAPTOP}) (.*)$", re.M)
 KEY = "ed25519"  # in a command: it makes the laptop's key, or shows it, before there is a robot
 PICTURES = {"start": "", "health": "ddxctl health", "services": "ddxctl services"}
 CONSOLE = "crop=min(iw\\,800):min(ih\\,416):0:0"  # where the text is, on a screen of any size
-FILM = "scale=800:-1:flags=area,split[a][b];[a]palettegen=max_colors=96[p];[b][p]paletteuse=dither=none"  # a small file
+FILM = "scale=640:-1,split[a][b];[a]palettegen=max_colors=80[p];[b][p]paletteuse=dither=none"  # a small file
 PLAY = "ddxvideoplay"
 ANSWERS = {"ddxctl reset settings": "settings"}
 COMPLAINS = "ddxctl health"  # its status 1 is a complaint about the machine, which may be busy
