@@ -3,8 +3,8 @@
 """make bench-record: are frames lost on slow and frozen disks? bench_record.py [-duration S] [-cases WORD,...]
 
 Each case is a guest (1080p: the image's own programs on this machine's kernel) that records onto a disk of its own;
-pictures, index and counters have to say the same. Results: output/bench/record.json, where each finished case is kept
-(a run that was broken off goes on), and record.svg. See docs/recording.md.
+pictures, index and counters have to say the same. Results: output/bench/record.jsonl, where each finished case is kept
+(a run that was stopped continues, with another image it starts over), and record.svg. See docs/recording.md.
 """
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ import json
 import os
 import pathlib
 import platform
-import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from typing import Any
 
 import numpy
 
 import build
 from parts.bench import record_plot as bench_record_plot
-from parts.common import OUTPUT, Failed, say
+from parts.common import OUTPUT, Failed, finish, say
 from parts.guest import disk_session, machine, qemu, session, testdisk
 from parts.guest.channel import Timeout
 from parts.guest.disk_session import Result
@@ -33,9 +33,10 @@ from parts.guest.qemu import Guest
 from parts.guest.slow_disk import MEMORY, SlowDisk, Speed
 from parts.image import native
 from parts.media import clip as default_clip
+from parts.testing.campaign import Campaign
 
 WORK = OUTPUT / "bench/record"
-RESULT, PICTURE = OUTPUT / "bench/record.json", OUTPUT / "bench/record.svg"
+PICTURE = OUTPUT / "bench/record.svg"
 SLOW, FAST = Speed(20, 100), Speed(110, 400)
 FAULT_SECONDS = 30  # a fault shows soon
 HD = (1920, 1080)
@@ -186,9 +187,9 @@ def row(case: Case, result: Result, load: float) -> dict[str, Any]:
 
 # ---- All of them ----
 
-def about() -> dict[str, Any]:
-    return {"cores": len(os.sched_getaffinity(0)), "kernel": platform.release(),
-            "accel": qemu.acceleration(build.IMAGE)}
+def campaign(made_of: Iterable[pathlib.Path], duration: int) -> Campaign:
+    return Campaign(WORK.parent / "record.jsonl", made_of, duration=duration, cores=len(os.sched_getaffinity(0)),
+                    kernel=platform.release())
 
 
 def main() -> int:
@@ -199,37 +200,29 @@ def main() -> int:
     WORK.mkdir(parents=True, exist_ok=True)
     cases = [case for some in (slow_disk, full_hd, frozen, comparison) for case in some(options.duration)
              if any(word in case.name for word in options.cases.split(","))]
-    try:
-        image = build.dev([native.build()])
-        accel = qemu.acceleration(image)
-        kept: dict[str, Any] = json.loads(RESULT.read_text()) if RESULT.exists() else {"machine": about(), "cases": []}
-        failed = False
-        for case in cases:
-            done = [one for one in kept["cases"] if (one["case"], one["seconds"]) == (case.name, case.seconds)]
-            if done:
-                continue
-            before = os.getloadavg()[0]
-            try:
+    image = build.dev([native.build()])
+    accel = qemu.acceleration(image)
+    steps = campaign([image], options.duration)
+    failed = False
+    for case in cases:
+        before = os.getloadavg()[0]
+        try:
+            if case.name not in steps.results:
                 result = run_case(case, image, accel)
-            except (Failed, Timeout) as error:
-                failed = True  # the others are still worth their while
-                say(f"bench-record: {case.name}: {error}")
-                continue
-            kept["cases"] = [one for one in kept["cases"] if one["case"] != case.name]
-            kept["cases"].append(row(case, result, max(before, os.getloadavg()[0])))
-            RESULT.write_text(json.dumps(kept, indent=1) + "\n")
-            say(f"bench-record: {json.dumps(kept['cases'][-1])}")
-    except Failed as error:
-        say(f"bench-record: {error}")
-        return 1
-    PICTURE.write_text(bench_record_plot.picture(kept["cases"]))
-    bad = [one for one in kept["cases"] if one["wrong"]]
-    bench_record_plot.table(kept["cases"])
+                steps.add(case.name, row(case, result, max(before, os.getloadavg()[0])))
+                say(f"bench-record: {json.dumps(steps.results[case.name])}")
+        except (Failed, Timeout) as error:
+            failed = True  # the others are still worth their while
+            say(f"bench-record: {case.name}: {error}")
+    done = list(steps.results.values())
+    PICTURE.write_text(bench_record_plot.picture(done))
+    bad = [one for one in done if one["wrong"]]
+    bench_record_plot.table(done)
     for one in bad:
         say(f"bench-record: {one['case']}: {'; '.join(one['wrong'])}")
-    say(f"bench-record: {RESULT}, {PICTURE}")
+    say(f"bench-record: {steps.file}, {PICTURE}")
     return 1 if bad or failed else 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("bench-record", main)

@@ -27,7 +27,8 @@ from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, commit, copy, fingerpr
 from parts.disk import disk
 from parts.guest import machine
 from parts.image import tables
-from parts.release import renew, version
+from parts.release import renew
+from parts.testing.campaign import Campaign
 
 COMMIT, RELEASE = "679b9ead7620bbf193620d1ebf56f53c1764d37a", "2026.02.3"
 URL = "https://git.buildroot.net/buildroot"
@@ -178,20 +179,20 @@ def differences(first: pathlib.Path, second: pathlib.Path) -> list[str]:
 
 
 def reproduce(board: str) -> str:
-    """Two builds from nothing, in the same folder, have to give the same image. Goes on where it was broken off."""
+    """Two builds from nothing, in the same folder, have to give the same image. Continues after the first build if it
+    was stopped later, and if that was made of the same sources and commit."""
     place = OUTPUT / board
-    kept, sources = place / "first", machine.sources(board)
-    if (not kept.exists() or (kept / "sources").read_text() != sources
-            or version.os_release(kept / "root").get("BUILD_ID") != (commit() or "unknown")):
+    kept = place / "first"
+
+    def first_build() -> None:
         image(board)
         shutil.rmtree(kept, ignore_errors=True)
-        part = place / "first.part"
-        shutil.rmtree(part, ignore_errors=True)
-        part.mkdir()
-        for name in ["disk.img", "rootfs.squashfs", "root", "sources"]:
-            run(["cp", "-a", "--sparse=always", "--reflink=auto", place / name, part / name])
+        kept.mkdir()
+        for name in ["disk.img", "rootfs.squashfs", "root"]:
+            run(["cp", "-a", "--sparse=always", "--reflink=auto", place / name, kept / name])
         make(board, "clean", show=False)
-        part.rename(kept)
+
+    Campaign(place / "reproduce.jsonl", [], [kept], sources=machine.sources(board)).once("first build", first_build)
     image(board)
     names = ["disk.img", "rootfs.squashfs"]
     if all(disk.digest(kept / name) == disk.digest(place / name) for name in names):

@@ -2,20 +2,24 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make crash: 10,000 times something goes wrong, at random, in runs of 500 with a seed each; crash.py [EVENTS]
 
-Can be interrupted: runs that are done are kept in output/crash.json and not repeated, until the programs change.
+Can be interrupted: runs that are done are kept in output/crash/crash.jsonl, and not repeated with the same programs.
 """
-import hashlib
+import functools
 import json
 import os
+import pathlib
 import subprocess
 import sys
+from collections.abc import Iterable
 from typing import Any
 
-from parts.common import OUTPUT, TOP, Failed, say
+from parts.common import OUTPUT, TOP, Failed, finish, say
 from parts.image import native
+from parts.testing.campaign import Campaign
 
 RUN = 500
-RESULTS = OUTPUT / "crash.json"
+WORK = OUTPUT / "crash"
+TESTS = OUTPUT / "desk/ddx/tests"
 PAGE = TOP / "docs/crash.md"
 BEGIN, END = "<!-- make crash writes this -->\n", "<!-- end -->\n"
 
@@ -63,28 +67,29 @@ def text(runs: list[Run]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def campaign(made_of: Iterable[pathlib.Path]) -> Campaign:
+    return Campaign(WORK / "crash.jsonl", made_of, kills_of_a_run=RUN)
+
+
+def one_run(seed: int) -> Run:
+    say(f"crash: {(seed - 1) * RUN} kills ...")
+    done = subprocess.run([TESTS / "test-crash", "random", str(RUN), str(seed)], capture_output=True, text=True,
+                          timeout=1800, check=False,
+                          env={**os.environ, "DDX_STORE_PROGRAM": str(TESTS / "store-with-faults"),
+                               "DDX_CRASH_URGENT": "1"})
+    if done.returncode:
+        errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
+        raise Failed("\n".join([f"seed {seed} failed:", *errors]))
+    found: Run = json.loads(next(line for line in done.stdout.splitlines() if '"kills"' in line))
+    return found
+
+
 def main() -> int:
     kills = int(sys.argv[1]) if len(sys.argv) > 1 else 10000
-    try:
-        native.build()
-    except Failed as error:
-        say(f"crash: {error}")
-        return 1
-    tests = OUTPUT / "desk/ddx/tests"
-    program, store = tests / "test-crash", tests / "store-with-faults"
-    key = hashlib.sha256(program.read_bytes() + store.read_bytes()).hexdigest()
-    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    runs: list[Run] = kept["runs"] if kept.get("programs") == key else []
-    for seed in range(len(runs) + 1, (kills + RUN - 1) // RUN + 1):
-        say(f"crash: {len(runs) * RUN} of {kills} kills ...")
-        done = subprocess.run([program, "random", str(RUN), str(seed)], capture_output=True, text=True, timeout=1800,
-                              check=False, env={**os.environ, "DDX_STORE_PROGRAM": str(store), "DDX_CRASH_URGENT": "1"})
-        if done.returncode:
-            errors = [line for line in done.stderr.splitlines() if not line.startswith("store:")]
-            say("\n".join([f"crash: seed {seed} failed:", *errors]))
-            return 1
-        runs.append(json.loads(next(line for line in done.stdout.splitlines() if '"kills"' in line)))
-        RESULTS.write_text(json.dumps({"programs": key, "runs": runs}))
+    native.build()
+    steps = campaign([TESTS / "test-crash", TESTS / "store-with-faults"])
+    runs = [steps.once(f"seed {seed}", functools.partial(one_run, seed))
+            for seed in range(1, (kills + RUN - 1) // RUN + 1)]
     page = PAGE.read_text()
     head, tail = page.split(BEGIN)[0], page.split(END)[1]
     PAGE.write_text(head + BEGIN + text(runs) + END + tail)
@@ -93,4 +98,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("crash", main)

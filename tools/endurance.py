@@ -4,21 +4,22 @@
 
 endurance.py [-toggles N] [-minutes N] [-guest-toggles N] [-guest-minutes N]: toggles of the image's services on this
 machine's own kernel, where they take half an hour instead of a day, in rounds that each begin with a new machine; an
-hour of video there; and fewer of both in the emulated machine, for what its kernel keeps. What is done already is in
-output/endurance.json, and a run that was broken off goes on behind it. Removing the file begins anew.
+hour of video there; and fewer of both in the emulated machine, for what its kernel keeps. Finished rounds are in
+output/endurance/endurance.jsonl; a run that was stopped continues after them, with another image it starts over.
 """
 import argparse
 import contextlib
+import functools
 import json
 import pathlib
 import shutil
-import sys
 import tempfile
 import time
+from collections.abc import Iterable
 from typing import Any
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, say, wait_until
+from parts.common import OUTPUT, PATIENCE, Failed, finish, say, wait_until
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
@@ -26,8 +27,9 @@ from parts.guest.qemu import Guest
 from parts.guest.robot import Robot
 from parts.image import native
 from parts.media import clip, counters
+from parts.testing.campaign import Campaign
 
-RESULT = OUTPUT / "endurance.json"
+WORK = OUTPUT / "endurance"
 ROUND = 2500    # toggles in one machine
 LOOKS = 20      # while it goes on; what is judged is more of it at the end than at the beginning
 GLANCES = 5     # of which the least counts: a process of a moment is not growth
@@ -159,9 +161,8 @@ def growth(looks: list[Look]) -> list[str]:
 
 def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Look]:
     """Toggles, or minutes of video, in an emulated machine."""
-    work = OUTPUT / "endurance"
-    work.mkdir(parents=True, exist_ok=True)
-    disk = testdisk.make(work / "test.img", clip.write(work / "clip.y4m", 10), SETTINGS)
+    WORK.mkdir(parents=True, exist_ok=True)
+    disk = testdisk.make(WORK / "test.img", clip.write(WORK / "clip.y4m", 10), SETTINGS)
     with Guest(image, accel, machine.machines(machine.DEV)[0], test_disk=disk, size=DISK, more_memory=64,
                provision=f"service={SEND} on\nservice={V4L} off\n") as guest:
         guest.shell()
@@ -194,6 +195,17 @@ def natively(root: pathlib.Path, kind: str, amount: int, times: int = LOOKS) -> 
     raise AssertionError("ExitStack lets nothing pass")
 
 
+def campaign(made_of: Iterable[pathlib.Path]) -> Campaign:
+    return Campaign(WORK / "endurance.jsonl", made_of)
+
+
+def one_round(image: pathlib.Path, accel: str, kind: str, amount: int) -> dict[str, Any]:
+    begin = time.monotonic()
+    looks = (natively(image.parent / "root", kind.split()[1], amount) if kind.startswith("native")
+             else in_guest(image, accel, kind, amount))
+    return {"kind": kind, "seconds": round(time.monotonic() - begin), "growth": growth(looks), "looks": looks}
+
+
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-toggles", type=int, default=10000)
@@ -201,27 +213,15 @@ def main() -> int:
     parser.add_argument("-guest-toggles", type=int, default=400)
     parser.add_argument("-guest-minutes", type=int, default=10)
     arguments = parser.parse_args()
-    done: list[dict[str, Any]] = json.loads(RESULT.read_text()) if RESULT.exists() else []
     rounds = range(0, arguments.toggles, ROUND)
     wanted = [("native toggles", min(ROUND, arguments.toggles - begin)) for begin in rounds]
     wanted += [(kind, n) for kind, n in (("native video", arguments.minutes), ("toggles", arguments.guest_toggles),
                                          ("video", arguments.guest_minutes)) if n]
-    for one in done:
-        if (one["kind"], one["amount"]) in wanted:
-            wanted.remove((one["kind"], one["amount"]))
-    try:
-        image = build.dev([native.build()])
-        accel = qemu.acceleration(image)
-        for kind, amount in wanted:
-            begin = time.monotonic()
-            looks = (natively(image.parent / "root", kind.split()[1], amount) if kind.startswith("native")
-                     else in_guest(image, accel, kind, amount))
-            done.append({"kind": kind, "amount": amount, "seconds": round(time.monotonic() - begin),
-                         "growth": growth(looks), "looks": looks})
-            RESULT.write_text(json.dumps(done, indent=1))
-    except Failed as error:
-        say(f"endurance: {error}")
-        return 1
+    image = build.dev([native.build()])
+    accel = qemu.acceleration(image)
+    steps = campaign([image])
+    done = [steps.once(f"{number}: {amount} {kind}", functools.partial(one_round, image, accel, kind, amount))
+            for number, (kind, amount) in enumerate(wanted)]
     grown = [f"{one['kind']}: {text}" for one in done for text in one["growth"]]
     for text in grown:
         say(f"endurance: {text}")
@@ -230,4 +230,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("endurance", main)

@@ -3,30 +3,28 @@
 """make killed: does a machine whose plug is pulled record again, every time, without a person? See docs/recording.md.
 
 killed.py [-times N] [-seed N]: QEMU is killed (SIGKILL) while the guest records, while it boots and while it checks its
-file systems; then it is started again on the same disk. output/killed.json; a run that was broken off goes on behind
-what is in it. Removing output/killed begins anew.
+file systems; then it is started again on the same disk. A run that was stopped continues after the last kill in
+output/killed/killed.jsonl; with another image or seed it starts over, on a new disk.
 """
 import argparse
 import dataclasses
 import hashlib
-import json
 import pathlib
 import random
-import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, say
+from parts.common import OUTPUT, PATIENCE, Failed, finish, say
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
 from parts.image import native
 from parts.media import clip as default_clip, y4m
 from parts.media.recording import FileSystem
+from parts.testing.campaign import Campaign
 
 WORK = OUTPUT / "killed"
-RESULT = OUTPUT / "killed.json"
 CHECK = b"Starting storage"  # overlay/etc/init.d/S15storage
 SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SAVE}.conf": "segment=8\n"}
 RECORDS = PATIENCE           # s after power on; how long it takes is a figure
@@ -119,8 +117,13 @@ def run(plug: Plug, kills: list[Kill], done: list[Kill], tell: Callable[[list[Ki
     return waiting
 
 
-def keep(done: list[Kill]) -> None:
-    RESULT.write_text(json.dumps([dataclasses.asdict(one) for one in done]) + "\n")
+def campaign(made_of: Iterable[pathlib.Path], seed: int) -> Campaign:
+    return Campaign(WORK / "killed.jsonl", made_of, [WORK / "disk.qcow2"], seed=seed)
+
+
+def keep(steps: Campaign, done: list[Kill]) -> None:
+    for number, one in enumerate(done[len(steps.results):], len(steps.results)):
+        steps.add(f"kill {number}", dataclasses.asdict(one))
     say(f"killed: {len(done)} times, recorded again every time")
 
 
@@ -129,23 +132,17 @@ def main() -> int:
     parser.add_argument("-times", type=int, default=100)
     parser.add_argument("-seed", type=int, default=1)
     arguments = parser.parse_args()
-    WORK.mkdir(parents=True, exist_ok=True)
-    if not (WORK / "disk.qcow2").exists():
-        RESULT.unlink(missing_ok=True)
-    done = [Kill(**one) for one in json.loads(RESULT.read_text())] if RESULT.exists() else []
-    try:
-        image = build.dev([native.build()])
-        clip = default_clip.write(WORK / "clip.y4m", 20)
-        plug = Plug(image, qemu.acceleration(image), WORK, clip)
-        last = run(plug, plan(arguments.times, arguments.seed), done, keep)
-        with plug.boot() as guest:
-            plug.judge(guest, last)
-            done.extend(last)
-            keep(done)
-            count, wrong = plug.end(guest)
-    except Failed as error:
-        say(f"killed: {error}")
-        return 1
+    image = build.dev([native.build()])
+    steps = campaign([image], arguments.seed)
+    done = [Kill(**one) for one in steps.results.values()]
+    clip = default_clip.write(WORK / "clip.y4m", 20)
+    plug = Plug(image, qemu.acceleration(image), WORK, clip)
+    last = run(plug, plan(arguments.times, arguments.seed), done, lambda done: keep(steps, done))
+    with plug.boot() as guest:
+        plug.judge(guest, last)
+        done.extend(last)
+        keep(steps, done)
+        count, wrong = plug.end(guest)
     times = sorted(one.again for one in done)
     say(f"killed: {len(done)} times, recorded again every time, after {times[len(times) // 2]} s (at most "
         f"{times[-1]} s); the quick check was not enough {sum(one.thorough for one in done)} times; "
@@ -154,4 +151,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("killed", main)

@@ -4,7 +4,8 @@
 
 powercut.py [-cuts N] [-seed N] [-naive]: a guest records, all its writes are kept; then the disk is made again as a
 power cut between any two of them may have left it, is checked and mounted as at a boot, and its pictures are compared
-with the clip. output/powercut.json; a run that was broken off goes on. -naive: into a file that grows, for comparison.
+with the clip. Results: output/powercut/pool.jsonl; a run that was stopped continues, and with another image it records
+again. -naive: into a file that grows, for comparison.
 """
 import argparse
 import dataclasses
@@ -14,20 +15,20 @@ import pathlib
 import random
 import re
 import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import build
-from parts.common import OUTPUT, Failed, say
+from parts.common import OUTPUT, Failed, finish, say
 from parts.disk import blocklog, mbr
 from parts.guest import machine, qemu, testdisk
 from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
 from parts.image import native
 from parts.media import clip as default_clip, crc32c, record_index, y4m
+from parts.testing.campaign import Campaign
 
 WORK = OUTPUT / "powercut"
 REC, MARKS = 6, 3  # partitions; the second slot is empty
@@ -86,16 +87,19 @@ def record(guest: Guest, naive: bool, seconds: int) -> None:
     guest.process.kill()
 
 
-def recorded(image: pathlib.Path, accel: str, clip: pathlib.Path, naive: bool) -> pathlib.Path:
-    """The log of all writes, if need be that of an earlier run."""
-    log = WORK / ("naive.log" if naive else "pool.log")
-    if log.with_suffix(".done").exists():
-        return log
-    with Guest(image, accel, machine.machines(machine.DEV)[0], writes=log,
+def writes(naive: bool) -> pathlib.Path:
+    return WORK / ("naive.log" if naive else "pool.log")
+
+
+def campaign(made_of: Iterable[pathlib.Path], cuts: int, seed: int, naive: bool) -> Campaign:
+    log = writes(naive)
+    return Campaign(log.with_suffix(".jsonl"), made_of, [log], cuts=cuts, seed=seed, seconds=SECONDS)
+
+
+def log_writes(image: pathlib.Path, clip: pathlib.Path, naive: bool) -> None:
+    with Guest(image, qemu.acceleration(image), machine.machines(machine.DEV)[0], writes=writes(naive),
                **provide(WORK / "test.img", clip)) as guest:
         record(guest, naive, SECONDS)
-    log.with_suffix(".done").touch()
-    return log
 
 
 # ---- What was promised ----
@@ -264,39 +268,27 @@ def broken(figures: dict[str, float]) -> bool:
     return any(figures[key] for key in zero) or figures["max_loss_s"] > MAX_LOSS
 
 
-def keep(result: pathlib.Path, done: list[Found]) -> None:
-    """For a run that goes on behind these."""
-    result.write_text(json.dumps([dataclasses.asdict(one) for one in done]))
-
-
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-cuts", type=int, default=1000)
     parser.add_argument("-seed", type=int, default=1)
     parser.add_argument("-naive", action="store_true")
     arguments = parser.parse_args()
-    WORK.mkdir(parents=True, exist_ok=True)
-    result = WORK / f"{'naive' if arguments.naive else 'pool'}-{arguments.seed}-{arguments.cuts}.json"
-    try:
-        image = build.dev([native.build()])
-        clip = default_clip.write(WORK / "clip.y4m", 20)
-        log = recorded(image, qemu.acceleration(image), clip, arguments.naive)
-        done = [Found(**one) for one in json.loads(result.read_text())] if result.exists() else []
-        for found in replay(log, image, clip, arguments.naive, arguments.cuts, arguments.seed, done):
-            done.append(found)
-            if len(done) % 20 == 0:
-                keep(result, done)
-                say(f"powercut: {len(done)} of {2 * arguments.cuts} disks")
-        keep(result, done)
-    except Failed as error:
-        say(f"powercut: {error}")
-        return 1
+    root = native.build()
+    image, naive = build.dev([root]), arguments.naive
+    steps = campaign([image, root], arguments.cuts, arguments.seed, naive)
+    clip = default_clip.write(WORK / "clip.y4m", 20)
+    steps.once("recorded", lambda: log_writes(image, clip, naive))
+    done = [Found(**one) for one in steps.results.values() if one]
+    for found in replay(writes(naive), image, clip, naive, arguments.cuts, arguments.seed, done):
+        done.append(found)
+        steps.add(f"{found.cut} {found.model}", dataclasses.asdict(found))
+        if len(done) % 20 == 0:
+            say(f"powercut: {len(done)} of {2 * arguments.cuts} disks")
     figures = summary(done)
-    name = "powercut-naive.json" if arguments.naive else "powercut.json"
-    (OUTPUT / name).write_text(json.dumps(figures, indent=1) + "\n")
     say(f"powercut: {json.dumps(figures)}")
     return int(broken(figures))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("powercut", main)

@@ -115,7 +115,12 @@ def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
         for file in sorted(p for p in below if p.is_symlink() or p.is_file()):
             name = file.relative_to(TOP) if file.is_relative_to(TOP) else file
             digest.update(f"\0{name}\0{file.lstat().st_mode:o}\0".encode())
-            digest.update(os.readlink(file).encode() if file.is_symlink() else file.read_bytes())
+            if file.is_symlink():
+                digest.update(os.readlink(file).encode())
+                continue
+            with file.open("rb") as content:  # a disk image does not fit into memory
+                while block := content.read(1 << 20):
+                    digest.update(block)
     return digest.hexdigest()
 
 
