@@ -22,7 +22,7 @@ JUNIT_WORDS = $(if $(JUNIT),-junit '$(if $(filter /%,$(JUNIT)),,$(CALLED_IN)/)$(
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)') $(if $(BEFORE),-before '$(BEFORE)')
 
-.PHONY: help setup setup-build build run test test-long again defects image sdk reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
+.PHONY: help setup setup-build build run test test-long results again defects image sdk reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
 	clean distclean
 
 help:            ## this list
@@ -37,7 +37,7 @@ run: setup-build ## a clip through the appliance in QEMU, frame by frame; output
 	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
-test-long: setup ## the tests that take minutes and hours; output/long/<test>.json; goes on where it was broken off
+test-long: setup ## the tests that take minutes and hours; output/long/<board>.jsonl; continues where it was stopped
 	@tools/setup long
 	@$(PYTHON) tools/gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)')
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
@@ -50,17 +50,19 @@ image:           ## build the product with Buildroot: BOARD=miniitx|pc104, outpu
 sdk:             ## a compiler for programs of the product's image: BOARD=, output/<board>/ddxvideo-<board>-sdk.tar.gz
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py sdk "$(BOARD)"
-reproduce:       ## build the product a second time from nothing and compare: BOARD=; goes on where it was broken off
+reproduce:       ## build the product a second time from nothing and compare: BOARD=; continues where it was stopped
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py reproduce "$(BOARD)"
 crash: setup     ## kill parties of the store 10,000 times; docs/crash.md
 	@$(PYTHON) tools/crash.py
-powercut: setup  ## what is left of recordings when the power goes? CUTS=1000, SEED=; docs/recording.md; goes on as well
+powercut: setup  ## what is left of recordings when the power goes? CUTS=1000, SEED=; docs/recording.md; continues as well
 	@$(PYTHON) tools/powercut.py $(if $(CUTS),-cuts '$(CUTS)') $(if $(SEED),-seed '$(SEED)')
-killed: setup    ## kill QEMU while it boots, checks and records: does it record again? TIMES=100, SEED=; goes on as well
+killed: setup    ## kill QEMU while it boots, checks and records: does it record again? TIMES=100, SEED=; continues as well
 	@$(PYTHON) tools/killed.py $(if $(TIMES),-times '$(TIMES)') $(if $(SEED),-seed '$(SEED)')
-endurance: setup ## 10,000 toggles and an hour of video: does anything grow? docs/services.md; goes on where it was broken off
+endurance: setup ## 10,000 toggles and an hour of video: does anything grow? docs/services.md; continues where it was stopped
 	@$(PYTHON) tools/endurance.py
+results:         ## output/results.md: what the long runs have measured, by commit
+	@$(PYTHON) tools/results.py
 fuzz: setup      ## look for what breaks the readers of foreign data: SECONDS=300 for each of tests/fuzz
 	@$(PYTHON) tools/fuzz.py $(if $(SECONDS),-seconds '$(SECONDS)')
 bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, BEFORE=commit, see docs/bench.md

@@ -2,23 +2,23 @@
 """For all tests: two tiers, and what each run leaves behind for its summary.
 
 Tests marked `long` take minutes of video or many repetitions; `make test-long` runs them, `make test` the others. The
-outcome of each test is written to $DDX_RESULTS (JSON lines), a long one's also to output/long/<name>.json, with the
-commit that it was run on and its figures (pytest's record_property). A long test that passed on this commit is not
-run again.
+outcome of each test is written to $DDX_RESULTS (JSON lines), a long one's also to output/long/<board>.jsonl, with its
+figures (pytest's record_property). A long test that passed with this image and these programs is not run again.
 """
+import functools
 import json
 import os
 import pathlib
-import re
 import shutil
 import time
 from collections.abc import Iterator
 
 import pytest
 
-from parts.common import OUTPUT, commit
-from parts.guest import qemu
+from parts.common import OUTPUT
+from parts.guest import machine, qemu
 from parts.testing import suite
+from parts.testing.campaign import Campaign
 
 LONG = OUTPUT / "long"
 SECONDS = 600
@@ -31,10 +31,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--seconds", type=int, default=SECONDS, help="of video in tests that last; fewer are no proof")
 
 
-def record(item: pytest.Item) -> pathlib.Path:
-    """Where a long test's outcome is kept."""
-    name = re.sub(r"[^A-Za-z0-9]+", "-", item.nodeid.split("tests/", 1)[-1].replace(".py", "")).strip("-")
-    return LONG / f"{name}.json"
+@functools.cache
+def long_results() -> Campaign:
+    """Outcomes of the long tests of one image."""
+    board = os.environ.get("BOARD") or machine.DEV
+    return Campaign(LONG / f"{board}.jsonl", [OUTPUT / board / "disk.img", OUTPUT / "desk/root"])
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -44,10 +45,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         is_long = item.get_closest_marker("long") is not None
         if tier == "gate" and is_long or tier == "long" and not is_long:
             dropped.append(item)
-        elif tier == "long" and record(item).exists():
-            kept = json.loads(record(item).read_text())
-            if kept["commit"] == commit() and kept["outcome"] == "passed":
-                dropped.append(item)
+        elif tier == "long" and long_results().results.get(suite.plain(item.nodeid), {}).get("outcome") == "passed":
+            dropped.append(item)
     config.hook.pytest_deselected(items=dropped)
     items[:] = [item for item in items if item not in dropped]
 
@@ -92,10 +91,8 @@ class Outcomes:
                "reason": self.skipped.get(name, "") if outcome == "skipped" else ""})
         proof = int(item.config.getoption("seconds")) >= SECONDS
         if item.get_closest_marker("long") and outcome != "skipped" and proof:
-            LONG.mkdir(parents=True, exist_ok=True)
             when = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
-            record(item).write_text(json.dumps({**line, "commit": commit(), "when": when,
-                                                "figures": dict(item.user_properties)}, indent=2) + "\n")
+            long_results().add(suite.plain(name), {**line, "when": when, "figures": dict(item.user_properties)})
 
 
 OUTCOMES = Outcomes()

@@ -13,15 +13,13 @@ import sys
 from collections.abc import Iterable
 from typing import Any
 
-from parts.common import OUTPUT, TOP, Failed, finish, say
+from parts.common import OUTPUT, Failed, finish, say
 from parts.image import native
 from parts.testing.campaign import Campaign
 
 RUN = 500
 WORK = OUTPUT / "crash"
 TESTS = OUTPUT / "desk/ddx/tests"
-PAGE = TOP / "docs/crash.md"
-BEGIN, END = "<!-- make crash writes this -->\n", "<!-- end -->\n"
 
 Run = dict[str, Any]
 
@@ -90,10 +88,7 @@ def main() -> int:
     steps = campaign([TESTS / "test-crash", TESTS / "store-with-faults"])
     runs = [steps.once(f"seed {seed}", functools.partial(one_run, seed))
             for seed in range(1, (kills + RUN - 1) // RUN + 1)]
-    page = PAGE.read_text()
-    head, tail = page.split(BEGIN)[0], page.split(END)[1]
-    PAGE.write_text(head + BEGIN + text(runs) + END + tail)
-    say(f"crash: {len(runs) * RUN} kills, nothing torn, nobody stuck; docs/crash.md")
+    say(f"{text(runs)}crash: {len(runs) * RUN} kills, no torn frame, no hang")
     return 0
 
 
