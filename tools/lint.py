@@ -22,7 +22,7 @@ PLAIN = [
     (r"\bhas an? (ear|say|eye)\b|\bin the books?\b|\bby hand of\b", "no metaphors"),
 ]
 # Not rewritten yet; the last line: the rules themselves, licences, and a user's name.
-LATER = ("CHANGELOG.md", "docs/bench.md", "docs/cameras.md", "docs/results.md", "docs/screens.md", "docs/stereo.md",
+LATER = ("CHANGELOG.md", "docs/bench.md", "docs/cameras.md", "docs/screens.md", "docs/stereo.md",
          "docs/streaming.md", "package/ddxvideo/draw/", "package/ddxvideo/grab/", "package/ddxvideo/play/",
          "package/ddxvideo/stereo/", "package/ddxvideo/stream/", "package/ddxvideo/view/", "tests/", "tools/",
          "CONTRIBUTING.md", "board/dev/skeleton/", "package/ddxservice/merge.awk")
