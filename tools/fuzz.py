@@ -16,6 +16,7 @@ from parts.image import native
 FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
+FORM = TOP / "package/ddx/form"
 STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "coefficients", "gf256", "h264", "intake", "mpeg4",
                                           "reorder", "repair", "restore", "rtp", "symbol")]
 REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "restore", "rtp", "symbol")]
@@ -25,7 +26,7 @@ SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_layout", "y4m_parse",
                                        "y4m_read")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
-    f"log/{name}.c" for name in ("declaration", "form", "schema")]
+    str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 # Sources of each, below a package.
 TARGETS = {"mcap": (LOG, MCAP), "repair": (VIDEO, REPAIR), "report": (VIDEO, REPORT),
            "rtp": (VIDEO, STREAM), "sap": (VIDEO, SAP), "y4m": (VIDEO, Y4M)}
@@ -41,7 +42,7 @@ def build(target: str, *defines: str) -> pathlib.Path:
     FUZZ.mkdir(parents=True, exist_ok=True)
     program = FUZZ / "-".join(["fuzz", target, *(word.lstrip("-") for word in defines)])
     package, names = TARGETS[target]
-    folders = [LOG / "mcap", LOG / "log", VIDEO / "stream", VIDEO / "stream/send", VIDEO / "common", VIDEO / "include",
+    folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/send", VIDEO / "common", VIDEO / "include",
                TOP / "package/ddx/include"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(package / name for name in names)]

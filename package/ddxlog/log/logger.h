@@ -10,11 +10,11 @@
 #define DDXLOG_LOGGER_H
 
 #include <ddx_stats.h>
+#include <form.h>
 #include <program.h>
 #include <stdatomic.h>
 
 #include "config.h"
-#include "form.h"
 #include "queue.h"
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
