@@ -30,6 +30,7 @@ C_LAYERS = {
         {"direct"},
         {"info", "item", "keeper"},
         {"request", "stats", "stats_book", "stats_histogram", "stats_json", "stats_takeover"},
+        {"remote"},
     ],
     "package/ddx/store": [
         {"heap", "holder", "note"},

@@ -26,6 +26,7 @@
  *                -EDQUOT        the program has more items open than the store keeps for one program: of those that
  *                               it writes some 140 with types of 200 fields, some 400 with small ones
  *                -ETIMEDOUT     nothing was written within the timeout
+ *                -EHOSTUNREACH  no other machine of this name is heard
  *                -EINVAL        a bad argument, or a type that cannot be shared (pointer, union, enum, bit field):
  *                               ddx_type_problem()
  *   time       int64_t nanoseconds of CLOCK_MONOTONIC.
@@ -84,11 +85,14 @@ struct ddx_type_declaration_ {
 void ddx_type_declare_(struct ddx_type_declaration_ *declaration);
 
 /*
- * Connect to the store of this machine; `host` is NULL (other machines are linked by the catalog). `port` 0 means
+ * Connect to the store of this machine, where `host` is NULL, or through it to that of another machine, by its name:
+ * ddx_store_lookup_item(id, "gps", NULL, 0) is then the item "carol:gps" of this store, for reading. That takes the
+ * program `catalog` on both machines; it copies the item as long as somebody reads it here. `port` 0 means
  * DDX_STORE_PORT. Tries for `timeout` seconds, so programs may start before the store. The store's socket lies in
  * $DDX_DIR, or else in /run/ddx, $XDG_RUNTIME_DIR/ddx or /tmp/ddx-<uid>. A store is believed only if root, the caller's
  * user or the folder's owner runs it, and if no other user can have made that folder or can change what is in it.
- * NULL and errno: ECONNREFUSED, there is none; EPERM, there is only one that is not believed. The result is the
+ * NULL and errno: ECONNREFUSED, there is none; EPERM, there is only one that is not believed; EHOSTUNREACH, no machine
+ * `host` is heard; EOPNOTSUPP, no catalog runs here. The result is the
  * caller's, until ddx_store_close().
  */
 DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout);
@@ -107,7 +111,9 @@ int ddx_store_close(DDX_STORE_ID *id);
  * ddx_store_write(), which copy the caller's struct, fail with -EPROTOTYPE. With a type and its size the item is
  * created when missing. Neither reads nor writes yet: the first write makes the handle the item's writer, the first
  * read takes one reader's share of memory (one frame). Does not wait longer than the store needs to answer (5 s at
- * most). NULL and errno: ENOENT, EPROTOTYPE, EMSGSIZE, ENOSPC, EDQUOT, ECONNREFUSED, EINVAL. The handle is the
+ * most). A name "carol:gps" means item gps of the machine carol: the catalog is asked for it, and may take 5 s more,
+ * EHOSTUNREACH if it does not hear that machine; an item that it made before is opened all the same. NULL and errno:
+ * ENOENT, EPROTOTYPE, EMSGSIZE, ENOSPC, EDQUOT, ECONNREFUSED, EINVAL. The handle is the
  * caller's, until ddx_store_done_item() or ddx_store_close().
  */
 DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size);

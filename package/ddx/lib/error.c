@@ -22,7 +22,8 @@ const char *ddx_error_text(int error) {
     case EMFILE: return "too few descriptors: one is needed for each frame and each reader of an item; see ulimit -n";
     case ETIMEDOUT: return "nothing was written within the timeout";
     case EINVAL: return "bad argument, or a type that cannot be shared (ddx_type_problem() names the word)";
-    case EOPNOTSUPP: return "only the store of this machine can be opened";
+    case EOPNOTSUPP: return "no catalog runs here, through which other machines are reached; start one with: catalog";
+    case EHOSTUNREACH: return "no machine of this name is heard; see its catalog, and the network";
     case ENOMEM: return "out of memory";
     case EDQUOT: return "this program has more items open than the store keeps for one program; close some of them";
     default: return strerror(abs(error));

@@ -15,6 +15,7 @@
 
 struct ddx_store_id {
     int port;
+    char host[DDX_NAME_MAX + 1]; /* whose items are meant; "": this machine's */
     DDX_STORE_ITEM *items; /* under the keeper's lock */
 };
 

@@ -9,6 +9,7 @@
 
 #include "futex.h"
 #include "inbox.h"
+#include "item.h"
 #include "keeper.h"
 #include "link.h"
 #include "reader_role.h"
@@ -17,33 +18,22 @@
 
 #define OPEN_STEP 20000000 /* ns between attempts to reach the store */
 
-DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout) {
-    int64_t deadline = timeout < 0 || timeout > 1e9 ? DDX_FOREVER : ddx_time_now() + (int64_t)(timeout * 1e9);
-    DDX_STORE_ID *id;
+int ddx_local_open(int port, int64_t deadline, DDX_STORE_ID **id) {
     int probe;
 
-    if (host && strcmp(host, "localhost") != 0) {
-        errno = EOPNOTSUPP; /* other machines are the catalog's business */
-        return NULL;
-    }
-    if (port < 0 || port > 65535) {
-        errno = EINVAL;
-        return NULL;
-    }
     while ((probe = ddx_connect(port ? port : DDX_STORE_PORT)) < 0) {
         struct timespec step = {0, OPEN_STEP};
 
-        if (ddx_time_now() >= deadline) {
-            errno = -probe;
-            return NULL;
-        }
+        if (ddx_time_now() >= deadline)
+            return probe;
         nanosleep(&step, NULL);
     }
     close(probe);
-    id = calloc(1, sizeof *id);
-    if (id)
-        id->port = port ? port : DDX_STORE_PORT;
-    return id;
+    *id = calloc(1, sizeof **id);
+    if (!*id)
+        return -ENOMEM;
+    (*id)->port = port ? port : DDX_STORE_PORT;
+    return 0;
 }
 
 static void item_free(DDX_STORE_ITEM *item) {
@@ -157,14 +147,8 @@ static int lookup(DDX_STORE_ID *id, const char *name, const char *type, int size
     return result;
 }
 
-DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const char *type, int size) {
-    DDX_STORE_ITEM *item;
-    int result = lookup(id, name, type, size, type ? DDX_FLAG_CREATE : 0, &item);
-
-    if (!result)
-        return item;
-    errno = -result;
-    return NULL;
+int ddx_local_lookup(DDX_STORE_ID *id, const char *name, const char *type, int size, DDX_STORE_ITEM **item) {
+    return lookup(id, name, type, size, type ? DDX_FLAG_CREATE : 0, item);
 }
 
 DDX_STORE_ITEM *ddx_store_await_item(DDX_STORE_ID *id, const char *name) {
