@@ -25,13 +25,15 @@ LOOKED_AFTER = [name for name in SERVICES if name != HEALTH]  # who looks after 
 LONG_RUN = 11  # s; one that ran for so long is started again at once
 DISK = 8 << 30  # bytes; all that is recorded meanwhile fits
 SETTINGS = {LOAD: "loop=\nrate=0.4\n", SAVE: "segment=16\n", stream.SEND: "interface=lo\ncodec=mpeg4\n",
-            stream.DECODE: "interface=lo\n", "ddxvideoSVS": "calib=/test/stereo.yml\n"}
+            stream.DECODE: "interface=lo\n", "ddxvideoSVS": "calib=/test/stereo.yml\n",
+            "catalog": "c=/test/exports.conf\n"}
 
 
 @pytest.fixture(scope="module")
 def guest(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[Guest]:
     """All of them run: a clip goes round and round, and is recorded and streamed."""
     files = {f"{name}.conf": "enabled=yes\n" + SETTINGS.get(name, "") for name in SERVICES}
+    files["exports.conf"] = "interface lo\n"
     files["stereo.yml"] = calibration.text(calibration.ideal(352, 144))
     disk = testdisk.make(work / "each.img", clip, files)
     with boot("each-service", test_disk=disk, size=DISK) as running:

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The session that the paper's users know, typed into a shell of the image. ddxlog and catalog, which are not part of
-it yet, aside."""
+"""The session that the paper's users know, typed into a shell of the image. ddxlog aside."""
 import json
 import re
 import time
@@ -35,7 +34,7 @@ def test_as_typed(boot: qemu.Boot) -> None:
         guest.sh("modprobe vivid n_devs=3 node_types=0x1,0x1,0x1")
         guest.wait_until("[ -c /dev/video2 ]")
 
-        guest.sh("store -m 8M & sleep 1")
+        guest.sh("{ catalog & } > /tmp/linked 2>&1; store -m 8M & sleep 1")
         guest.sh("ddxvideoV4L -camera 2 -skip 5 -size CIF -name video &")
         guest.sh("ddxvideosave -name video -output /tmp/test.y4m &")
         guest.sh("{ ddxvideoview -name video; echo status $?; } > /tmp/viewed 2>&1 &")
@@ -47,11 +46,13 @@ def test_as_typed(boot: qemu.Boot) -> None:
             frame_after(guest, frame_after(guest, 0))
         else:  # a BIOS leaves the screen in text mode
             assert "no display: " in (viewed := guest.sh("cat /tmp/viewed")) and "status 1" in viewed
-        guest.sh("killall decode ddxvideosend ddxvideosave ddxvideoV4L; sleep 2")
+        guest.wait_until("ddxctl list | grep -q catalog.answer")
+        guest.sh("killall decode ddxvideosend ddxvideosave ddxvideoV4L catalog; sleep 2")
         times = [int(word) for word in re.findall(r"XTIME=(\d+)", guest.sh("grep -ao 'XTIME=[0-9]*' /tmp/test.y4m"))]
         rate = re.search(r" F(\d+):(\d+) ", guest.sh("head -n 1 /tmp/test.y4m"))
         said = guest.sh("ddxvideoload /tmp/test.y4m")
         decoded = guest.sh("cat /tmp/decoded")
+        linked = guest.sh("cat /tmp/linked")
     counters = json.loads(next(line for line in said.splitlines() if line.startswith("{")))
     assert counters["in"] == counters["out"] == len(times) >= RECORDED
     assert rate
@@ -59,4 +60,5 @@ def test_as_typed(boot: qemu.Boot) -> None:
     steps = [(after - before) / period for before, after in zip(times, times[1:])]
     assert all(abs(step - round(step)) < 0.3 for step in steps), steps  # every fifth of the camera's frames
     assert "going on without" in decoded and "receiving H.264" in decoded
+    assert json.loads(linked.splitlines()[-1])["in"] == 0  # no other machine reads an item of this one
 

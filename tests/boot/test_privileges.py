@@ -15,9 +15,9 @@ ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console"
 # timeout, with which the tests look, stays for a second behind what it watched.
 PASSING = {"run", "chpst", "setpriv", "timeout"}
 REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
-SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode")
+SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode", "catalog")
 OWN = {"store": 901, "store-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905, "decode": 906,
-       "ddxhealth": 907, "svlogd": 908, "ddxlog": 909}
+       "ddxhealth": 907, "svlogd": 908, "ddxlog": 909, "catalog": 914}
 # Root's in the network: the names of their processes, and what these may do (/usr/include/linux/capability.h). SSH is
 # missing: it lets root in.
 ADDRESSES, TIME = 1 << 10 | 1 << 12 | 1 << 13, 1 << 25  # bind to low ports, administer, raw sockets; set the time

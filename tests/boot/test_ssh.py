@@ -50,7 +50,7 @@ def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot
     disk = testdisk.make(work / "ssh.img", clip)
     port = free_port()
     provision = f"network=eth0 dhcp\nssh_key={(place / 'mine.pub').read_text()}" \
-                "service=decode on\nservice=ddxvideosend on\n"
+                "service=decode on\nservice=ddxvideosend on\nservice=catalog on\n"
     with boot("ssh", provision=provision, test_disk=disk, keep=place, extra=forward(port)) as guest:
         guest.shell()
         session.wait_for_clip(guest, SECONDS * default_clip.RATE)
@@ -95,8 +95,9 @@ def test_scp_finds_the_recordings(robot: Robot, tmp_path: pathlib.Path, protocol
 def test_what_listens_is_what_was_declared(robot: Robot) -> None:
     for name in ("decode", "ddxvideosend"):
         runs(robot.guest, name)
-    found = set(re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M))
-    assert found == {(kind, port, program) for kind, port, program in manifest.wanted("port")}
+    robot.guest.wait_until("netstat -uln | grep -q :7411")
+    found = re.findall(r"^(tcp|udp)\s.*?:(\d+)\s.*/(\S+)", robot.guest.sh("netstat -tulnp"), re.M)
+    assert manifest.ports({(kind, int(port), program) for kind, port, program in found}) == []
 
 
 @pytest.mark.long

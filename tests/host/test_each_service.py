@@ -23,7 +23,7 @@ SAVE, SEND = "ddxvideosave", "ddxvideosend"
 SERVICES = tuple(tables.services())
 OTHERS = tuple(name for name in SERVICES if name != "store")
 SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo\n", "decode": "interface=lo\n",
-            "ddxvideoSVS": "calib=/test/stereo.yml\n"}
+            "ddxvideoSVS": "calib=/test/stereo.yml\n", "catalog": "c=/test/exports.conf\n"}
 
 
 @pytest.fixture
@@ -34,6 +34,7 @@ def robot(tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
     (tmp_path / "test").mkdir()
     clip.write(tmp_path / "test/clip.y4m", 1)
     (tmp_path / "test/stereo.yml").write_text(calibration.text(calibration.ideal(352, 144)))
+    (tmp_path / "test/exports.conf").write_text("interface lo\n")
     for name in SERVICES:
         (tmp_path / f"test/{name}.conf").write_text("enabled=yes\n" + SETTINGS.get(name, ""))
     with NativeMachine(build.dev([native.build()]).parent / "root", tmp_path) as machine:

@@ -131,7 +131,8 @@ def test_c_upwards_is_found(tmp_path: pathlib.Path) -> None:
 
 # What only one folder knows; others use that folder's header.
 PRIVATE = {r"v4l2_|V4L2_|VIDIOC_|videodev2": "package/ddxvideo/grab/v4l",
-           r"dc1394_|DC1394_|dc1394/": "package/ddxvideo/grab/iidc"}
+           r"dc1394_|DC1394_|dc1394/": "package/ddxvideo/grab/iidc",
+           r"\bdds_\w|\bddsi_|DDS_|<dds/": "package/ddxcatalog/network"}
 
 
 def leaks(top: pathlib.Path, words: str, folder: str) -> list[str]:

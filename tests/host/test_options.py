@@ -87,6 +87,8 @@ def test_help(program: str, option: str) -> None:
     (SVS, ["-left", "same", "-right", "same"], "-left and -right are the same item"),
     (SVS, ["-from", "video", "-right", "right"], "-from is one item with both eyes"),
     (SVS, ["-name", "n" * 54], "a name of at most 53 bytes"),
+    ("catalog", ["-machine", "a.b"], "-machine a.b: a name of 1 to 32 letters"),
+    ("catalog", ["-c", "/nonexistent/exports.conf"], "/nonexistent/exports.conf: No such file"),
 ])
 def test_bad_usage(program: str, arguments: list[str], text: str) -> None:
     result = run(program, *arguments)
@@ -150,7 +152,7 @@ def check_refused(clip: pathlib.Path, text: str) -> None:
 
 @pytest.mark.parametrize("program", [
     LOADER, SAVER, SENDER, DECODE, SNAP, VIEW, "ddxvideoV4L", "ddxvideo1394", "ddxvideoplay", "ddxhealth", "ddxlog",
-    "store", "ddxctl", "ddxrecordings", "../sbin/ddxgrow"])
+    "catalog", "store", "ddxctl", "ddxrecordings", "../sbin/ddxgrow"])
 def test_version(program: str) -> None:
     result = run(program, "-version")
     assert result.returncode == 0 and not result.stderr

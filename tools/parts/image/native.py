@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from parts import trees
 from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
-from parts.image import dc1394, srtp
+from parts.image import cyclonedds, dc1394, srtp
 
-PACKAGES = ["ddx", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
+PACKAGES = ["ddx", "ddxcatalog", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
 LIBRARIES = srtp.LIBRARIES
 MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 
@@ -44,6 +44,8 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
     wanted = packages() if chosen is None else chosen
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
         _drop_foreign(OUTPUT / name)
+        if "ddxcatalog" in wanted:
+            _add("cyclonedds", cyclonedds.cyclonedds(), root)
         if "ddxvideo" in wanted:
             _add("libsrtp2", srtp.srtp(), root)
             _add("libdc1394", dc1394.dc1394(), root)
@@ -67,7 +69,7 @@ def _drop_foreign(out: pathlib.Path) -> None:
 
 
 def _add(name: str, made: pathlib.Path, root: pathlib.Path) -> None:
-    """What ddxvideo is built with; it finds it in the install tree, as it does with ddx."""
+    """What a package is built with; it finds it in the install tree, as it does with ddx."""
     step(f"{root.parent.name}: {name}", root / f".{name}", made.name,
          lambda: shutil.copytree(made, root, dirs_exist_ok=True))
 

@@ -26,6 +26,20 @@ def _words(kind: str) -> list[str]:
     return [word for words in wanted(kind) for word in words]
 
 
+def ports(found: set[tuple[str, int, str]]) -> list[str]:
+    """What listens, as kind, number and program, and is not listed, or is listed and does not listen. A range stands
+    for one port in it."""
+    left, bad = set(found), []
+    for kind, numbers, program in wanted("port"):
+        first, _, last = numbers.partition("-")
+        fitting = [one for one in left if one[0] == kind and one[2] in ("", program)
+                   and int(first) <= one[1] <= int(last or first)]
+        left -= set(fitting[:1])
+        if not fitting:
+            bad.append(f"no {kind} {numbers} {program}")
+    return bad + [f"unlisted {kind} {number} {program}" for kind, number, program in sorted(left)]
+
+
 def applets(root: pathlib.Path) -> list[str]:
     """Applets without a link to BusyBox in the root, and links that are not listed."""
     present = {path.name for folder in ["bin", "sbin", "usr/bin", "usr/sbin"] for path in (root / folder).glob("*")

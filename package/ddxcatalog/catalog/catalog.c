@@ -1,0 +1,155 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "catalog.h"
+
+#include <ddx_request.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "directory.h"
+#include "export.h"
+#include "mirror.h"
+
+#define SERVICE "catalog"        /* the item whose requests we take */
+#define TURN 0.02                /* s between two looks for requests */
+#define LOOK_NS INT64_C(250000000) /* and for items */
+#define NETWORK_NS INT64_C(1000000000)
+
+static const char *const reasons[] = {"store", "bandwidth", "size", "network", "type", "budget", NULL};
+
+/* "carol:gps", in pieces, since a setting's name is shorter than an item's. */
+static void name_of(const DDX_REQUEST *request, char name[DDX_REQUEST_CHANGES * DDX_REQUEST_NAME]) {
+    *name = 0;
+    for (uint32_t i = 0; i < request->count; i++)
+        strcat(name, request->change[i].name);
+}
+
+static void answer(struct catalog *catalog, DDX_REQUESTS *requests) {
+    char name[DDX_REQUEST_CHANGES * DDX_REQUEST_NAME], text[DDX_ANSWER_TEXT];
+    DDX_REQUEST request;
+
+    while (!ddx_requests_take(requests, &request)) {
+        name_of(&request, name);
+        int error = mirrors_want(catalog->mirrors, name);
+
+        snprintf(text, sizeof text, "%.90s: %.90s", name, error ? ddx_error_text(error) : "");
+        ddx_requests_answer(requests, error, error ? text : NULL);
+    }
+}
+
+static void take_record(void *argument, const struct network_record *record, enum network_change change) {
+    directory_take(argument, record, change);
+}
+
+static void records_changed(void *argument) {
+    struct catalog *catalog = argument;
+
+    network_records_read(catalog->records, take_record, catalog->directory);
+}
+
+/* As long as it takes: a robot may start before its network is there. */
+static bool join(struct catalog *catalog) {
+    bool told = false;
+
+    for (;;) {
+        int error = network_open(&catalog->config.network, &catalog->network);
+
+        if (!error)
+            return true;
+        if (!told)
+            say("the network cannot be used: %s; it is tried again", strerror(-error));
+        told = true;
+        if (!program_sleep_until(ddx_time_now() + NETWORK_NS, catalog->book))
+            return false;
+    }
+}
+
+static void look(struct catalog *catalog) {
+    struct ddx_item_info *items;
+    unsigned count;
+
+    if (ddx_store_list(catalog->id, NULL, &items, &count)) /* the store is away; what there was stays */
+        return;
+    exports_look(catalog->exports, items, count);
+    mirrors_look(catalog->mirrors, items, count);
+    free(items);
+}
+
+static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
+    int64_t due = 0;
+
+    while (!program_stopping()) {
+        if (ddx_time_now() >= due) {
+            look(catalog);
+            due = ddx_time_now() + LOOK_NS;
+        }
+        network_wait(catalog->network, TURN);
+        answer(catalog, requests);
+        program_tick(catalog->book);
+    }
+}
+
+static int run_in_network(struct catalog *catalog) {
+    const struct network_event event = {records_changed, catalog};
+    DDX_REQUESTS *requests = ddx_requests_open(catalog->id, SERVICE);
+    int error = requests ? network_records_open(catalog->network, &event, &catalog->records) : -errno;
+
+    catalog->exports = exports_open(catalog);
+    catalog->directory = directory_open(catalog);
+    catalog->mirrors = mirrors_open(catalog);
+    if (!error && catalog->exports && catalog->directory && catalog->mirrors)
+        serve(catalog, requests);
+    else
+        say("%s", ddx_error_text(error ? error : -ENOMEM));
+    mirrors_close(catalog->mirrors);
+    directory_close(catalog->directory);
+    exports_close(catalog->exports);
+    network_records_close(catalog->records);
+    ddx_requests_close(requests);
+    return error ? EXIT_FAILED : EXIT_OK;
+}
+
+static uint64_t hashed(const char *text, uint64_t hash) {
+    for (; *text; text++) /* FNV-1a */
+        hash = (hash ^ (unsigned char)*text) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+/* The same after a restart of this program, and another one for each network of this machine. */
+static void choose_id(struct catalog *catalog) {
+    char text[64];
+    struct stat network = {.st_ino = 0};
+    FILE *file = fopen("/proc/sys/kernel/random/boot_id", "re");
+
+    if (!file || fscanf(file, "%39s", catalog->boot) != 1)
+        strcpy(catalog->boot, "0");
+    if (file)
+        fclose(file);
+    stat("/proc/self/ns/net", &network);
+    snprintf(text, sizeof text, " %llu %ld", (unsigned long long)network.st_ino, catalog->program.port);
+    catalog->machine_id = hashed(text, hashed(catalog->boot, UINT64_C(0xcbf29ce484222325)));
+}
+
+int catalog_run(struct catalog *catalog) {
+    int status = EXIT_OK;
+
+    choose_id(catalog);
+    catalog->book = ddx_stats_open(catalog->program.instance, reasons);
+    if (!catalog->book) {
+        say("-instance %s: %s", catalog->program.instance, ddx_error_text(-errno));
+        return EXIT_USAGE;
+    }
+    catalog->id = program_connect(&catalog->program);
+    if (catalog->id && !program_attach(&catalog->program, catalog->book, catalog->id, NULL))
+        status = EXIT_FAILED;
+    else if (catalog->id && join(catalog))
+        status = run_in_network(catalog);
+    network_close(catalog->network);
+    program_report(catalog->book);
+    ddx_stats_close(catalog->book);
+    ddx_store_close(catalog->id);
+    return status;
+}

@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * The catalog of one machine. Threads:
+ *   the main one   looks at the store, answers requests, writes what comes from other machines into the store
+ *   senders        one for each item that is read elsewhere: reads it, sends it
+ *   those of DDS   which are its own
+ */
+#ifndef DDXCATALOG_CATALOG_H
+#define DDXCATALOG_CATALOG_H
+
+#include <ddx_stats.h>
+#include <form.h>
+#include <name.h>
+#include <network.h>
+#include <program.h>
+
+#include "config.h"
+
+#define ITEMS_MAX 256            /* of one machine */
+#define MESSAGE_MAX (16u << 20) /* bytes of a value */
+
+/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
+enum {
+    LOST_STORE,     /* here: overwritten before it was read */
+    LOST_BANDWIDTH, /* here: readers have not confirmed what was sent before */
+    LOST_SIZE,      /* here: larger than MESSAGE_MAX */
+    LOST_NETWORK,   /* sent by another machine, and it did not arrive */
+    LOST_TYPE,      /* from another machine, not of the type that was announced */
+    LOST_BUDGET     /* from another machine, and the store has no room */
+};
+
+struct catalog {
+    struct program program;
+    struct config config;
+    char machine[NAME_MACHINE], boot[40];
+    uint64_t machine_id;
+    DDX_STATS_BOOK *book;
+    DDX_STORE_ID *id;
+    struct network *network;
+    struct network_records *records;
+    struct exports *exports;
+    struct directory *directory;
+    struct mirrors *mirrors;
+};
+
+/* Until told to stop; the program's exit status. */
+int catalog_run(struct catalog *catalog);
+
+#endif

@@ -1,0 +1,157 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "config.h"
+
+#include <ddx.h>
+#include <errno.h>
+#include <fnmatch.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LINE_ROOM 1024
+#define DOMAIN_MAX 232 /* above, ports of DDS would be above 65535 */
+
+struct line {
+    const char *path;
+    unsigned number;
+    char *error;
+};
+
+__attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, const char *format, ...) {
+    char text[CONFIG_ERROR_MAX];
+    va_list arguments;
+
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format, arguments);
+    va_end(arguments);
+    for (char *c = text; *c; c++) /* what was read may be anything */
+        if ((unsigned char)*c < ' ' || *c == 127)
+            *c = '?';
+    snprintf(line->error, CONFIG_ERROR_MAX, "%.120s:%u: %.*s", line->path, line->number, CONFIG_ERROR_MAX - 140, text);
+    return -1;
+}
+
+static int read_rule(const struct line *line, char **words, struct config *config) {
+    struct config_rule rule = {.except = !strcmp(words[0], "except"), .plain = !strpbrk(words[1], "*?[")};
+
+    if (strlen(words[1]) > DDX_NAME_MAX)
+        return wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
+    if (config->rule_count == CONFIG_RULES_MAX)
+        return wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
+    if (!(rule.pattern = strdup(words[1])))
+        return wrong(line, "no memory");
+    config->rules[config->rule_count++] = rule;
+    return 0;
+}
+
+static int read_interface(const struct line *line, char **words, struct config *config) {
+    if (config->network.interface)
+        return wrong(line, "a second interface; there can be one only");
+    config->network.interface = strdup(words[1]);
+    return config->network.interface ? 0 : wrong(line, "no memory");
+}
+
+static int read_peer(const struct line *line, char **words, struct config *config) {
+    if (config->peer_count == NETWORK_PEERS - 1)
+        return wrong(line, "more than %d peers", NETWORK_PEERS - 1);
+    if (!(config->network.peers[config->peer_count] = strdup(words[1])))
+        return wrong(line, "no memory");
+    config->peer_count++;
+    return 0;
+}
+
+static int read_domain(const struct line *line, char **words, struct config *config) {
+    char *end;
+    long number = strtol(words[1], &end, 10);
+
+    if (*words[1] < '0' || *words[1] > '9' || *end || number > DOMAIN_MAX)
+        return wrong(line, "domain %s: a whole number from 0 to %d is allowed", words[1], DOMAIN_MAX);
+    config->network.domain = (unsigned)number;
+    return 0;
+}
+
+static int read_multicast(const struct line *line, char **words, struct config *config) {
+    config->network.unicast = !strcmp(words[1], "no");
+    return config->network.unicast || !strcmp(words[1], "auto") ? 0 : wrong(line, "multicast %s: auto or no is allowed",
+                                                                            words[1]);
+}
+
+static const struct {
+    const char *word;
+    int (*read)(const struct line *line, char **words, struct config *config);
+} readers[] = {{"item", read_rule}, {"except", read_rule},       {"interface", read_interface},
+               {"peer", read_peer}, {"domain", read_domain}, {"multicast", read_multicast}};
+
+static int read_line(const struct line *line, char *text, struct config *config) {
+    char *words[LINE_ROOM / 2 + 1], *rest = text, *comment = strchr(text, '#');
+    unsigned count = 0;
+
+    if (comment)
+        *comment = 0;
+    for (char *word; (word = strtok_r(rest, " \t\r\n", &rest));)
+        words[count++] = word;
+    if (!count)
+        return 0;
+    for (size_t i = 0; i < sizeof readers / sizeof *readers; i++)
+        if (!strcmp(words[0], readers[i].word))
+            return count == 2 ? readers[i].read(line, words, config)
+                              : wrong(line, "after %s, one word is needed", words[0]);
+    return wrong(line, "%s: a line begins with item, except, interface, peer, domain or multicast", words[0]);
+}
+
+int config_read(const char *path, struct config *config, char *error) {
+    struct line line = {.path = path, .error = error};
+    char text[LINE_ROOM];
+    int result = 0;
+
+    *config = (struct config){.rule_count = 0};
+    if (!path)
+        return 0;
+    FILE *file = fopen(path, "re");
+    if (!file) {
+        snprintf(error, CONFIG_ERROR_MAX, "%.120s: %s", path, strerror(errno));
+        return -1;
+    }
+    while (!result && fgets(text, sizeof text, file)) {
+        line.number++;
+        result = strlen(text) == sizeof text - 1 && text[sizeof text - 2] != '\n'
+                     ? wrong(&line, "longer than %d letters", LINE_ROOM - 2)
+                     : read_line(&line, text, config);
+    }
+    if (!result && ferror(file))
+        result = wrong(&line, "%s", strerror(errno));
+    fclose(file);
+    if (result)
+        config_free(config);
+    return result;
+}
+
+void config_free(struct config *config) {
+    for (unsigned i = 0; i < config->rule_count; i++)
+        free(config->rules[i].pattern);
+    for (unsigned i = 0; i < config->peer_count; i++)
+        free((char *)config->network.peers[i]);
+    free((char *)config->network.interface);
+    *config = (struct config){.rule_count = 0};
+}
+
+static bool ends_with(const char *text, const char *end) {
+    size_t length = strlen(text), last = strlen(end);
+
+    return length >= last && !strcmp(text + length - last, end);
+}
+
+bool config_exports(const struct config *config, const char *item, const char *type) {
+    bool picture = !strcmp(type, "DDX_VIDEO");
+
+    if (strchr(item, ':') || ends_with(item, ".request") || ends_with(item, ".answer"))
+        return false;
+    for (unsigned i = 0; i < config->rule_count; i++) {
+        const struct config_rule *rule = &config->rules[i];
+
+        if (!fnmatch(rule->pattern, item, 0) && (rule->except || rule->plain || !picture))
+            return !rule->except;
+    }
+    return !config->rule_count && !picture;
+}

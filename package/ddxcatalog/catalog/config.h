@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* exports.conf: which items other machines may read, and by which network. */
+#ifndef DDXCATALOG_CONFIG_H
+#define DDXCATALOG_CONFIG_H
+
+#include <network.h>
+#include <stdbool.h>
+
+#define CONFIG_ERROR_MAX 256
+#define CONFIG_RULES_MAX 256
+
+struct config_rule {
+    char *pattern;
+    bool except, plain; /* not these; a name, no pattern */
+};
+
+struct config {
+    struct network_options network; /* its texts are the config's */
+    struct config_rule rules[CONFIG_RULES_MAX];
+    unsigned rule_count, peer_count;
+};
+
+/* NULL: no file, which is everything but pictures. 0, or -1 and one line in error[CONFIG_ERROR_MAX]. */
+int config_read(const char *path, struct config *config, char *error);
+void config_free(struct config *config);
+
+/*
+ * Whether the first rule that matches lets other machines read the item; without rules each item. A pattern does not
+ * mean pictures, only a name does. Never: what came from other machines ("carol:gps"), and requests.
+ */
+bool config_exports(const struct config *config, const char *item, const char *type);
+
+#endif

@@ -1,0 +1,36 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Which items other machines have, as they say. Anything may come from the network, so each record is judged here. */
+#ifndef DDXCATALOG_DIRECTORY_H
+#define DDXCATALOG_DIRECTORY_H
+
+#include "catalog.h"
+
+#define MACHINES_MAX 32
+
+struct remote {
+    struct remote *next;
+    uint64_t machine;
+    char name[NAME_MACHINE];    /* of the machine, as it is called here */
+    char item[DDX_NAME_MAX + 1];
+    char *topic, *declaration, *extents;
+    struct form *form; /* of a message; the item's own layout is another matter */
+    uint64_t version;  /* changes when what is said of the item changes */
+    bool away;         /* the machine is not heard */
+};
+
+struct directory;
+
+/* NULL: no memory. */
+struct directory *directory_open(struct catalog *catalog);
+void directory_close(struct directory *directory);
+
+/* A record has come, as network_take_record. */
+void directory_take(struct directory *directory, const struct network_record *record, enum network_change change);
+
+/*
+ * "carol:gps". *found is valid until the next directory_take(); NULL for "carol:", the machine. -EHOSTUNREACH: no such
+ * machine, or it is away; -ENOENT: it has no such item; -EINVAL: no such name.
+ */
+int directory_find(const struct directory *directory, const char *name, const struct remote **found);
+
+#endif

@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "export.h"
+
+#include <envelope.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sender.h"
+
+struct export {
+    struct export *next;
+    struct catalog *catalog;
+    char name[DDX_NAME_MAX + 1], topic[NAME_TOPIC];
+    struct form *form;
+    struct network_event event;
+    struct network_writer *writer;
+    struct sender *sender;
+    struct ddx_item_info info; /* as it was when the form was looked at */
+    bool announced, there;
+};
+
+struct exports {
+    struct catalog *catalog;
+    struct export *first;
+    unsigned count;
+    bool full;
+};
+
+static struct network_record record_of(const struct export *export) {
+    const struct catalog *catalog = export->catalog;
+
+    return (struct network_record){.machine = catalog->machine_id,
+                                   .item = (char *)export->name,
+                                   .name = (char *)catalog->machine,
+                                   .boot = (char *)catalog->boot,
+                                   .type = (char *)export->form->type,
+                                   .declaration = export->form->declaration,
+                                   .extents = export->form->extents,
+                                   .topic = (char *)export->topic};
+}
+
+/* Readers have come or gone. */
+static void follow_readers(void *argument) {
+    struct export *export = argument;
+    unsigned came, readers = network_writer_readers(export->writer, &came);
+
+    if (export->sender && (!readers || sender_ended(export->sender))) {
+        sender_stop(export->sender);
+        export->sender = NULL;
+    }
+    if (export->sender && came)
+        sender_repeat(export->sender);
+    if (readers && !export->sender)
+        export->sender = sender_start(export->catalog, export->name, export->form, export->writer);
+}
+
+static void close_export(struct export *export) {
+    sender_stop(export->sender);
+    network_writer_close(export->writer);
+    if (export->form && export->announced) {
+        struct network_record record = record_of(export);
+
+        network_records_withdraw(export->catalog->records, &record);
+    }
+    form_free(export->form);
+    free(export);
+}
+
+static struct form *form_now(struct catalog *catalog, const char *name) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(catalog->id, name, NULL, 0);
+    struct form *form = NULL;
+
+    if (item && form_of_item(item, &form))
+        form = NULL;
+    ddx_store_done_item(item);
+    return form;
+}
+
+static int open_writer(struct export *export) {
+    struct description *description;
+    size_t size = envelope_size(export->catalog->machine) + export->form->message_size;
+    int error = size > MESSAGE_MAX ? -EMSGSIZE : envelope_describe(export->form, &description);
+
+    if (error)
+        return error;
+    export->event = (struct network_event){follow_readers, export};
+    error = network_writer_open(export->catalog->network, export->topic, description, size, &export->event,
+                                &export->writer);
+    description_free(description);
+    return error;
+}
+
+static void add(struct exports *exports, const struct ddx_item_info *info) {
+    struct export *export = exports->count < ITEMS_MAX ? calloc(1, sizeof *export) : NULL;
+
+    if (!export) {
+        if (!exports->full)
+            say("more than %d items: other machines do not see %s and what follows", ITEMS_MAX, info->name);
+        exports->full = true;
+        return;
+    }
+    export->catalog = exports->catalog;
+    export->info = *info;
+    export->there = true;
+    strcpy(export->name, info->name);
+    name_topic(exports->catalog->machine, info->name, export->topic);
+    export->form = form_now(exports->catalog, info->name);
+    int error = export->form ? open_writer(export) : 0;
+    if (error)
+        say("%s: other machines cannot read it: %s", info->name, ddx_error_text(error));
+    export->next = exports->first;
+    exports->first = export;
+    exports->count++;
+}
+
+static bool same_form(const struct form *a, const struct form *b) {
+    return a && b && !strcmp(a->type, b->type) && !strcmp(a->declaration, b->declaration) &&
+           !strcmp(a->extents, b->extents) && a->item_size == b->item_size;
+}
+
+/* Whether it still is what was announced. */
+static bool still_is(struct export *export, const struct ddx_item_info *info) {
+    if (info->epoch == export->info.epoch && info->size == export->info.size && !strcmp(info->type, export->info.type))
+        return true;
+    struct form *form = form_now(export->catalog, export->name);
+    bool same = same_form(form, export->form);
+    form_free(form);
+    export->info = *info;
+    return same;
+}
+
+static void look_at(struct exports *exports, const struct ddx_item_info *info) {
+    struct export *export = exports->first;
+
+    while (export && strcmp(export->name, info->name))
+        export = export->next;
+    if (!export)
+        add(exports, info);
+    else
+        export->there = still_is(export, info);
+}
+
+static void announce(struct export *export) {
+    if (export->announced || !export->writer)
+        return;
+    struct network_record record = record_of(export);
+    export->announced = !network_records_write(export->catalog->records, &record);
+}
+
+void exports_look(struct exports *exports, const struct ddx_item_info *items, unsigned count) {
+    for (struct export *export = exports->first; export; export = export->next)
+        export->there = false;
+    for (unsigned i = 0; i < count; i++)
+        if (config_exports(&exports->catalog->config, items[i].name, items[i].type))
+            look_at(exports, &items[i]);
+    for (struct export **at = &exports->first; *at;) {
+        struct export *export = *at;
+
+        if (export->there) {
+            announce(export);
+            if (export->sender && sender_ended(export->sender))
+                follow_readers(export);
+            at = &export->next;
+        } else { /* where it has another form now, the next look finds it as a new one */
+            *at = export->next;
+            exports->count--;
+            close_export(export);
+        }
+    }
+}
+
+struct exports *exports_open(struct catalog *catalog) {
+    struct exports *exports = calloc(1, sizeof *exports);
+
+    if (exports)
+        exports->catalog = catalog;
+    return exports;
+}
+
+void exports_close(struct exports *exports) {
+    while (exports && exports->first) {
+        struct export *export = exports->first;
+
+        exports->first = export->next;
+        close_export(export);
+    }
+    free(exports);
+}

@@ -1,0 +1,15 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Items of this machine that others may read. Nothing is read of them, and nothing sent, while nobody reads them. */
+#ifndef DDXCATALOG_EXPORT_H
+#define DDXCATALOG_EXPORT_H
+
+#include "catalog.h"
+
+/* NULL: no memory. */
+struct exports *exports_open(struct catalog *catalog);
+void exports_close(struct exports *exports);
+
+/* Follow which items there are, and announce what is new. Waits for the store's answer where an item has changed. */
+void exports_look(struct exports *exports, const struct ddx_item_info *items, unsigned count);
+
+#endif

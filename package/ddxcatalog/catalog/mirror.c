@@ -1,0 +1,234 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "mirror.h"
+
+#include <envelope.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define UNREAD_NS INT64_C(5000000000) /* without a reader for so long, the origin need not send any more */
+
+struct mirror {
+    struct mirror *next;
+    struct catalog *catalog;
+    char name[DDX_NAME_MAX + 1];
+    uint64_t version; /* of what was announced; 0: nothing is open */
+    DDX_STORE_ITEM *item;
+    struct form *form; /* of the item, in this store */
+    struct network_event event;
+    struct network_reader *reader;
+    uint64_t sequence; /* of the last message; 0: none since the reader was opened */
+    int64_t read;      /* when there was a reader last */
+};
+
+struct mirrors {
+    struct catalog *catalog;
+    struct mirror *first;
+};
+
+/* Store what has come. 0 or -errno. */
+static int write_value(struct mirror *mirror, const unsigned char *fields) {
+    void *data;
+    int error = ddx_store_loan(mirror->item, &data);
+
+    if (error)
+        return error;
+    memset(data, 0, mirror->form->item_size); /* padding, so that equal values have equal bytes */
+    form_unpack(mirror->form, fields - FORM_HEADER, data);
+    return ddx_store_publish(mirror->item, NULL);
+}
+
+static void count(struct mirror *mirror, uint64_t missed, int error, int64_t since) {
+    DDX_STATS_BOOK *book = mirror->catalog->book;
+
+    ddx_stats_in(book, 1 + missed, 0);
+    if (missed)
+        ddx_stats_lost(book, LOST_NETWORK, missed);
+    if (error)
+        ddx_stats_lost(book, LOST_BUDGET, 1);
+    else
+        ddx_stats_out(book, 1, ddx_time_now() - since);
+}
+
+static void take(void *argument, const unsigned char *message, size_t size) {
+    struct mirror *mirror = argument;
+    struct envelope envelope;
+    int64_t begin = ddx_time_now();
+    const unsigned char *fields = envelope_read(mirror->form, message, size, &envelope);
+
+    if (!fields) {
+        ddx_stats_in(mirror->catalog->book, 1, 0);
+        ddx_stats_lost(mirror->catalog->book, LOST_TYPE, 1);
+        return;
+    }
+    if (envelope.sequence == mirror->sequence) /* repeated for another reader */
+        return;
+    /* Numbers that went back are those of a store that began anew. */
+    uint64_t missed = mirror->sequence && envelope.sequence > mirror->sequence
+                          ? envelope.sequence - mirror->sequence - 1 : 0;
+    mirror->sequence = envelope.sequence;
+    count(mirror, missed, write_value(mirror, fields), begin);
+}
+
+static void ready(void *argument) {
+    struct mirror *mirror = argument;
+
+    network_read(mirror->reader, take, mirror);
+}
+
+static int subscribe(struct mirror *mirror, const struct remote *remote) {
+    struct description *description;
+    int error = envelope_describe(mirror->form, &description);
+
+    if (error)
+        return error;
+    mirror->event = (struct network_event){ready, mirror};
+    mirror->sequence = 0;
+    error = network_reader_open(mirror->catalog->network, remote->topic, description,
+                                remote->form->message_size + NAME_MACHINE, &mirror->event, &mirror->reader);
+    description_free(description);
+    return error ? -EPROTO : 0;
+}
+
+static void unsubscribe(struct mirror *mirror) {
+    network_reader_close(mirror->reader);
+    mirror->reader = NULL;
+}
+
+static void close_mirror(struct mirror *mirror) {
+    unsubscribe(mirror);
+    ddx_store_done_item(mirror->item);
+    form_free(mirror->form);
+    mirror->item = NULL;
+    mirror->form = NULL;
+    mirror->version = 0;
+}
+
+/* "y=101376 u=0" as the store wants it; `text` is cut into pieces. */
+static unsigned extents_of(char *text, struct ddx_extent *extents, unsigned room) {
+    unsigned count = 0;
+
+    for (char *word; count < room && (word = strtok_r(text, " ", &text));) {
+        char *equals = strchr(word, '=');
+
+        *equals = 0; /* form_of_text() has judged it */
+        extents[count++] = (struct ddx_extent){word, strtoull(equals + 1, NULL, 10)};
+    }
+    return count;
+}
+
+static int create(struct mirror *mirror, const struct remote *remote) {
+    struct ddx_extent extents[64];
+    char *text = strdup(remote->extents);
+    struct ddx_item_spec spec = {.name = mirror->name, .type = remote->form->type,
+                                 .declaration = remote->declaration, .extents = extents};
+
+    if (!text)
+        return -ENOMEM;
+    spec.extent_count = extents_of(text, extents, sizeof extents / sizeof *extents);
+    int error = ddx_store_create(mirror->catalog->id, &spec, &mirror->item);
+    free(text);
+    return error;
+}
+
+/* Item and reader, as the origin announces it now. 0 or -errno, then nothing is open. */
+static int open_mirror(struct mirror *mirror, const struct remote *remote) {
+    int error = create(mirror, remote);
+
+    if (!error)
+        error = form_of_item(mirror->item, &mirror->form);
+    if (!error && mirror->form->message_size != remote->form->message_size)
+        error = -EPROTO;
+    if (!error)
+        error = subscribe(mirror, remote);
+    if (error)
+        close_mirror(mirror);
+    else
+        mirror->version = remote->version;
+    mirror->read = ddx_time_now();
+    return error;
+}
+
+static struct mirror *find(struct mirrors *mirrors, const char *name) {
+    struct mirror *mirror = mirrors->first;
+
+    while (mirror && strcmp(mirror->name, name))
+        mirror = mirror->next;
+    return mirror;
+}
+
+static struct mirror *add(struct mirrors *mirrors, const char *name) {
+    struct mirror *mirror = calloc(1, sizeof *mirror);
+
+    if (!mirror)
+        return NULL;
+    mirror->catalog = mirrors->catalog;
+    strcpy(mirror->name, name);
+    mirror->next = mirrors->first;
+    mirrors->first = mirror;
+    return mirror;
+}
+
+int mirrors_want(struct mirrors *mirrors, const char *name) {
+    const struct remote *remote;
+    int error = strlen(name) > DDX_NAME_MAX ? -EINVAL : directory_find(mirrors->catalog->directory, name, &remote);
+
+    if (error || !remote)
+        return error;
+    struct mirror *mirror = find(mirrors, name);
+    if (!mirror && !(mirror = add(mirrors, name)))
+        return -ENOMEM;
+    if (mirror->version != remote->version) {
+        close_mirror(mirror);
+        return open_mirror(mirror, remote);
+    }
+    mirror->read = ddx_time_now();
+    return mirror->reader ? 0 : subscribe(mirror, remote);
+}
+
+static void look_at(struct mirror *mirror, int64_t now) {
+    const struct remote *remote;
+
+    if (!mirror->version)
+        return;
+    if (ddx_store_readers(mirror->item) > 0)
+        mirror->read = now;
+    bool wanted = now - mirror->read < UNREAD_NS;
+    bool known = !directory_find(mirror->catalog->directory, mirror->name, &remote);
+    if (!wanted)
+        unsubscribe(mirror);
+    else if (known && remote->version != mirror->version)
+        mirrors_want(mirror->catalog->mirrors, mirror->name);
+    else if (known && !mirror->reader)
+        subscribe(mirror, remote);
+}
+
+void mirrors_look(struct mirrors *mirrors, const struct ddx_item_info *items, unsigned count) {
+    int64_t now = ddx_time_now();
+
+    for (unsigned i = 0; i < count; i++) /* of the catalog that ran before */
+        if (strchr(items[i].name, ':') && items[i].readers && !items[i].writer_pid && !find(mirrors, items[i].name))
+            mirrors_want(mirrors, items[i].name);
+
+    for (struct mirror *mirror = mirrors->first; mirror; mirror = mirror->next)
+        look_at(mirror, now);
+}
+
+struct mirrors *mirrors_open(struct catalog *catalog) {
+    struct mirrors *mirrors = calloc(1, sizeof *mirrors);
+
+    if (mirrors)
+        mirrors->catalog = catalog;
+    return mirrors;
+}
+
+void mirrors_close(struct mirrors *mirrors) {
+    while (mirrors && mirrors->first) {
+        struct mirror *mirror = mirrors->first;
+
+        mirrors->first = mirror->next;
+        close_mirror(mirror);
+        free(mirror);
+    }
+    free(mirrors);
+}

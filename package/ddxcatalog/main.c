@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* catalog: links the stores of several machines. */
+#include <errno.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include "catalog.h"
+
+#define NICE 10 /* the robot comes first */
+
+static const char purpose[] =
+    "Links this machine's store with those of other machines: item gps of machine carol is the item carol:gps here,\n"
+    "and for ROS 2 the topic /carol/gps. Nothing is sent before another machine reads it.";
+static const char notes[] =
+    "Counters: lost.store = overwritten in the store before it was read, lost.bandwidth = readers had not confirmed\n"
+    "what was sent before, lost.network = sent by another machine, but not arrived, lost.type = not of the type that\n"
+    "was announced, lost.budget = no room in this store.";
+
+int main(int argc, char **argv) {
+    static struct catalog catalog;
+    const char *config = NULL, *machine = NULL;
+    char name[256] = "", error[CONFIG_ERROR_MAX];
+    const struct option_entry options[] = {
+        {"c", "FILE", "what other machines may read, and by which network", OPTION_TEXT, &config, 0, 0},
+        {"machine", "NAME", "what this machine is called by others (default: its host name)", OPTION_TEXT, &machine, 0,
+         0},
+        {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
+    };
+    catalog.program = (struct program){.name = "catalog", .purpose = purpose, .notes = notes, .options = options};
+
+    program_start(&catalog.program, argc, argv);
+    gethostname(name, sizeof name - 1);
+    name[strcspn(name, ".")] = 0; /* without its domain */
+    if (!name_is_machine(machine ? machine : name)) {
+        say("-machine %.40s: a name of 1 to %d letters, digits, '-' and '_' is needed", machine ? machine : name,
+            NAME_MACHINE - 1);
+        return EXIT_USAGE;
+    }
+    strcpy(catalog.machine, machine ? machine : name);
+    if (config_read(config, &catalog.config, error)) {
+        say("%s", error);
+        return EXIT_USAGE;
+    }
+    setpriority(PRIO_PROCESS, 0, NICE);
+    int status = catalog.program.check ? EXIT_OK : catalog_run(&catalog);
+    config_free(&catalog.config);
+    return status;
+}

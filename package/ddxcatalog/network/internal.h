@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#ifndef DDXCATALOG_NETWORK_INTERNAL_H
+#define DDXCATALOG_NETWORK_INTERNAL_H
+
+#include <dds/dds.h>
+
+#include "network.h"
+
+struct network {
+    dds_entity_t domain, participant, waitset;
+};
+
+/* -errno for what a function of DDS has returned; positive ones are no errors. */
+int network_error(dds_return_t result);
+
+/* A topic of this type; keys: the first `keys` fields. The topic, or -errno. */
+dds_entity_t network_topic(struct network *network, const char *name, const struct description *description,
+                           unsigned keys);
+
+/* Let the event be called when a status of the mask changes. 0 or -errno. */
+int network_attach(struct network *network, dds_entity_t entity, uint32_t status, const struct network_event *event);
+
+/* QoS of all topics; to dds_delete_qos(). NULL: no memory. */
+dds_qos_t *network_qos(const struct description *description, int depth);
+
+#endif

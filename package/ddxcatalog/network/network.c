@@ -1,0 +1,146 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "internal.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+
+#include "typehash.h"
+
+#define LEASE "3s" /* a machine that is not heard for so long is away */
+#define EVENTS 64  /* at a time */
+/* The first free pair of ports, so that they are known in advance. The last pair of domain 232 is below port 65536. */
+#define PAIRS "50"
+#define PORTS "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>" PAIRS "</MaxAutoParticipantIndex>"
+
+int network_error(dds_return_t result) {
+    switch (result) {
+    case DDS_RETCODE_OUT_OF_RESOURCES: return -ENOMEM;
+    case DDS_RETCODE_TIMEOUT: return -EAGAIN;
+    default: return result < 0 ? -EINVAL : 0;
+    }
+}
+
+/* Names of interfaces and addresses, which go into XML. */
+static bool is_plain(const char *name) {
+    for (const char *c = name; *c; c++)
+        if (!isalnum((unsigned char)*c) && !strchr(".:-_%", *c))
+            return false;
+    return *name;
+}
+
+static char *settings(const struct network_options *options) {
+    char *text = NULL;
+    size_t size;
+    FILE *to = open_memstream(&text, &size);
+
+    if (!to)
+        return NULL;
+    fputs("<General><Interfaces><NetworkInterface ", to);
+    if (options->interface)
+        fprintf(to, "name=\"%s\"", options->interface);
+    else
+        fputs("autodetermine=\"true\"", to);
+    fprintf(to, "/></Interfaces><AllowMulticast>%s</AllowMulticast></General>",
+            options->unicast ? "false" : "default");
+    fputs("<Discovery><LeaseDuration>" LEASE "</LeaseDuration>" PORTS "<Peers>", to);
+    for (const char *const *peer = options->peers; *peer; peer++)
+        fprintf(to, "<Peer address=\"%s\"/>", *peer);
+    fputs("</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing>", to);
+    bool bad = ferror(to);
+    if (fclose(to) || bad) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}
+
+static int join(struct network *network, const struct network_options *options) {
+    char *text = settings(options);
+
+    if (!text)
+        return -ENOMEM;
+    network->domain = dds_create_domain(options->domain, text);
+    free(text);
+    network->participant = network->domain < 0 ? network->domain : dds_create_participant(options->domain, NULL, NULL);
+    if (network->participant < 0)
+        return -EADDRNOTAVAIL;
+    network->waitset = dds_create_waitset(network->participant);
+    return network_error(network->waitset);
+}
+
+/* Whether there is an address that other machines can reach. */
+static bool is_there(void) {
+    struct ifaddrs *all;
+    bool found = false;
+
+    if (getifaddrs(&all))
+        return false;
+    for (const struct ifaddrs *one = all; one; one = one->ifa_next)
+        found |= one->ifa_addr && one->ifa_addr->sa_family == AF_INET && (one->ifa_flags & IFF_UP) &&
+                 !(one->ifa_flags & IFF_LOOPBACK);
+    freeifaddrs(all);
+    return found;
+}
+
+int network_open(const struct network_options *options, struct network **result) {
+    if (options->interface && !is_plain(options->interface))
+        return -EINVAL;
+    for (const char *const *peer = options->peers; *peer; peer++)
+        if (!is_plain(*peer))
+            return -EINVAL;
+    if (!options->interface && !is_there()) /* DDS would take the loopback interface, and keep it */
+        return -EADDRNOTAVAIL;
+    struct network *network = calloc(1, sizeof *network);
+    if (!network)
+        return -ENOMEM;
+    int error = join(network, options);
+    if (error)
+        network_close(network);
+    else
+        *result = network;
+    return error;
+}
+
+void network_close(struct network *network) {
+    if (network && network->domain > 0)
+        dds_delete(network->domain);
+    free(network);
+}
+
+int network_attach(struct network *network, dds_entity_t entity, uint32_t status, const struct network_event *event) {
+    dds_return_t result = dds_set_status_mask(entity, status);
+
+    return network_error(result ? result : dds_waitset_attach(network->waitset, entity, (dds_attach_t)event));
+}
+
+void network_wait(struct network *network, double seconds) {
+    dds_attach_t ready[EVENTS];
+    dds_return_t count = dds_waitset_wait(network->waitset, ready, EVENTS, (dds_duration_t)(seconds * 1e9));
+
+    for (dds_return_t i = 0; i < count && i < EVENTS; i++) {
+        const struct network_event *event = (const struct network_event *)ready[i];
+
+        event->ready(event->argument);
+    }
+}
+
+dds_qos_t *network_qos(const struct description *description, int depth) {
+    const dds_data_representation_id_t representation = DDS_DATA_REPRESENTATION_XCDR1;
+    char hash[TYPEHASH_MAX], data[TYPEHASH_MAX + 16];
+    dds_qos_t *qos = typehash(description, hash) ? NULL : dds_create_qos();
+
+    if (!qos)
+        return NULL;
+    int length = snprintf(data, sizeof data, "typehash=%s;", hash);
+    dds_qset_userdata(qos, data, (size_t)length);
+    dds_qset_data_representation(qos, 1, &representation);
+    dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, 0);
+    dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, depth);
+    return qos;
+}

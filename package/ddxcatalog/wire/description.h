@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * A message as ROS 2 and DDS describe it: structs of named fields. Made of the text of a ros2msg schema, which is what
+ * form.h has for an item. The first message is the one that is sent; the others are those that it contains.
+ */
+#ifndef DDXCATALOG_DESCRIPTION_H
+#define DDXCATALOG_DESCRIPTION_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#define DESCRIPTION_NAME 160
+
+/* Numbers as in ROS's type_description_interfaces/msg/FieldType, since they are part of a type's hash. */
+enum description_kind {
+    DESCRIPTION_NESTED = 1,
+    DESCRIPTION_INT8,
+    DESCRIPTION_UINT8,
+    DESCRIPTION_INT16,
+    DESCRIPTION_UINT16,
+    DESCRIPTION_INT32,
+    DESCRIPTION_UINT32,
+    DESCRIPTION_INT64,
+    DESCRIPTION_UINT64,
+    DESCRIPTION_FLOAT,
+    DESCRIPTION_DOUBLE,
+    DESCRIPTION_STRING = 17
+};
+
+struct description_field {
+    char name[DESCRIPTION_NAME];
+    enum description_kind kind;
+    uint32_t count; /* elements of an array, 0: no array */
+    char type[DESCRIPTION_NAME]; /* DESCRIPTION_NESTED: "ddx/SENSORWheel" */
+};
+
+struct description_message {
+    char type[DESCRIPTION_NAME]; /* "ddx/SENSOR" */
+    struct description_field *fields;
+    unsigned count;
+};
+
+struct description {
+    struct description_message *messages;
+    unsigned count;
+};
+
+/*
+ * `type`: of the first message, "ddx/msg/SENSOR". Fields that come to the same name are told apart by a number. 0,
+ * -EINVAL (no such text, or a message is missing), -ENOMEM. The result is the caller's, until description_free().
+ */
+int description_parse(const char *type, const char *schema, struct description **result);
+
+/* NULL is allowed. */
+void description_free(struct description *description);
+
+/* The message of this type, or NULL. */
+const struct description_message *description_find(const struct description *description, const char *type);
+
+#endif

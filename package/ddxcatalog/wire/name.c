@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "name.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <string.h>
+
+bool name_is_machine(const char *name) {
+    size_t length = strnlen(name, NAME_MACHINE);
+
+    for (size_t i = 0; i < length; i++)
+        if (!isalnum((unsigned char)name[i]) && name[i] != '-' && name[i] != '_')
+            return false;
+    return length > 0 && length < NAME_MACHINE;
+}
+
+/* A part between slashes: letters, digits and single underscores, no digit first. */
+static void add_part(char topic[NAME_TOPIC], const char *part) {
+    size_t length = strlen(topic);
+
+    topic[length++] = '/';
+    if (!isalpha((unsigned char)*part))
+        topic[length++] = 'n';
+    for (; *part && length < NAME_TOPIC - 1; part++)
+        if (isalnum((unsigned char)*part))
+            topic[length++] = *part;
+        else if (topic[length - 1] != '_')
+            topic[length++] = '_';
+    topic[length] = 0;
+}
+
+void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]) {
+    strcpy(topic, "rt");
+    add_part(topic, machine);
+    add_part(topic, item);
+}
+
+void name_type(const char *type, char name[NAME_TYPE]) {
+    size_t package = strcspn(type, "/");
+
+    snprintf(name, NAME_TYPE, "%.*s::msg::dds_::%s_", (int)package, type, type[package] ? type + package + 1 : "");
+}

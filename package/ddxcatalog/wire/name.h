@@ -1,0 +1,21 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Names on the network, by ROS 2's rules. */
+#ifndef DDXCATALOG_NAME_H
+#define DDXCATALOG_NAME_H
+
+#include <stdbool.h>
+
+#define NAME_TOPIC 160   /* bytes of "rt/carol/gps", with the 0 byte */
+#define NAME_TYPE 200    /* of "ddx::msg::dds_::GPS_" */
+#define NAME_MACHINE 33  /* of a machine's name: leaves room for items' names behind it */
+
+/* Whether this can be a machine's name: letters, digits, '-' and '_', as in host names; at most NAME_MACHINE - 1. */
+bool name_is_machine(const char *name);
+
+/* "carol", "video.frame": "rt/carol/video_frame". */
+void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]);
+
+/* "ddx/SENSOR": "ddx::msg::dds_::SENSOR_". */
+void name_type(const char *type, char name[NAME_TYPE]);
+
+#endif

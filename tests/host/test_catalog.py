@@ -1,0 +1,175 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Stores of two machines, linked: each has a network of its own."""
+from __future__ import annotations
+
+import pathlib
+import subprocess
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from parts.link.link import Link, Node
+from parts.link.loss import NOTHING, Iid
+
+from .programs import Compiler, Counters, Desk, Process, lost, wait_until
+
+VALUES = 200
+STEP = 4  # at a time: fewer than are kept for a reader that has missed some
+
+
+class Machine:
+    """A store, and its catalog in the node's network."""
+
+    def __init__(self, folder: pathlib.Path, name: str, node: Node, client: pathlib.Path) -> None:
+        folder.mkdir()
+        self.name, self.client, self.desk, self._node = name, client, Desk(folder), node
+        self.catalog = self.start_catalog()
+
+    def start_catalog(self) -> Process:
+        catalog = self.desk.start("catalog", "-machine", self.name, wrapper=self._node.inside)
+        wait_until(lambda: self.desk.item("catalog.answer").get("writer_pid") == catalog.pid)
+        return catalog
+
+    def start(self, *words: str) -> Process:
+        with open(self.desk.folder / "client", "a") as errors:
+            process = subprocess.Popen([self.client, *words], env=self.desk.environment, stdin=subprocess.PIPE,
+                                       text=True, stdout=subprocess.PIPE, stderr=errors)
+        self.desk.processes.append(process)
+        return process
+
+    def counters(self) -> Counters:
+        return self.desk.stats("catalog")
+
+
+def write(writer: Process, count: int) -> None:
+    assert writer.stdin and writer.stdout
+    writer.stdin.write(f"{count}\n")
+    writer.stdin.flush()
+    assert writer.stdout.readline()
+
+
+def read(reader: Process, count: int) -> list[str]:
+    assert reader.stdout
+    lines = [reader.stdout.readline() for _ in range(count)]
+    assert all(lines), "the reader has stopped"
+    return lines
+
+
+@pytest.fixture
+def link() -> Iterator[Link]:
+    with Link() as link:
+        yield link
+
+
+@pytest.fixture
+def machines(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Iterator[tuple[Machine, Machine]]:
+    client = compile_client("catalog_client")
+    both = (Machine(tmp_path / "robot", "robot", link.robot, client),
+            Machine(tmp_path / "laptop", "laptop", link.operator[0], client))
+    yield both
+    for machine in both:
+        machine.desk.end()
+
+
+def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machine]) -> None:
+    robot, laptop = machines
+    writer = robot.start("write", "sensor")
+    write(writer, 3)
+    here, there = robot.start("read", "-", "sensor"), laptop.start("read", "robot", "sensor")
+    first = read(there, 1)
+    assert first == read(here, 1)  # the newest one
+    for _ in range(VALUES // STEP):
+        write(writer, STEP)
+        assert read(there, STEP) == read(here, STEP)
+    assert laptop.desk.item("robot:sensor")["type"] == "SENSOR"
+    wait_until(lambda: [one.counters()["in"] for one in machines] == [VALUES + 1] * 2)
+    for one in machines:
+        counters = one.counters()
+        assert counters["in"] == counters["out"] + lost(counters) and lost(counters) == 0
+
+
+def test_nothing_is_sent_that_nobody_reads(machines: tuple[Machine, Machine], link: Link) -> None:
+    """The packets are counted by the link."""
+    robot, laptop = machines
+
+    def packets() -> int:
+        return link.counts().down[0].packets
+
+    writer = robot.start("write", "sensor")
+    reader = laptop.start("read", "robot", "sensor")
+    write(writer, 1)
+    read(reader, 1)
+    before = packets()
+    for _ in range(VALUES // STEP):
+        write(writer, STEP)
+        read(reader, STEP)
+    assert packets() - before >= VALUES
+    reader.kill()
+    wait_until(lambda: robot.desk.readers("sensor") == 0)
+    before, taken = packets(), robot.counters()["in"]
+    write(writer, VALUES)
+    assert packets() - before < VALUES / 4  # of the machines' own: they say that they are there
+    assert robot.counters()["in"] == taken
+    assert robot.desk.readers("sensor") == 0
+
+
+def test_values_lost_on_the_way_are_sent_again_or_counted(machines: tuple[Machine, Machine], link: Link) -> None:
+    robot, laptop = machines
+    writer = robot.start("write", "sensor")
+    reader = laptop.start("read", "robot", "sensor")
+    write(writer, 1)
+    first = read(reader, 1)
+    link.lose(Iid(0.2))
+    for _ in range(60):
+        write(writer, 1)
+        time.sleep(0.05)
+    link.lose(NOTHING)
+    write(writer, 1)  # of this one it is known that it arrives
+    wait_until(lambda: bool(laptop.counters()["in"] == 62))
+    counters = laptop.counters()
+    assert counters["in"] == counters["out"] + counters["lost"]["network"]
+    assert counters["out"] >= 61
+    assert len(set(first + read(reader, counters["out"] - 1))) == counters["out"]
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_catalog_that_is_killed(machines: tuple[Machine, Machine], end: int) -> None:
+    """Its successor goes on; the reader keeps what it has open."""
+    robot, laptop = machines
+    writer = robot.start("write", "sensor")
+    reader = laptop.start("read", "robot", "sensor")
+    write(writer, 1)
+    read(reader, 1)
+    machines[end].catalog.kill()
+    machines[end].catalog.wait()
+    machines[end].catalog = machines[end].start_catalog()
+    wait_until(lambda: robot.desk.readers("sensor") == 1)
+    write(writer, 3)
+    while not read(reader, 1)[0].startswith("04000000"):
+        pass  # what was sent before the other end noticed is lost with the catalog
+
+
+def test_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
+    """The mirror keeps its last value, and goes on when the network is back."""
+    robot, laptop = machines
+    writer = robot.start("write", "sensor")
+    reader = laptop.start("read", "robot", "sensor")
+    write(writer, 1)
+    read(reader, 1)
+    link.lose(Iid(1.0))
+    wait_until(lambda: robot.desk.readers("sensor") == 0)
+    write(writer, 5)
+    shown = laptop.desk.run("ddxctl", "show", "robot:sensor")
+    assert shown.returncode == 0
+    link.lose(NOTHING)
+    back = time.monotonic()
+    assert read(reader, 1)[0].startswith("06000000")
+    assert time.monotonic() - back < 10
+    write(writer, 1)
+    assert read(reader, 1)[0].startswith("07000000")
+
+
+def test_a_machine_that_nobody_hears(machines: tuple[Machine, Machine]) -> None:
+    shown = machines[0].desk.run("ddxctl", "show", "carol:gps")
+    assert shown.returncode == 1 and "no machine of this name is heard" in shown.stderr
