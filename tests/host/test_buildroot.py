@@ -13,7 +13,7 @@ import pytest
 from parts import trees
 from parts.common import OUTPUT, TOP, run
 from parts.guest import machine
-from parts.image import native
+from parts.image import cyclonedds, native
 
 pytestmark = pytest.mark.computes
 
@@ -154,6 +154,15 @@ def test_the_desks_programs_have_the_patched_libdc1394() -> None:
     assert "dc1394" not in run(["ldd", root / "usr/bin/ddxvideo1394"], env=native.environment(root))
     symbols = run(["nm", root / native.LIBRARIES / "libdc1394.a"])
     assert "U libusb_cancel_transfer" in symbols and "raw1394" not in symbols
+
+
+def test_the_desk_and_the_product_have_the_same_cyclonedds() -> None:
+    """Inside of the catalog, without the parts that would bring OpenSSL or C++."""
+    root = native.build()
+    assert {"-DENABLE_SSL=OFF", "-DENABLE_SECURITY=OFF"} < set(cyclonedds.options())
+    libraries = run(["ldd", root / "usr/bin/catalog"], env=native.environment(root))
+    assert [word for word in ("ddsc", "ssl", "crypto", "stdc++") if word in libraries] == []
+    assert "11.0.1" in (root / native.LIBRARIES / "pkgconfig/CycloneDDS.pc").read_text()
 
 
 def test_two_builds_that_differ_say_where(tmp_path: pathlib.Path) -> None:

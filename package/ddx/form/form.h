@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * How the values of an item lie in a file (ddxlog) and on the network (catalog): as ROS 2 would have them (CDR, little
- * endian, after its header of four bytes), described by a ros2msg schema, so that the usual tools show them. A C struct is nearly that already; only
- * padding differs, so a value is packed by a few copies, in most cases one. Each field keeps its bytes; padding, and
- * what lies beyond an extent, is left out. So the message is the same whether a 32-bit or a 64-bit machine wrote it.
+ * endian, after its header of four bytes), described by a ros2msg schema, so that the usual tools show them. A C struct
+ * is nearly that already; only padding differs, so a value is packed by a few copies, in most cases one. Each field
+ * keeps its bytes; padding, and what lies beyond an extent, is left out. So the message is the same whether a 32-bit or
+ * a 64-bit machine wrote it.
  */
 #ifndef DDX_FORM_H
 #define DDX_FORM_H
