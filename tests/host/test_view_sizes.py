@@ -5,10 +5,11 @@ import pathlib
 import pytest
 
 from parts.media.display import Display
+from parts.media.seen import Seen
 
 from .programs import Desk, result
 from .test_view import HEIGHT, WIDTH, display, make_clip, middle
-from .window import Seen, Window
+from .window import Window
 
 __all__ = ["display"]  # the fixture
 FRAMES, FIELDS, KEYS = 3, 16, 9

@@ -87,7 +87,7 @@ void ddx_type_declare_(struct ddx_type_declaration_ *declaration);
 /*
  * Connect to the store of this machine, where `host` is NULL, or through it to that of another machine, by its name:
  * ddx_store_lookup_item(id, "gps", NULL, 0) is then the item "carol:gps" of this store, for reading. That takes the
- * program `catalog` on both machines; it copies the item as long as somebody reads it here. `port` 0 means
+ * program `catalog` on both machines; it copies the item as long as the item has a reader here. `port` 0 means
  * DDX_STORE_PORT. Tries for `timeout` seconds, so programs may start before the store. The store's socket lies in
  * $DDX_DIR, or else in /run/ddx, $XDG_RUNTIME_DIR/ddx or /tmp/ddx-<uid>. A store is believed only if root, the caller's
  * user or the folder's owner runs it, and if no other user can have made that folder or can change what is in it.

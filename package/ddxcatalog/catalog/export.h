@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Items of this machine that others may read. Nothing is read of them, and nothing sent, while nobody reads them. */
+/* Items of this machine that others may read. Without a reader elsewhere, the store is not read and nothing is sent. */
 #ifndef DDXCATALOG_EXPORT_H
 #define DDXCATALOG_EXPORT_H
 

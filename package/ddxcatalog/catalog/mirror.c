@@ -63,7 +63,7 @@ static void take(void *argument, const unsigned char *message, size_t size) {
     }
     if (envelope.sequence == mirror->sequence) /* repeated for another reader */
         return;
-    /* Numbers that went back are those of a store that began anew. */
+    /* Lower numbers are those of a store that has started again. */
     uint64_t missed = mirror->sequence && envelope.sequence > mirror->sequence
                           ? envelope.sequence - mirror->sequence - 1 : 0;
     mirror->sequence = envelope.sequence;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Items "carol:gps" of this store, which follow items of other machines as long as somebody reads them here. */
+/* Items "carol:gps" of this store, which follow items of other machines as long as they have a reader here. */
 #ifndef DDXCATALOG_MIRROR_H
 #define DDXCATALOG_MIRROR_H
 

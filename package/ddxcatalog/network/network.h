@@ -77,7 +77,7 @@ struct network_record {
     uint64_t machine; /* with `item`, the key */
     char *item;
     char *name; /* of the machine */
-    char *boot; /* boot id, by which CLOCK_MONOTONIC is told from that of another boot */
+    char *boot; /* boot id, which identifies the boot that CLOCK_MONOTONIC belongs to */
     char *type, *declaration, *extents, *topic;
 };
 
@@ -92,8 +92,8 @@ int network_records_write(struct network_records *records, const struct network_
 int network_records_withdraw(struct network_records *records, const struct network_record *record);
 
 /*
- * Calls `take` for each change: an item with what is said of it; or of which nobody says so any more (`gone`), then
- * only the key is set; or whose machine is away for now (`away`), only the key, too.
+ * Calls `take` for each change: an item with its record; an item whose record was withdrawn (`gone`; only the
+ * key is set); or an item whose machine is away for now (`away`; only the key, too).
  */
 enum network_change { NETWORK_THERE, NETWORK_GONE, NETWORK_AWAY };
 typedef void network_take_record(void *argument, const struct network_record *record, enum network_change change);
