@@ -8,6 +8,7 @@ import pty
 import re
 import signal
 import subprocess
+import time
 from collections.abc import Iterator
 
 import numpy
@@ -312,9 +313,11 @@ def test_bad_input(desk: Desk, display: Display, small_disk: pathlib.Path) -> No
     for arguments, status, text in bad:
         done = desk.run("ddxvideoview", *arguments)
         assert (done.returncode, done.stderr.count("\n")) == (status, 1) and text in done.stderr, done.stderr
+    wait_until(lambda: time.monotonic_ns() - int(desk.item("video")["time_ns"]) > 1_000_000_000)
     (small_disk / "filler").write_bytes(bytes(64 << 10))
     desk.folder = small_disk
     window = Window(desk, display)
+    assert window.until(lambda seen: seen.label != "WAITING").label == "STALLED"  # from the beginning
     full = window.press("s")
     assert "No space left on device" in full.text
     assert [path.name for path in small_disk.glob("*.png*")] == []

@@ -54,7 +54,8 @@ void live_close(struct live *live) {
 }
 
 void live_add(struct live *live, struct shot *shot) {
-    shot->arrival = ddx_time_now();
+    if (!shot->arrival)
+        shot->arrival = ddx_time_now();
     history_add(&live->history, shot);
     surface_wake(live->surface);
 }

@@ -22,7 +22,7 @@ bool live_open(struct live *live, const char *name, const struct source_limits *
 /* The thread has ended. */
 void live_close(struct live *live);
 
-/* From the thread: a picture came; what is missing now ("": nothing). */
+/* From the thread: a picture came, now if its arrival is 0; what is missing now ("": nothing). */
 void live_add(struct live *live, struct shot *shot);
 void live_say(struct live *live, const char *text);
 

@@ -133,6 +133,7 @@ static void take(struct item_source *from, const struct ddx_frame *frame) {
         take_bad(from, error ? error : -ENOMEM);
         return;
     }
+    shot->arrival = from->begun ? 0 : frame->time; /* the first one may have been in the store for long */
     shot->missing = missing_before(from, frame, picture.stamp.source_lost);
     if (!picture.stamp.time) /* an item with the paper's fields only */
         shot->picture.stamp.time = frame->time;
