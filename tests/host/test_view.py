@@ -301,6 +301,9 @@ def test_recording_with_its_parts(desk: Desk, display: Display) -> None:
     gap = window.press("period")
     check(gap, kept + 3, "PAUSED")
     assert "3 missing before this one" in gap.text and "lost 3" in gap.text
+    window.point(200, 100)
+    both = window.until(lambda seen: re.search(r"\n100,50  Y .*: cut short, 3 frames are missing$", seen.text)).text
+    assert re.search(r"\n100,50  Y .*: cut short, 3 frames are missing$", both), both
     check(window.press("comma"), kept - 1, "PAUSED")
 
 

@@ -109,10 +109,12 @@ void status_compose(struct status *status, struct view *view, const struct layou
         add_facts(status->facts, view, &source);
         add_gap(status->gap, sizeof status->gap, view);
     }
-    if (ddx_time_now() < view->message_until)
+    if (ddx_time_now() < view->message_until) {
         text_append(status->rest, STATUS_MAX, "%s", view->message);
-    else if (*source.text)
-        text_append(status->rest, STATUS_MAX, "%s", source.text);
-    else if (view->shot && layout)
+        return;
+    }
+    if (view->shot && layout)
         add_pixel(status->rest, view, layout);
+    if (*source.text) /* it may be there for long: the pixel does not wait for that */
+        text_append(status->rest, STATUS_MAX, "%s%s", *status->rest ? "  " : "", source.text);
 }
