@@ -17,6 +17,7 @@
 static struct dispatch dispatch;
 static int64_t now;
 static uint16_t sequence, frame;
+static uint8_t loss; /* that reports have */
 
 static void begin(int64_t wire) {
     struct dispatch_settings settings = {.wire = wire, .video = wire, .interval = INTERVAL, .header = HEADER,
@@ -77,7 +78,7 @@ static void run(int64_t time, unsigned media, unsigned repairs) {
 static void report_as(uint32_t reporter, uint64_t address, uint16_t highest, uint16_t base, uint16_t missing,
                       int64_t age, enum feedback_count expected) {
     struct report report = {.reporter = reporter, .media = SSRC, .has_state = true, .highest = highest, .base = base,
-                            .missing = missing, .age = age};
+                            .missing = missing, .age = age, .loss = loss};
     uint64_t before = dispatch.feedback.count[expected];
     uint8_t data[REPORT_MAX];
 
@@ -221,6 +222,38 @@ static void check_reporters(void) {
     report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_USED); /* the others are gone */
 }
 
+/* Frames of one packet, each of which arrives at once and is reported, or not. */
+static void pass_frames(unsigned count, bool reported) {
+    uint8_t data[REPAIR_MAX];
+    enum dispatch_port port;
+    size_t size;
+
+    for (unsigned i = 0; i < count; i++, now += INTERVAL) {
+        write_frame(1, 500);
+        for (int64_t until = now + INTERVAL / 2; now < until; now += MS)
+            while (dispatch_next(&dispatch, now, data, &size, &port))
+                ;
+        if (reported)
+            report((uint16_t)(sequence - 1), sequence, 0, INTERVAL / 2);
+        now -= INTERVAL / 2;
+    }
+}
+
+/* What is sent without reports follows from the loss of the last ten seconds, not of the last two alone. */
+static void check_loss_memory(void) {
+    begin(1000000);
+    loss = 77; /* 30 % */
+    pass_frames(500, true);
+    loss = 8;
+    pass_frames(1, true);
+    now += FEEDBACK_GONE;
+    uint64_t before = dispatch.count[DISPATCH_REPAIRS];
+    pass_frames(40, false);
+    uint64_t repairs = dispatch.count[DISPATCH_REPAIRS] - before;
+    CHECK(repairs >= 73 && repairs <= 75); /* 0.35 + 5 * 0.3 for each, and one more for each 64 */
+    loss = 0;
+}
+
 static void check_refresh(void) {
     struct report report = {.reporter = 1, .media = SSRC, .refresh = true};
     uint8_t data[REPORT_MAX];
@@ -262,6 +295,7 @@ int main(void) {
     check_answer();
     check_reports_that_do_not_count();
     check_reporters();
+    check_loss_memory();
     check_refresh();
     check_clock();
     return 0;

@@ -51,6 +51,8 @@ struct run {
     unsigned receivers;
     int64_t video;      /* bit/s, at most; frames of less than half of that look bad and do not count; 0: no limit */
     bool silent;        /* no reports */
+    double ratio;       /* of repair packets to media packets without reports; 0: DISPATCH_RATIO */
+    double smaller;     /* part of the allowance by which frames are smaller, as x264's are */
     unsigned begin;     /* frame from which on packets are lost */
     unsigned hush;      /* frame from which on no report arrives, 0: never */
     unsigned forgers;   /* that claim to miss much */
@@ -85,12 +87,12 @@ static size_t make_packet(uint8_t *to, unsigned frame, size_t payload, bool firs
 }
 
 /* Equal packets; one packet for a frame of up to 800 bytes. */
-static void write_frame(void) {
+static void write_frame(const struct run *run) {
     static uint8_t data[MOST][RTP_PACKET_MAX];
     struct dispatch_packet packets[MOST];
     struct frame *frame = &frames[frame_count];
     size_t allowed = dispatch_allowance(&dispatch, now);
-    size_t size = frame_count ? (size_t)((double)allowed * (0.7 + 0.6 * random_share())) : 4000;
+    size_t size = frame_count ? (size_t)((double)allowed * (1 - run->smaller) * (0.7 + 0.6 * random_share())) : 4000;
     unsigned count = !allowed ? 0 : size <= 800 ? 1 : size <= 1160 ? 2 : (unsigned)(size + 1159) / 1160;
 
     *frame = (struct frame){.written = now, .packets = count, .sequence = sequence};
@@ -204,8 +206,8 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
 static void begin(const struct run *run, uint64_t seed) {
     struct dispatch_settings settings = {.wire = WIRE, .video = run->video ? run->video : WIRE,
                                          .interval = INTERVAL, .header = HEADER, .repair = true,
-                                         .ratio = DISPATCH_RATIO, .media_ssrc = SSRC, .repair_ssrc = 2,
-                                         .repair_sequence = 65000};
+                                         .ratio = run->ratio > 0 ? run->ratio : DISPATCH_RATIO,
+                                         .media_ssrc = SSRC, .repair_ssrc = 2, .repair_sequence = 65000};
 
     random_begin(seed);
     now = start = 1000 * MS;
@@ -249,7 +251,7 @@ static void simulate(const struct run *run, uint64_t seed) {
             bool lossy = frame_count >= (run->begin ? run->begin : CALM);
             for (unsigned i = 0; i < run->receivers; i++)
                 receivers[i].down.part = receivers[i].up.part = receivers[i].both.part = lossy ? run->part : 0;
-            write_frame();
+            write_frame(run);
             send_due(run);
             forge(run);
         }

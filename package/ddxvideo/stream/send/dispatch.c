@@ -9,7 +9,8 @@
 #define MS INT64_C(1000000)
 #define SECOND INT64_C(1000000000)
 #define BUCKET (300 * MS)
-#define FULL 0.85           /* how full the bucket is kept, for bursts of losses */
+#define FULL 0.85           /* how full the bucket is kept, for bursts of losses that are reported */
+#define FULL_ONE_WAY 0.5    /* without reports nothing but frames of different sizes needs it */
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4          /* frames in which it is brought back to that */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
@@ -24,6 +25,8 @@
 #define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
 #define ADVANCE_FRAMES 8
 #define LONGER 1.1         /* a repair packet than a media packet */
+#define OUT_OF_STEP 64     /* media packets, after which one more repair packet goes */
+#define MORE_IN_RUNS 0.6   /* repair packets for each media packet that are added where losses come in runs */
 #define ADVANCE_WHOLE 3    /* each third one covers the whole window */
 #define FIXED 12           /* bytes of an RTP header */
 
@@ -100,6 +103,8 @@ static double ratio_in_advance(const struct dispatch *dispatch, int64_t now) {
         return dispatch->settings.ratio;
     if (silence < FEEDBACK_GONE)
         ratio *= FEWER;
+    else if (dispatch->feedback.in_runs)
+        ratio += MORE_IN_RUNS;
     return ratio > 2.5 ? 2.5 : ratio;
 }
 
@@ -173,6 +178,15 @@ static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, siz
     return true;
 }
 
+/*
+ * A media packet was sent: repair packets follow it. One more now and then, because a loss of each third packet would
+ * otherwise meet all media packets where two repair packets follow each of them, and a receiver refuses repair packets
+ * that reach far beyond the media packets that came (restore.h).
+ */
+static void owe_repair(struct dispatch *dispatch, double ratio) {
+    dispatch->owed = ratio > 0 ? dispatch->owed + ratio + (dispatch->esi % OUT_OF_STEP == 0) : 0;
+}
+
 /* ---- Media ---- */
 
 static size_t media_bytes(const struct dispatch *dispatch) {
@@ -195,7 +209,7 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
     dispatch->count[DISPATCH_SENT]++;
     dispatch->count[DISPATCH_BYTES] += media_bytes(dispatch);
     dispatch->media_share += (double)media_bytes(dispatch);
-    dispatch->owed = ratio > 0 ? dispatch->owed + ratio : 0;
+    owe_repair(dispatch, ratio);
     dispatch->head = (dispatch->head + 1) % DISPATCH_QUEUE;
     dispatch->waiting--;
     dispatch->burst -= dispatch->burst > 0;
@@ -274,7 +288,8 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     int64_t silence = feedback_silence(&dispatch->feedback, now);
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
     double wire = (double)dispatch->budget.rate * frame, video = (double)settings->video * frame;
-    double spare = (double)budget_tokens(&dispatch->budget, now) - FULL * (double)budget_size(&dispatch->budget);
+    double full = silence < FEEDBACK_GONE ? FULL : FULL_ONE_WAY;
+    double spare = (double)budget_tokens(&dispatch->budget, now) - full * (double)budget_size(&dispatch->budget);
 
     if (is_behind(dispatch, now))
         return 0;

@@ -13,9 +13,9 @@
  * most 1 ms apart, and go within half a frame interval.
  *
  * Without reports for a second, or from the start, repair packets follow each frame in advance. Their number suits the
- * last loss that was reported, or is settings.ratio. Each third one covers the whole window and the others
- * ADVANCE_FRAMES only: a repair packet is as long as the longest packet that it covers, and a shorter window has a
- * shorter one. When reports have just stopped, the same in advance, at a reduced rate: the way may be congested.
+ * loss of the last seconds that were reported, or is settings.ratio. Each third one covers the whole window and the
+ * others ADVANCE_FRAMES only: a repair packet is as long as the longest packet that it covers, and a shorter window has
+ * a shorter one. When reports have just stopped, the same in advance, at a reduced rate: the way may be congested.
  */
 #ifndef DDXVIDEO_DISPATCH_H
 #define DDXVIDEO_DISPATCH_H
@@ -24,7 +24,7 @@
 #include "repair.h"
 
 #define DISPATCH_QUEUE 256  /* media packets that wait for their time */
-#define DISPATCH_RATIO 1.85 /* of repair packets to media packets, for 30 % loss */
+#define DISPATCH_RATIO 2.3  /* of repair packets to media packets, for 30 % loss in bursts */
 
 enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
 

@@ -4,6 +4,7 @@
 #include <errno.h>
 
 #define SECOND INT64_C(1000000000)
+#define LOSS_MEMORY 10e9    /* ns */
 #define REPORTS 200         /* that are read of a reporter in a second */
 #define CLAIMS_DEPTH (2 * SECOND)
 #define CLAIMS_ALL 0.5 /* parts of the rate: what the least frames and their headers leave */
@@ -122,6 +123,28 @@ static double worst_loss(const struct feedback *feedback, int64_t now) {
     return worst;
 }
 
+double feedback_loss_in_runs(const struct feedback *feedback, int64_t now) {
+    double worst = 0;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct deficit *deficit = &feedback->reporter[i].deficit;
+
+        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > DEFICIT_IN_RUNS && deficit->loss > worst)
+            worst = deficit->loss;
+    }
+    return worst;
+}
+
+/* A report came. */
+static void learn_loss(struct feedback *feedback, int64_t now) {
+    double worst = worst_loss(feedback, now), part = (double)feedback_silence(feedback, now) / LOSS_MEMORY;
+
+    feedback->mean_loss += (worst - feedback->mean_loss) * (part < 1 ? part : 1);
+    feedback->loss = worst > feedback->mean_loss ? worst : feedback->mean_loss;
+    feedback->in_runs = feedback_loss_in_runs(feedback, now) > 0;
+    feedback->heard = now;
+}
+
 bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
     struct report report;
     enum feedback_count result = FEEDBACK_GARBAGE;
@@ -135,23 +158,9 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
     feedback->count[result]++;
     if (result != FEEDBACK_USED)
         return false;
-    if (report.has_state) {
-        feedback->heard = now;
-        feedback->loss = worst_loss(feedback, now);
-    }
+    if (report.has_state)
+        learn_loss(feedback, now);
     return report.refresh;
-}
-
-double feedback_loss_in_runs(const struct feedback *feedback, int64_t now) {
-    double worst = 0;
-
-    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
-        const struct deficit *deficit = &feedback->reporter[i].deficit;
-
-        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > DEFICIT_IN_RUNS && deficit->loss > worst)
-            worst = deficit->loss;
-    }
-    return worst;
 }
 
 /* ---- What is wanted ---- */

@@ -42,7 +42,9 @@ struct feedback_reporter {
 struct feedback {
     uint32_t media; /* SSRC */
     int64_t rate;   /* bit/s of the stream */
-    double loss;    /* the worst that is known, of the last receivers that reported */
+    double loss;    /* the worst of the receivers that reported: the last one or mean_loss, whichever is higher */
+    double mean_loss; /* of the last ten seconds: in bursts, the loss of two seconds is anything from 0 to 50 % */
+    bool in_runs;   /* one of these has losses that come in runs */
     int64_t heard;  /* when the last report came; INT64_MIN if none did */
     uint64_t count[FEEDBACK_COUNTS];
     struct budget claims; /* of all together */
