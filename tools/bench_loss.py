@@ -93,7 +93,7 @@ class Bench:
         self.made, self.clips, self.when = made, clips, when
         self.clean: dict[tuple[object, ...], dict[int, float]] = {}
         self.rows: list[dict[str, object]] = []
-        self.screens: dict[tuple[str, str], bytes] = {}
+        self.screens: loss_page.Screens = {}
         self.failed: list[str] = []
 
     def run(self, case: Case) -> None:
@@ -129,11 +129,12 @@ class Bench:
         return found
 
     def _keep_screen(self, found: Take) -> None:
-        """Of the first seed."""
+        """Of the first seed. A receiver that joins sees no other picture."""
         case, view = found.case, found.views[0]
-        if case.clip == "real" and case.seed == 1 and AT in view.written:
-            name = loss_page.title(self.rows[-1])
-            self.screens[name, case.column] = loss_page.jpeg(view.screen(AT))
+        if case.clip == "real" and case.seed == 1 and not case.join and AT in view.written:
+            source, name = view.source[AT], loss_page.title(self.rows[-1])
+            self.screens.setdefault(loss_page.SOURCE, loss_page.Screen(loss_page.jpeg(source), f"frame {AT}"))
+            self.screens[name, case.column] = loss_page.screen(view.screen(AT), source)
 
 
 def write(bench: Bench, about: str) -> None:

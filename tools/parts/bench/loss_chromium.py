@@ -23,7 +23,7 @@ class Chromium(Peer):
     encoder may use; Chromium lowers the rate by itself. Its addresses are not replaced by mDNS names, which nothing
     resolves here. A browser that shares two processors with the relay and the encoder is late at times, so frames may
     take longer than ours."""
-    name, program, video_kbit, deadline_ms = "Chromium WebRTC", PROGRAM, 150, 250
+    name, program, video_kbit = "Chromium WebRTC", PROGRAM, 150
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path) -> None:
         super().__init__(link, clip, folder)

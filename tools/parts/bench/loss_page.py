@@ -5,18 +5,32 @@ from __future__ import annotations
 import base64
 import html
 import subprocess
-from typing import Any
+from typing import Any, NamedTuple
 
 from parts.bench.clips import SIZE
-from parts.bench.loss_figures import Picture, mean
+from parts.bench.loss_figures import Picture, mean, psnr
 from parts.bench.loss_peers import Peer
 from parts.bench.loss_run import CLEAN, COLUMNS
 from parts.common import MORTAL, say
 
 Rows = list[dict[str, Any]]
 STYLE = ("body{font:14px sans-serif;margin:2em}table{border-collapse:collapse}td,th{padding:2px 10px;text-align:right}"
-         "th:first-child{text-align:left}img{width:264px;display:block}.pictures td,.pictures th{padding:2px;"
-         "text-align:center;vertical-align:top}")
+         "img{width:264px;display:block}.pictures td,.pictures th{padding:2px 4px;text-align:center}"
+         "tr>th:first-child{text-align:left}.pictures th:first-child{max-width:10em}")
+SOURCE = ("the source", CLEAN)  # where its picture is among the screens
+
+
+class Screen(NamedTuple):
+    """What an operator saw, as JPEG, and a line about it."""
+    data: bytes
+    caption: str
+
+
+Screens = dict[tuple[str, str], Screen]  # by line of the table and column
+
+
+def screen(shown: Picture, source: Picture) -> Screen:
+    return Screen(jpeg(shown), f"{psnr(shown, source):.1f} dB")
 
 
 def jpeg(picture: Picture) -> bytes:
@@ -59,12 +73,13 @@ def cell(rows: Rows, column: str) -> str:
 
 
 def summary(rows: Rows) -> list[list[str]]:
-    """The table, its head first."""
-    table = [["usable % / whole whenever % / dB on screen", *COLUMNS, "clean dB", "wire kbit/s", "peak", "back",
+    """The table, its head first; without the columns that were not run."""
+    columns = [column for column in COLUMNS if any(row["column"] == column for row in rows)]
+    table = [["usable % / whole whenever % / dB on screen", *columns, "clean dB", "wire kbit/s", "peak", "back",
               "clean p50, p99 ms", "iid 30 p99"]]
     for name, mine in lines(rows).items():
         clean = [row for row in mine if row["column"] == CLEAN]
-        table.append([name, *(cell(mine, column) for column in COLUMNS), number(average(clean, "screen_db")),
+        table.append([name, *(cell(mine, column) for column in columns), number(average(clean, "screen_db")),
                       number(average(mine, "wire_kbit"), 0),
                       number(max(row["wire_peak_kbit"] for row in mine), 0), number(average(mine, "back_kbit"), 0),
                       f"{number(average(clean, 'p50_ms'))}, {number(average(clean, 'p99_ms'))}",
@@ -86,24 +101,29 @@ def _row(cells: list[str], head: bool) -> str:
     return f"<tr><th>{first}</th>" + "".join(f"<{kind}>{text}</{kind}>" for text in others) + "</tr>"
 
 
-def _pictures(screens: dict[tuple[str, str], bytes]) -> str:
-    """A line for each peer; `screens` by line and column."""
+def _cell(screens: Screens, name: str, column: str) -> str:
+    if not (found := screens.get((name, column))):
+        return "<td></td>"
+    data = base64.b64encode(found.data).decode()
+    return f'<td><img src="data:image/jpeg;base64,{data}" alt="{column}">{html.escape(found.caption)}</td>'
+
+
+def _pictures(screens: Screens) -> str:
+    """A line for each peer."""
     columns = [column for column in (CLEAN, *COLUMNS) if any(column == one for _, one in screens)]
     text = "<tr><th></th>" + "".join(f"<th>{column}</th>" for column in columns) + "</tr>"
     for name in dict.fromkeys(name for name, _ in screens):
-        text += f"<tr><th>{html.escape(name)}</th>"
-        for column in columns:
-            data = base64.b64encode(screens.get((name, column), b"")).decode()
-            text += f'<td><img src="data:image/jpeg;base64,{data}" alt="{column}"></td>' if data else "<td>-</td>"
-        text += "</tr>"
+        cells = "".join(_cell(screens, name, column) for column in columns)
+        text += f"<tr><th>{html.escape(name)}</th>{cells}</tr>"
     return text
 
 
-def page(rows: Rows, screens: dict[tuple[str, str], bytes], about: str) -> str:
+def page(rows: Rows, screens: Screens, about: str) -> str:
     table = summary(rows)
     return "\n".join([
         "<!DOCTYPE html><html lang=en><meta charset=utf-8><title>The stream over a lossy link</title>",
         f"<style>{STYLE}</style><h1>The stream over a lossy link</h1>", f"<p>{html.escape(about)}</p><table>",
         *(_row(line, not at) for at, line in enumerate(table)), "</table>",
-        "<h2>On the operator's screen</h2><p>The same frame of the clip, at its deadline.</p>",
+        "<h2>On the operator's screen</h2><p>When the same frame of the clip had to be there: the newest picture until "
+        "then, compared with that frame of the source.</p>",
         f"<table class=pictures>{_pictures(screens)}</table>"]) + "\n"
