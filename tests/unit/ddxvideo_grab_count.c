@@ -42,6 +42,27 @@ static void test_times(void) {
     CHECK_EQUAL(count_time(0, second, second + 1), second + 1);
 }
 
+/* A frame each 100 ms; of fifty, four are taken late, at once, and five are lost. */
+static void test_period(void) {
+    const int64_t ms = 1000000;
+    struct count count = {.skip = 1};
+    int64_t period = 0, late = 0;
+
+    CHECK_EQUAL(count_period(&count, 7, 700 * ms, 0), 0);
+    CHECK_EQUAL(count_period(&count, 8, 800 * ms, 0), 100 * ms);
+    for (int i = 9; i < 200; i++) {
+        int64_t time = i * 100 * ms;
+
+        if (i % 50 > 44)
+            continue;
+        late = i % 50 == 41 ? time + 300 * ms : late + 1;
+        period = count_period(&count, (uint64_t)i, i % 50 > 40 ? late : time, period);
+        CHECK(period > 75 * ms && period < 125 * ms);
+    }
+    count_restart(&count);
+    CHECK_EQUAL(count_period(&count, 200, 50000 * ms, 0), 0);
+}
+
 static void test_wrap(void) {
     struct count count = {.skip = 1};
     CHECK_EQUAL(frame(&count, UINT32_MAX - 1), 0);
@@ -85,6 +106,7 @@ static void test_random(uint64_t skip) {
 int main(void) {
     test_gaps();
     test_times();
+    test_period();
     test_wrap();
     test_skip();
     for (uint64_t skip = 1; skip < 8; skip++)

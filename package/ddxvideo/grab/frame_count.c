@@ -2,9 +2,11 @@
 #include "frame_count.h"
 
 #define TIME_OFF INT64_C(2000000000) /* ns */
+#define MEASURED 16                  /* frames */
 
 void count_restart(struct count *count) {
-    count->running = false;
+    count->running = count->measured = false;
+    count->since = 0;
 }
 
 uint64_t count_pass(struct count *count, uint64_t frames) {
@@ -25,6 +27,19 @@ uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint6
     *position = count->position;
     *wanted = count_pass(count, 1) == 1;
     return lost;
+}
+
+int64_t count_period(struct count *count, uint64_t position, int64_t time, int64_t period) {
+    uint64_t frames = count->since ? position - count->from : 0;
+
+    if (frames && time > count->since && (frames >= MEASURED || !count->measured))
+        period = (time - count->since) / (int64_t)frames;
+    if (!frames || frames >= MEASURED) {
+        count->measured = frames > 0;
+        count->since = time;
+        count->from = position;
+    }
+    return period;
 }
 
 int64_t count_time(int64_t said, int64_t opened, int64_t now) {

@@ -17,6 +17,9 @@ struct count {
     uint64_t lost;     /* frames that the driver lost, unwanted ones included */
     uint32_t sequence; /* the driver's number of the last frame, if there was one since count_restart(): */
     bool running;
+    int64_t since; /* when an earlier frame was captured, 0: there was none since count_restart(); and its position */
+    uint64_t from;
+    bool measured; /* the period */
 };
 
 /* The driver numbers anew: with the next frame no gap is known. */
@@ -31,6 +34,12 @@ uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint6
 
 /* So many frames passed that nobody numbered; returns how many of them were wanted. */
 uint64_t count_pass(struct count *count, uint64_t frames);
+
+/*
+ * The period (ns) of a camera that tells no rate: the mean over frames of a while, so that it does not matter when each
+ * of them was taken. For each frame, in order; `period` is what it was last, 0 if it is not known yet.
+ */
+int64_t count_period(struct count *count, uint64_t position, int64_t time, int64_t period);
 
 /*
  * When a frame was captured (ns): as the driver says, unless that is before the camera was opened or in the future, by

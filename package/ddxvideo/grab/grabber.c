@@ -157,8 +157,9 @@ static void handle(struct grabber *grabber, const struct camera_frame *frame) {
         welcome(grabber, time);
     uint64_t lost = count_frame(&grabber->count, frame->sequence, &wanted, &position);
     count_lost(grabber, lost, now);
-    if (!grabber->camera->geometry.rate_num && grabber->last) /* the driver does not tell its rate */
-        grabber->camera->period = time - grabber->last;
+    struct camera *camera = grabber->camera;
+    if (!camera->geometry.rate_num)
+        camera->period = count_period(&grabber->count, position, time, camera->period);
     grabber->last = time;
     grabber->silent = 0;
     if (!wanted) {
