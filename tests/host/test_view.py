@@ -242,6 +242,16 @@ def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
     assert desk.errors(window.process).count("zzz: a frame that cannot be shown") == 1
 
 
+def test_too_small_to_be_shown(desk: Desk, display: Display) -> None:
+    (desk.folder / "dot.y4m").write_bytes(b"YUV4MPEG2 W1 H1 F25:1 Cmono\nFRAME\n\x80")
+    window = Window(desk, display)
+    assert desk.run("ddxvideoload", desk.folder / "dot.y4m", "-layout", "GREY8", "-readers", 1).returncode == 0
+    seen = window.until(lambda seen: "smaller than" in seen.text)
+    assert seen.label == "WAITING" and "a frame that cannot be shown: it is smaller than 2x2" in seen.text, seen.text
+    window.close()
+    assert result(window.process)[0] == 0
+
+
 def test_stream(stream: Stream, display: Display) -> None:
     """Through decode's receiver: the numbers of the sender's frames are those in the pictures."""
     desk = stream.desk

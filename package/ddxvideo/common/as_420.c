@@ -29,6 +29,8 @@ static int set_up(struct as_420 *as, const struct ddxvideo_geometry *from) {
 
     as_420_close(as);
     to->geometry = as_420_geometry(from);
+    if (!to->geometry.width || !to->geometry.height)
+        return -ERANGE;
     as->converter = picture_converter_new(&kind, &to->geometry);
     as->memory = malloc(video_layout_bytes(&to->geometry));
     if (!as->converter || !as->memory) {
@@ -57,6 +59,14 @@ int as_420(struct as_420 *as, const struct ddxvideo_picture *picture, const stru
     as->picture.stamp = picture->stamp;
     *result = &as->picture;
     return picture_convert(as->converter, picture->plane, picture->stride, plane, as->picture.stride) ? 0 : -ENOMEM;
+}
+
+const char *as_420_error(int error) {
+    switch (error) {
+    case -ERANGE: return "it is smaller than 2x2";
+    case -EBADMSG: return "its numbers do not fit its memory";
+    default: return ddx_error_text(error);
+    }
 }
 
 void as_420_close(struct as_420 *as) {

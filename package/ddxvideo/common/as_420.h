@@ -22,10 +22,13 @@ struct as_420 {
 struct ddxvideo_geometry as_420_geometry(const struct ddxvideo_geometry *from);
 
 /*
- * *result becomes the picture itself, if it is 4:2:0 already, or a copy, which is valid until the next call. 0, or
- * -ENOMEM.
+ * *result becomes the picture itself, if it is 4:2:0 already, or a copy, which is valid until the next call. 0,
+ * -ENOMEM, or -ERANGE: the picture is too small.
  */
 int as_420(struct as_420 *as, const struct ddxvideo_picture *picture, const struct ddxvideo_picture **result);
+
+/* For people: an error of as_420() or of ddxvideo_view_any(). */
+const char *as_420_error(int error);
 
 void as_420_close(struct as_420 *as);
 

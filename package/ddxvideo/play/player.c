@@ -133,17 +133,28 @@ static void count_out(struct player *player, int error, const char *wrong, const
 
 /* A reason why frames cannot be had, said once. */
 static void note(struct player *player, int error) {
-    const char *text = error && error != -ETIMEDOUT && error != -ECONNREFUSED ? ddx_error_text(error) : NULL;
+    const char *text = error && error != -ETIMEDOUT && error != -ECONNREFUSED ? as_420_error(error) : NULL;
 
     if (text && text != player->trouble)
         say("%s: %s", player->name, text);
     player->trouble = text;
 }
 
+/* The picture of a frame that is held, in 4:2:0: valid until the next call, or the frame's release. 0, or -errno. */
+static int view(struct player *player, const struct ddx_frame *frame, struct ddxvideo_picture *picture) {
+    const struct ddxvideo_picture *shown = picture;
+    int error = ddxvideo_view_any(player->item, frame->data, picture);
+
+    if (!error)
+        error = as_420(&player->as, picture, &shown);
+    *picture = *shown;
+    return error;
+}
+
 /* Draw a frame that is held into pixels that are locked. 0, or -errno. */
 static int draw_held(struct player *player, const struct canvas *canvas, const struct ddx_frame *frame) {
     struct ddxvideo_picture picture;
-    int error = ddxvideo_view(player->item, frame->data, &picture);
+    int error = view(player, frame, &picture);
 
     note(player, error);
     if (error) {
@@ -192,7 +203,7 @@ static void keep(struct player *player) {
         return;
     if (frame.sequence == player->sequence) {
         player->kept = true;
-        if (!ddxvideo_view(player->item, frame.data, &picture))
+        if (!view(player, &frame, &picture))
             still_take(&player->still, &picture);
     }
     ddx_store_release(player->item);
@@ -275,6 +286,7 @@ int player_run(struct player *player) {
     ddx_store_done_item(player->item);
     ddx_store_close(player->id);
     paint_close(&player->painter);
+    as_420_close(&player->as);
     still_close(&player->still);
     return status;
 }

@@ -3,6 +3,7 @@
 #ifndef DDXVIDEO_PLAY_PLAYER_H
 #define DDXVIDEO_PLAY_PLAYER_H
 
+#include "as_420.h"
 #include "caption.h"
 #include "layout.h"
 #include "monitor.h"
@@ -24,6 +25,7 @@ struct player {
     DDX_STORE_ID *id; /* NULL: no store was there yet */
     DDX_STORE_ITEM *item;
     struct painter painter;
+    struct as_420 as;
     struct still still;  /* the newest picture, as soon as the next one does not come at once */
     bool kept;           /* it is that of `sequence` */
     uint64_t sequence;   /* of the newest picture; 0: none yet */

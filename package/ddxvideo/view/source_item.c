@@ -108,8 +108,7 @@ static uint64_t missing_before(struct item_source *from, const struct ddx_frame 
 static void take_bad(struct item_source *from, int error) {
     char text[sizeof from->live.text];
 
-    snprintf(text, sizeof text, "a frame that cannot be shown: %s",
-             error == -EBADMSG ? "its numbers do not fit its memory" : ddx_error_text(error));
+    snprintf(text, sizeof text, "a frame that cannot be shown: %s", as_420_error(error));
     if (error == -EPROTOTYPE && !from->begun) {
         fail(from, "no video item; ddxctl list has the types of all");
         return;
