@@ -93,7 +93,7 @@ int main(int argc, char **argv) {
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         luma[i] = (unsigned char)(i * 7 + i / WIDTH);
     memset(chroma, 100, sizeof chroma);
-    shot_pool_open(&pool);
+    shot_pool_open(&pool, UINT64_MAX);
     ours(&view, &pool, &picture);
     alone(scaler, &picture);
     for (int i = 0; i < frames; i += ROUND) {

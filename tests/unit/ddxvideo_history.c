@@ -17,7 +17,7 @@ static struct shot *picture(struct history *history, int number, int width) {
 
     for (int i = 0; i < 64 * 64; i++)
         luma[i] = (unsigned char)(number + i % 64);
-    return shot_copy(&history->pool, &picture);
+    return history_copy(history, &picture);
 }
 
 static void check_kept(struct history *history, int64_t first, int64_t last) {
@@ -62,6 +62,29 @@ static void test_bytes(void) {
     for (int i = 0; i < 3; i++)
         history_add(&history, picture(&history, i, 64));
     check_kept(&history, 2, 2);
+    history_close(&history);
+}
+
+/* There are never more pictures than fit, not even while one is copied; but one is always there. */
+static void test_room(void) {
+    struct history history;
+
+    CHECK(history_open(&history, 100, 3 * (64 * 64 / 2 * 3 + sizeof(struct shot))));
+    for (int i = 0; i < 9; i++) {
+        struct shot *shot = picture(&history, i, 64);
+
+        if (i)
+            check_kept(&history, i < 2 ? 0 : i - 2, i - 1);
+        history_add(&history, shot);
+    }
+    history_close(&history);
+    CHECK(history_open(&history, 1, 10));
+    for (int i = 0; i < 3; i++) {
+        struct shot *shot = picture(&history, i, 64);
+
+        check_kept(&history, i ? i - 1 : 0, i - 1);
+        history_add(&history, shot);
+    }
     history_close(&history);
 }
 
@@ -146,6 +169,7 @@ static void test_depth(void) {
 int main(void) {
     test_frames();
     test_bytes();
+    test_room();
     test_held();
     test_losses();
     test_rate(100);

@@ -3,12 +3,14 @@
 
 #include <stdlib.h>
 
+#include "video_layout.h"
+
 #define NS INT64_C(1000000000)
 
 bool history_open(struct history *history, unsigned capacity, uint64_t limit) {
     *history = (struct history){.capacity = capacity, .limit = limit};
     history->ring = calloc(capacity, sizeof *history->ring);
-    shot_pool_open(&history->pool);
+    shot_pool_open(&history->pool, limit);
     pthread_mutex_init(&history->lock, NULL);
     return history->ring;
 }
@@ -36,11 +38,23 @@ void history_close(struct history *history) {
     pthread_mutex_destroy(&history->lock);
 }
 
+/* For a picture of so many bytes; `least` pictures stay. */
+static void make_room(struct history *history, size_t bytes, int64_t least) {
+    while (history->next - history->oldest > least && (history->next - history->oldest >= history->capacity ||
+                                                       history->bytes + bytes > history->limit))
+        shot_drop(take_oldest(history));
+}
+
+struct shot *history_copy(struct history *history, const struct ddxvideo_picture *picture) {
+    pthread_mutex_lock(&history->lock);
+    make_room(history, sizeof(struct shot) + video_layout_bytes(&picture->geometry), 1);
+    pthread_mutex_unlock(&history->lock);
+    return shot_copy(&history->pool, picture);
+}
+
 void history_add(struct history *history, struct shot *shot) {
     pthread_mutex_lock(&history->lock);
-    while (history->oldest < history->next && (history->next - history->oldest >= history->capacity ||
-                                               history->bytes + shot_bytes(shot) > history->limit))
-        shot_drop(take_oldest(history));
+    make_room(history, shot_bytes(shot), 0);
     history->bytes += shot_bytes(shot);
     history->lost += shot->missing;
     history->pending = 0;

@@ -29,6 +29,12 @@ struct history {
 bool history_open(struct history *history, unsigned capacity, uint64_t limit);
 void history_close(struct history *history);
 
+/*
+ * A copy of a picture, for history_add(). The oldest ones make room before, so that the copy has their memory; the
+ * newest one stays. NULL: no memory.
+ */
+struct shot *history_copy(struct history *history, const struct ddxvideo_picture *picture);
+
 /* Takes the reference. A picture that alone is larger than the limit is kept, alone. */
 void history_add(struct history *history, struct shot *shot);
 

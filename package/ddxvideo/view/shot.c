@@ -5,9 +5,9 @@
 
 #include "video_layout.h"
 
-void shot_pool_open(struct shot_pool *pool) {
+void shot_pool_open(struct shot_pool *pool, uint64_t limit) {
+    *pool = (struct shot_pool){.limit = limit};
     pthread_mutex_init(&pool->lock, NULL);
-    pool->spare = NULL;
 }
 
 static void shot_free(struct shot *shot) {
@@ -22,7 +22,7 @@ void shot_pool_close(struct shot_pool *pool) {
     pthread_mutex_destroy(&pool->lock);
 }
 
-/* The spare one, if it has this size. */
+/* The spare one, if it has this size; else the pool is to have one more. */
 static struct shot *take_spare(struct shot_pool *pool, size_t size) {
     struct shot *shot = NULL;
 
@@ -30,6 +30,8 @@ static struct shot *take_spare(struct shot_pool *pool, size_t size) {
     if (pool->spare && pool->spare->size == size) {
         shot = pool->spare;
         pool->spare = NULL;
+    } else {
+        pool->bytes += size;
     }
     pthread_mutex_unlock(&pool->lock);
     return shot;
@@ -43,6 +45,9 @@ struct shot *shot_new(struct shot_pool *pool, size_t size) {
         shot = memory ? malloc(sizeof *shot) : NULL;
     if (!shot) {
         free(memory);
+        pthread_mutex_lock(&pool->lock);
+        pool->bytes -= size;
+        pthread_mutex_unlock(&pool->lock);
         return NULL;
     }
     *shot = (struct shot){.memory = memory, .size = size, .pool = pool};
@@ -70,8 +75,11 @@ void shot_drop(struct shot *shot) {
     free(shot->depth);
     shot->depth = NULL;
     pthread_mutex_lock(&pool->lock);
-    struct shot *former = pool->spare;
-    pool->spare = shot;
+    bool kept = pool->bytes <= pool->limit;
+    struct shot *former = kept ? pool->spare : shot;
+    if (kept)
+        pool->spare = shot;
+    pool->bytes -= former ? former->size : 0;
     pthread_mutex_unlock(&pool->lock);
     shot_free(former);
 }

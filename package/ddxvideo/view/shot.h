@@ -32,13 +32,17 @@ struct shot {
     struct shot_pool *pool;
 };
 
-/* Memory of the last shot that was dropped, for the next one: fresh pages would cost as much as the copy. */
+/*
+ * Memory of the last shot that was dropped, for the next one: fresh pages would cost as much as the copy. It is kept
+ * only while all shots of the pool, this one included, have no more than `limit` bytes.
+ */
 struct shot_pool {
     pthread_mutex_t lock;
     struct shot *spare;
+    uint64_t limit, bytes;
 };
 
-void shot_pool_open(struct shot_pool *pool);
+void shot_pool_open(struct shot_pool *pool, uint64_t limit);
 /* All its shots have been dropped before. */
 void shot_pool_close(struct shot_pool *pool);
 

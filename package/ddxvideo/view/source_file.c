@@ -181,7 +181,7 @@ struct source *source_file(const char *path, int *status) {
         return NULL;
     }
     from->fd = -1;
-    shot_pool_open(&from->pool);
+    shot_pool_open(&from->pool, UINT64_MAX);
     from->source = (struct source){.range = file_range,
                                    .take = file_take,
                                    .time = file_time,

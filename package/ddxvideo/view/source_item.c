@@ -127,7 +127,7 @@ static void take(struct item_source *from, const struct ddx_frame *frame) {
 
     if (!error)
         error = as_420(&from->as, &picture, &shown);
-    struct shot *shot = error ? NULL : shot_copy(&from->live.history.pool, shown);
+    struct shot *shot = error ? NULL : history_copy(&from->live.history, shown);
     if (!shot) {
         take_bad(from, error ? error : -ENOMEM);
         return;

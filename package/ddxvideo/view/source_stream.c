@@ -33,7 +33,7 @@ static const char *take(void *to, const AVFrame *frame, AVRational rate, const s
         picture.stride[i] = frame->linesize[i];
         picture.rows[i] = i ? frame->height / 2 : frame->height;
     }
-    struct shot *shot = shot_copy(&from->live.history.pool, &picture);
+    struct shot *shot = history_copy(&from->live.history, &picture);
     if (!shot)
         return "out of memory";
     shot->missing = missing_before(from, stamp->source_lost);

@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What ddxvideoview keeps of a live source: at most so many frames, and at most so much memory."""
+import pathlib
+import re
+
+import pytest
+
+from parts.media.display import Display
+
+from .programs import Desk, result
+from .test_view import check, display, make_clip, play
+from .window import Window
+
+__all__ = ["display"]  # the fixture
+FRAMES = 40
+
+
+@pytest.mark.parametrize(("option", "kept"), [("-history 5", 5), ("-memory 1M", 6)])
+def test_the_oldest_frames_make_room(desk: Desk, display: Display, option: str, kept: int) -> None:
+    window = Window(desk, display, *option.split())
+    play(desk, make_clip(desk.folder / "clip.y4m", FRAMES))
+    check(window.until(lambda seen: seen.number() == FRAMES - 1), FRAMES - 1, "LIVE", "STALLED")
+    check(window.press("Home"), FRAMES - kept, "PAUSED")
+    assert "this is the oldest frame" in window.press("comma").text
+    window.close()
+    assert result(window.process)[0] == 0
+
+
+def anonymous(window: Window) -> int:
+    """Bytes of memory of the viewer's own: without the store's frames that it looks at."""
+    found = re.search(r"RssAnon:\s+(\d+) kB", pathlib.Path(f"/proc/{window.process.pid}/status").read_text())
+    assert found
+    return int(found[1]) << 10
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("side", "mib"), [(4096, 64), (8192, 256)])
+def test_memory_before_frames(tmp_path: pathlib.Path, display: Display, side: int, mib: int) -> None:
+    """Two large frames fit, though 250 are allowed; the one that is shown stays beside them."""
+    frame, limit = side * side * 3 // 2, mib << 20
+    with (tmp_path / "clip.y4m").open("wb") as file:
+        file.write(b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg\n" % (side, side))
+        for number in range(6):
+            file.write(b"FRAME\n" + bytes([40 * number]) * frame)
+    desk = Desk(tmp_path, f"{6 * mib}M")
+    try:
+        window = Window(desk, display, "-memory", f"{mib}M")
+        play(desk, tmp_path / "clip.y4m")
+        assert window.until(lambda seen: seen.frame() == 5).frame() == 5
+        assert window.press("Home").frame() == 4
+        assert anonymous(window) < limit
+        play(desk, tmp_path / "clip.y4m")
+        assert "7 newer" in window.until(lambda seen: "7 newer" in seen.text).text
+        assert anonymous(window) < limit + frame
+        window.close()
+        assert result(window.process)[0] == 0
+    finally:
+        desk.end()
