@@ -37,7 +37,7 @@ int main(int argc, char **argv) {
             NAME_MACHINE - 1);
         return EXIT_USAGE;
     }
-    strcpy(catalog.machine, machine ? machine : name);
+    strcpy(catalog.identity.host, machine ? machine : name);
     if (config_read(config, &catalog.config, error)) {
         say("%s", error);
         return EXIT_USAGE;

@@ -2,17 +2,21 @@
 """Stores of two machines, linked: each has a network of its own."""
 from __future__ import annotations
 
+import json
 import pathlib
+import re
 import subprocess
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import pytest
 
+from parts.common import TOP
 from parts.link.link import Link, Node
 from parts.link.loss import NOTHING, Iid
 
-from .programs import Compiler, Counters, Desk, Process, lost, wait_until
+from .programs import ROOT, Compiler, Counters, Desk, Process, lost, wait_until
 
 VALUES = 200
 STEP = 4  # at a time: fewer than are kept for a reader that has missed some
@@ -38,6 +42,11 @@ class Machine:
         self.desk.processes.append(process)
         return process
 
+    def table(self) -> dict[str, Any]:
+        """What the catalog says of itself and of other machines."""
+        shown = self.desk.run("ddxctl", "show", "catalog.machines", "--json").stdout
+        return dict(json.loads(shown)["value"]) if shown else {"name": "", "machine": []}
+
     def counters(self) -> Counters:
         return self.desk.stats("catalog")
 
@@ -62,14 +71,26 @@ def link() -> Iterator[Link]:
         yield link
 
 
+Begin = Callable[..., tuple[Machine, Machine]]
+
+
 @pytest.fixture
-def machines(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Iterator[tuple[Machine, Machine]]:
-    client = compile_client("catalog_client")
-    both = (Machine(tmp_path / "robot", "robot", link.robot, client),
-            Machine(tmp_path / "laptop", "laptop", link.operator[0], client))
-    yield both
+def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Iterator[Begin]:
+    client, both = compile_client("catalog_client"), list[Machine]()
+
+    def begin(*names: str) -> tuple[Machine, Machine]:
+        for name, node in zip(names, (link.robot, link.operator[0])):
+            both.append(Machine(tmp_path / str(len(both)), name, node, client))
+        return both[0], both[1]
+
+    yield begin
     for machine in both:
         machine.desk.end()
+
+
+@pytest.fixture
+def machines(begin: Begin) -> tuple[Machine, Machine]:
+    return begin("robot", "laptop")
 
 
 def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machine]) -> None:
@@ -173,3 +194,24 @@ def test_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
 def test_a_machine_that_nobody_hears(machines: tuple[Machine, Machine]) -> None:
     shown = machines[0].desk.run("ddxctl", "show", "carol:gps")
     assert shown.returncode == 1 and "no machine of this name is heard" in shown.stderr
+
+
+def test_of_two_machines_with_one_name_the_later_one_takes_another(begin: Begin, tmp_path: pathlib.Path) -> None:
+    first, second = begin("carol", "carol")
+    wait_until(lambda: [len(one.table()["name"]) for one in (first, second)] == [5, 10])
+    name = second.table()["name"]
+    assert re.fullmatch("carol-[0-9a-f]{4}", name)
+    write(second.start("write", "sensor"), 1)
+    assert read(first.start("read", name, "sensor"), 1)[0].startswith("01000000")
+    assert second.desk.run("ddxctl", "show", f"{name}:sensor").returncode == 1  # no loop
+    first.catalog.kill()
+    first.catalog.wait()
+    first.catalog = first.start_catalog()
+    wait_until(lambda: [one.table().get("same") for one in (first, second)] == [1, 1])
+    assert (first.table()["name"], second.table()["name"]) == ("carol", name)
+
+    (tmp_path / "sleep").symlink_to("/bin/true")
+    screen = subprocess.run([TOP / "package/ddxservice/health"], text=True, capture_output=True, env={
+        **second.desk.environment, "PATH": f"{tmp_path}:{ROOT / 'bin'}:/usr/bin:/bin"}, timeout=60)
+    assert screen.returncode == 1
+    assert f"! catalog    another machine is called carol, too; this one is {name} for others" in screen.stdout

@@ -66,6 +66,9 @@ static void test_names(void) {
     CHECK(name_is_machine("carol") && name_is_machine("r2-d2"));
     CHECK(!name_is_machine("") && !name_is_machine("a b") && !name_is_machine("a/b") && !name_is_machine("a:b"));
     CHECK(!name_is_machine("a234567890123456789012345678901234"));
+    CHECK(name_meets("robot-1", "robot_1") && !name_meets("robot-1", "robot-2"));
+    name_distinguish("a2345678901234567890123456789012", 0x123456789, type);
+    CHECK(!strcmp(type, "a23456789012345678901234567-6789") && name_is_machine(type));
 }
 
 static const char declaration[] = "struct { int8_t sequence; double x; int16_t a[3]; }";

@@ -6,17 +6,18 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
 #include "directory.h"
 #include "export.h"
 #include "mirror.h"
+#include "table.h"
 
 #define SERVICE "catalog"        /* the item whose requests we take */
 #define TURN 0.02                /* s between two looks for requests */
 #define LOOK_NS INT64_C(250000000) /* and for items */
+#define TABLE_NS INT64_C(1000000000)
 #define NETWORK_NS INT64_C(1000000000)
+#define SETTLE_NS INT64_C(500000000) /* others are heard before this machine announces its name */
 
 static const char *const reasons[] = {"store", "bandwidth", "size", "network", "type", "budget", NULL};
 
@@ -41,13 +42,17 @@ static void answer(struct catalog *catalog, DDX_REQUESTS *requests) {
 }
 
 static void take_record(void *argument, const struct network_record *record, enum network_change change) {
-    directory_take(argument, record, change);
+    struct catalog *catalog = argument;
+
+    if (change == NETWORK_THERE && identity_is_taken(&catalog->identity, record))
+        catalog->taken = true;
+    directory_take(catalog->directory, record, change);
 }
 
 static void records_changed(void *argument) {
     struct catalog *catalog = argument;
 
-    network_records_read(catalog->records, take_record, catalog->directory);
+    network_records_read(catalog->records, take_record, catalog);
 }
 
 /* As long as it takes: a robot may start before its network is there. */
@@ -67,26 +72,51 @@ static bool join(struct catalog *catalog) {
     }
 }
 
+/* Two machines must not have the same topics. */
+static void rename_self(struct catalog *catalog) {
+    struct identity *identity = &catalog->identity;
+
+    catalog->taken = false;
+    exports_withdraw(catalog->exports);
+    identity_yield(identity);
+    machines_renamed(directory_machines(catalog->directory), identity);
+    say("another machine is called %s: others see this one as %s until the next start; give it another host name",
+        identity->host, identity->name);
+}
+
 static void look(struct catalog *catalog) {
     struct ddx_item_info *items;
     unsigned count;
 
     if (ddx_store_list(catalog->id, NULL, &items, &count)) /* the store is away; what there was stays */
         return;
-    exports_look(catalog->exports, items, count);
+    if (ddx_time_now() >= catalog->settled)
+        exports_look(catalog->exports, items, count);
     mirrors_look(catalog->mirrors, items, count);
     free(items);
 }
 
-static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
-    int64_t due = 0;
+static bool is_due(int64_t *due, int64_t period) {
+    int64_t now = ddx_time_now();
 
+    if (now < *due)
+        return false;
+    *due = now + period;
+    return true;
+}
+
+static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
+    int64_t due = 0, table_due = 0;
+
+    catalog->settled = ddx_time_now() + SETTLE_NS;
     while (!program_stopping()) {
-        if (ddx_time_now() >= due) {
+        if (is_due(&due, LOOK_NS))
             look(catalog);
-            due = ddx_time_now() + LOOK_NS;
-        }
+        if (is_due(&table_due, TABLE_NS))
+            table_write(catalog->table, directory_machines(catalog->directory));
         network_wait(catalog->network, TURN);
+        if (catalog->taken)
+            rename_self(catalog);
         answer(catalog, requests);
         program_tick(catalog->book);
     }
@@ -100,10 +130,12 @@ static int run_in_network(struct catalog *catalog) {
     catalog->exports = exports_open(catalog);
     catalog->directory = directory_open(catalog);
     catalog->mirrors = mirrors_open(catalog);
-    if (!error && catalog->exports && catalog->directory && catalog->mirrors)
+    catalog->table = table_open(catalog);
+    if (!error && catalog->exports && catalog->directory && catalog->mirrors && catalog->table)
         serve(catalog, requests);
     else
         say("%s", ddx_error_text(error ? error : -ENOMEM));
+    table_close(catalog->table);
     mirrors_close(catalog->mirrors);
     directory_close(catalog->directory);
     exports_close(catalog->exports);
@@ -112,31 +144,10 @@ static int run_in_network(struct catalog *catalog) {
     return error ? EXIT_FAILED : EXIT_OK;
 }
 
-static uint64_t hashed(const char *text, uint64_t hash) {
-    for (; *text; text++) /* FNV-1a */
-        hash = (hash ^ (unsigned char)*text) * UINT64_C(0x100000001b3);
-    return hash;
-}
-
-/* The same after a restart of this program, and another one for each network of this machine. */
-static void choose_id(struct catalog *catalog) {
-    char text[64];
-    struct stat network = {.st_ino = 0};
-    FILE *file = fopen("/proc/sys/kernel/random/boot_id", "re");
-
-    if (!file || fscanf(file, "%39s", catalog->boot) != 1)
-        strcpy(catalog->boot, "0");
-    if (file)
-        fclose(file);
-    stat("/proc/self/ns/net", &network);
-    snprintf(text, sizeof text, " %llu %ld", (unsigned long long)network.st_ino, catalog->program.port);
-    catalog->machine_id = hashed(text, hashed(catalog->boot, UINT64_C(0xcbf29ce484222325)));
-}
-
 int catalog_run(struct catalog *catalog) {
     int status = EXIT_OK;
 
-    choose_id(catalog);
+    identity_begin(&catalog->identity, catalog->program.port);
     catalog->book = ddx_stats_open(catalog->program.instance, reasons);
     if (!catalog->book) {
         say("-instance %s: %s", catalog->program.instance, ddx_error_text(-errno));

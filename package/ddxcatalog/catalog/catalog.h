@@ -10,11 +10,11 @@
 
 #include <ddx_stats.h>
 #include <form.h>
-#include <name.h>
 #include <network.h>
 #include <program.h>
 
 #include "config.h"
+#include "identity.h"
 
 #define ITEMS_MAX 256            /* of one machine */
 #define MESSAGE_MAX (16u << 20) /* bytes of a value */
@@ -32,8 +32,9 @@ enum {
 struct catalog {
     struct program program;
     struct config config;
-    char machine[NAME_MACHINE], boot[40];
-    uint64_t machine_id;
+    struct identity identity;
+    bool taken;      /* another machine has its name */
+    int64_t settled; /* when its name is announced */
     DDX_STATS_BOOK *book;
     DDX_STORE_ID *id;
     struct network *network;
@@ -41,6 +42,7 @@ struct catalog {
     struct exports *exports;
     struct directory *directory;
     struct mirrors *mirrors;
+    struct table *table;
 };
 
 /* Until told to stop; the program's exit status. */

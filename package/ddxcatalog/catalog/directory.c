@@ -12,8 +12,13 @@
 struct directory {
     struct catalog *catalog;
     struct remote *first;
+    struct machines machines;
     uint64_t changes, refused;
 };
+
+static const struct identity *own(const struct directory *directory) {
+    return &directory->catalog->identity;
+}
 
 static bool is_item(const char *name) {
     size_t length = strnlen(name, DDX_NAME_MAX + 1);
@@ -37,40 +42,6 @@ static bool is_topic(const char *topic) {
     return !strncmp(topic, "rt/", 3) && strnlen(topic, NAME_TOPIC) < NAME_TOPIC;
 }
 
-/* Whether there is room for an item of this machine. */
-static bool has_room(const struct directory *directory, uint64_t machine) {
-    uint64_t machines[MACHINES_MAX];
-    unsigned count = 0, items = 0;
-    bool known = false;
-
-    for (const struct remote *remote = directory->first; remote; remote = remote->next) {
-        unsigned i = 0;
-
-        while (i < count && machines[i] != remote->machine)
-            i++;
-        if (i == count && count < MACHINES_MAX)
-            machines[count++] = remote->machine;
-        known |= remote->machine == machine;
-        items += remote->machine == machine;
-    }
-    return (known || count < MACHINES_MAX) && items < ITEMS_MAX;
-}
-
-/* What the machine is called here: another one of its name, which was known before, keeps it. */
-static void choose_name(const struct directory *directory, struct remote *remote, const char *name) {
-    bool taken = !strcmp(name, directory->catalog->machine);
-
-    for (const struct remote *other = directory->first; other; other = other->next) {
-        if (other->machine == remote->machine) {
-            strcpy(remote->name, other->name);
-            return;
-        }
-        taken |= !strcmp(other->name, name);
-    }
-    snprintf(remote->name, sizeof remote->name, taken ? "%.*s-%04x" : "%.*s", NAME_MACHINE - 6, name,
-             (unsigned)(remote->machine & 0xffff));
-}
-
 static void free_remote(struct remote *remote) {
     if (!remote)
         return;
@@ -90,10 +61,9 @@ static struct remote **place_of(struct directory *directory, const struct networ
 }
 
 /* A remote of what the record says; NULL if it cannot be, or there is no memory. */
-static struct remote *judged(struct directory *directory, const struct network_record *record) {
-    if (!record->item || !record->name || !record->type || !record->declaration || !record->extents ||
-        !record->topic || !is_item(record->item) || !name_is_machine(record->name) || !is_type(record->type) ||
-        !is_topic(record->topic) || strnlen(record->declaration, TEXT_MAX) == TEXT_MAX ||
+static struct remote *judged(const struct network_record *record) {
+    if (!record->type || !record->declaration || !record->extents || !record->topic || !is_item(record->item) ||
+        !is_type(record->type) || !is_topic(record->topic) || strnlen(record->declaration, TEXT_MAX) == TEXT_MAX ||
         strnlen(record->extents, TEXT_MAX) == TEXT_MAX)
         return NULL;
     struct remote *remote = calloc(1, sizeof *remote);
@@ -101,7 +71,6 @@ static struct remote *judged(struct directory *directory, const struct network_r
         return NULL;
     remote->machine = record->machine;
     strcpy(remote->item, record->item);
-    choose_name(directory, remote, record->name);
     remote->topic = strdup(record->topic);
     remote->declaration = strdup(record->declaration);
     remote->extents = strdup(record->extents);
@@ -113,61 +82,104 @@ static struct remote *judged(struct directory *directory, const struct network_r
     return NULL;
 }
 
-static void put(struct directory *directory, const struct network_record *record) {
-    struct remote *remote = judged(directory, record);
-    struct remote **at = remote ? place_of(directory, record) : NULL;
+/* Take all items of the machine off the list, and the machine. */
+static void forget(struct directory *directory, uint64_t machine) {
+    for (struct remote **at = &directory->first; *at;) {
+        struct remote *remote = *at;
 
-    if (!remote || (!*at && !has_room(directory, record->machine))) {
-        if (!directory->refused++)
-            say("an item of another machine is left out: it has no proper name or type, or there are too many");
+        if (remote->machine == machine) {
+            *at = remote->next;
+            free_remote(remote);
+        } else {
+            at = &remote->next;
+        }
+    }
+    machines_drop(&directory->machines, own(directory), machine);
+}
+
+static void refuse(struct directory *directory) {
+    if (!directory->refused++)
+        say("an item of another machine is left out: it has no proper name or type, or there are too many");
+}
+
+static void put(struct directory *directory, struct machine *machine, const struct network_record *record) {
+    struct remote *remote = judged(record), **at = place_of(directory, record), *old = *at;
+
+    if (!remote || (!old && machine->items == ITEMS_MAX)) {
+        refuse(directory);
         free_remote(remote);
         return;
     }
-    struct remote *old = *at;
     remote->next = old ? old->next : NULL;
     remote->version = ++directory->changes;
     if (old && !strcmp(old->form->type, remote->form->type) && !strcmp(old->declaration, remote->declaration) &&
         !strcmp(old->extents, remote->extents) && !strcmp(old->topic, remote->topic))
         remote->version = old->version;
+    machine->items += !old;
     *at = remote;
     free_remote(old);
 }
 
-void directory_take(struct directory *directory, const struct network_record *record, enum network_change change) {
-    if (change == NETWORK_THERE) {
-        put(directory, record);
-        return;
-    }
-    struct remote **at = record->item ? place_of(directory, record) : NULL;
-    if (!at || !*at)
-        return;
-    struct remote *remote = *at;
-    if (change == NETWORK_AWAY) {
+static void there(struct directory *directory, const struct network_record *record) {
+    struct machine *machine = *record->item ? machines_find(&directory->machines, record->machine)
+                                            : machines_take(&directory->machines, own(directory), record);
+
+    if (!machine) /* a machine sends what it is called before its items */
+        refuse(directory);
+    else if (*record->item)
+        put(directory, machine, record);
+}
+
+/* What is said of an item, or of a machine, is not said any more. */
+static void gone(struct directory *directory, const struct network_record *record, bool away) {
+    struct remote **at = place_of(directory, record), *remote = *at;
+    struct machine *machine = machines_find(&directory->machines, record->machine);
+
+    if (!*record->item && away)
+        machines_away(&directory->machines, own(directory), record->machine);
+    else if (!*record->item)
+        forget(directory, record->machine);
+    else if (remote && away)
         remote->away = true;
-    } else {
+    else if (remote && machine) {
         *at = remote->next;
+        machine->items--;
         free_remote(remote);
     }
 }
 
+void directory_take(struct directory *directory, const struct network_record *record, enum network_change change) {
+    const struct machine *old;
+
+    if (!record->item || record->machine == own(directory)->id)
+        return;
+    if (change == NETWORK_THERE)
+        there(directory, record);
+    else
+        gone(directory, record, change == NETWORK_AWAY);
+    while ((old = machines_superseded(&directory->machines)))
+        forget(directory, old->id);
+}
+
 int directory_find(const struct directory *directory, const char *name, const struct remote **found) {
     const char *colon = strchr(name, ':');
-    bool machine = false;
 
     if (!colon)
         return -EINVAL;
-    for (const struct remote *remote = directory->first; remote; remote = remote->next) {
-        if (remote->away || strlen(remote->name) != (size_t)(colon - name) ||
-            strncmp(remote->name, name, strlen(remote->name)))
-            continue;
-        machine = true;
-        if (!strcmp(remote->item, colon + 1)) {
+    const struct machine *machine = machines_named(&directory->machines, name, (size_t)(colon - name));
+    *found = NULL;
+    if (!machine)
+        return -EHOSTUNREACH;
+    for (const struct remote *remote = directory->first; remote && colon[1]; remote = remote->next)
+        if (!remote->away && remote->machine == machine->id && !strcmp(remote->item, colon + 1)) {
             *found = remote;
             return 0;
         }
-    }
-    *found = NULL;
-    return !machine ? -EHOSTUNREACH : colon[1] ? -ENOENT : 0;
+    return colon[1] ? -ENOENT : 0;
+}
+
+struct machines *directory_machines(struct directory *directory) {
+    return &directory->machines;
 }
 
 struct directory *directory_open(struct catalog *catalog) {

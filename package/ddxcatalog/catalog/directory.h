@@ -4,13 +4,11 @@
 #define DDXCATALOG_DIRECTORY_H
 
 #include "catalog.h"
-
-#define MACHINES_MAX 32
+#include "machines.h"
 
 struct remote {
     struct remote *next;
     uint64_t machine;
-    char name[NAME_MACHINE];    /* of the machine, as it is called here */
     char item[DDX_NAME_MAX + 1];
     char *topic, *declaration, *extents;
     struct form *form; /* of a message; the item's own layout is another matter */
@@ -26,6 +24,9 @@ void directory_close(struct directory *directory);
 
 /* A record has come, as network_take_record. */
 void directory_take(struct directory *directory, const struct network_record *record, enum network_change change);
+
+/* Which machines there are: the directory's. */
+struct machines *directory_machines(struct directory *directory);
 
 /*
  * "carol:gps". *found is valid until the next directory_take(); NULL for "carol:", the machine. -EHOSTUNREACH: no such

@@ -24,20 +24,34 @@ struct exports {
     struct catalog *catalog;
     struct export *first;
     unsigned count;
-    bool full;
+    bool full, announced; /* the machine itself */
 };
 
-static struct network_record record_of(const struct export *export) {
-    const struct catalog *catalog = export->catalog;
+static struct network_record record_of_machine(const struct catalog *catalog) {
+    const struct identity *identity = &catalog->identity;
+    static char none[] = "";
 
-    return (struct network_record){.machine = catalog->machine_id,
-                                   .item = (char *)export->name,
-                                   .name = (char *)catalog->machine,
-                                   .boot = (char *)catalog->boot,
-                                   .type = (char *)export->form->type,
-                                   .declaration = export->form->declaration,
-                                   .extents = export->form->extents,
-                                   .topic = (char *)export->topic};
+    return (struct network_record){.machine = identity->id,
+                                   .item = none,
+                                   .since = identity->since,
+                                   .name = (char *)identity->name,
+                                   .host = (char *)identity->host,
+                                   .boot = (char *)identity->boot,
+                                   .type = none,
+                                   .declaration = none,
+                                   .extents = none,
+                                   .topic = none};
+}
+
+static struct network_record record_of(const struct export *export) {
+    struct network_record record = record_of_machine(export->catalog);
+
+    record.item = (char *)export->name;
+    record.type = (char *)export->form->type;
+    record.declaration = export->form->declaration;
+    record.extents = export->form->extents;
+    record.topic = (char *)export->topic;
+    return record;
 }
 
 /* Readers have come or gone. */
@@ -79,7 +93,7 @@ static struct form *form_now(struct catalog *catalog, const char *name) {
 
 static int open_writer(struct export *export) {
     struct description *description;
-    size_t size = envelope_size(export->catalog->machine) + export->form->message_size;
+    size_t size = envelope_size(export->catalog->identity.name) + export->form->message_size;
     int error = size > MESSAGE_MAX ? -EMSGSIZE : envelope_describe(export->form, &description);
 
     if (error)
@@ -104,7 +118,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info) {
     export->info = *info;
     export->there = true;
     strcpy(export->name, info->name);
-    name_topic(exports->catalog->machine, info->name, export->topic);
+    name_topic(exports->catalog->identity.name, info->name, export->topic);
     export->form = form_now(exports->catalog, info->name);
     int error = export->form ? open_writer(export) : 0;
     if (error)
@@ -141,14 +155,23 @@ static void look_at(struct exports *exports, const struct ddx_item_info *info) {
         export->there = still_is(export, info);
 }
 
-static void announce(struct export *export) {
-    if (export->announced || !export->writer)
+static void announce(const struct exports *exports, struct export *export) {
+    if (!exports->announced || export->announced || !export->writer)
         return;
     struct network_record record = record_of(export);
     export->announced = !network_records_write(export->catalog->records, &record);
 }
 
+/* Before its items, since others leave out items of machines that they do not know. */
+static void announce_machine(struct exports *exports) {
+    if (exports->announced)
+        return;
+    struct network_record record = record_of_machine(exports->catalog);
+    exports->announced = !network_records_write(exports->catalog->records, &record);
+}
+
 void exports_look(struct exports *exports, const struct ddx_item_info *items, unsigned count) {
+    announce_machine(exports);
     for (struct export *export = exports->first; export; export = export->next)
         export->there = false;
     for (unsigned i = 0; i < count; i++)
@@ -158,7 +181,7 @@ void exports_look(struct exports *exports, const struct ddx_item_info *items, un
         struct export *export = *at;
 
         if (export->there) {
-            announce(export);
+            announce(exports, export);
             if (export->sender && sender_ended(export->sender))
                 follow_readers(export);
             at = &export->next;
@@ -178,12 +201,24 @@ struct exports *exports_open(struct catalog *catalog) {
     return exports;
 }
 
-void exports_close(struct exports *exports) {
-    while (exports && exports->first) {
+void exports_withdraw(struct exports *exports) {
+    while (exports->first) {
         struct export *export = exports->first;
 
         exports->first = export->next;
         close_export(export);
     }
+    exports->count = 0;
+    if (exports->announced) {
+        struct network_record record = record_of_machine(exports->catalog);
+
+        network_records_withdraw(exports->catalog->records, &record);
+    }
+    exports->announced = false;
+}
+
+void exports_close(struct exports *exports) {
+    if (exports)
+        exports_withdraw(exports);
     free(exports);
 }

@@ -9,6 +9,9 @@
 struct exports *exports_open(struct catalog *catalog);
 void exports_close(struct exports *exports);
 
+/* Say no more that there is this machine, nor its items; exports_look() announces them again. */
+void exports_withdraw(struct exports *exports);
+
 /* Follow which items there are, and announce what is new. Waits for the store's answer where an item has changed. */
 void exports_look(struct exports *exports, const struct ddx_item_info *items, unsigned count);
 

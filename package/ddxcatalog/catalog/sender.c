@@ -36,7 +36,7 @@ static int64_t wall_offset(void) {
 
 static int pack(struct sender *sender, const struct ddx_frame *frame) {
     const struct form *form = sender->form;
-    const struct envelope envelope = {.machine = sender->catalog->machine,
+    const struct envelope envelope = {.machine = sender->catalog->identity.name,
                                       .sequence = frame->sequence,
                                       .wall = frame->time + wall_offset(),
                                       .monotonic = frame->time};
@@ -111,7 +111,7 @@ struct sender *sender_start(struct catalog *catalog, const char *item, const str
     sender->catalog = catalog;
     sender->form = form;
     sender->writer = writer;
-    sender->size = envelope_size(catalog->machine) + form->message_size - FORM_HEADER;
+    sender->size = envelope_size(catalog->identity.name) + form->message_size - FORM_HEADER;
     sender->message = malloc(sender->size + 4); /* DDS pads to four bytes */
     sender->item = sender->message ? ddx_store_lookup_item(catalog->id, item, NULL, 0) : NULL;
     int error = sender->item ? 0 : errno;

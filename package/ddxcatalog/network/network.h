@@ -15,6 +15,7 @@
 #include "description.h"
 
 #define NETWORK_PEERS 16
+#define NETWORK_MACHINES 32 /* other ones that are known at a time */
 
 struct network_options {
     unsigned domain;
@@ -76,8 +77,10 @@ void network_read(struct network_reader *reader, network_take *take, void *argum
 struct network_record {
     uint64_t machine; /* with `item`, the key */
     char *item;
-    char *name; /* of the machine */
-    char *boot; /* boot id, which identifies the boot that CLOCK_MONOTONIC belongs to */
+    char *name;    /* of the machine */
+    int64_t since; /* when the machine's catalog was started, ns of its wall time; never after padding */
+    char *host;    /* its host name, another one where two machines have the same */
+    char *boot; /* boot id, by which CLOCK_MONOTONIC is told from that of another boot */
     char *type, *declaration, *extents, *topic;
 };
 

@@ -9,8 +9,8 @@
 #define BLOCKING DDS_MSECS(100)
 
 /* As struct network_record. */
-static const char text[] = "uint64 machine\nstring item\nstring name\nstring boot\nstring type\nstring declaration\n"
-                           "string extents\nstring topic\n";
+static const char text[] = "uint64 machine\nstring item\nstring name\nint64 since\nstring host\nstring boot\n"
+                           "string type\nstring declaration\nstring extents\nstring topic\n";
 
 struct network_records {
     dds_entity_t topic, reader, writer;

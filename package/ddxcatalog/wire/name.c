@@ -35,6 +35,18 @@ void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]) {
     add_part(topic, item);
 }
 
+bool name_meets(const char *machine, const char *other) {
+    char topics[2][NAME_TOPIC];
+
+    name_topic(machine, "x", topics[0]);
+    name_topic(other, "x", topics[1]);
+    return !strcmp(topics[0], topics[1]);
+}
+
+void name_distinguish(const char *machine, uint64_t id, char name[NAME_MACHINE]) {
+    snprintf(name, NAME_MACHINE, "%.*s-%04x", NAME_MACHINE - 6, machine, (unsigned)(id & 0xffff));
+}
+
 void name_type(const char *type, char name[NAME_TYPE]) {
     size_t package = strcspn(type, "/");
 

@@ -4,6 +4,7 @@
 #define DDXCATALOG_NAME_H
 
 #include <stdbool.h>
+#include <stdint.h>
 
 #define NAME_TOPIC 160   /* bytes of "rt/carol/gps", with the 0 byte */
 #define NAME_TYPE 200    /* of "ddx::msg::dds_::GPS_" */
@@ -11,6 +12,12 @@
 
 /* Whether this can be a machine's name: letters, digits, '-' and '_', as in host names; at most NAME_MACHINE - 1. */
 bool name_is_machine(const char *name);
+
+/* Whether topics of these two machines would be the same: "carol-1" and "carol_1". */
+bool name_meets(const char *machine, const char *other);
+
+/* "carol-3fa9", for one of two machines that are called carol. */
+void name_distinguish(const char *machine, uint64_t id, char name[NAME_MACHINE]);
 
 /* "carol", "video.frame": "rt/carol/video_frame". */
 void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]);

@@ -1,0 +1,102 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "machines.h"
+
+#include <string.h>
+
+struct machine *machines_find(struct machines *machines, uint64_t id) {
+    for (unsigned i = 0; i < machines->count; i++)
+        if (machines->list[i].id == id)
+            return &machines->list[i];
+    return NULL;
+}
+
+/* Whether another one, among the first `count`, has the name already. */
+static bool has(const struct machines *machines, unsigned count, const char *name) {
+    for (unsigned i = 0; i < count; i++)
+        if (!machines->list[i].away && !strcmp(machines->list[i].name, name))
+            return true;
+    return false;
+}
+
+/* Machines choose other names by themselves; until then, or where one does not, they are told apart here. */
+void machines_renamed(struct machines *machines, const struct identity *own) {
+    for (unsigned i = 0; i < machines->count; i++) {
+        struct machine *machine = &machines->list[i];
+
+        if (!strcmp(machine->called, own->name) || has(machines, i, machine->called))
+            name_distinguish(machine->called, machine->id, machine->name);
+        else
+            strcpy(machine->name, machine->called);
+    }
+}
+
+struct machine *machines_take(struct machines *machines, const struct identity *own,
+                              const struct network_record *record) {
+    struct machine *machine = machines_find(machines, record->machine);
+
+    if (!record->name || !name_is_machine(record->name) || !record->host || !name_is_machine(record->host) ||
+        (!machine && machines->count == NETWORK_MACHINES))
+        return NULL;
+    if (!machine) {
+        machine = &machines->list[machines->count++];
+        *machine = (struct machine){.id = record->machine};
+    }
+    machine->away = false;
+    strcpy(machine->called, record->name);
+    strcpy(machine->host, record->host);
+    machines_renamed(machines, own);
+    return machine;
+}
+
+const struct machine *machines_named(const struct machines *machines, const char *name, size_t length) {
+    for (unsigned i = 0; i < machines->count; i++) {
+        const struct machine *machine = &machines->list[i];
+
+        if (!machine->away && strlen(machine->name) == length && !strncmp(machine->name, name, length))
+            return machine;
+    }
+    return NULL;
+}
+
+void machines_away(struct machines *machines, const struct identity *own, uint64_t id) {
+    struct machine *machine = machines_find(machines, id);
+
+    if (machine)
+        machine->away = true;
+    machines_renamed(machines, own);
+}
+
+void machines_drop(struct machines *machines, const struct identity *own, uint64_t id) {
+    struct machine *machine = machines_find(machines, id), *end = machines->list + machines->count;
+
+    if (!machine)
+        return;
+    memmove(machine, machine + 1, (size_t)((char *)end - (char *)(machine + 1)));
+    machines->count--;
+    machines_renamed(machines, own);
+}
+
+static bool is_heard(const struct machines *machines, const char *called) {
+    for (unsigned i = 0; i < machines->count; i++)
+        if (!machines->list[i].away && !strcmp(machines->list[i].called, called))
+            return true;
+    return false;
+}
+
+const struct machine *machines_superseded(const struct machines *machines) {
+    for (unsigned i = 0; i < machines->count; i++) {
+        const struct machine *machine = &machines->list[i];
+
+        if (machine->away && (machines->count == NETWORK_MACHINES || is_heard(machines, machine->called)))
+            return machine;
+    }
+    return NULL;
+}
+
+unsigned machines_of_host(const struct machines *machines, const struct identity *own) {
+    unsigned count = 0;
+
+    for (unsigned i = 0; i < machines->count; i++)
+        count += !machines->list[i].away && name_meets(machines->list[i].host, own->host);
+    return count;
+}
