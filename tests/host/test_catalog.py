@@ -6,6 +6,7 @@ import json
 import pathlib
 import re
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,23 +23,37 @@ VALUES = 200
 STEP = 4  # at a time: fewer than are kept for a reader that has missed some
 
 
+# Goes before a program whose clock is ahead.
+AHEAD = 1000
+SHIFTED = (sys.executable, "-c", f"""
+import ctypes, os, sys
+CLOCK, libc = 0x80, ctypes.CDLL(None)
+assert not libc.unshare(CLOCK)
+open("/proc/self/timens_offsets", "w").write("monotonic {AHEAD} 0")
+assert not libc.setns(os.open("/proc/self/ns/time_for_children", os.O_RDONLY), CLOCK)
+os.execvp(sys.argv[1], sys.argv[1:])
+""")
+
+
 class Machine:
     """A store, and its catalog in the node's network."""
 
-    def __init__(self, folder: pathlib.Path, name: str, node: Node, client: pathlib.Path) -> None:
+    def __init__(self, folder: pathlib.Path, name: str, node: Node, client: pathlib.Path,
+                 clock: tuple[str, ...] = ()) -> None:
         folder.mkdir()
-        self.name, self.client, self.desk, self._node = name, client, Desk(folder), node
+        self.name, self.client, self.desk = name, client, Desk(folder)
+        self._inside = (*node.inside, *clock)
         self.catalog = self.start_catalog()
 
     def start_catalog(self) -> Process:
-        catalog = self.desk.start("catalog", "-machine", self.name, wrapper=self._node.inside)
+        catalog = self.desk.start("catalog", "-machine", self.name, wrapper=self._inside)
         wait_until(lambda: self.desk.item("catalog.answer").get("writer_pid") == catalog.pid)
         return catalog
 
     def start(self, *words: str) -> Process:
         with open(self.desk.folder / "client", "a") as errors:
-            process = subprocess.Popen([self.client, *words], env=self.desk.environment, stdin=subprocess.PIPE,
-                                       text=True, stdout=subprocess.PIPE, stderr=errors)
+            process = subprocess.Popen([*self._inside, self.client, *words], env=self.desk.environment, text=True,
+                                       stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors)
         self.desk.processes.append(process)
         return process
 
@@ -46,6 +61,10 @@ class Machine:
         """What the catalog says of itself and of other machines."""
         shown = self.desk.run("ddxctl", "show", "catalog.machines", "--json").stdout
         return dict(json.loads(shown)["value"]) if shown else {"name": "", "machine": []}
+
+    def time(self, item: str) -> int:
+        """Of the newest value, ns."""
+        return int(json.loads(self.desk.run("ddxctl", "show", item, "--json").stdout)["time_ns"])
 
     def counters(self) -> Counters:
         return self.desk.stats("catalog")
@@ -78,9 +97,10 @@ Begin = Callable[..., tuple[Machine, Machine]]
 def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Iterator[Begin]:
     client, both = compile_client("catalog_client"), list[Machine]()
 
-    def begin(*names: str) -> tuple[Machine, Machine]:
-        for name, node in zip(names, (link.robot, link.operator[0])):
-            both.append(Machine(tmp_path / str(len(both)), name, node, client))
+    def begin(*names: str, clock: tuple[str, ...] = ()) -> tuple[Machine, Machine]:
+        """The first one has that clock."""
+        both.append(Machine(tmp_path / "0", names[0], link.robot, client, clock))
+        both.append(Machine(tmp_path / "1", names[1], link.operator[0], client))
         return both[0], both[1]
 
     yield begin
@@ -215,3 +235,24 @@ def test_of_two_machines_with_one_name_the_later_one_takes_another(begin: Begin,
         **second.desk.environment, "PATH": f"{tmp_path}:{ROOT / 'bin'}:/usr/bin:/bin"}, timeout=60)
     assert screen.returncode == 1
     assert f"! catalog    another machine is called carol, too; this one is {name} for others" in screen.stdout
+
+
+def test_times_of_a_mirror_are_those_of_its_machine(begin: Begin) -> None:
+    """The robot's clock is ahead."""
+    robot, laptop = begin("robot", "laptop", clock=SHIFTED)
+    writer = robot.start("write", "sensor")
+    reader = laptop.start("read", "robot", "sensor")
+
+    def clock() -> dict[str, Any]:
+        found = laptop.table()["machine"][0]
+        return {name: found[name] for name in ("offset", "bound")}
+
+    def agrees() -> bool:
+        before = clock()
+        write(writer, 1)
+        read(reader, 1)
+        apart = robot.time("sensor") - laptop.time("robot:sensor")
+        error = abs(apart - AHEAD * 10**9)
+        return bool(0 <= before["bound"] and apart == before["offset"] and error <= clock()["bound"])
+
+    wait_until(agrees)

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clock.h"
 #include "directory.h"
 #include "export.h"
 #include "mirror.h"
@@ -114,6 +115,7 @@ static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
             look(catalog);
         if (is_due(&table_due, TABLE_NS))
             table_write(catalog->table, directory_machines(catalog->directory));
+        clock_tick(catalog->clock);
         network_wait(catalog->network, TURN);
         if (catalog->taken)
             rename_self(catalog);
@@ -131,10 +133,12 @@ static int run_in_network(struct catalog *catalog) {
     catalog->directory = directory_open(catalog);
     catalog->mirrors = mirrors_open(catalog);
     catalog->table = table_open(catalog);
-    if (!error && catalog->exports && catalog->directory && catalog->mirrors && catalog->table)
+    catalog->clock = clock_open(catalog);
+    if (!error && catalog->exports && catalog->directory && catalog->mirrors && catalog->table && catalog->clock)
         serve(catalog, requests);
     else
         say("%s", ddx_error_text(error ? error : -ENOMEM));
+    clock_close(catalog->clock);
     table_close(catalog->table);
     mirrors_close(catalog->mirrors);
     directory_close(catalog->directory);

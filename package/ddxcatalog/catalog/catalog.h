@@ -42,6 +42,7 @@ struct catalog {
     struct exports *exports;
     struct directory *directory;
     struct mirrors *mirrors;
+    struct clock *clock;
     struct table *table;
 };
 

@@ -3,6 +3,8 @@
 #ifndef DDXCATALOG_MACHINES_H
 #define DDXCATALOG_MACHINES_H
 
+#include <offset.h>
+
 #include "identity.h"
 
 struct machine {
@@ -12,6 +14,10 @@ struct machine {
     char name[NAME_MACHINE];   /* what it is called here, where others call themselves so, too */
     bool away;                 /* it is not heard */
     unsigned items;            /* that are known of it; kept by the directory */
+    /* Kept by the clock: its newest time stamps, and how far its clock is from this one's. */
+    int64_t stamp_sent, stamp_received;
+    struct offset offset;
+    unsigned asked;
 };
 
 struct machines {

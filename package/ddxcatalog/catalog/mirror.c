@@ -6,12 +6,15 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "clock.h"
+
 #define UNREAD_NS INT64_C(5000000000) /* without a reader for so long, the origin need not send any more */
 
 struct mirror {
     struct mirror *next;
     struct catalog *catalog;
     char name[DDX_NAME_MAX + 1];
+    uint64_t machine; /* that has the item */
     uint64_t version; /* of what was announced; 0: nothing is open */
     DDX_STORE_ITEM *item;
     struct form *form; /* of the item, in this store */
@@ -27,7 +30,8 @@ struct mirrors {
 };
 
 /* Store what has come. 0 or -errno. */
-static int write_value(struct mirror *mirror, const unsigned char *fields) {
+static int write_value(struct mirror *mirror, const unsigned char *fields, int64_t time) {
+    int64_t local = clock_local(mirror->catalog, mirror->machine, time);
     void *data;
     int error = ddx_store_loan(mirror->item, &data);
 
@@ -35,7 +39,7 @@ static int write_value(struct mirror *mirror, const unsigned char *fields) {
         return error;
     memset(data, 0, mirror->form->item_size); /* padding, so that equal values have equal bytes */
     form_unpack(mirror->form, fields - FORM_HEADER, data);
-    return ddx_store_publish(mirror->item, NULL);
+    return ddx_store_publish(mirror->item, local ? &local : NULL); /* else the time of arrival */
 }
 
 static void count(struct mirror *mirror, uint64_t missed, int error, int64_t since) {
@@ -67,7 +71,7 @@ static void take(void *argument, const unsigned char *message, size_t size) {
     uint64_t missed = mirror->sequence && envelope.sequence > mirror->sequence
                           ? envelope.sequence - mirror->sequence - 1 : 0;
     mirror->sequence = envelope.sequence;
-    count(mirror, missed, write_value(mirror, fields), begin);
+    count(mirror, missed, write_value(mirror, fields, envelope.monotonic), begin);
 }
 
 static void ready(void *argument) {
@@ -145,6 +149,7 @@ static int open_mirror(struct mirror *mirror, const struct remote *remote) {
         close_mirror(mirror);
     else
         mirror->version = remote->version;
+    mirror->machine = remote->machine;
     mirror->read = ddx_time_now();
     return error;
 }

@@ -18,6 +18,8 @@ DDX_STORE_TYPE(
             char name[40]; /* as it is called here */
             char host[40];
             uint64_t id;
+            int64_t offset; /* its CLOCK_MONOTONIC minus that of this machine, ns */
+            int64_t bound;  /* how far off that may be, ns; -1: not known yet */
             uint32_t heard; /* 0: it is away */
             uint32_t items;
         } machine[32]; /* NETWORK_MACHINES */
@@ -45,6 +47,7 @@ struct table *table_open(struct catalog *catalog) {
 
 void table_write(struct table *table, const struct machines *machines) {
     const struct identity *own = &table->catalog->identity;
+    int64_t now = ddx_time_now();
     CATALOG_MACHINES value;
 
     memset(&value, 0, sizeof value);
@@ -58,6 +61,8 @@ void table_write(struct table *table, const struct machines *machines) {
         strcpy(value.machine[i].name, machine->name);
         strcpy(value.machine[i].host, machine->host);
         value.machine[i].id = machine->id;
+        if (!offset_get(&machine->offset, now, &value.machine[i].offset, &value.machine[i].bound))
+            value.machine[i].bound = -1;
         value.machine[i].heard = !machine->away;
         value.machine[i].items = machine->items;
     }

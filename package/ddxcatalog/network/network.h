@@ -102,4 +102,28 @@ enum network_change { NETWORK_THERE, NETWORK_GONE, NETWORK_AWAY };
 typedef void network_take_record(void *argument, const struct network_record *record, enum network_change change);
 void network_records_read(struct network_records *records, network_take_record *take, void *argument);
 
+/* ---- Clocks: who received what when ---- */
+
+/* Of one machine. Times are ns of CLOCK_MONOTONIC: of this machine, but those of `peer_sent`. */
+struct network_stamps {
+    uint64_t machine;
+    int64_t sent;
+    uint64_t count; /* of what follows; from the network any number may come */
+    uint64_t peer[NETWORK_MACHINES];     /* the newest stamps that have come from these machines, */
+    int64_t peer_sent[NETWORK_MACHINES]; /* when they were sent */
+    int64_t received[NETWORK_MACHINES];  /* and when they were received */
+};
+
+struct network_clock;
+
+/* `event`: when stamps have come. */
+int network_clock_open(struct network *network, const struct network_event *event, struct network_clock **clock);
+void network_clock_close(struct network_clock *clock);
+
+/* To all other machines; some may be lost. */
+int network_clock_write(struct network_clock *clock, const struct network_stamps *stamps);
+
+typedef void network_take_stamps(void *argument, const struct network_stamps *stamps);
+void network_clock_read(struct network_clock *clock, network_take_stamps *take, void *argument);
+
 #endif
