@@ -13,9 +13,9 @@ static const char purpose[] =
     "Links this machine's store with those of other machines: item gps of machine carol is the item carol:gps here,\n"
     "and for ROS 2 the topic /carol/gps. Nothing is sent before another machine reads it.";
 static const char notes[] =
-    "Counters: lost.store = overwritten in the store before it was read, lost.bandwidth = readers had not confirmed\n"
-    "what was sent before, lost.network = sent by another machine, but not arrived, lost.type = not of the type that\n"
-    "was announced, lost.budget = no room in this store.";
+    "Counters: lost.store = overwritten in the store before it was read, lost.bandwidth = a newer value came before\n"
+    "it could be sent, lost.size = larger than 16 MiB, lost.network = sent by another machine, but not arrived,\n"
+    "lost.type = not of the type that was announced, lost.budget = no room in this store.";
 
 int main(int argc, char **argv) {
     static struct catalog catalog;

@@ -17,7 +17,7 @@ from parts.common import TOP
 from parts.link.link import Link, Node
 from parts.link.loss import NOTHING, Iid
 
-from .programs import ROOT, Compiler, Counters, Desk, Process, lost, wait_until
+from .programs import ROOT, Compiler, Counters, Desk, Process, library_folder, lost, wait_until
 
 VALUES = 200
 STEP = 4  # at a time: fewer than are kept for a reader that has missed some
@@ -39,14 +39,15 @@ class Machine:
     """A store, and its catalog in the node's network."""
 
     def __init__(self, folder: pathlib.Path, name: str, node: Node, client: pathlib.Path,
-                 clock: tuple[str, ...] = ()) -> None:
+                 clock: tuple[str, ...] = (), rules: str = "") -> None:
         folder.mkdir()
+        (folder / "exports.conf").write_text(rules)
         self.name, self.client, self.desk = name, client, Desk(folder)
         self._inside = (*node.inside, *clock)
         self.catalog = self.start_catalog()
 
     def start_catalog(self) -> Process:
-        catalog = self.desk.start("catalog", "-machine", self.name, wrapper=self._inside)
+        catalog = self.desk.start("catalog", "-machine", self.name, "-c", "exports.conf", wrapper=self._inside)
         wait_until(lambda: self.desk.item("catalog.answer").get("writer_pid") == catalog.pid)
         return catalog
 
@@ -97,9 +98,9 @@ Begin = Callable[..., tuple[Machine, Machine]]
 def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Iterator[Begin]:
     client, both = compile_client("catalog_client"), list[Machine]()
 
-    def begin(*names: str, clock: tuple[str, ...] = ()) -> tuple[Machine, Machine]:
-        """The first one has that clock."""
-        both.append(Machine(tmp_path / "0", names[0], link.robot, client, clock))
+    def begin(*names: str, clock: tuple[str, ...] = (), rules: str = "") -> tuple[Machine, Machine]:
+        """The first one has that clock and those rules."""
+        both.append(Machine(tmp_path / "0", names[0], link.robot, client, clock, rules))
         both.append(Machine(tmp_path / "1", names[1], link.operator[0], client))
         return both[0], both[1]
 
@@ -256,3 +257,48 @@ def test_times_of_a_mirror_are_those_of_its_machine(begin: Begin) -> None:
         return bool(0 <= before["bound"] and apart == before["offset"] and error <= clock()["bound"])
 
     wait_until(agrees)
+
+
+def test_what_is_not_sent_is_counted_once(begin: Begin) -> None:
+    """Where it was left out; the other end counts what was sent."""
+    robot, laptop = begin("robot", "laptop", rules="bandwidth 8K\nitem slow rate=2\nitem *\n")
+    writers = [robot.start("write", name) for name in ("sensor", "slow")]
+    readers = [laptop.start("read", "robot", name) for name in ("sensor", "slow")]
+    for writer, reader in zip(writers, readers):
+        write(writer, 1)
+        read(reader, 1)
+        write(writer, VALUES)
+    for reader in readers:  # the newest value comes as soon as that is allowed
+        while not read(reader, 1)[0].startswith(f"{VALUES + 1:02x}000000"):
+            pass
+
+    def taken() -> int:
+        return int((counters := robot.counters())["in"] + counters["skipped"])
+
+    wait_until(lambda: taken() == 2 * (VALUES + 1))
+    here = robot.counters()
+    wait_until(lambda: bool(laptop.counters()["out"] == here["out"]))
+    assert here["in"] == here["out"] + lost(here)
+    assert here["lost"]["bandwidth"] > VALUES / 2 and here["skipped"] > VALUES / 2
+    assert lost(laptop.counters()) == 0
+
+
+@pytest.mark.parametrize("text,told", [
+    ("items imu\n", "exports.conf:1: items: a line begins with item, except, interface, peer, domain"),
+    ("item\n", "exports.conf:1: after item, one word is needed"),
+    ("# fine\nitem imu rate=fast\n", "exports.conf:2: rate=fast: a number above 0, up to 1000"),
+    ("item imu every=2\n", "exports.conf:1: every=2: after item PATTERN, rate=VALUES_A_SECOND and latched are allowed"),
+    ("except imu latched\n", "exports.conf:1: latched: after except PATTERN, nothing more is allowed"),
+    ("bandwidth 5\n", "exports.conf:1: bandwidth 5: bytes a second are needed, from 1K to 1024M"),
+    ("bandwidth 2000M\n", "exports.conf:1: bandwidth 2000M: bytes a second"),
+    ("bandwidth 1M 2M\n", "exports.conf:1: after bandwidth, one word is needed"),
+    ("domain 233\n", "exports.conf:1: domain 233: a whole number from 0 to 232"),
+    ("\x1b]0;x\x07\n", "exports.conf:1: ?]0;x?: a line begins with"),
+    ("bandwidth 1M\nitem a rate=0.5 latched\nexcept b\nitem *\npeer 10.0.0.1\nmulticast no\n", None),
+])
+def test_rules(tmp_path: pathlib.Path, text: str, told: str | None) -> None:
+    (tmp_path / "exports.conf").write_text(text)
+    done = subprocess.run([ROOT / "bin/catalog", "-c", "exports.conf", "-check"], cwd=tmp_path, capture_output=True,
+                          text=True, timeout=60, env={"LD_LIBRARY_PATH": str(library_folder())})
+    assert done.returncode == (2 if told else 0) and "\x1b" not in done.stderr
+    assert done.stderr.startswith(f"catalog: {told}" if told else "") and done.stderr.count("\n") == bool(told)

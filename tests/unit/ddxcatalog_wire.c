@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* What a message looks like on the network: its description, its hash, its bytes; and messages that are none. */
+#include "bucket.h"
 #include "check.h"
 #include "envelope.h"
 #include "name.h"
@@ -70,6 +71,31 @@ static void test_names(void) {
     CHECK(name_meets("robot-1", "robot_1") && !name_meets("robot-1", "robot-2"));
     name_distinguish("a2345678901234567890123456789012", 0x123456789, type);
     CHECK(!strcmp(type, "a23456789012345678901234567-6789") && name_is_machine(type));
+}
+
+/* In ten seconds: large messages get what small ones leave, and both together not more than is allowed. */
+static void test_the_bucket(void) {
+    enum { rate = 100000, large = 50000, small = 400 };
+    struct bucket bucket;
+    size_t sent[2] = {0, 0};
+
+    bucket_begin(&bucket, rate, 0);
+    for (int64_t ms = 0; ms < 10000; ms++) {
+        if (bucket_take(&bucket, large, ms * 1000000))
+            sent[0] += large;
+        if (ms % 10 == 0) { /* 40 % of the rate, and with what each packet has beside them 50 % */
+            CHECK(bucket_take(&bucket, small, ms * 1000000));
+            sent[1] += small;
+        }
+    }
+    CHECK_EQUAL(sent[1], 1000 * small);
+    CHECK(sent[0] > 4 * rate && sent[0] < 6 * rate);
+    for (int i = 0; i < 100; i++)
+        bucket_take(&bucket, small, INT64_C(10000000000));
+    CHECK(!bucket_take(&bucket, small, INT64_C(10000000000)));
+    CHECK(!bucket_take(&bucket, large, INT64_C(10000000000)));
+    bucket_begin(&bucket, 0, 0);
+    CHECK(bucket_take(&bucket, 1 << 24, 0) && bucket_take(&bucket, 1 << 24, 0));
 }
 
 /* The other clock is 5000 s ahead; what is slow on one way only is half of it off, and the bound says so. */
@@ -164,6 +190,7 @@ int main(void) {
     test_the_hash_of_a_standard_message();
     test_the_hash_of_an_item();
     test_names();
+    test_the_bucket();
     test_the_offset_of_a_clock();
     test_a_field_that_is_called_as_one_of_ours();
     test_a_message_and_what_is_none();

@@ -27,6 +27,7 @@
  *                               it writes some 140 with types of 200 fields, some 400 with small ones
  *                -ETIMEDOUT     nothing was written within the timeout
  *                -EHOSTUNREACH  no other machine of this name is heard
+ *                -EFBIG         an item of another machine, whose values are too large to be sent
  *                -EINVAL        a bad argument, or a type that cannot be shared (pointer, union, enum, bit field):
  *                               ddx_type_problem()
  *   time       int64_t nanoseconds of CLOCK_MONOTONIC.

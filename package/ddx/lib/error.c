@@ -24,6 +24,7 @@ const char *ddx_error_text(int error) {
     case EINVAL: return "bad argument, or a type that cannot be shared (ddx_type_problem() names the word)";
     case EOPNOTSUPP: return "no catalog runs here, through which other machines are reached; start one with: catalog";
     case EHOSTUNREACH: return "no machine of this name is heard; see its catalog, and the network";
+    case EFBIG: return "its values are too large to be sent to other machines (16 MiB at most)";
     case ENOMEM: return "out of memory";
     case EDQUOT: return "this program has more items open than the store keeps for one program; close some of them";
     default: return strerror(abs(error));

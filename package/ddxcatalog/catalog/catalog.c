@@ -152,6 +152,7 @@ int catalog_run(struct catalog *catalog) {
     int status = EXIT_OK;
 
     identity_begin(&catalog->identity, catalog->program.port);
+    bucket_begin(&catalog->bucket, catalog->config.bandwidth, ddx_time_now());
     catalog->book = ddx_stats_open(catalog->program.instance, reasons);
     if (!catalog->book) {
         say("-instance %s: %s", catalog->program.instance, ddx_error_text(-errno));

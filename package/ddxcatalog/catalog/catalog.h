@@ -39,6 +39,7 @@ struct catalog {
     DDX_STORE_ID *id;
     struct network *network;
     struct network_records *records;
+    struct bucket bucket;
     struct exports *exports;
     struct directory *directory;
     struct mirrors *mirrors;

@@ -4,12 +4,14 @@
 #include <ddx.h>
 #include <errno.h>
 #include <fnmatch.h>
+#include <schedule.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #define LINE_ROOM 1024
+#define NS INT64_C(1000000000)
 #define DOMAIN_MAX 232 /* above, ports of DDS would be above 65535 */
 
 struct line {
@@ -32,11 +34,38 @@ __attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, 
     return -1;
 }
 
+/* The value of "key=value" if the word begins so, else NULL. */
+static const char *value_of(const char *word, const char *key) {
+    size_t length = strlen(key);
+
+    return !strncmp(word, key, length) && word[length] == '=' ? word + length + 1 : NULL;
+}
+
+static int read_choice(const struct line *line, const char *word, struct config_rule *rule) {
+    const char *rate = rule->except ? NULL : value_of(word, "rate");
+    struct schedule_speed speed;
+
+    if (!rule->except && !strcmp(word, "latched")) {
+        rule->latched = true;
+        return 0;
+    }
+    if (!rate)
+        return wrong(line, "%s: after %s, %s", word, rule->except ? "except PATTERN" : "item PATTERN",
+                     rule->except ? "nothing more is allowed" : "rate=VALUES_A_SECOND and latched are allowed");
+    if (!schedule_parse_speed(rate, &speed) || !speed.num)
+        return wrong(line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is sent", word);
+    rule->period = schedule_scale(NS, speed.den, speed.num);
+    return 0;
+}
+
 static int read_rule(const struct line *line, char **words, struct config *config) {
     struct config_rule rule = {.except = !strcmp(words[0], "except"), .plain = !strpbrk(words[1], "*?[")};
 
     if (strlen(words[1]) > DDX_NAME_MAX)
         return wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
+    for (char **word = words + 2; *word; word++)
+        if (read_choice(line, *word, &rule))
+            return -1;
     if (config->rule_count == CONFIG_RULES_MAX)
         return wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
     if (!(rule.pattern = strdup(words[1])))
@@ -77,27 +106,43 @@ static int read_multicast(const struct line *line, char **words, struct config *
                                                                             words[1]);
 }
 
+static int read_bandwidth(const struct line *line, char **words, struct config *config) {
+    const char *text = words[1];
+    char *end;
+    unsigned long long number = *text < '0' || *text > '9' ? 0 : strtoull(text, &end, 10);
+    unsigned shift = !number ? 0 : *end == 'K' ? 10 : *end == 'M' ? 20 : 0;
+
+    if (!shift || end[1] || number > BUCKET_MOST >> shift)
+        return wrong(line, "bandwidth %s: bytes a second are needed, from 1K to 1024M, with K or M", text);
+    config->bandwidth = (uint64_t)number << shift;
+    return 0;
+}
+
 static const struct {
     const char *word;
     int (*read)(const struct line *line, char **words, struct config *config);
 } readers[] = {{"item", read_rule}, {"except", read_rule},       {"interface", read_interface},
-               {"peer", read_peer}, {"domain", read_domain}, {"multicast", read_multicast}};
+               {"peer", read_peer}, {"domain", read_domain}, {"multicast", read_multicast},
+               {"bandwidth", read_bandwidth}};
 
 static int read_line(const struct line *line, char *text, struct config *config) {
-    char *words[LINE_ROOM / 2 + 1], *rest = text, *comment = strchr(text, '#');
+    char *words[LINE_ROOM / 2 + 2], *rest = text, *comment = strchr(text, '#');
     unsigned count = 0;
 
     if (comment)
         *comment = 0;
     for (char *word; (word = strtok_r(rest, " \t\r\n", &rest));)
         words[count++] = word;
+    words[count] = NULL;
     if (!count)
         return 0;
     for (size_t i = 0; i < sizeof readers / sizeof *readers; i++)
         if (!strcmp(words[0], readers[i].word))
-            return count == 2 ? readers[i].read(line, words, config)
-                              : wrong(line, "after %s, one word is needed", words[0]);
-    return wrong(line, "%s: a line begins with item, except, interface, peer, domain or multicast", words[0]);
+            return count == 2 || (count > 2 && readers[i].read == read_rule)
+                       ? readers[i].read(line, words, config)
+                       : wrong(line, "after %s, one word is needed", words[0]);
+    return wrong(line, "%s: a line begins with item, except, interface, peer, domain, multicast or bandwidth",
+                 words[0]);
 }
 
 int config_read(const char *path, struct config *config, char *error) {
@@ -142,16 +187,17 @@ static bool ends_with(const char *text, const char *end) {
     return length >= last && !strcmp(text + length - last, end);
 }
 
-bool config_exports(const struct config *config, const char *item, const char *type) {
+const struct config_rule *config_rule_of(const struct config *config, const char *item, const char *type) {
+    static const struct config_rule plain = {.pattern = NULL};
     bool picture = !strcmp(type, "DDX_VIDEO");
 
     if (strchr(item, ':') || ends_with(item, ".request") || ends_with(item, ".answer"))
-        return false;
+        return NULL;
     for (unsigned i = 0; i < config->rule_count; i++) {
         const struct config_rule *rule = &config->rules[i];
 
         if (!fnmatch(rule->pattern, item, 0) && (rule->except || rule->plain || !picture))
-            return !rule->except;
+            return rule->except ? NULL : rule;
     }
-    return !config->rule_count && !picture;
+    return !config->rule_count && !picture ? &plain : NULL;
 }

@@ -3,6 +3,7 @@
 #ifndef DDXCATALOG_CONFIG_H
 #define DDXCATALOG_CONFIG_H
 
+#include <bucket.h>
 #include <network.h>
 #include <stdbool.h>
 
@@ -12,12 +13,15 @@
 struct config_rule {
     char *pattern;
     bool except, plain; /* not these; a name, no pattern */
+    bool latched;       /* DDS keeps the newest value for readers that ask for such */
+    int64_t period;     /* ns from one value to the next at least; 0: every value is sent */
 };
 
 struct config {
     struct network_options network; /* its texts are the config's */
     struct config_rule rules[CONFIG_RULES_MAX];
     unsigned rule_count, peer_count;
+    uint64_t bandwidth; /* bytes a second; 0: no limit */
 };
 
 /* NULL: no file, which is everything but pictures. 0, or -1 and one line in error[CONFIG_ERROR_MAX]. */
@@ -25,9 +29,9 @@ int config_read(const char *path, struct config *config, char *error);
 void config_free(struct config *config);
 
 /*
- * Whether the first rule that matches lets other machines read the item; without rules each item. A pattern does not
- * mean pictures, only a name does. Never: what came from other machines ("carol:gps"), and requests.
+ * The first rule that matches; without rules one for each item. NULL: other machines may not read the item. A pattern
+ * does not mean pictures, only a name does. Never: what came from other machines ("carol:gps"), and requests.
  */
-bool config_exports(const struct config *config, const char *item, const char *type);
+const struct config_rule *config_rule_of(const struct config *config, const char *item, const char *type);
 
 #endif

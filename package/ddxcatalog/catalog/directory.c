@@ -70,13 +70,13 @@ static struct remote *judged(const struct network_record *record) {
     if (!remote)
         return NULL;
     remote->machine = record->machine;
+    remote->since = record->since;
     strcpy(remote->item, record->item);
     remote->topic = strdup(record->topic);
     remote->declaration = strdup(record->declaration);
     remote->extents = strdup(record->extents);
     if (remote->topic && remote->declaration && remote->extents &&
-        !form_of_text(record->type, record->declaration, record->extents, &remote->form) &&
-        remote->form->message_size <= MESSAGE_MAX)
+        !form_of_text(record->type, record->declaration, record->extents, &remote->form))
         return remote;
     free_remote(remote);
     return NULL;
@@ -112,8 +112,9 @@ static void put(struct directory *directory, struct machine *machine, const stru
     }
     remote->next = old ? old->next : NULL;
     remote->version = ++directory->changes;
-    if (old && !strcmp(old->form->type, remote->form->type) && !strcmp(old->declaration, remote->declaration) &&
-        !strcmp(old->extents, remote->extents) && !strcmp(old->topic, remote->topic))
+    if (old && old->since == remote->since && !strcmp(old->form->type, remote->form->type) &&
+        !strcmp(old->declaration, remote->declaration) && !strcmp(old->extents, remote->extents) &&
+        !strcmp(old->topic, remote->topic))
         remote->version = old->version;
     machine->items += !old;
     *at = remote;

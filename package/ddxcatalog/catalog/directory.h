@@ -12,6 +12,7 @@ struct remote {
     char item[DDX_NAME_MAX + 1];
     char *topic, *declaration, *extents;
     struct form *form; /* of a message; the item's own layout is another matter */
+    int64_t since;     /* when the machine's catalog was started, which counts its messages from then on */
     uint64_t version;  /* changes when what is said of the item changes */
     bool away;         /* the machine is not heard */
 };

@@ -12,7 +12,9 @@ struct export {
     struct export *next;
     struct catalog *catalog;
     char name[DDX_NAME_MAX + 1], topic[NAME_TOPIC];
+    const struct config_rule *rule;
     struct form *form;
+    uint64_t sent; /* messages, the newest of which has this number */
     struct network_event event;
     struct network_writer *writer;
     struct sender *sender;
@@ -66,7 +68,8 @@ static void follow_readers(void *argument) {
     if (export->sender && came)
         sender_repeat(export->sender);
     if (readers && !export->sender)
-        export->sender = sender_start(export->catalog, export->name, export->form, export->writer);
+        export->sender = sender_start(export->catalog, export->rule, export->name, export->form, export->writer,
+                                      &export->sent);
 }
 
 static void close_export(struct export *export) {
@@ -94,18 +97,18 @@ static struct form *form_now(struct catalog *catalog, const char *name) {
 static int open_writer(struct export *export) {
     struct description *description;
     size_t size = envelope_size(export->catalog->identity.name) + export->form->message_size;
-    int error = size > MESSAGE_MAX ? -EMSGSIZE : envelope_describe(export->form, &description);
+    int error = envelope_describe(export->form, &description);
 
     if (error)
         return error;
     export->event = (struct network_event){follow_readers, export};
-    error = network_writer_open(export->catalog->network, export->topic, description, size, &export->event,
-                                &export->writer);
+    error = network_writer_open(export->catalog->network, export->topic, description, size,
+                                export->rule->latched, &export->event, &export->writer);
     description_free(description);
     return error;
 }
 
-static void add(struct exports *exports, const struct ddx_item_info *info) {
+static void add(struct exports *exports, const struct ddx_item_info *info, const struct config_rule *rule) {
     struct export *export = exports->count < ITEMS_MAX ? calloc(1, sizeof *export) : NULL;
 
     if (!export) {
@@ -115,6 +118,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info) {
         return;
     }
     export->catalog = exports->catalog;
+    export->rule = rule;
     export->info = *info;
     export->there = true;
     strcpy(export->name, info->name);
@@ -144,13 +148,13 @@ static bool still_is(struct export *export, const struct ddx_item_info *info) {
     return same;
 }
 
-static void look_at(struct exports *exports, const struct ddx_item_info *info) {
+static void look_at(struct exports *exports, const struct ddx_item_info *info, const struct config_rule *rule) {
     struct export *export = exports->first;
 
     while (export && strcmp(export->name, info->name))
         export = export->next;
     if (!export)
-        add(exports, info);
+        add(exports, info, rule);
     else
         export->there = still_is(export, info);
 }
@@ -174,9 +178,12 @@ void exports_look(struct exports *exports, const struct ddx_item_info *items, un
     announce_machine(exports);
     for (struct export *export = exports->first; export; export = export->next)
         export->there = false;
-    for (unsigned i = 0; i < count; i++)
-        if (config_exports(&exports->catalog->config, items[i].name, items[i].type))
-            look_at(exports, &items[i]);
+    for (unsigned i = 0; i < count; i++) {
+        const struct config_rule *rule = config_rule_of(&exports->catalog->config, items[i].name, items[i].type);
+
+        if (rule)
+            look_at(exports, &items[i], rule);
+    }
     for (struct export **at = &exports->first; *at;) {
         struct export *export = *at;
 

@@ -180,6 +180,8 @@ int mirrors_want(struct mirrors *mirrors, const char *name) {
 
     if (error || !remote)
         return error;
+    if (remote->form->message_size > MESSAGE_MAX)
+        return -EFBIG;
     struct mirror *mirror = find(mirrors, name);
     if (!mirror && !(mirror = add(mirrors, name)))
         return -ENOMEM;

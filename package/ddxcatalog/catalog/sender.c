@@ -15,6 +15,7 @@
 
 struct sender {
     struct catalog *catalog;
+    const struct config_rule *rule;
     const struct form *form;
     struct network_writer *writer;
     DDX_STORE_ITEM *item;
@@ -23,7 +24,11 @@ struct sender {
     unsigned char *message;
     size_t size;
     int64_t wall; /* of the message; 0: none yet */
+    int64_t due;  /* of the next message, where the rule has a rate */
+    uint64_t *sent; /* a number is taken where a message is sent only, so that a gap means a loss on the way */
     pthread_t thread;
+    int64_t time; /* of the value in the message */
+    bool begun, waits; /* a value was taken; the message has not been sent yet */
     atomic_bool stopping, repeat, ended;
 };
 
@@ -37,7 +42,7 @@ static int64_t wall_offset(void) {
 static int pack(struct sender *sender, const struct ddx_frame *frame) {
     const struct form *form = sender->form;
     const struct envelope envelope = {.machine = sender->catalog->identity.name,
-                                      .sequence = frame->sequence,
+                                      .sequence = *sender->sent + 1,
                                       .wall = frame->time + wall_offset(),
                                       .monotonic = frame->time};
 
@@ -52,32 +57,85 @@ static int pack(struct sender *sender, const struct ddx_frame *frame) {
     return 0;
 }
 
-static void count(struct sender *sender, const struct ddx_frame *frame, int error) {
+/* A value was taken. With a rate, what went by was to be left out. */
+static void count_in(struct sender *sender, uint64_t missed) {
     DDX_STATS_BOOK *book = sender->catalog->book;
+    bool skips = sender->rule->period;
 
-    ddx_stats_in(book, 1 + frame->missed, 0);
-    if (frame->missed)
-        ddx_stats_lost(book, LOST_STORE, frame->missed);
-    if (error)
-        ddx_stats_lost(book, error == -EAGAIN ? LOST_BANDWIDTH : LOST_STORE, 1);
+    ddx_stats_in(book, skips ? 1 : 1 + missed, 0);
+    if (skips && missed)
+        ddx_stats_skipped(book, missed);
+    else if (missed)
+        ddx_stats_lost(book, LOST_STORE, missed);
+}
+
+/* The message that waits is not sent any more: there is a newer value, or there are no readers. */
+static void give_up(struct sender *sender) {
+    if (sender->waits)
+        ddx_stats_lost(sender->catalog->book, LOST_BANDWIDTH, 1);
+    sender->waits = false;
+}
+
+/* Send the message if that is allowed now. It waits for that, or is sent once more to a reader that has come. */
+static void transmit(struct sender *sender) {
+    int64_t now = ddx_time_now();
+
+    if (!bucket_take(&sender->catalog->bucket, sender->size, now) ||
+        network_write(sender->writer, sender->message, sender->size, sender->wall))
+        return;
+    if (sender->waits) {
+        ++*sender->sent;
+        ddx_stats_out(sender->catalog->book, 1, now - sender->time);
+    }
+    sender->waits = sender->repeat = false;
+}
+
+static int take_value(struct sender *sender, const struct ddx_frame *frame) {
+    int error = sender->size > MESSAGE_MAX ? -EMSGSIZE : pack(sender, frame);
+
+    count_in(sender, frame->missed);
+    give_up(sender);
+    sender->time = frame->time;
+    sender->waits = !error;
+    if (!error)
+        transmit(sender);
     else
-        ddx_stats_out(book, 1, ddx_time_now() - frame->time);
+        ddx_stats_lost(sender->catalog->book, error == -EMSGSIZE ? LOST_SIZE : LOST_STORE, 1);
+    return error == -EMSGSIZE ? 0 : error;
+}
+
+/* Whether the rule lets a value be sent now; waits a bit if not. */
+static bool is_due(struct sender *sender) {
+    int64_t now = ddx_time_now(), left = sender->due - now, most = (int64_t)(TURN * 1e9);
+
+    if (left > 0) {
+        nanosleep(&(struct timespec){.tv_nsec = left < most ? left : most}, NULL);
+        return false;
+    }
+    sender->due = sender->due + sender->rule->period > now ? sender->due + sender->rule->period
+                                                           : now + sender->rule->period;
+    return true;
 }
 
 /* Take a value, send it. 0, or the item cannot be read any more. */
 static int turn(struct sender *sender) {
+    int tail = !sender->begun ? DDX_CURRENT : sender->rule->period ? DDX_NEXT : DDX_IN_ORDER;
+    int64_t due = sender->due;
     struct ddx_frame frame;
-    int error = ddx_store_acquire(sender->item, &frame, TURN, sender->wall ? DDX_IN_ORDER : DDX_CURRENT);
 
-    if (error == -EBUSY && !sender->wall && sender->keep > 1) { /* other readers have the frames */
+    if (sender->rule->period && !is_due(sender))
+        return 0;
+    int error = ddx_store_acquire(sender->item, &frame, TURN, tail);
+    if (error == -EBUSY && !sender->begun && sender->keep > 1) { /* other readers have the frames */
         sender->keep /= 2;
         return ddx_store_keep(sender->item, sender->keep);
     }
-    if (error)
+    if (error) {
+        sender->due = due;
         return error == -ETIMEDOUT ? 0 : error;
-    error = pack(sender, &frame);
-    int sent = error ? error : network_write(sender->writer, sender->message, sender->size, sender->wall);
-    count(sender, &frame, sent);
+    }
+    sender->begun = true;
+    error = take_value(sender, &frame);
     ddx_store_release(sender->item);
     return error;
 }
@@ -88,10 +146,11 @@ static void *run(void *argument) {
 
     program_thread_signals();
     while (!error && !sender->stopping) {
-        if (atomic_exchange(&sender->repeat, false) && sender->wall)
-            network_write(sender->writer, sender->message, sender->size, sender->wall);
+        if (sender->waits || (sender->repeat && sender->wall))
+            transmit(sender);
         error = turn(sender);
     }
+    give_up(sender);
     sender->ended = true;
     return NULL;
 }
@@ -102,22 +161,24 @@ static unsigned keep_of(const struct form *form) {
     return keep > KEEP ? KEEP : keep < 2 ? 2 : (unsigned)keep;
 }
 
-struct sender *sender_start(struct catalog *catalog, const char *item, const struct form *form,
-                            struct network_writer *writer) {
+struct sender *sender_start(struct catalog *catalog, const struct config_rule *rule, const char *item,
+                            const struct form *form, struct network_writer *writer, uint64_t *sent) {
     struct sender *sender = calloc(1, sizeof *sender);
 
     if (!sender)
         return NULL;
     sender->catalog = catalog;
+    sender->rule = rule;
     sender->form = form;
+    sender->sent = sent;
     sender->writer = writer;
     sender->size = envelope_size(catalog->identity.name) + form->message_size - FORM_HEADER;
-    sender->message = malloc(sender->size + 4); /* DDS pads to four bytes */
+    sender->message = malloc(sender->size > MESSAGE_MAX ? 1 : sender->size + 4); /* DDS pads to four bytes */
     sender->item = sender->message ? ddx_store_lookup_item(catalog->id, item, NULL, 0) : NULL;
     int error = sender->item ? 0 : errno;
     if (!error) {
         sender->layout = ddx_store_layout(sender->item);
-        sender->keep = keep_of(form);
+        sender->keep = rule->period ? 1 : keep_of(form);
         ddx_store_keep(sender->item, sender->keep);
         error = pthread_create(&sender->thread, NULL, run, sender);
     }

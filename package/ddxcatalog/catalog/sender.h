@@ -8,11 +8,11 @@
 struct sender;
 
 /*
- * Begins with the newest value. `form`, which is how the item's values lie now, and `writer` are the caller's and
- * outlive the sender. NULL and errno.
+ * Begins with the newest value. `form`, which is how the item's values lie now, `writer` and `sent`, how many messages
+ * were sent so far, are the caller's and outlive the sender. NULL and errno.
  */
-struct sender *sender_start(struct catalog *catalog, const char *item, const struct form *form,
-                            struct network_writer *writer);
+struct sender *sender_start(struct catalog *catalog, const struct config_rule *rule, const char *item,
+                            const struct form *form, struct network_writer *writer, uint64_t *sent);
 
 /* A reader has come: the newest value is sent once more. */
 void sender_repeat(struct sender *sender);

@@ -47,10 +47,11 @@ void network_wait(struct network *network, double seconds);
 
 /*
  * A writer for messages of up to `size` bytes; `event`, which must outlive the writer, when a reader has come or gone.
+ * `latched`: also for readers that ask for the values before them; the newest is kept for these.
  * -EINVAL: a type that cannot be described; -ENOMEM.
  */
 int network_writer_open(struct network *network, const char *topic, const struct description *description, size_t size,
-                        const struct network_event *event, struct network_writer **writer);
+                        bool latched, const struct network_event *event, struct network_writer **writer);
 void network_writer_close(struct network_writer *writer);
 
 /* How many readers there are, and in *came how many have come since the last call. */

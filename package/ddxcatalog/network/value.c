@@ -8,6 +8,7 @@
 
 #define SMALL 8192 /* bytes of a message up to which some are kept for readers that have lost them */
 #define KEPT 8
+#define ANY DDS_LENGTH_UNLIMITED
 #define UNREAD 128 /* small ones that a reader keeps for us while this program does not run */
 
 struct network_writer {
@@ -24,10 +25,15 @@ static dds_qos_t *qos_of(const struct description *description, size_t size, int
 }
 
 int network_writer_open(struct network *network, const char *topic, const struct description *description, size_t size,
-                        const struct network_event *event, struct network_writer **result) {
+                        bool latched, const struct network_event *event, struct network_writer **result) {
     struct network_writer *writer = calloc(1, sizeof *writer);
     dds_qos_t *qos = qos_of(description, size, KEPT);
     int error = writer && qos ? 0 : -ENOMEM;
+
+    if (qos && latched) {
+        dds_qset_durability(qos, DDS_DURABILITY_TRANSIENT_LOCAL);
+        dds_qset_durability_service(qos, 0, DDS_HISTORY_KEEP_LAST, 1, ANY, ANY, ANY);
+    }
 
     if (!error) {
         writer->topic = network_topic(network, topic, description, 0);
