@@ -283,6 +283,14 @@ def test_what_is_not_sent_is_counted_once(begin: Begin) -> None:
     assert lost(laptop.counters()) == 0
 
 
+def test_items_whose_topics_would_be_one(machines: tuple[Machine, Machine]) -> None:
+    robot, laptop = machines
+    for count, name in enumerate(("a.b", "a_b", "a-b"), 1):
+        write(robot.start("write", name), count)
+    for count, name in enumerate(("a.b", "a_b", "a-b"), 1):
+        assert read(laptop.start("read", "robot", name), 1)[0].startswith(f"{count:02x}000000")
+
+
 @pytest.mark.parametrize("text,told", [
     ("items imu\n", "exports.conf:1: items: a line begins with item, except, interface, peer, domain"),
     ("item\n", "exports.conf:1: after item, one word is needed"),

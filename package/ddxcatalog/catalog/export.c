@@ -108,6 +108,23 @@ static int open_writer(struct export *export) {
     return error;
 }
 
+static bool has_topic(const struct exports *exports, const char *topic) {
+    for (const struct export *export = exports->first; export; export = export->next)
+        if (!strcmp(export->topic, topic))
+            return true;
+    return false;
+}
+
+/* "video.frame" and "video_frame" would have one topic: the later one gets a number. */
+static void choose_topic(const struct exports *exports, struct export *export) {
+    char name[NAME_TOPIC];
+
+    name_topic(exports->catalog->identity.name, export->name, name);
+    strcpy(export->topic, name);
+    for (unsigned number = 2; has_topic(exports, export->topic); number++)
+        snprintf(export->topic, NAME_TOPIC, "%.*s_%u", NAME_TOPIC - 12, name, number);
+}
+
 static void add(struct exports *exports, const struct ddx_item_info *info, const struct config_rule *rule) {
     struct export *export = exports->count < ITEMS_MAX ? calloc(1, sizeof *export) : NULL;
 
@@ -122,7 +139,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
     export->info = *info;
     export->there = true;
     strcpy(export->name, info->name);
-    name_topic(exports->catalog->identity.name, info->name, export->topic);
+    choose_topic(exports, export);
     export->form = form_now(exports->catalog, info->name);
     int error = export->form ? open_writer(export) : 0;
     if (error)
