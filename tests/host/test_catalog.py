@@ -154,6 +154,8 @@ def test_nothing_is_sent_that_nobody_reads(machines: tuple[Machine, Machine], li
     assert packets() - before < VALUES / 4  # of the machines' own: they say that they are there
     assert robot.counters()["in"] == taken
     assert robot.desk.readers("sensor") == 0
+    assert laptop.desk.item("robot:sensor")["writer_pid"] == 0  # of such the store allows one program some hundred
+    read(laptop.start("read", "robot", "sensor"), 1)
 
 
 def test_values_lost_on_the_way_are_sent_again_or_counted(machines: tuple[Machine, Machine], link: Link) -> None:

@@ -8,7 +8,7 @@
 
 #include "clock.h"
 
-#define UNREAD_NS INT64_C(5000000000) /* without a reader for so long, the origin need not send any more */
+#define UNREAD_NS INT64_C(5000000000) /* without a reader for so long, a mirror is closed */
 
 struct mirror {
     struct mirror *next;
@@ -193,32 +193,40 @@ int mirrors_want(struct mirrors *mirrors, const char *name) {
     return mirror->reader ? 0 : subscribe(mirror, remote);
 }
 
-static void look_at(struct mirror *mirror, int64_t now) {
+/* Follow what is announced. False: nobody reads the item here. */
+static bool look_at(struct mirror *mirror, int64_t now) {
     const struct remote *remote;
 
-    if (!mirror->version)
-        return;
-    if (ddx_store_readers(mirror->item) > 0)
+    if (mirror->version && ddx_store_readers(mirror->item) > 0)
         mirror->read = now;
-    bool wanted = now - mirror->read < UNREAD_NS;
+    if (now - mirror->read >= UNREAD_NS)
+        return false;
     bool known = !directory_find(mirror->catalog->directory, mirror->name, &remote);
-    if (!wanted)
-        unsubscribe(mirror);
-    else if (known && remote->version != mirror->version)
+    if (mirror->version && known && remote->version != mirror->version)
         mirrors_want(mirror->catalog->mirrors, mirror->name);
-    else if (known && !mirror->reader)
+    else if (mirror->version && known && !mirror->reader)
         subscribe(mirror, remote);
+    return true;
 }
 
 void mirrors_look(struct mirrors *mirrors, const struct ddx_item_info *items, unsigned count) {
     int64_t now = ddx_time_now();
 
-    for (unsigned i = 0; i < count; i++) /* of the catalog that ran before */
+    for (unsigned i = 0; i < count; i++) /* of the catalog that ran before, or read again after a while */
         if (strchr(items[i].name, ':') && items[i].readers && !items[i].writer_pid && !find(mirrors, items[i].name))
             mirrors_want(mirrors, items[i].name);
 
-    for (struct mirror *mirror = mirrors->first; mirror; mirror = mirror->next)
-        look_at(mirror, now);
+    for (struct mirror **at = &mirrors->first; *at;) {
+        struct mirror *mirror = *at;
+
+        if (look_at(mirror, now)) {
+            at = &mirror->next;
+            continue;
+        }
+        *at = mirror->next; /* the item, with its last value, is the store's */
+        close_mirror(mirror);
+        free(mirror);
+    }
 }
 
 struct mirrors *mirrors_open(struct catalog *catalog) {
