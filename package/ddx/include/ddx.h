@@ -47,6 +47,8 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+/* What these headers declare is what libddx.so exports; all else in the library is hidden. */
+#pragma GCC visibility push(default)
 
 typedef struct ddx_store_id DDX_STORE_ID;     /* a connection to a store */
 typedef struct ddx_store_item DDX_STORE_ITEM; /* a handle on one item; it reads, or writes, or both */
@@ -371,6 +373,7 @@ const char *ddx_error_text(int error);
  */
 int ddx_type_problem(const char *type, char *text, size_t bytes);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -28,6 +28,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 #define DDX_REQUEST_CHANGES 16 /* at most, in one request */
 #define DDX_REQUEST_NAME 32    /* bytes of a setting's name, with the 0 byte at its end */
@@ -94,6 +95,7 @@ int ddx_requests_answer(DDX_REQUESTS *requests, int status, const char *text);
 /* Take no more requests. NULL is allowed. Before ddx_store_close(). */
 void ddx_requests_close(DDX_REQUESTS *requests);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -36,6 +36,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 #define DDX_STATS_VERSION 3
 #define DDX_STATS_REASONS 8     /* reasons of loss, "restart" among them */
@@ -205,6 +206,7 @@ int ddx_stats_json(const DDX_STATS *stats, const char *instance, char *line, siz
 /* The latency in µs below or at which `share` (0 to 1) of the frames are; 0 if there are none. */
 uint64_t ddx_stats_percentile(const DDX_STATS *stats, double share);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif
