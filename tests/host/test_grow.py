@@ -1,12 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """ddxgrow on disks that are files: what changes in the partition table, what does not, and what it refuses."""
-import json
 import pathlib
 import subprocess
 
 import pytest
 
-from parts.common import run
 from parts.disk import mbr
 from parts.image import native
 
@@ -25,8 +23,7 @@ def grow(disk: pathlib.Path, number: int) -> subprocess.CompletedProcess[str]:
 
 
 def table(disk: pathlib.Path) -> dict[int, tuple[int, int]]:
-    found = json.loads(run(["sfdisk", "--json", disk]))["partitiontable"]["partitions"]
-    return {int(one["node"].removeprefix(str(disk))): (one["start"], one["size"]) for one in found}
+    return {one["number"]: (one["start"], one["size"]) for one in mbr.table(disk)["partitions"]}
 
 
 @pytest.fixture

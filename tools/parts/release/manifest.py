@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Compare an image with board/common/manifest.txt of each tree: an unpacked root, a kernel configuration, a disk."""
-import json
 import pathlib
 import re
 
 from parts import trees
 from parts.common import entries, run
+from parts.disk import mbr
 from parts.image import tables
 
 MANIFEST = "board/common/manifest.txt"
@@ -88,9 +88,9 @@ def services(root: pathlib.Path) -> tuple[list[str], list[str]]:
 
 def disk(image: pathlib.Path) -> list[str]:
     """Differences of the partition table and the labels."""
-    table = json.loads(run(["sfdisk", "--json", image]))["partitiontable"]
+    table = mbr.table(image)
     bad = [] if table["id"] == f"0x{wanted('disk')[0][1]}" else [f"signature {table['id']}"]
-    found = {int(entry["node"].removeprefix(str(image))): entry for entry in table["partitions"]}
+    found = {entry["number"]: entry for entry in table["partitions"]}
     for number, kind, start, size, label in wanted("partition"):
         entry = found.pop(int(number), None)
         if (entry is None or entry["type"] != kind or entry["start"] != int(start)
