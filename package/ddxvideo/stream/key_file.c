@@ -4,6 +4,7 @@
 #include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <libavutil/base64.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -115,11 +116,5 @@ bool key_file_read(const char *path, uint8_t key[KEY_FILE_BYTES], char *error) {
 }
 
 void key_file_text(const uint8_t key[KEY_FILE_BYTES], char text[KEY_FILE_TEXT + 1]) {
-    for (unsigned i = 0; i < KEY_FILE_BYTES; i += 3) {
-        unsigned group = (unsigned)key[i] << 16 | (unsigned)key[i + 1] << 8 | key[i + 2];
-
-        for (unsigned shift = 24; shift; shift -= 6)
-            *text++ = base64[group >> (shift - 6) & 63];
-    }
-    *text = 0;
+    av_base64_encode(text, KEY_FILE_TEXT + 1, key, KEY_FILE_BYTES);
 }

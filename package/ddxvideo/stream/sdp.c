@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <libavutil/base64.h>
 #include <limits.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -30,16 +31,10 @@ __attribute__((format(printf, 2, 3))) static void add(struct text *text, const c
         text->length = SDP_MAX - 1;
 }
 
-static void add_base64(struct text *text, const uint8_t *data, size_t size) {
-    static const char digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+static void add_base64(struct text *text, const struct h264_nal *nal) {
+    char digits[AV_BASE64_SIZE(PARAMETERS_MAX)];
 
-    for (size_t i = 0; i < size; i += 3) {
-        unsigned group =
-            (unsigned)data[i] << 16 | (i + 1 < size ? data[i + 1] : 0u) << 8 | (i + 2 < size ? data[i + 2] : 0u);
-
-        add(text, "%c%c%c%c", digits[group >> 18], digits[group >> 12 & 63],
-            i + 1 < size ? digits[group >> 6 & 63] : '=', i + 2 < size ? digits[group & 63] : '=');
-    }
+    add(text, "%s", av_base64_encode(digits, sizeof digits, nal->data, (int)nal->size));
 }
 
 /* RFC 6184, 8.1 */
@@ -57,9 +52,9 @@ static bool add_h264(struct text *text, const struct sdp *sdp) {
     add(text, "a=rtpmap:%d H264/%d\r\n", sdp->type, RTP_CLOCK);
     add(text, "a=fmtp:%d packetization-mode=1;profile-level-id=%02X%02X%02X;sprop-parameter-sets=", sdp->type,
         sps.data[1], sps.data[2], sps.data[3]);
-    add_base64(text, sps.data, sps.size);
+    add_base64(text, &sps);
     add(text, ",");
-    add_base64(text, pps.data, pps.size);
+    add_base64(text, &pps);
     add(text, "\r\n");
     return true;
 }
