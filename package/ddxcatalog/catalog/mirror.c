@@ -193,7 +193,7 @@ int mirrors_want(struct mirrors *mirrors, const char *name) {
     return mirror->reader ? 0 : subscribe(mirror, remote);
 }
 
-/* Follow what is announced. False: nobody reads the item here. */
+/* Follow what is announced. False: the item has no reader here. */
 static bool look_at(struct mirror *mirror, int64_t now) {
     const struct remote *remote;
 

@@ -81,7 +81,7 @@ struct network_record {
     char *name;    /* of the machine */
     int64_t since; /* when the machine's catalog was started, ns of its wall time; never after padding */
     char *host;    /* its host name, another one where two machines have the same */
-    char *boot; /* boot id, by which CLOCK_MONOTONIC is told from that of another boot */
+    char *boot; /* boot id, which identifies the boot that CLOCK_MONOTONIC belongs to */
     char *type, *declaration, *extents, *topic;
 };
 
@@ -103,7 +103,7 @@ enum network_change { NETWORK_THERE, NETWORK_GONE, NETWORK_AWAY };
 typedef void network_take_record(void *argument, const struct network_record *record, enum network_change change);
 void network_records_read(struct network_records *records, network_take_record *take, void *argument);
 
-/* ---- Clocks: who received what when ---- */
+/* ---- Clocks: the times of an exchange ---- */
 
 /* Of one machine. Times are ns of CLOCK_MONOTONIC: of this machine, but those of `peer_sent`. */
 struct network_stamps {

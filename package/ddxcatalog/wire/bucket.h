@@ -24,7 +24,7 @@ struct bucket {
 /* `rate` is BUCKET_MOST at most. */
 void bucket_begin(struct bucket *bucket, uint64_t rate, int64_t now);
 
-/* Whether a message of so many bytes may be sent now, which then counts. */
+/* Whether a message of that number of bytes may be sent now, which then counts. */
 bool bucket_take(struct bucket *bucket, size_t bytes, int64_t now);
 
 #endif

@@ -3,7 +3,7 @@
 
 #include <stddef.h>
 
-#define DRIFT 10000                   /* the clocks drift apart by less than 1 ns in so many */
+#define DRIFT 10000                   /* the clocks drift apart by less than 1 ns in 10,000 */
 #define LATEST (INT64_C(1) << 61)     /* of any clock: sums cannot overflow */
 #define LONGEST INT64_C(10000000000)  /* ns that an exchange may take */
 
