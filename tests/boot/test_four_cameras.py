@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A robot with four cameras for a minute: a stereo pair and its range, a USB camera, an IIDC camera; all are recorded.
 
-An emulated machine (two processors, no KVM) carries these rates: 2 pairs a second of 320x180 with 32 disparities, 5 frames
-a second of CIF from the USB camera and of 176x144 from the IIDC camera. What a camera's driver cannot deliver is counted by
-the grabber, and pairs for which there is no time by ddxvideoSVS; from the store onto the disk, no frame may be lost.
+An emulated machine (two processors, no KVM) carries these rates: 2 pairs a second of 320x180 with 32 disparities, 5
+frames a second of CIF from the USB camera and of 176x144 from the IIDC camera. The grabber counts frames that a
+camera's driver cannot deliver, and ddxvideoSVS pairs for which there is no time; from the store to the disk, no frame
+may be lost.
 """
 import pathlib
 import time
