@@ -129,7 +129,7 @@ def pytest_handlecrashitem(crashitem: str, report: pytest.TestReport) -> None:
 
 @pytest.hookimpl(hookwrapper=True)
 def pytest_runtest_protocol(item: pytest.Item):  # type: ignore[no-untyped-def]
-    if os.geteuid() == 0:  # nobody else gets a priority back
+    if os.geteuid() == 0:  # no other user gets a priority back
         os.setpriority(os.PRIO_PROCESS, 0, LATER if item.get_closest_marker("computes") else USUAL)
     yield
     OUTCOMES.end(item)

@@ -43,7 +43,7 @@ def unplug(guest: Guest) -> str:
 
 
 def configure(guest: Guest, text: str, instance: str = GRABBER) -> None:
-    """Settings of an instance as a technician writes them; the service begins anew with them."""
+    """Settings of an instance as a technician writes them; the service restarts with them."""
     guest.sh(f"printf '%s\\n' {' '.join(repr(word) for word in text.split())} > /data/ddx/{instance}.conf")
     guest.sh(f"/etc/init.d/S*{GRABBER} restart")
 
@@ -66,7 +66,7 @@ def stats(guest: Guest, instance: str = GRABBER) -> Counters:
 
 
 def wait_for_frames(guest: Guest, frames: int = 1, instance: str = GRABBER, seconds: float = PATIENCE) -> Counters:
-    """Until it has put so many more frames into the store."""
+    """Until it has put that number of further frames into the store."""
     deadline = time.monotonic() + seconds
     begin = None
     while True:
@@ -157,7 +157,7 @@ def shows(frames: list[Frame], wanted: list[int]) -> bool:
 
 
 def gaps(frames: list[Frame]) -> int:
-    """Numbers of the driver that are missing, where it does not begin anew."""
+    """Numbers of the driver that are missing, where numbering does not start again."""
     steps = [(after.sequence - before.sequence) % 2**32 for before, after in zip(frames, frames[1:])]
     return sum(step - 1 for step in steps if 0 < step < 2**31)
 

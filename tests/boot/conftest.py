@@ -46,7 +46,7 @@ def pytest_runtest_logstart() -> None:
 # Outermost, so the last to speak: what guests say is no part of a failure's text, by which its second chance is judged.
 @pytest.hookimpl(hookwrapper=True, tryfirst=True)  # type: ignore[misc]
 def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def]
-    """Who looks for the cause of a failure finds what the guests had to say."""
+    """A failed test keeps the guests' messages."""
     report = (yield).get_result()
     if report.failed:
         found = [*GONE, *(evidence.take(guest, True) for guest in qemu.Guest.alive)]
@@ -153,7 +153,7 @@ def guest(boot: qemu.Boot, work: pathlib.Path, short_clip: pathlib.Path) -> Iter
 
 @pytest.fixture(scope="session")
 def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[qemu.Guest]:
-    """A guest with vivid, whose output can show a second of the clip; nobody records."""
+    """A guest with vivid, whose output can show a second of the clip; no recorder runs."""
     feed = default_clip.write(work / "feed.y4m", 1)
     with boot("camera", test_disk=camera.disk(work, board.board, feed), more_memory=256) as running:
         camera.prepare(running)

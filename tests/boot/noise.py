@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What hangs on a robot's first serial line: a GPS and an IMU that speak from power-on, whoever listens."""
+"""Devices on a robot's first serial line: a GPS and an IMU that send from power-on."""
 import contextlib
 import os
 import pathlib

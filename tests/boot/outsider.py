@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Whoever is at the other end of a guest's network cable: sends frames of our own making, sees each one that comes."""
+"""The other end of a guest's network cable: sends chosen frames, sees each frame that comes."""
 from __future__ import annotations
 
 import pathlib
@@ -91,7 +91,7 @@ class Outsider:
         return False
 
     def ipv6_neighbour(self, seconds: float) -> bytes:
-        """The address by which the guest answers whoever calls all nodes; empty if it does not."""
+        """The address by which the guest answers a call to all nodes; empty if it does not."""
         call = ip(IPV6, ALL_NODES, ICMP6, struct.pack("!BBHHH", ECHO6, 0, 0, 1, 1))
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:

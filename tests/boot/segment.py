@@ -70,7 +70,7 @@ class Segment:
         try:
             self._sockets[end].sendto(frame, str(self.folder / f"guest{end}"))
         except OSError:
-            pass  # nobody there yet, or no more
+            pass  # no receiver yet, or no more
 
     def _relay(self, end: int, frame: bytes) -> None:
         port = stream_port(frame)

@@ -200,7 +200,8 @@ def test_unplugged_and_plugged_in_again(vivid: Guest, go: Callable[[Guest], None
     assert run.wrong == []
     assert vivid.sh(f"cat /run/service/{GRABBER}/restarts") == before
     assert "unplugged" in text[1] and "back after" in text[-1], text
-    # Where mdev is slow it is not allowed at first; and vivid gives a disconnected camera back once nobody has it open.
+    # Where mdev is slow it is not allowed at first; and vivid gives a disconnected camera back once no program has it
+    # open.
     assert all(line.endswith("Permission denied") or "unplugged" in line or "back" in line for line in text[2:-1]), text
     pairs = list(zip(run.frames, run.frames[1:]))
     _, first = max(pairs, key=lambda pair: pair[1].published - pair[0].published)

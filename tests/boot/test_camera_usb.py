@@ -51,7 +51,7 @@ def test_every_frame_comes_out_bit_exact(guest: Guest) -> None:
 
 
 def test_gaps_are_what_the_pictures_lack(guest: Guest) -> None:
-    """Nobody takes frames out of the driver for two seconds: it throws away what it has no room for."""
+    """The driver's frames are not read for two seconds: it drops frames that it has no room for."""
     def freeze() -> None:
         guest.sh(f"p=$(cat /run/service/{GRABBER}/supervise/pid); kill -STOP $p; sleep 2; kill -CONT $p")
         camera.wait_for_frames(guest, 3)

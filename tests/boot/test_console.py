@@ -7,7 +7,7 @@ from parts.guest.qemu import Guest
 
 
 def test_no_console_without_provisioning(closed: Guest) -> None:
-    """On the serial line somebody tries all the time: noise.py."""
+    """Devices send on the serial line all the time: noise.py."""
     closed.wait_for_log(b"this console is closed")
     closed.channel("hvc0").send("\nroot\n\necho al''ive\n")
     time.sleep(3)

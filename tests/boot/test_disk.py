@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A disk that hangs, is full or fails: what that costs is counted, stands in the index, and nobody else notices."""
+"""A disk that hangs, is full or fails: losses are counted and in the index, and no other program notices."""
 import contextlib
 import pathlib
 import time
@@ -43,7 +43,7 @@ def out(guest: Guest, program: str) -> int:
 
 
 def wait_for_out(guest: Guest, program: str, frames: int) -> None:
-    """So many more than now."""
+    """Until that number of further frames is out."""
     aim = out(guest, program) + frames
     end = time.monotonic() + PATIENCE
     while out(guest, program) < aim:

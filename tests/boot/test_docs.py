@@ -12,7 +12,7 @@ pytestmark = pytest.mark.long
 
 def test_each_command_of_the_technicians_page(boot: Boot, image: pathlib.Path, work: pathlib.Path) -> None:
     commands = docs.commands()
-    assert {who for who, _ in commands} == {docs.ROBOT, docs.LAPTOP}
+    assert {machine for machine, _ in commands} == {docs.ROBOT, docs.LAPTOP}
     assert len(commands) > 10 and commands[-1] == (docs.ROBOT, "poweroff")
     users = docs.laptops(work / "docs")
     with boot("docs", **docs.provide(image, work / "docs", users)) as guest:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Each service in turn is killed, hangs, and dies again and again: it is back, that is counted, frames flow again, and
-nobody else notices. How long it took is a figure."""
+no other service notices. How long it took is a figure."""
 import pathlib
 from collections.abc import Iterator
 
@@ -21,8 +21,8 @@ from .test_health import HEALTH, hang, state, uptime
 pytestmark = pytest.mark.long
 
 SERVICES = tables.services()
-LOOKED_AFTER = [name for name in SERVICES if name != HEALTH]  # who looks after that: the watchdog, see test_health.py
-LONG_RUN = 11  # s; one that ran for so long is started again at once
+LOOKED_AFTER = [name for name in SERVICES if name != HEALTH]  # the watchdog supervises it: test_health.py
+LONG_RUN = 11  # s; one that ran for this time is started again at once
 DISK = 8 << 30  # bytes; all that is recorded meanwhile fits
 SETTINGS = {LOAD: "loop=\nrate=0.4\n", SAVE: "segment=16\n", stream.SEND: "interface=lo\ncodec=mpeg4\n",
             stream.DECODE: "interface=lo\n", "ddxvideoSVS": "calib=/test/stereo.yml\n",
@@ -49,7 +49,7 @@ def restarts(guest: Guest) -> dict[str, object]:
 
 
 def once_more(before: dict[str, object], name: str, times: int = 1) -> dict[str, object]:
-    """These restarts, and one more of one service, or so many."""
+    """These restarts, and `times` more of one service."""
     return {**before, name: int(str(before[name])) + times}
 
 

@@ -133,7 +133,7 @@ def test_what_dies_again_and_again_is_given_time_and_shown(guarded: Guest) -> No
 
 @pytest.mark.long
 def test_a_recorder_that_cannot_be_helped_is_a_reason_for_a_reset(guarded: Guest, record_property: Figure) -> None:
-    """Nobody takes the order to kill it. The watchdog gets no food from then on."""
+    """The command to kill it is not read. The watchdog is not fed from then on."""
     guarded.wait_until(f"ddxctl stats --json | grep -q '\"instance\":\"{SAVE}\"'")
     runsv = guarded.sh(f"pgrep -x -f 'runsv {SAVE}'")
     guarded.shell().begin(f"kill -STOP {runsv} {state(guarded, SAVE)['pid']}")
@@ -148,7 +148,7 @@ def test_a_recorder_that_cannot_be_helped_is_a_reason_for_a_reset(guarded: Guest
 
 @pytest.mark.long
 def test_a_dead_machine_is_reset_and_tells_why(guarded: Guest, record_property: Figure) -> None:
-    """The kernel runs, but nobody feeds: QEMU tells when its watchdog has had enough."""
+    """The kernel runs, but the watchdog is not fed: QEMU reports its expiry."""
     pid = state(guarded, HEALTH)["pid"]
     guarded.shell().begin(f"kill -STOP {pid}")
     begin = time.monotonic()

@@ -38,7 +38,7 @@ def outsider() -> Iterator[Outsider]:
 
 def everywhere(guest: Guest, outsider: Outsider, ports: range = ALL) -> set[tuple[str, int]]:
     """The scan at both of its addresses: the one it was given and the one that IPv6 makes itself. There the lower ports
-    will do: what listens by IPv6 alone is rare, and would be somebody's service."""
+    will do: programs that listen by IPv6 alone are rare, and would be a user's service."""
     guest.sh(TALKATIVE)
     neighbour = outsider.ipv6_neighbour(60)
     assert neighbour, "no answer by IPv6: is it on at all?"
@@ -57,10 +57,10 @@ def call(outsider: Outsider) -> None:
 def test_an_image_that_was_told_nothing_is_silent_and_has_no_open_port(boot: Boot, outsider: Outsider) -> None:
     with boot("ports-none", extra=outsider.card()) as guest:
         guest.wait_until("test -d /sys/class/net/eth0")
-        guest.sh("sleep 2")  # somebody might do something with it
+        guest.sh("sleep 2")  # a program might react to it
         call(outsider)
         assert outsider.ipv6_neighbour(3) == b"" and outsider.came == []
-        guest.sh(f"ip link set eth0 up && ip addr add {ADDRESS} dev eth0")  # as somebody might, by hand
+        guest.sh(f"ip link set eth0 up && ip addr add {ADDRESS} dev eth0")  # as a user might, by hand
         assert everywhere(guest, outsider, LOWEST) == set()  # with everything on, the next test looks at all of them
         assert len(outsider.came) > 3 * len(LOWEST)  # it did answer
 

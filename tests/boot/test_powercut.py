@@ -61,7 +61,7 @@ def flushes(image: pathlib.Path, log: pathlib.Path) -> tuple[list[int], list[int
 
 def test_each_promise_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
                                  record_property: Figure) -> None:
-    """The disk is told twice: when the frames are to be safe, and when the index is that promises them."""
+    """The disk gets two flushes: one for the frames, one for the index that promises them."""
     log = tmp_path / "writes"
     disk = testdisk.make(tmp_path / "test.img", clip, {"ddxvideoload.conf": "loop=\n"})
     with boot("flushes", writes=log, test_disk=disk) as guest:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Who may do what: as the kernel says it of each process, with every service switched on."""
+"""The rights of each process as the kernel reports them, with every service switched on."""
 import re
 import time
 
@@ -9,7 +9,7 @@ from parts.guest import session
 from parts.guest.qemu import Guest
 
 # What starts and supervises the others, what mounts disks, the shells that the test's own provisioning file opened, and
-# `console` where nobody listens, which only sleeps.
+# `console` without input, which only sleeps.
 ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
 # A service is one of the first three, one after the other, before it is what it is: for some milliseconds. And BusyBox'
 # timeout, with which the tests look, stays for a second behind what it watched.
@@ -102,8 +102,8 @@ def test_store_and_recorder_are_the_last_to_go_when_memory_is_short(guest: Guest
         assert status != 0 or text.strip() == wanted, one["Name"]
 
 
-def test_real_time_is_for_who_would_miss_something(guest: Guest, processes: list[Fields]) -> None:
-    """FIFO, without root, and for nobody else."""
+def test_real_time_is_for_programs_that_would_lose_frames(guest: Guest, processes: list[Fields]) -> None:
+    """FIFO, without root, and for no other process."""
     for one in processes:
         if one["Name"] in ROOTS:
             continue

@@ -26,7 +26,7 @@ def choose(guest: Guest) -> None:
             raise
         choose(guest)
         return
-    menu.close()  # who is connected and does not read stops the guest
+    menu.close()  # a connected client that does not read stops the guest
 
 
 def test_rescue_touches_nothing(boot: Boot) -> None:

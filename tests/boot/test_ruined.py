@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Settings or recordings that nothing can mend, and a check that takes long: that is told, everything else runs
-meanwhile, and nothing is formatted unasked."""
+"""Settings or recordings that cannot be repaired, and a check that takes long: both are reported, everything else runs
+meanwhile, and nothing is formatted without a command."""
 import pathlib
 import time
 

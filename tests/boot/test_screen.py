@@ -178,7 +178,7 @@ def screen(guest: Guest, console: Picture) -> Iterator[Guest]:
 
 
 def watch(guest: Guest, dumps: int, seconds: float = PATIENCE) -> None:
-    """So many frames are seen, each of them whole, and none goes backwards."""
+    """`dumps` frames are seen, each of them whole, and none goes backwards."""
     seen: list[int] = []
     end = time.monotonic() + seconds
     while len(set(seen)) < dumps:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The serial line belongs to the robot: a device that speaks there, from power-on, is nobody's order."""
+"""The serial line belongs to the robot: bytes of a device there, from power-on, are no commands."""
 import time
 
 from parts.guest.qemu import USERSPACE, Guest

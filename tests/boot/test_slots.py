@@ -33,7 +33,7 @@ def booted(guest: Guest, slot: str) -> None:
     assert f"ddx.slot={slot}" in words
     assert f"root=PARTUUID=dd5601de-0{'AB'.index(slot) + 2}" in words
     assert "squashfs (ro" in guest.sh("mount | grep ' on / '")
-    # where GRUB would have waited ten seconds for somebody
+    # where GRUB would have waited ten seconds for a key
     assert guest.log.read_bytes().count(b"Press any key") == 0
 
 

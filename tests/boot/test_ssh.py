@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""SSH: whose key is in ddx.txt gets in, nobody else; recordings come out; nothing else listens."""
+"""SSH: only keys in ddx.txt log in; recordings come out; no other port is open."""
 import pathlib
 import re
 import subprocess

@@ -24,8 +24,8 @@ CARD = ("-netdev", "user,id=net,ipv6=off", "-device", "virtio-net-pci,netdev=net
 
 
 class AccessPoint:
-    """The second radio, with the wired card behind it: who joins it gets a lease from there. The machine itself has no
-    other way to the cable."""
+    """The second radio, with the wired card behind it: a station that joins it gets a lease from there. The machine
+    itself has no other way to the cable."""
 
     def __init__(self, guest: Guest) -> None:
         self.guest = guest

@@ -228,7 +228,7 @@ static void play_liar(struct actor *me, unsigned stream) {
     _exit(0);
 }
 
-/* Opens an item that nobody writes, and leaves it: it is gone then. */
+/* Opens an item without a writer, and leaves it: it is gone then. */
 static void play_tourist(struct actor *me) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
 

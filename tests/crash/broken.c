@@ -69,7 +69,7 @@ static const struct {
 } faults[] = {
     {"random", "blind", "torn: "},
     {"random", "miscount", "were counted"},
-    {"random", "deaf", "nobody takes over"},
+    {"random", "deaf", "no program takes over"},
     {"restart", "numbers", "a party complains"},
     {"pins", "unheard", "the reader does not ask"},
     {"restart", "half", "a party complains"},

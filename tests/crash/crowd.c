@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * An item with more frames than a socket holds messages: who is slow to hear of all of them, or stopped, is not cut
- * off, and nobody else waits for it.
+ * An item with more frames than a socket holds messages: a program that is slow to read all of them, or stopped, keeps
+ * its connection, and no other program waits for it.
  */
 #include "puppet.h"
 #include "tests.h"
@@ -53,8 +53,8 @@ static void all_hear_of_all(void) {
     uint64_t accepted = stage->journal.passed[DDX_AT_KEEPER_ACCEPTED];
     store_kill();
     store_begin(NULL);
-    AWAIT(readers_are(KEEPERS + 2) && info.writer_pid, "somebody does not come back");
-    AWAIT(stage->journal.passed[DDX_AT_KEEPER_ACCEPTED] >= accepted + KEEPERS + 3, "somebody is not told of all");
+    AWAIT(readers_are(KEEPERS + 2) && info.writer_pid, "a program does not come back");
+    AWAIT(stage->journal.passed[DDX_AT_KEEPER_ACCEPTED] >= accepted + KEEPERS + 3, "a program does not hear of all");
     if (lost() != before + 1)
         fail("%llu connections were lost after the restart", (unsigned long long)(lost() - before - 1));
     ASK(next, WRITE, 300, 901);
@@ -64,7 +64,7 @@ static void all_hear_of_all(void) {
     puppets_end();
 }
 
-/* The next store does not listen yet: nobody waits for it with its handle locked. */
+/* The next store does not listen yet: no program waits for it with its handle locked. */
 static void nobody_listens(void) {
     struct puppet *keeper[KEEPERS];
 
@@ -77,13 +77,13 @@ static void nobody_listens(void) {
     uint64_t slots = stage->journal.passed[DDX_AT_KEEPER_SLOT], struck = stage->journal.struck;
     store_begin("store.listens:1:stop");
     AWAIT(stage->journal.struck > struck, "the store does not begin");
-    AWAIT(stage->journal.passed[DDX_AT_KEEPER_SLOT] >= slots + 150 * (KEEPERS + 1), "nobody finds the store");
+    AWAIT(stage->journal.passed[DDX_AT_KEEPER_SLOT] >= slots + 150 * (KEEPERS + 1), "no program finds the store");
     int64_t free = puppet_ask(writer, ORDER_FREE, 50);
     if (free < 25)
         fail("the writer's handle was free %lld times of 50", (long long)free);
     ASK(writer, WRITE, 300, 302);
     store_go_on();
-    AWAIT(readers_are(KEEPERS) && info.writer_pid, "somebody does not come back");
+    AWAIT(readers_are(KEEPERS) && info.writer_pid, "a program does not come back");
     ASK(writer, WRITE, 300, 602);
     for (unsigned i = 0; i < KEEPERS; i++)
         ASK(keeper[i], LOOK, 0, 1);

@@ -249,7 +249,7 @@ void await_frames(unsigned stream, unsigned frames, uint32_t term, const char *w
 struct party *await_takeover(unsigned stream, uint32_t term, const char *when) {
     struct party *first = NULL;
 
-    AWAIT(stage->stream[stream].terms >= term, "%s: nobody takes over", when);
+    AWAIT(stage->stream[stream].terms >= term, "%s: no program takes over", when);
     await_frames(stream, 1, term, when);
     for (unsigned i = 0; i < ACTORS; i++)
         if (is_reader(&party[i], stream) && stage->actor[i].term == term &&

@@ -24,7 +24,7 @@ struct party {
     pid_t pid; /* 0: none */
     unsigned index, stream;
     char kind;
-    bool stopped; /* nobody waits for it */
+    bool stopped; /* not waited for */
 };
 extern struct party party[ACTORS];
 extern pid_t store_process;
@@ -46,14 +46,14 @@ void store_go_on(void); /* also if only the worker was stopped */
 struct party *party_begin(char kind, unsigned stream, double period, const char *fault);
 void party_end(struct party *party, int number);   /* sends the signal, waits for the end */
 void party_ended(struct party *party, int number); /* it has died of this signal: waits for that */
-void party_stop(struct party *party);              /* nobody waits for it from now on */
+void party_stop(struct party *party);              /* not waited for from now on */
 void party_go_on(struct party *party);
 struct actor *actor_of(const struct party *party);
-struct party *owner_of(unsigned stream); /* who writes; NULL: dead */
+struct party *owner_of(unsigned stream); /* the writer; NULL: dead */
 
 void fail(const char *format, ...) __attribute__((noreturn, format(printf, 1, 2)));
 void waited(int64_t ns); /* a wait ended well; director_end() prints the longest */
-void look(void); /* has any party complained? has one ended that nobody ended? */
+void look(void); /* has any party complained, or ended unexpectedly? */
 
 #define AWAIT(condition, ...)                       \
     do {                                            \
@@ -69,7 +69,7 @@ void look(void); /* has any party complained? has one ended that nobody ended? *
 
 /* All readers of the stream get frames, of this term or a later one. */
 void await_frames(unsigned stream, unsigned frames, uint32_t term, const char *when);
-/* Wait until one who did not write before writes; the reader who saw its first frame first, NULL if all came later. */
+/* Wait until a new writer writes. Returns the reader that saw its first frame first; NULL if all came later. */
 struct party *await_takeover(unsigned stream, uint32_t term, const char *when);
 /* The longest time without a frame among the readers of a stream, since the last call; ns. */
 int64_t longest_gap(unsigned stream);

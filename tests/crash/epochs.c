@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Store and writers die in such an order that somebody comes back with an epoch that has ended long ago. The newest one
- * counts, and numbers never go back.
+ * Store and writers die in such an order that a program comes back with an epoch that has ended long ago. The newest
+ * one counts, and numbers never go back.
  */
 #include <errno.h>
 
@@ -29,7 +29,7 @@ static void old_ones_come_back(void) {
     puppet_stop(sleeper);
     store_kill();
     store_begin(NULL);
-    AWAIT(puppet_ask(next, ORDER_WRITE, 50) == 55, "nobody takes the stopped writer's place");
+    AWAIT(puppet_ask(next, ORDER_WRITE, 50) == 55, "no program takes the stopped writer's place");
     ASK(reader, HOLD, 1, 55);
     puppet_kill(next);
     AWAIT(writer_is(NULL), "the store does not notice");
@@ -58,8 +58,8 @@ static void old_ones_come_back(void) {
 }
 
 /*
- * A slot was added that no reader was told of, and who knew of it dies: the newest frame is not in it. Who had asked
- * for that slot is not in yet.
+ * A slot was added that no reader knows, and the programs that know it die: the newest frame is not in it. The reader
+ * that had asked for that slot is not admitted yet.
  */
 static void nobody_was_told(void) {
     store_begin("store.ready:5:stop"); /* control page, two slots, one for each of two readers */
@@ -77,11 +77,11 @@ static void nobody_was_told(void) {
     store_begin(NULL);
     AWAIT(puppet_ask(next, ORDER_LOOKUP, 0) == 0, "the store does not come back");
     int64_t number = 0;
-    AWAIT((number = puppet_ask(next, ORDER_WRITE, 0)) >= 0, "nobody takes the dead writer's place");
+    AWAIT((number = puppet_ask(next, ORDER_WRITE, 0)) >= 0, "no program takes the dead writer's place");
     int64_t left = puppet_ask(guest, ORDER_HOLD, 1);
     if (left != 4)
         fail("the newest frame that is left is %lld", (long long)left);
-    AWAIT((number = puppet_ask(next, ORDER_WRITE, 1)) > 0, "nobody takes the dead writer's place");
+    AWAIT((number = puppet_ask(next, ORDER_WRITE, 1)) > 0, "no program takes the dead writer's place");
     if (number < 4)
         fail("after 4 frames the next one has number %lld", (long long)number);
     ASK(reader[0], LOOK, 0, 1);
@@ -100,7 +100,7 @@ static void old_writer_first(void) {
     puppet_stop(writer);
     store_kill();
     store_begin(NULL);
-    AWAIT(puppet_ask(next, ORDER_WRITE, 50) == 55, "nobody takes the stopped writer's place");
+    AWAIT(puppet_ask(next, ORDER_WRITE, 50) == 55, "no program takes the stopped writer's place");
     ASK(reader, HOLD, 1, 55);
     puppet_stop(next);
     puppet_stop(reader);
@@ -140,7 +140,7 @@ static void added_meanwhile(void) {
     puppet_stop(reader[1]);
     store_kill();
     store_begin(NULL);
-    AWAIT(writer_is(writer) && info.readers == 1, "nobody comes back");
+    AWAIT(writer_is(writer) && info.readers == 1, "no program comes back");
     ASK(reader[2], HOLD, 0, 1);
     ASK(reader[2], RELEASE, 0, 0);
     ASK(writer, WRITE, 8, 9);
@@ -159,14 +159,16 @@ static void added_meanwhile(void) {
     store_kill();
     store_begin(NULL);
     AWAIT(readers_are(3), "the readers do not come back again");
-    AWAIT(puppet_ask(next, ORDER_WRITE, 0) == 0, "nobody takes the dead writer's place");
+    AWAIT(puppet_ask(next, ORDER_WRITE, 0) == 0, "no program takes the dead writer's place");
     ASK(reader[0], HOLD, 1, 10);
     ASK(next, WRITE, 1, 11);
     ASK(reader[0], HOLD, 1, 11);
     puppets_end();
 }
 
-/* A writer jumps ahead, and leaves. Its successors begin anew if they must; who reads in order gets their frames. */
+/*
+ * A writer jumps ahead, and leaves. Its successors begin at 1 again if they must; a reader in order gets their frames.
+ */
 static void numbers_jump(void) {
     static const int64_t number[] = {1 << 22, 1 << 23, 1 << 30, INT64_C(1) << 31, INT64_C(1) << 32, INT64_MAX, -2};
 
@@ -178,13 +180,13 @@ static void numbers_jump(void) {
         struct puppet *jumper = puppet_begin(NULL);
 
         puppet_kill(honest);
-        AWAIT(puppet_ask(jumper, ORDER_WRITE, 0) == 0, "nobody takes the dead writer's place");
+        AWAIT(puppet_ask(jumper, ORDER_WRITE, 0) == 0, "no program takes the dead writer's place");
         ASK(jumper, JUMP, number[i], 0);
         ASK(jumper, WRITE, 1, number[i]);
         ASK(reader, NEXT, 1, number[i]);
         puppet_kill(jumper);
         honest = puppet_begin(NULL);
-        AWAIT(puppet_ask(honest, ORDER_WRITE, 0) == 0, "nobody takes the jumper's place");
+        AWAIT(puppet_ask(honest, ORDER_WRITE, 0) == 0, "no program takes the jumper's place");
         for (int64_t k = 1; k < 5; k++) {
             int64_t wanted = number[i] < INT64_C(1) << 62 && number[i] > 0 ? number[i] + k : k;
 
@@ -207,7 +209,7 @@ static void last_ones_are_read(void) {
     ASK(reader, NEXT, 0, 2);
     uint64_t slots = stage->journal.passed[DDX_AT_ATTACH_SLOT];
     puppet_kill(writer);
-    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 10, "nobody takes the dead writer's place");
+    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 10, "no program takes the dead writer's place");
     AWAIT(stage->journal.passed[DDX_AT_ATTACH_SLOT] >= slots + 10, "the reader hears of no other epoch");
     for (int64_t number = 3; number <= 10; number++)
         ASK(reader, NEXT, 1, number);

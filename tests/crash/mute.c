@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Nobody reads the store's log, and its pipe is full: the store leaves out what it has to say, and says so later. */
+/* The store's log is not read, and its pipe is full: the store omits lines, and reports their number later. */
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>

@@ -87,7 +87,7 @@ static void too_few(void) {
     puppet_stop(stopped);
     store_kill();
     store_begin(NULL);
-    AWAIT(readers_are(1) && writer_is(writer), "nobody comes back");
+    AWAIT(readers_are(1) && writer_is(writer), "no program comes back");
     ASK(writer, WRITE, 1, 3);
     struct puppet *guest = puppet_begin(NULL);
     ASK(guest, HOLD, 0, 3);
@@ -107,7 +107,10 @@ static void too_few(void) {
     puppets_end();
 }
 
-/* The writer's program has no descriptor left for a reader that comes: that one is refused, and nobody else notices. */
+/*
+ * The writer's program has no descriptor left for a reader that comes: that reader is refused, and no other program
+ * notices.
+ */
 static void no_descriptors(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *second = puppet_begin(NULL);
@@ -143,7 +146,7 @@ static void no_descriptors(void) {
     puppets_end();
 }
 
-/* The store has hung up on a stopped writer: nobody takes its place, and who comes waits until it is back. */
+/* The store has hung up on a stopped writer: no program takes its place, and a new one waits until it is back. */
 static void writer_taken_for_dead(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *other = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -202,7 +205,7 @@ static void child_lives_on(void) {
     puppet_kill(reader);
     AWAIT(stage->journal.passed[DDX_AT_CLAIM_READER_GONE] > gone, "the dead reader's pin stays");
     puppet_kill(writer);
-    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 22, "nobody may take the dead writer's place");
+    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 22, "no program may take the dead writer's place");
     for (unsigned i = 0; i < 2; i++)
         kill(child[i], SIGKILL);
     puppets_end();

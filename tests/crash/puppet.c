@@ -176,7 +176,7 @@ int puppet_main(int wire) {
     return 0;
 }
 
-/* ---- who pulls the strings ---- */
+/* ---- the program that gives the orders ---- */
 struct puppet *puppet_begin(const char *fault) {
     struct puppet *puppet = puppets;
     int ends[2];

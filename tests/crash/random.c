@@ -92,7 +92,7 @@ static void limit(const struct party *victim) {
     prlimit(victim->pid, RLIMIT_NOFILE, &all, NULL);
 }
 
-/* So many frames are added while a reader is stopped that their news do not fit its socket. */
+/* Frames are added while a reader is stopped, more than its socket holds messages. */
 static void crowd(struct party *victim) {
     struct party *guest[3];
 

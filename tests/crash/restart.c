@@ -17,7 +17,7 @@ static void restart_store(void) {
     store_begin(NULL);
 }
 
-/* Nothing is left of the items, so numbers begin anew. */
+/* Nothing is left of the items, so numbers begin at 1 again. */
 static void end_all(void) {
     for (unsigned i = 0; i < ACTORS; i++)
         if (party[i].pid)
@@ -30,7 +30,7 @@ static void end_all(void) {
     }
 }
 
-/* The new store counts readers anew: somebody else gets the holder's former number, and dies. */
+/* The new store numbers readers again: another reader gets the holder's former number, and dies. */
 static void same_number(void) {
     struct party *others[3];
 
@@ -53,7 +53,7 @@ static void same_number(void) {
     uint64_t gone = stage->journal.passed[DDX_AT_CLAIM_READER_GONE];
     for (unsigned i = 0; i < 3; i++)
         party_end(others[i], SIGKILL);
-    AWAIT(stage->journal.passed[DDX_AT_CLAIM_READER_GONE] >= gone + 3, "the writer does not hear who died");
+    AWAIT(stage->journal.passed[DDX_AT_CLAIM_READER_GONE] >= gone + 3, "the writer does not hear of the deaths");
     uint64_t done = stage->stream[0].done;
     AWAIT(stage->stream[0].done >= done + ROUND, "the writer does not write on");
     party_go_on(holder);
@@ -62,8 +62,8 @@ static void same_number(void) {
 }
 
 /*
- * The writer has not reported for so long that another one is let in, and that one is slow. Who comes now must not get
- * the former one's frames: it does not know of him, and it goes on.
+ * The writer has not reported for so long that another one is admitted, and that one is slow. A new reader must not get
+ * the former writer's frames: that writer does not know the reader, and continues.
  */
 static void between_two_writers(void) {
     store_begin(NULL);
@@ -72,13 +72,13 @@ static void between_two_writers(void) {
     await_frames(1, 10, 1, "at first");
     uint64_t claims = stage->journal.passed[DDX_AT_CLAIM_SENT];
     struct party *next = party_begin('w', 1, PERIOD, "claim.control:1:stop");
-    AWAIT(stage->journal.passed[DDX_AT_CLAIM_SENT] > claims, "nobody stands by");
+    AWAIT(stage->journal.passed[DDX_AT_CLAIM_SENT] > claims, "no program stands by");
     uint32_t struck = stage->journal.struck;
     party_stop(former);
     uint64_t settled = stage->journal.passed[DDX_AT_STORE_SETTLED];
     restart_store();
     AWAIT(stage->journal.passed[DDX_AT_STORE_SETTLED] > settled, "the store does not settle");
-    AWAIT(stage->journal.struck == struck + 1, "nobody is let in instead of the stopped writer");
+    AWAIT(stage->journal.struck == struck + 1, "no program is let in instead of the stopped writer");
     next->stopped = true;
     struct party *guest = party_begin('n', 1, 0, "reader.holds:1:stop");
     guest->stopped = true;
@@ -98,28 +98,28 @@ static void between_two_writers(void) {
 }
 
 /*
- * The store dies when the first of the readers was told of the next epoch, and of none of its slots. That one reports
+ * The store dies when the first reader has received the next epoch, and none of its slots. That reader reports
  * first to the next store, and must not have given up the epoch that has the last frame.
  */
 static void half_told(void) {
     struct party *others[2];
 
     store_begin("store.epoch_begun:5:die");
-    struct party *writer = party_begin('w', 0, PERIOD, NULL); /* a reader, too: told when it begins to write, ... */
-    AWAIT(stage->stream[0].terms == 1, "nobody writes");
+    struct party *writer = party_begin('w', 0, PERIOD, NULL); /* a reader, too: notified when it begins to write, ... */
+    AWAIT(stage->stream[0].terms == 1, "no program writes");
     for (unsigned i = 0; i < 2; i++) { /* ... and these, ... */
         others[i] = party_begin('n', 0, 0, NULL);
         AWAIT(actor_of(others[i])->frames > 3, "a reader gets no frames");
     }
-    struct party *next = party_begin('w', 0, PERIOD, NULL); /* ... and this one, twice: who came last is told first */
-    AWAIT(actor_of(next)->beats > 2, "nobody stands by");
+    struct party *next = party_begin('w', 0, PERIOD, NULL); /* ... and this one, twice: last in, first notified */
+    AWAIT(actor_of(next)->beats > 2, "no program stands by");
     for (unsigned i = 0; i < 2; i++)
         party_stop(others[i]);
     party_end(writer, SIGKILL);
     store_ended();
     uint64_t back = stage->journal.passed[DDX_AT_STORE_READER_BACK];
     store_begin(NULL);
-    AWAIT(stage->journal.passed[DDX_AT_STORE_READER_BACK] > back, "nobody reports");
+    AWAIT(stage->journal.passed[DDX_AT_STORE_READER_BACK] > back, "no program reports");
     for (unsigned i = 0; i < 2; i++)
         party_go_on(others[i]);
     await_takeover(0, 2, "the next writer goes on from the last frame");

@@ -86,7 +86,7 @@ static void each_in_its_own(void) {
         struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
         int64_t result;
 
-        AWAIT((result = puppet_ask(writer, ORDER_WRITE, 1)) != -EEXIST, "nobody takes the dead writer's place");
+        AWAIT((result = puppet_ask(writer, ORDER_WRITE, 1)) != -EEXIST, "no program takes the dead writer's place");
         sleeper[count++] = reader;
         if (result < 0 || (result = puppet_ask(reader, ORDER_HOLD, 0)) < 0)
             refused = result;
@@ -107,7 +107,7 @@ static void each_in_its_own(void) {
             ASK(sleeper[i], RELEASE, 0, 0);
         }
     int64_t number;
-    AWAIT((number = puppet_ask(writer, ORDER_WRITE, 1)) > 0, "there is no room, though nobody is stopped any more");
+    AWAIT((number = puppet_ask(writer, ORDER_WRITE, 1)) > 0, "there is no memory, though no program is stopped");
     ASK(sleeper[0], HOLD, 1, number);
     AWAIT(told_of(&(struct ddx_item_info){0}), "the store does not answer");
     puppets_end();
@@ -129,7 +129,7 @@ static void slept_through(void) {
             nap(0.15); /* from now on it counts as stopped */
         puppet_kill(writer);
         writer = puppet_begin(NULL);
-        AWAIT((number = puppet_ask(writer, ORDER_WRITE, 1)) > 0, "nobody takes the dead writer's place");
+        AWAIT((number = puppet_ask(writer, ORDER_WRITE, 1)) > 0, "no program takes the dead writer's place");
     }
     if (!told_of(&item))
         fail("the store does not answer");
@@ -139,8 +139,8 @@ static void slept_through(void) {
              (unsigned long long)item.bytes);
     puppet_go_on(sleeper);
     ASK(sleeper, LOOK, 0, 1);
-    AWAIT(puppet_ask(sleeper, ORDER_HOLD, 1) == number, "who slept does not follow");
-    AWAIT(all().bytes == item.bytes, "epochs are kept that nobody has");
+    AWAIT(puppet_ask(sleeper, ORDER_HOLD, 1) == number, "the sleeper does not follow");
+    AWAIT(all().bytes == item.bytes, "epochs without a holder are kept");
     puppets_end();
 }
 

@@ -15,7 +15,7 @@
 #define TURNS 4
 #define FEWEST 0.6  /* of the frames */
 #define LONGEST 2.5 /* times the median delay, ... */
-#define SLACK 500.0 /* ... and so many us */
+#define SLACK 500.0 /* ... and this many us */
 
 struct sample {
     double frames;           /* written, and seen by all observers together */
@@ -97,7 +97,7 @@ static void go_on(const struct scene *scene) {
         guest = NULL;
         if (scene->replaces) {
             party_begin('w', scene->stream, PERIOD, NULL);
-            AWAIT(stage->stream[scene->stream].terms > terms, "%s: nobody takes over", scene->name);
+            AWAIT(stage->stream[scene->stream].terms > terms, "%s: no program takes over", scene->name);
         }
     }
     nap(0.02);

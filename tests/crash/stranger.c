@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A stranger who speaks the protocol: neither what it says nor what it is handed harms an honest program later. */
+/* A stranger that speaks the protocol: neither its messages nor the files that it gets harm an honest program later. */
 #include <dirent.h>
 #include <errno.h>
 #include <poll.h>
@@ -43,7 +43,7 @@ static struct ddx_layout *open_item(int fd) {
     return ddx_layout_copy(ddx_packet_layout(&packet));
 }
 
-/* Who claims an item gets the pin pages of its readers. It cannot write to them, then or later. */
+/* A program that claims an item gets the pin pages of its readers. It cannot write to them, then or later. */
 static void pages_of_others(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -72,7 +72,7 @@ static int forge(const struct ddx_layout *layout, uint32_t epoch, const char *wh
         digest = (digest ^ ((const unsigned char *)layout)[i]) * 0x100000001b3u;
     snprintf(name, sizeof name, "%s %u %016llx %s", stream_name[0], epoch, (unsigned long long)digest,
              what ? what : "control");
-    if (!right && seteuid(65534)) /* who may not be somebody else makes a mistake instead */
+    if (!right && seteuid(65534)) /* without the right to change the user, a wrong name serves instead */
         *name = '.';
     int file = ddx_memory_create(name, ddx_page_round(what ? sizeof(FRAME) : sizeof(struct ddx_control)));
     if (seteuid(getuid()) || file < 0)
@@ -107,7 +107,7 @@ static void last_number(void) {
     close(fd);
     close(file);
     free(layout);
-    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 1, "nobody may write");
+    AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 1, "no program may write");
     /* Of the epoch 0x1000000 a pin on slot 0 would look like none, and none like a pin. */
     if (!told_of(&info) || info.epoch <= 0xffffff || !(info.epoch & 0xffffff))
         fail("epoch %u follows on %u", info.epoch, 0xffffff);
@@ -127,7 +127,7 @@ static void last_number(void) {
     puppets_end();
 }
 
-/* After a restart, somebody offers files of his own for an item whose writer has not come back yet. */
+/* After a restart, a program offers its own files for an item whose writer has not come back yet. */
 static void own_files(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -212,7 +212,7 @@ static int endless_offer(const struct ddx_layout *layout, uint32_t epoch, int co
     return fd;
 }
 
-/* A store with so many descriptors, whatever this machine's limit is. */
+/* A store with that number of descriptors, whatever this machine's limit is. */
 static void store_begin_with(unsigned descriptors) {
     store_descriptors = descriptors;
     store_begin(NULL);
@@ -297,7 +297,7 @@ static void never_listen(void) {
     puppets_end();
 }
 
-/* Somebody comes back as a reader that was never let in with so much: others read, and write, all the same. */
+/* A program comes back as a reader with a larger share than it ever had: others read, and write, all the same. */
 static void large_shares(void) {
     int fd[3], pin;
 
@@ -325,7 +325,7 @@ static void large_shares(void) {
             fail("the store does not answer");
     }
     puppet_kill(writer);
-    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 2, "nobody may write");
+    AWAIT(puppet_ask(next, ORDER_WRITE, 1) == 2, "no program may write");
     ASK(reader, HOLD, 1, 2);
     for (unsigned i = 0; i < 3; i++)
         close(fd[i]);
@@ -362,7 +362,7 @@ static void few_descriptors(void) {
     AWAIT(stage->journal.passed[DDX_AT_KEEPER_OFFERED] > offered + 1, "the writer does not try again");
     prlimit(store_worker(), RLIMIT_NOFILE, &all, NULL);
     puppet_go_on(reader);
-    AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "somebody does not come back");
+    AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "a program does not come back");
     if (info.frames < 3)
         fail("%u frames are left of the item", info.frames);
     ASK(writer, WRITE, 20, 22);

@@ -44,7 +44,7 @@ static unsigned break_into(int fd, size_t bytes) {
     return ways;
 }
 
-/* An honest reader's files, in the hands of somebody else; afterwards it lies about its pins as fast as it can. */
+/* An honest reader's files, held by another program; afterwards it lies about its pins as fast as it can. */
 void play_vandal(struct actor *me, unsigned stream) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
     DDX_STORE_ITEM *item = actor_lookup(id, stream_name[stream]);
@@ -100,7 +100,7 @@ void play_flood(struct actor *me) {
     limit.rlim_cur = limit.rlim_max;
     setrlimit(RLIMIT_NOFILE, &limit);
     srand(2005);
-    for (unsigned i = 0; i < HELD && !leaving; i++) { /* quiet guests, who only stay */
+    for (unsigned i = 0; i < HELD && !leaving; i++) { /* quiet guests, which only stay */
         struct ddx_message message = {.operation = DDX_OPEN, .flags = DDX_FLAG_CREATE, .name = "guests", .type = "int"};
         int fd = link_up();
 

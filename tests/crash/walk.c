@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Walks through all points of fault.h: at each one a party is killed, and another is stopped, while writer, standby and
- * readers of two items go on. Each frame that anybody gets is checked word by word (actor.c), losses are compared with
- * what the writers wrote down, and whoever waits for a thing that does not come makes the test fail.
+ * readers of two items go on. Each delivered frame is checked word by word (actor.c), losses are compared with
+ * the writers' records, and a wait that does not end makes the test fail.
  */
 #include <string.h>
 #include <sys/wait.h>
@@ -42,7 +42,7 @@ static bool wait_struck(unsigned before, double seconds) {
     return struck(before);
 }
 
-/* Somebody comes, gets three frames, and leaves. */
+/* A reader comes, gets three frames, and leaves. */
 static void visit(char kind, unsigned before) {
     struct party *guest = party_begin(kind, 0, 0, NULL);
 
@@ -87,7 +87,7 @@ static void lose_slots(unsigned before) {
     store_go_on();
 }
 
-/* No frames for so long that who waits gives up. */
+/* No frames for so long that waiting readers give up. */
 static void pause_writer(unsigned before) {
     struct party *owner = owner_of(0);
 
@@ -141,7 +141,7 @@ static void bring(const char *fault, unsigned before) {
         return;
     }
     if (in("reader.") || in("direct.") || in("attach.")) {
-        /* who waits in other ways, too, may do so in each of the pauses */
+        /* other ways to wait are used in each of the pauses, too */
         victim = party_begin(is("direct.restored") ? 'd' : 'm', 0, 0, fault);
         AWAIT(actor_of(victim)->frames > 5 || struck(before), "%s: the victim does not begin", where);
         return;
@@ -168,7 +168,7 @@ static void outlast(unsigned before) {
     AWAIT(struck(before), "%s: never learns that it was superseded", where);
 }
 
-/* The worker of the store: another one goes on, and nobody notices. */
+/* The worker of the store: another one continues, and no client notices. */
 static void worker_killed(void) {
     AWAIT(store_worker() && store_worker() != stage->journal.pid, "%s: no other worker", where);
     await_frames(1, 10, 0, where);
@@ -274,7 +274,7 @@ static void walk_point(unsigned point, const char *action) {
         stimulate(turn, before);
     }
     if (stage->journal.point != point || (victim && stage->journal.pid != victim->pid))
-        fail("%s: somebody else was struck", where);
+        fail("%s: another program was struck", where);
     terms = stage->stream[0].terms;
     bool wrote = victim && victim->kind == 'w' && !is("keeper.superseded");
     stage->stream[0].allowed = ~0u;
@@ -285,13 +285,13 @@ static void walk_point(unsigned point, const char *action) {
     if (liar)
         party_end(liar, SIGKILL);
     refill();
-    /* And all is well again: frames flow, and who comes anew is let in. */
+    /* And all is well again: frames flow, and new programs are admitted. */
     await_frames(0, 5, 0, where);
     if (is("reader.unmapped"))
-        AWAIT(!stumbles(), "%s: a reader is never told of a slot", where);
+        AWAIT(!stumbles(), "%s: a reader never hears of a slot", where);
     victim = NULL;
     struct party *newcomer = party_begin('m', 0, 0, NULL);
-    AWAIT(actor_of(newcomer)->frames >= 3, "%s: who comes anew gets no frames", where);
+    AWAIT(actor_of(newcomer)->frames >= 3, "%s: a new reader gets no frames", where);
     party_end(newcomer, SIGTERM);
     if (waitpid(store_process, NULL, WNOHANG))
         fail("%s: the store has ended", where);
@@ -309,7 +309,7 @@ int test_walk(const char *only) {
 
     store_begin(NULL);
     party_begin('w', 0, PERIOD, NULL);
-    AWAIT(stage->stream[0].terms == 1, "nobody writes");
+    AWAIT(stage->stream[0].terms == 1, "no program writes");
     party_begin('w', 0, PERIOD, NULL);
     for (unsigned i = 0; i < 3; i++)
         party_begin("nod"[i], 0, 0, NULL);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The store's worker dies again and again, hangs, or is killed by what somebody asks: its clients notice nothing.
- * Nobody loses his connection, a reader in order gets every frame, and who comes in between is let in.
+ * The store's worker dies again and again, hangs, or is killed by a client's request: its clients notice nothing.
+ * No program loses its connection, a reader in order gets every frame, and a new program is admitted.
  */
 #include <string.h>
 
@@ -69,7 +69,7 @@ static void hangs(void) {
     kill(worker, SIGSTOP);
     while (store_worker() == worker || !store_worker()) {
         if (ddx_time_now() > since + HANGS)
-            fail("hang: nobody takes the worker's place");
+            fail("hang: no program takes the worker's place");
         kill(store_process, SIGUSR1); /* a program that asks for the store's counters all the time changes nothing */
         nap(0.01);
     }
@@ -80,11 +80,11 @@ static void hangs(void) {
     ASK(reader, LOOK, 0, 1);
     ASK(guest, HOLD, 0, 11);
     if (lost() != before)
-        fail("somebody lost his connection");
+        fail("a program lost its connection");
     puppets_end();
 }
 
-/* A request that no worker survives: who made it is not served any more, the others are. */
+/* A request that no worker survives: its sender is not served any more, the others are. */
 static void poison(void) {
     setenv("DDX_BROKEN", "poison", 1);
     store_begin(NULL);

@@ -77,7 +77,7 @@ static void write_one(struct writer *w, void *data) {
     w->stream->done = number;
 }
 
-/* Another writer took over while this one was stopped: the library must know how many frames nobody saw. */
+/* Another writer took over while this one was stopped: the library must know how many frames no reader saw. */
 static void superseded(struct writer *w) {
     const struct term *next = &w->stream->term[w->number + 1];
     int64_t until = ddx_time_now() + 8000000000;
@@ -116,7 +116,7 @@ void play_writer(struct actor *me, unsigned stream, unsigned index, double perio
             continue;
         }
         result = ddx_store_loan(w.item, &data);
-        if (result == -EEXIST && w.term) { /* stopped for so long that another took over: begin anew */
+        if (result == -EEXIST && w.term) { /* stopped for so long that another took over: begin again */
             superseded(&w);
             w.term = NULL;
             ddx_store_done_item(w.item);
@@ -133,7 +133,7 @@ void play_writer(struct actor *me, unsigned stream, unsigned index, double perio
             begin(&w, index);
         if (w.stream->terms == w.number)
             write_one(&w, data);
-        else if (!ddx_store_publish(w.item, NULL)) /* nobody looks any more, and we are about to be told */
+        else if (!ddx_store_publish(w.item, NULL)) /* there is no reader any more, and we are about to hear of it */
             w.published++;
         me->frames++;
         nap(period);

@@ -3,7 +3,7 @@
  * The slot protocol of package/ddx/lib/ring.h, for Spin: README.md tells what is modelled and what is not. Steps have
  * the names of ring.h (W1 .. W7, R1 .. R5) and the function that has them. A statement outside atomic and d_step is one
  * step, and others may act before and after it; an atomic has one access to shared memory at most, or stores that
- * nobody else can see yet. What depends on a #define in capitals is a fault, for the run that must fail.
+ * no other process can see yet. What depends on a #define in capitals is a fault, for the run that must fail.
  */
 #ifndef FRAMES
 #define FRAMES 3 /* number of the last write */
@@ -21,7 +21,7 @@
 #ifndef FIRST
 #define FIRST 0 /* readers that are there from the beginning; the others come at any time, or never */
 #endif
-#define PAGES (READERS + DEATHS) /* pin pages: also of those who come when another has died */
+#define PAGES (READERS + DEATHS) /* pin pages: also of readers that come when another has died */
 #define SLOTS (READERS + 2)
 #ifdef ONE_SLOT_TOO_FEW
 #define SPARE 1
@@ -57,7 +57,7 @@ byte notice; /* version */
 #define NUMBER(frame) ((frame) & 15)
 
 /*
- * ---- store buffers: what was stored and nobody else sees yet ----
+ * ---- store buffers: stores that no other process sees yet ----
  * One for each kind of word, flushed in any order: weaker than x86, where stores stay in order. A release store lands
  * after the earlier ones. A sequentially consistent one waits until it and all before it have landed.
  */
@@ -76,7 +76,7 @@ byte pin_stored[PAGES] = NONE;
 #endif
 
 /* ---- the store, as far as others see it: one process without races, reached by messages ---- */
-byte current;  /* epoch that readers are told of */
+byte current;  /* epoch announced to readers */
 byte attached = (1 << FIRST) - 1; /* a bit for each reader */
 byte kept = FIRST;                /* how many */
 byte slots = SPARE + FIRST;
@@ -483,7 +483,7 @@ done:
     skip
 }
 
-/* When nothing moves any more, nobody sleeps over a frame that it has not seen. */
+/* When nothing moves any more, no reader sleeps over a frame that it has not seen. */
 active proctype onlooker() {
 end:
     timeout ->

@@ -12,7 +12,7 @@
 #define DEATHS 0 /* of holders, each followed by a store that knows nothing */
 #endif
 #ifndef STOPS
-#define STOPS 0 /* of clients, for good; who goes on sometime is only slow, which everybody may be at any time */
+#define STOPS 0 /* of clients, for good; a client that continues is only slow, which each may be at any time */
 #endif
 #ifndef HANGUPS
 #define HANGUPS 0 /* of the store on a reader, because it has no room or no descriptors for it */
@@ -34,7 +34,7 @@
 #define WRITER 0 /* the others read */
 
 /* wire.h: requests, each with a number and what is said with it */
-#define ATTACH 1 /* pin page: of who is new, else it asks for more room */
+#define ATTACH 1 /* pin page: of a new reader, else it asks for more room */
 #define OFFER 2 /* all of OFFER .. OFFER_END. Reader: pin page, share. Writer: what of the notice it has seen, share. */
 chan request[CLIENTS] = [ROOM] of { byte, byte, byte, byte };
 /* What the store says, each with a number */
@@ -97,7 +97,7 @@ byte known; /* to the writer: a bit for each page */
 #define DRAIN(c) do :: len(request[c]) -> request[c]?_, _, _, _ :: else -> break od
 
 /* ---- the worker; after its death the same process is the next one ---- */
-/* session.c too_early(), readers.c attach(): it hears only those who come back, before it has heard of the writer. */
+/* session.c too_early(), readers.c attach(): it serves only clients that come back, before it has heard of the writer. */
 #define HAS_REQUEST(c) (!hung_up[c] && \
                         ((store.back && len(request[c])) || (!store.back && request[c]?[_, OFFER, _, _])))
 #ifdef FAULT_NOT_GATED
@@ -174,7 +174,7 @@ active proctype worker() {
     byte to;
     bool any;
 
-    d_step { /* at the beginning the writer writes, and has been told of so much */
+    d_step { /* at the beginning the writer writes, and knows these readers */
         do
         :: store.number[WRITER] < UNREAD ->
             store.number[WRITER]++;
@@ -426,7 +426,7 @@ end:
         :: answered[me] ->
             sent = 1;
             request[me]!1, OFFER, page, answered[me]
-        :: else -> page = (waits[me] && page == 0 -> 2 : page) /* who asks anew gets another page; one is enough */
+        :: else -> page = (waits[me] && page == 0 -> 2 : page) /* a new request gets another page; one is enough */
         fi;
         waits[me] = false
     }
@@ -437,7 +437,7 @@ end_stopped:
     false
 }
 
-/* When nothing moves any more, everybody has got what it asked for; but readers not, if the writer is stopped. */
+/* When nothing moves any more, each client has got what it asked for; but readers not, if the writer is stopped. */
 #define DONE(c) (stopped[c] || (c != WRITER && stopped[WRITER]) || \
                  (answered[c] == ASKS_OF(c) && kept.share[c] == answered[c]))
 

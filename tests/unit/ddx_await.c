@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Readers that are there before the item: they get everything from the first value on, and keep nobody from writing. */
+/*
+ * Readers that are there before the item: they get everything from the first value on, and prevent no writer from
+ * writing.
+ */
 #include <errno.h>
 #include <time.h>
 
@@ -52,7 +55,7 @@ static void read_first(DDX_STORE_ITEM *item) {
     }
 }
 
-/* Before anybody creates it, the item is there for nobody but who waits for it. */
+/* Before it is created, the item exists only for readers that wait for it. */
 static void test_unseen(void) {
     DDX_STORE_ITEM *in = await("unseen", 1);
     struct ddx_item_info info;
@@ -102,7 +105,7 @@ static void test_from_the_first(void) {
     ddx_store_done_item(in);
 }
 
-/* Who awaits and who created without writing report to a new store in any order. */
+/* Programs that await it, and one that created it without writing, report to a new store in any order. */
 static void test_restart(void) {
     DDX_STORE_ITEM *in = await("again", FIRST), *before = await("typed", FIRST);
     DDX_STORE_ITEM *typed = ddx_store_lookup_item(id, "typed", "POSITION", sizeof(POSITION));
@@ -131,7 +134,10 @@ static void test_restart(void) {
     ddx_store_done_item(in);
 }
 
-/* Nobody knew how large the frames are: the writer gets its room, who waits keeps fewer, and other readers get in. */
+/*
+ * The size of the frames was unknown: the writer gets its memory, waiting readers keep fewer frames, and other readers
+ * are admitted.
+ */
 static void test_little_room(void) {
     static BLOCK value;
     DDX_STORE_ITEM *in = await("large", 25);
@@ -155,7 +161,7 @@ static void test_little_room(void) {
     CHECK_EQUAL(ddx_store_acquire(late, &frame, 0, DDX_CURRENT), 0);
     ddx_store_done_item(late);
     ddx_store_done_item(out);
-    /* A writer that comes anew, also after a store that was restarted, finds the room as well. */
+    /* A later writer, also after a restart of the store, finds the memory as well. */
     store_stop(SIGKILL);
     store_start("32M");
     nanosleep(&(struct timespec){.tv_nsec = 500000000}, NULL);

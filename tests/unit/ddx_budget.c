@@ -92,7 +92,7 @@ static void write_one(DDX_STORE_ITEM *item) {
     CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
 }
 
-/* It creates an item when it is told so. To be called before this process has threads. */
+/* It creates an item on request. To be called before this process has threads. */
 static pid_t another_program(int told) {
     pid_t child = fork();
     char word;
@@ -105,7 +105,10 @@ static pid_t another_program(int told) {
     _exit(id && create_wide(WIDE) ? 0 : 1);
 }
 
-/* One program gets a share of what the store keeps of names and types, and is told so; what it has left makes room. */
+/*
+ * One program gets a share of the store's memory for names and types, and an error beyond it; items that it has left
+ * are dropped.
+ */
 static void test_one_program(void) {
     static DDX_STORE_ITEM *item[WIDE];
     unsigned count = 0;
@@ -133,7 +136,7 @@ static void test_one_program(void) {
     end();
 }
 
-/* Readers of an item that nobody has written yet have a page each. */
+/* Readers of an item that was never written have a page each. */
 static void test_pages(void) {
     DDX_STORE_ITEM *item[READERS];
     int result = 0, value;
@@ -205,7 +208,7 @@ static void test_less_than_before(void) {
     store_stop(SIGKILL);
     store_start("1M");
     int64_t limit = ddx_time_now() + 10000000000;
-    while (!create("small", 4096, 0)) { /* when that is there, who holds something has been heard */
+    while (!create("small", 4096, 0)) { /* once it exists, all holders have reported */
         CHECK(errno == ECONNREFUSED && ddx_time_now() < limit);
         nanosleep(&step, NULL);
     }

@@ -67,7 +67,7 @@ static void test_names_that_meet(void) {
     form_free(form);
 }
 
-/* What is told of a form is the same form, read again. */
+/* A form's description is read back as the same form. */
 static void test_it_is_read_again(void) {
     static const char *const texts[][2] = {{"struct{ int8_t a;  struct {float b;} c[2]; }",
                                             "struct { int8_t a; struct { float b; } c[2]; }"},

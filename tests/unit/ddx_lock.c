@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A handle's lock: nobody gets in beside another, nobody is forgotten, a waiting thread lends its priority, and a child
+ * A handle's lock: one holder at a time, no waiter is forgotten, a waiting thread lends its priority, and a child
  * process is not taken for its parent. Built a second time without the lock (DDX_FAULT_NO_LOCK), where it must fail.
  */
 #include <pthread.h>
@@ -19,7 +19,7 @@
 #define TURNS 100000
 
 static ddx_lock lock;
-static uint64_t counter; /* a plain word: ThreadSanitizer sees who looks at it without the lock */
+static uint64_t counter; /* a plain word: ThreadSanitizer sees accesses without the lock */
 static atomic_uint refused;
 
 static void take(void) {

@@ -161,7 +161,7 @@ static void test_published_means_latest(void) {
     CHECK_EQUAL(ddx_ring_pin(&control, &page[0].pin[0], slot, ddx_ring_published(&control, latest), &frame), -EAGAIN);
 }
 
-/* Who was away for more writes than a generation can count finds the oldest frame that is there. */
+/* A reader that was away for more writes than a generation can count finds the oldest existing frame. */
 static void test_long_behind(void) {
     struct ddx_ring_writer writer = {
         .control = &control, .notice = &notice, .epoch = 7, .slot_count = 4, .sequence = UINT64_C(0x280000000) - 3};
@@ -173,7 +173,7 @@ static void test_long_behind(void) {
     reset();
     for (unsigned i = 0; i < 4; i++)
         writer.slot[i] = (uint8_t)i;
-    for (unsigned i = 0; i < 6; i++) { /* across a point where the low bits begin anew */
+    for (unsigned i = 0; i < 6; i++) { /* across a wrap of the low bits */
         CHECK_EQUAL(ddx_ring_choose(&writer, &slot[i]), 0);
         ddx_ring_publish(&writer, slot[i], 0);
     }
@@ -205,7 +205,7 @@ int main(void) {
     pthread_t thread[READERS];
     struct party party[READERS];
 
-#ifndef DDX_FAULT_BLIND_WRITER /* with it, nobody is ever in the way */
+#ifndef DDX_FAULT_BLIND_WRITER /* with it, no reader is ever in the way */
     reset();
     test_shares();
 #endif

@@ -349,7 +349,7 @@ static void test_counted_reader(void) {
     }
 }
 
-/* Who has time to look first writes what every reader gets; who has not writes on. */
+/* A writer with time to check first writes frames that every reader gets; a writer without time writes on. */
 static void test_outruns(void) {
     DDX_STORE_ITEM *out = lookup("outrun", "POSITION", sizeof(POSITION)), *in = lookup("outrun", NULL, 0);
     DDX_STORE_ITEM *newest = lookup("outrun", NULL, 0);
@@ -388,7 +388,7 @@ static void test_outruns(void) {
     CHECK_EQUAL(ddx_store_outruns(out), 1);
     ddx_store_done_item(in);
     ddx_store_done_item(newest);
-    while (ddx_store_readers(out)) /* the store takes note of who left */
+    while (ddx_store_readers(out)) /* the store notes the readers that left */
         continue;
     CHECK_EQUAL(ddx_store_outruns(out), 0);
     ddx_store_done_item(out);
@@ -537,7 +537,7 @@ static void test_restart(void) {
     number = 0;
     CHECK_EQUAL(ddx_store_read(idle, &number, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(number, 41);
-    CHECK_EQUAL(ddx_store_write(idle, &number, NULL), 0); /* nobody wrote it any more */
+    CHECK_EQUAL(ddx_store_write(idle, &number, NULL), 0); /* it had no writer any more */
     /* The newcomer's pin counts for the writer that was there before the restart. */
     struct ddx_frame frame;
     CHECK_EQUAL(ddx_store_acquire(late, &frame, 0, DDX_CURRENT), 0);

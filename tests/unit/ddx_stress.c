@@ -30,7 +30,7 @@ static void nap(double seconds) {
     nanosleep(&time, NULL);
 }
 
-/* The item of this name, once somebody has made it. */
+/* The item of this name, once it exists. */
 static DDX_STORE_ITEM *await_item(DDX_STORE_ID *id, const char *name) {
     DDX_STORE_ITEM *item = NULL;
 

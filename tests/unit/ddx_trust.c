@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A program talks to a store only if nobody but the folder's owner, root or its own user can have put it there. */
+/* A program talks to a store only if no user but the folder's owner, root or its own user can have put it there. */
 #include <errno.h>
 #include <stdbool.h>
 #include <sys/socket.h>

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A direct read finds each newer frame overtaken: the window still shows the former one, and nobody writes there. */
+/*
+ * A direct read finds each newer frame overtaken: the window still shows the former one, and no program writes there.
+ */
 #include <errno.h>
 
 #include "../../package/ddx/lib/handle.h"

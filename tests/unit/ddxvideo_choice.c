@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which frames are recorded when not all are: even, exact, and the same whoever asks. */
+/* Which frames are recorded when not all are: even, exact, and the same for each caller. */
 #include <errno.h>
 #include <stdbool.h>
 
@@ -29,7 +29,7 @@ static void test_rate(void) {
     static const struct {
         uint32_t num, den;
         int their_num, their_den;
-        uint64_t of_3000; /* of so many frames */
+        uint64_t of_3000; /* of 3000 frames */
     } table[] = {
         {10, 1, 25, 1, 1200},          {125, 10, 25, 1, 1500}, {25, 1, 25, 1, 3000}, {26, 1, 25, 1, 3000},
         {1000, 1, 5, 1, 3000},         {5, 1, 30, 1, 500},     {24, 1, 25, 1, 2880}, {1, 1000000, 30, 1, 1},

@@ -53,18 +53,18 @@ static void test_lost(void) {
     is(come(4 + ORDER_FAR + 1), "13"); /* nothing of that can still come */
     is(come(15), "");
     is(come(17), "");
-    is(come(16), "15 16 17"); /* so many do not wait */
+    is(come(16), "15 16 17"); /* this many do not wait */
     is(come(14), "late");
 }
 
 static void test_numbers_that_do_not_rise(void) {
     order_restart(&order);
     is(come(25), "25");
-    is(come(24), "late"); /* what came first may have overtaken it; nobody knows of it */
+    is(come(24), "late"); /* the first one may have overtaken it; unknown */
     is(come(25), "25");   /* a driver that does not count */
     is(come(27), "");
     is(come(26), "26 27");
-    is(come(0), "0"); /* one that begins anew: nothing so far below was missed */
+    is(come(0), "0"); /* numbering starts again: frames this far below were not missed */
     is(come(1), "1");
     order_restart(&order);
     is(come(7), "7");

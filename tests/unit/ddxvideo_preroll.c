@@ -52,11 +52,11 @@ static void test_the_last_ones_wait(void) {
     CHECK_EQUAL(preroll_clear(&preroll), 0);
 }
 
-/* Between pictures that wait a frame may be missing that the next frame, which is not kept, told of. */
+/* Between waiting pictures a frame may be missing that the next frame, which is not kept, has reported. */
 static void test_missed_between_them(void) {
     struct preroll preroll = {.seconds = 1};
 
-    CHECK_EQUAL(preroll_missed(&preroll, 2), 2); /* before the first one nobody wanted them */
+    CHECK_EQUAL(preroll_missed(&preroll, 2), 2); /* before the first one they were not wanted */
     CHECK_EQUAL(put(&preroll, 1, 0, 0), 0);
     CHECK_EQUAL(preroll_missed(&preroll, 3), 0);
     CHECK_EQUAL(preroll_missed(&preroll, 1), 0);

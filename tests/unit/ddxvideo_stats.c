@@ -36,9 +36,9 @@ static void test_counting(void) {
     ddx_stats_get(book, &stats);
     ddx_stats_json(&stats, "tester", line, sizeof line);
     CHECK(strstr(line, "},\"latency_until\":\"disk\",\"starts\":1,"));
-    CHECK_EQUAL(ddx_stats_follow(book, 13), 0); /* nobody was there before */
+    CHECK_EQUAL(ddx_stats_follow(book, 13), 0); /* there was no predecessor */
     CHECK_EQUAL(ddx_stats_follow(book, 20), 7);
-    CHECK_EQUAL(ddx_stats_follow(book, 5), 5); /* the numbers have begun anew */
+    CHECK_EQUAL(ddx_stats_follow(book, 5), 5); /* numbering has started again */
     ddx_stats_get(book, &stats);
     CHECK_EQUAL(stats.in, 22);
     CHECK_EQUAL(stats.lost[2].frames, 12);

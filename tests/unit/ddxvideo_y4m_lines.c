@@ -17,7 +17,7 @@ static void test_good_headers(void) {
         {Y " W2 H2 F0:0 I? A0:0 C420", 2, 2, 1, 0, 0, 0, 0, DDX_VIDEO_420, '?', 0},
         {Y " W8192 H8192 C444p16", 8192, 8192, 1, 0, 0, 0, 0, DDX_VIDEO_420_MPEG2, 0, 0},
         {Y " W4 H12 XDDX_FIELDS=3 XCOLORRANGE=FULL", 4, 12, 3, 0, 0, 0, 0, DDX_VIDEO_420_JPEG, 0, 2},
-        {Y " W2 H2 F3000000:1 Ip", 2, 2, 1, 0, 0, 0, 0, DDX_VIDEO_420_JPEG, 'p', 0}, /* no source has so many */
+        {Y " W2 H2 F3000000:1 Ip", 2, 2, 1, 0, 0, 0, 0, DDX_VIDEO_420_JPEG, 'p', 0}, /* no source has this rate */
         {Y " W2 H2 F2147483647:2147483647", 2, 2, 1, INT32_MAX, INT32_MAX, 0, 0, DDX_VIDEO_420_JPEG, 0, 0},
         {Y " W4 H4 XCOLORRANGE=LIMITED Zsomething X ", 4, 4, 1, 0, 0, 0, 0, DDX_VIDEO_420_JPEG, 0, 1},
     };

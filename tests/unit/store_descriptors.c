@@ -41,7 +41,9 @@ static DDX_STORE_ITEM *create(const char *name) {
     return item;
 }
 
-/* A reader for which so many frames are kept, or as many as there are descriptors for; a frame is a descriptor. */
+/*
+ * A reader for which that number of frames is kept, or as many as there are descriptors for; a frame is a descriptor.
+ */
 static DDX_STORE_ITEM *reader_of(const char *name, unsigned frames) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
     SMALL value;
@@ -61,7 +63,7 @@ static bool exists(const char *name) {
     return item != NULL;
 }
 
-/* With so many frames; no client has it open any more. */
+/* With that number of frames; no client has it open any more. */
 static void leave(const char *name, unsigned frames) {
     DDX_STORE_ITEM *out = create(name), *in = reader_of(name, frames);
 

@@ -25,7 +25,7 @@ static inline void store_folder_make(void) {
     CHECK_EQUAL(setenv("DDX_DIR", scratch_folder, 1), 0);
 }
 
-/* With so many descriptors at most; 0: as many as this program may have. */
+/* With that number of descriptors at most; 0: as many as this program may have. */
 static inline void store_start_with(const char *budget, rlim_t descriptors) {
     const char *program = getenv("DDX_STORE_PROGRAM");
 

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A store that this test builds for itself, and asks over two socket pairs: what it says to whom, in which order, and
- * what is left when somebody hangs up.
+ * A store that this test builds for itself, and uses over two socket pairs: its messages to each client, their order,
+ * and what remains when a client hangs up.
  */
 #include <errno.h>
 #include <sys/mman.h>
@@ -86,7 +86,7 @@ static void becomes_writer(struct party *writer) {
     hears_nothing(writer);
 }
 
-/* It is told of the epoch, its slots and its pins only when the writer looks at them, and has the slot for it. */
+/* It receives the epoch, its slots and its pins only when the writer checks them, and has the slot for it. */
 static void becomes_reader(struct party *reader, struct party *writer) {
     ask(reader, (struct ddx_message){.operation = DDX_OPEN}, 0);
     CHECK_EQUAL(hears(reader, DDX_OPENED)->status, 0);
@@ -186,7 +186,7 @@ int main(void) {
     ask(&late, (struct ddx_message){.operation = DDX_ATTACH, .frames = 30}, 0);
     CHECK_EQUAL(hears(&late, DDX_ATTACHED)->status, -EBUSY);
 
-    /* Who hung up holds nothing any more, before the store has heard so. */
+    /* A client that hung up holds nothing any more, even before the store has noticed. */
     close(reader.socket);
     ask(&late, (struct ddx_message){.operation = DDX_INFO}, 0);
     CHECK_EQUAL(hears(&late, DDX_ITEM)->readers, 0);

@@ -44,7 +44,7 @@ int main(int argc, char **argv) {
         struct ddxvideo_picture view;
         int error = ddx_store_acquire(item, &frame, 0.2, DDX_IN_ORDER);
         if (error == -ETIMEDOUT && stop)
-            break; /* whoever says TERM has silenced the source before */
+            break; /* the source has stopped before TERM is sent */
         if (error == -ETIMEDOUT)
             continue;
         if (error || ddxvideo_view(item, frame.data, &view))

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* neighbour FILE HERTZ: somebody on the same disk who wants all that he writes to be safe at once. Ends with TERM; says
- * how often he got it. */
+/* neighbour FILE HERTZ: a program on the same disk that syncs each of its writes at once. Stops on TERM; prints
+ * the number of syncs. */
 #include <fcntl.h>
 #include <signal.h>
 #include <stdio.h>

@@ -42,7 +42,7 @@ struct usb_device {
 /* Plug it in. */
 void usb_plug(struct usb_device *device, unsigned port);
 
-/* Serve the host for so many milliseconds at most, or until there is another transfer waiting. */
+/* Serve the host for that number of milliseconds at most, or until there is another transfer waiting. */
 void usb_serve(struct usb_device *device, long ms, bool until_pending);
 
 /* Complete the oldest waiting transfer with these bytes. False if there is none. */

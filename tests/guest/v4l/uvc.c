@@ -225,7 +225,7 @@ static void to_yuyv(const struct clip *clip, unsigned number, uint8_t *to) {
         }
 }
 
-/* The next JPEG picture at *at, which begins anew at the end. */
+/* The next JPEG picture at *at, from the beginning again after the last one. */
 static size_t next_jpeg(const struct clip *file, size_t *at, const uint8_t **picture) {
     if (*at + 4 > file->size)
         *at = 0;
