@@ -6,12 +6,11 @@
 #   ACCEL=tcg|kvm  QEMU's acceleration, instead of finding out what works
 #   BOARD=miniitx  which image, instead of the development image: run, test, image, flash
 #   FIRMWARE=uefi  which of the board's firmwares, bios or uefi: run, test
-#   T=...          which tests, as pytest's -k expression
+#   T=...          which tests, as pytest's -k expression; for `make test-long` also the name of a campaign
+#   ARGS='...'     options of a campaign: make test-long T=powercut ARGS='-cuts 100'; docs/testing.md
 #   EXTERNAL=path[:path]  trees outside of ours: build, image, sdk, test; docs/programs.md
 #   JUNIT=file     for `make test`: the outcome of all tests as JUnit XML; docs/ci.md
-#   SECONDS=       for `make fuzz`
 #   ROUNDS=, CASES=, BEFORE=commit  for `make bench`: docs/bench.md
-#   DURATION=, CASES=  for `make bench-record`: docs/recording.md
 #   DEV=           and more for `make flash`: docs/flash.md
 
 PYTHON = /usr/bin/python3 -B
@@ -22,12 +21,19 @@ JUNIT_WORDS = $(if $(JUNIT),-junit '$(if $(filter /%,$(JUNIT)),,$(CALLED_IN)/)$(
 
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)') $(if $(BEFORE),-before '$(BEFORE)')
 
-.PHONY: help setup setup-build build run test test-long results again defects image sdk reproduce crash endurance powercut killed fuzz bench bench-record legal sbom lint flash docs desktop \
+# Long runs with options of their own, each a program in tools/.
+CAMPAIGNS = bench-record crash endurance fuzz killed powercut reproduce
+CAMPAIGN = $(if $(filter 1,$(words $(T))),$(filter $(T),$(CAMPAIGNS)))
+RUN_CAMPAIGN = $(if $(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(subst -,_,$(CAMPAIGN)).py $(ARGS))
+
+.PHONY: help setup setup-build build run test test-long results again defects image sdk bench legal sbom lint flash docs desktop \
 	clean distclean
 
-help:            ## this list
+# Targets with ## are those of every day; the others are for release and repair.
+help:
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
-setup:           ## install what building and testing need (Debian packages)
+	@echo '  Others, see docs/testing.md: setup defects results docs legal sbom distclean'
+setup:           # install what building and testing need (Debian packages)
 	@tools/setup test
 setup-build:
 	@tools/setup
@@ -37,12 +43,12 @@ run: setup-build ## a clip through the appliance in QEMU, frame by frame; output
 	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
-test-long: setup ## the tests that take minutes and hours; output/long/<board>.jsonl; continues where it was stopped
-	@tools/setup long
-	@$(PYTHON) tools/gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)')
+test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, endurance, fuzz, bench-record, reproduce: a campaign
+	@tools/setup $(if $(filter reproduce,$(CAMPAIGN)),image,long)
+	@$(PYTHON) tools/$(if $(CAMPAIGN),$(RUN_CAMPAIGN),gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)'))
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
 	@$(PYTHON) tools/again.py $(if $(TIMES),-times '$(TIMES)') $(if $(LOAD),-load) $(if $(C),-c '$(C)') $(if $(T),'$(T)')
-defects: setup   ## put defects back that once were: the test against each turns red; T= words of a name
+defects: setup   # put defects back that once were: the test against each turns red; T= words of a name
 	@$(PYTHON) tools/defects.py $(T)
 image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
 	@tools/setup image
@@ -50,21 +56,8 @@ image:           ## build the product with Buildroot: BOARD=miniitx|pc104, outpu
 sdk:             ## a compiler for programs of the product's image: BOARD=, output/<board>/ddxvideo-<board>-sdk.tar.gz
 	@tools/setup image
 	@$(PYTHON) tools/buildroot.py sdk "$(BOARD)"
-reproduce:       ## build the product a second time from nothing and compare: BOARD=; continues where it was stopped
-	@tools/setup image
-	@$(PYTHON) tools/buildroot.py reproduce "$(BOARD)"
-crash: setup     ## kill parties of the store 10,000 times; docs/crash.md
-	@$(PYTHON) tools/crash.py
-powercut: setup  ## what is left of recordings when the power goes? CUTS=1000, SEED=; docs/recording.md; continues as well
-	@$(PYTHON) tools/powercut.py $(if $(CUTS),-cuts '$(CUTS)') $(if $(SEED),-seed '$(SEED)')
-killed: setup    ## kill QEMU while it boots, checks and records: does it record again? TIMES=100, SEED=; continues as well
-	@$(PYTHON) tools/killed.py $(if $(TIMES),-times '$(TIMES)') $(if $(SEED),-seed '$(SEED)')
-endurance: setup ## 10,000 toggles and an hour of video: does anything grow? docs/services.md; continues where it was stopped
-	@$(PYTHON) tools/endurance.py
-results:         ## output/results.md: what the long runs have measured, by commit
+results:         # output/results.md: what the long runs have measured, by commit
 	@$(PYTHON) tools/results.py
-fuzz: setup      ## look for what breaks the readers of foreign data: SECONDS=300 for each of tests/fuzz
-	@$(PYTHON) tools/fuzz.py $(if $(SECONDS),-seconds '$(SECONDS)')
 bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, BEFORE=commit, see docs/bench.md
 	@tools/setup bench
 	@$(PYTHON) tools/bench.py $(RUN_BENCH)
@@ -73,19 +66,17 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_replay.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stereo.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_view.py)
-bench-record: setup  ## frames lost on slow and frozen disks, beside a naive writer: DURATION=600, CASES=; docs/recording.md
-	@$(PYTHON) tools/bench_record.py $(if $(DURATION),-duration '$(DURATION)') $(if $(CASES),-cases '$(CASES)')
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)
-docs: setup      ## type every command of docs/technician.md into the image, and take its pictures: BOARD=
+docs: setup      # type every command of docs/technician.md into the image, and take its pictures: BOARD=
 	@$(PYTHON) tools/docs.py "$(BOARD)"
-legal:           ## licences and sources of all that is in an image: BOARD=, see docs/licences.md
+legal:           # licences and sources of all that is in an image: BOARD=, see docs/licences.md
 	@tools/setup image
 	@$(PYTHON) tools/legal.py "$(BOARD)"
-sbom:            ## list of all that is in an image (CycloneDX): BOARD=
+sbom:            # list of all that is in an image (CycloneDX): BOARD=
 	@tools/setup image
 	@$(PYTHON) tools/sbom.py "$(BOARD)"
 lint: setup      ## check scripts, tools and sources without running them
@@ -94,5 +85,5 @@ desktop: setup-build  ## install the store, its library and Python module: PREFI
 	@$(PYTHON) tools/desktop.py "$(or $(PREFIX),/usr/local)" "$(DESTDIR)"
 clean:           ## remove what was built, keep what was downloaded
 	@tools/clean
-distclean:       ## remove all output
+distclean:       # remove all output
 	@tools/clean all

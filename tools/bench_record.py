@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make bench-record: are frames lost on slow and frozen disks? bench_record.py [-duration S] [-cases WORD,...]
+"""make test-long T=bench-record: are frames lost on slow and frozen disks? bench_record.py [-duration S] [-cases WORD,...]
 
 Each case is a guest (1080p: the image's own programs on this machine's kernel) that records onto a disk of its own;
 pictures, index and counters have to say the same. Results: output/bench/record.jsonl, where each finished case is kept

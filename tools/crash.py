@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make crash: 10,000 times something goes wrong, at random, in runs of 500 with a seed each; crash.py [EVENTS]
+"""make test-long T=crash: 10,000 times something goes wrong, at random, 500 times with each seed; crash.py [EVENTS]
 
 Can be interrupted: runs that are done are kept in output/crash/crash.jsonl, and not repeated with the same programs.
 """

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make endurance: does anything grow over 10,000 toggles and an hour of video? See docs/services.md.
+"""make test-long T=endurance: does anything grow over 10,000 toggles and an hour of video? See docs/services.md.
 
 endurance.py [-toggles N] [-minutes N] [-guest-toggles N] [-guest-minutes N]: toggles of the image's services on this
 machine's own kernel, where they take half an hour instead of a day, in rounds that each begin with a new machine; an

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make fuzz: feed the readers of foreign data with what breaks them. fuzz.py [-seconds N] [TARGET...]
+"""make test-long T=fuzz: feed the readers of foreign data with what breaks them. fuzz.py [-seconds N] [TARGET...]
 
 The targets are tests/fuzz/<target>.c, built by clang with libFuzzer and sanitizers. New inputs are kept in
 output/fuzz/<target>; one that breaks a target, as output/fuzz/<target>-crash-..., and the exit status is 1.

@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make killed: does a machine whose plug is pulled record again, every time, without a person? See docs/recording.md.
+"""make test-long T=killed: does a machine whose plug is pulled record again, every time, without a person?
 
 killed.py [-times N] [-seed N]: QEMU is killed (SIGKILL) while the guest records, while it boots and while it checks its
 file systems; then it is started again on the same disk. A run that was stopped continues after the last kill in

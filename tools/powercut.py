@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make powercut: what is left of recordings when the power goes? See docs/recording.md.
+"""make test-long T=powercut: what is left of recordings when the power goes? See docs/recording.md.
 
 powercut.py [-cuts N] [-seed N] [-naive]: a guest records, all its writes are kept; then the disk is made again as a
 power cut between any two of them may have left it, is checked and mounted as at a boot, and its pictures are compared

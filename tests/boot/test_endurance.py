@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Does anything grow while services are switched, and while video flows? In an emulated machine, with
-what its kernel keeps; the short form of `make endurance`."""
+what its kernel keeps; the short form of `make test-long T=endurance`."""
 import pathlib
 
 import pytest
@@ -13,7 +13,7 @@ from .figures import Figure
 
 pytestmark = [
     pytest.mark.long,
-    pytest.mark.skipif(BOARD != machine.DEV, reason="make endurance starts the development image's machine"),
+    pytest.mark.skipif(BOARD != machine.DEV, reason="tools/endurance.py starts the development image's machine"),
 ]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The plug is pulled while it records and while it checks its disks: it records again by itself (see make killed)."""
+"""The plug is pulled while it records and while it checks its disks: it records again by itself (see tools/killed.py)."""
 import pathlib
 
 import pytest
@@ -14,7 +14,7 @@ from .figures import Figure
 
 pytestmark = [
     pytest.mark.long,
-    pytest.mark.skipif(BOARD != machine.DEV, reason="make killed starts the development image's machine"),
+    pytest.mark.skipif(BOARD != machine.DEV, reason="tools/killed.py starts the development image's machine"),
 ]
 
 

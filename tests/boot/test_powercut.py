@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The power goes while the machine records: the short form of `make powercut`, and what it stands on."""
+"""The power goes while the machine records: the short form of `make test-long T=powercut`, and what it stands on."""
 import pathlib
 import statistics
 import subprocess
