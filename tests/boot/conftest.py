@@ -112,9 +112,10 @@ def board(request: pytest.FixtureRequest) -> Machine:
 
 @pytest.fixture(scope="session")
 def boot(image: pathlib.Path, accel: str, board: Machine, work: pathlib.Path) -> qemu.Boot:
-    """Starts a guest: boot("name of its log", ...), and what else Guest() takes."""
+    """Starts a guest: boot("name of its log", ...), and what else Guest() takes; `accel` instead of the usual one."""
     def start(name: str, **options: Any) -> qemu.Guest:
-        return qemu.Guest(image, accel, board, log=work / f"{name}.{board.firmware}.log", **options)
+        log = work / f"{name}.{board.firmware}.log"
+        return qemu.Guest(image, options.pop("accel", accel), board, log=log, **options)
     return start
 
 
