@@ -4,14 +4,13 @@ import dataclasses
 import html
 import json
 import math
-from collections.abc import Sequence
 
+from parts.media import svg
 from parts.media.counters import Counters
 
 # The book's buckets, see ddx_stats.h: below 32 µs one each, above 32 for each power of two.
 FINE = 32
 COLOURS = {"stored": "#0b6e4f", "recorded": "#3d6fc8", "sent": "#c8553d", "decoded": "#b08900"}
-WIDTH, HEIGHT, LEFT, BOTTOM = 760, 220, 60, 30
 
 
 @dataclasses.dataclass
@@ -75,28 +74,6 @@ def bucket_us(index: int) -> float:
     return ((FINE + index % FINE) + 0.5) * float(1 << shift)
 
 
-def _points(values: Sequence[tuple[float, float]], most_x: float, most_y: float) -> str:
-    return " ".join(f"{LEFT + x / most_x * (WIDTH - LEFT - 10):.1f},"
-                    f"{HEIGHT - BOTTOM - y / most_y * (HEIGHT - BOTTOM - 15):.1f}" for x, y in values)
-
-
-def _axes(marks: Sequence[tuple[float, str]], most_x: float, most_y: float, across: str, up: str) -> str:
-    text = [f'<path d="M{LEFT} 15V{HEIGHT - BOTTOM}H{WIDTH - 10}" fill="none" stroke="#888"/>',
-            f'<text x="{WIDTH - 10}" y="{HEIGHT - 2}" text-anchor="end">{across}</text>',
-            f'<text x="{LEFT - 5}" y="20" text-anchor="end">{most_y:g}</text>',
-            f'<text x="{LEFT - 5}" y="{HEIGHT - BOTTOM}" text-anchor="end">0</text>',
-            f'<text x="4" y="{HEIGHT // 2}">{up}</text>']
-    for x, name in marks:
-        place = LEFT + x / most_x * (WIDTH - LEFT - 10)
-        text.append(f'<path d="M{place:.1f} 15V{HEIGHT - BOTTOM}" stroke="#eee"/>'
-                    f'<text x="{place:.1f}" y="{HEIGHT - BOTTOM + 13}" text-anchor="middle">{name}</text>')
-    return "".join(text)
-
-
-def _picture(content: str) -> str:
-    return f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" width="{WIDTH}" role="img">{content}</svg>'
-
-
 def over_time(report: Report) -> str:
     """How many frames a second came out of each stage, by its counters."""
     pairs = [(before, after) for before, after in zip(report.seconds, report.seconds[1:]) if after[0] > before[0]]
@@ -107,12 +84,11 @@ def over_time(report: Report) -> str:
     most_x = max(1.0, report.seconds[-1][0])
     most_y = math.ceil(max(1.0, *(rate for points in rates.values() for _, rate in points)))
     step = max(1, round(most_x / 10))
-    lines = []
-    for index, (name, colour) in enumerate(COLOURS.items()):
-        lines.append(f'<polyline points="{_points(rates[name], most_x, most_y)}" fill="none" stroke="{colour}" '
-                     f'stroke-width="2"/><text x="{LEFT + 10 + 90 * index}" y="11" fill="{colour}">{name}</text>')
+    axes = svg.Axes(most_x, most_y)
+    lines = "".join(axes.line(rates[name], colour) + svg.text(70 + 90 * index, 11, name, colour=colour)
+                    for index, (name, colour) in enumerate(COLOURS.items()))
     marks = [(float(second), str(second)) for second in range(0, int(most_x) + 1, step)]
-    return _picture(_axes(marks, most_x, most_y, "seconds", "per s") + "".join(lines))
+    return axes.picture(marks, "seconds", "per s", lines)
 
 
 def halves(stage: Stage) -> dict[int, int]:
@@ -129,13 +105,10 @@ def histogram(stage: Stage, last: int) -> str:
     """How many frames took how long; the scale is logarithmic, and the same for all stages."""
     counts = halves(stage)
     most = max(counts.values())
-    width = (WIDTH - LEFT - 10) / last
-    bars = "".join(
-        f'<rect x="{LEFT + half * width + 1:.1f}" width="{max(1.0, width - 2):.1f}" fill="{COLOURS[stage.name]}" '
-        f'y="{HEIGHT - BOTTOM - (height := count / most * (HEIGHT - BOTTOM - 15)):.1f}" height="{height:.1f}">'
-        f"<title>{count}</title></rect>" for half, count in sorted(counts.items()))
+    axes = svg.Axes(last, most)
+    columns = "".join(axes.column(half, count, COLOURS[stage.name], str(count)) for half, count in counts.items())
     marks = [(float(half), _time(2 ** (half / 2))) for half in range(0, last + 1, 4)]
-    return _picture(_axes(marks, last, most, SINCE[stage.name], "frames") + bars)
+    return axes.picture(marks, SINCE[stage.name], "frames", columns)
 
 
 def _time(microseconds: float) -> str:
