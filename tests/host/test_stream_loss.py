@@ -156,7 +156,8 @@ def test_joining_late(stream: Stream, clip: pathlib.Path, codec: str) -> None:
     loader.terminate()
     loader.wait()
     (_, _, sent), (lines, packets, shown) = finish(sender, decode)
-    assert packets["lost"] == 0 and shown["lost"]["network"] == shown["lost"]["decode"] == 0
+    assert packets["lost"] == 0 == shown["lost"]["decode"]
+    assert shown["lost"]["network"] <= 1  # the frame that was on its way when decode began
     assert 0 < shown["lost"]["join"] <= RECOVERY[codec]
 
 
