@@ -120,19 +120,18 @@ def test_unplugged_and_plugged_in_again(guest: Guest) -> None:
 
 
 @functools.cache
-def checksum(which: int, number: int) -> int:
+def checksum(which: int, number: int, width: int = firewire.WIDTH, height: int = firewire.HEIGHT) -> int:
     """Of the grey picture, as the store has it."""
-    grey = firewire.picture(which, number)
-    return camera.checksum(grey + bytes([128]) * (len(grey) // 2), firewire.WIDTH, firewire.HEIGHT)
+    grey = firewire.picture(which, number, width * height)
+    return camera.checksum(grey + bytes([128]) * (len(grey) // 2), width, height)
 
 
 def instance_of(which: int) -> str:
     return f"{GRABBER}.cam{which}"
 
 
-def start(guest: Guest, which: int, rate: float = 15) -> None:
-    guest.sh(f"ddxctl add {instance_of(which)} camera={firewire.GUID.format(which)} name=cam{which} "
-             f"mode=640x480_MONO8 rate={rate}")
+def start(guest: Guest, which: int, rate: float = 15, mode: str = "mode=640x480_MONO8") -> None:
+    guest.sh(f"ddxctl add {instance_of(which)} camera={firewire.GUID.format(which)} name=cam{which} {mode} rate={rate}")
 
 
 def stop(guest: Guest, which: int) -> Counters:
@@ -179,6 +178,20 @@ def test_the_grabber_counts_each_loss(guest: Guest) -> None:
     assert counters.frames_in == counters.out + counters.lost_total == frames[-1].number + 1
     assert counters.lost["error"] == 1 and counters.lost_total == counters.lost["driver"] + 1
     assert len(said(guest, 2)) == 2, said(guest, 2)  # that it is there, and of the lost frames
+
+
+def test_a_part_of_the_picture_in_format7(guest: Guest) -> None:
+    """Its packets give the rate, by which losses are counted: 8000 a second, 768 of 100 bytes for a frame."""
+    with plan(guest, 4, lose=(9, 3)):
+        reader = camera.Reader(guest, 60, "cam4")
+        start(guest, 4, 10, "mode=FORMAT7_0 format=MONO8 roi=64,32,320,240")
+        camera.wait_for_frames(guest, 16, instance_of(4))
+        counters, frames = stop(guest, 4), reader.stop()
+    assert [frame.checksum for frame in frames] == [checksum(4, frame.number, 320, 240) for frame in frames]
+    assert not {9, 10, 11} & {frame.number for frame in frames}
+    assert counters.frames_in == counters.out + counters.lost_total == frames[-1].number + 1
+    item = camera.value(guest, "cam4")
+    assert (item["width"], item["height"], item["rate_num"], item["rate_den"]) == (320, 240, 125, 12)
 
 
 @pytest.mark.long

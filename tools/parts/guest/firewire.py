@@ -25,14 +25,14 @@ def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:
 
 
 @functools.cache
-def _pixels() -> bytes:
-    return bytes(place + (place >> 8) & 0xff for place in range(WIDTH * HEIGHT))
+def _pixels(size: int) -> bytes:
+    return bytes(place + (place >> 8) & 0xff for place in range(size))
 
 
-def picture(camera: int, number: int) -> bytes:
+def picture(camera: int, number: int, size: int = WIDTH * HEIGHT) -> bytes:
     """A frame of a camera, as module/iso.c makes it: the grey values."""
     more = number * 7 + camera * 31
-    pixels = _pixels().translate(bytes(value + more & 0xff for value in range(256)))
+    pixels = _pixels(size).translate(bytes(value + more & 0xff for value in range(256)))
     return number.to_bytes(4, "big") + pixels[4:]
 
 

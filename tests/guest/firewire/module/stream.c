@@ -11,7 +11,8 @@
 #include "vfirewire.h"
 
 struct stream {
-	unsigned int session, rate, packets, packet_size, channel;
+	unsigned int session, packets, packet_size, channel;
+	unsigned int cycles, frames; /* so many cycles of the bus for so many frames */
 };
 
 static bool is_on(const struct vf_camera *camera)
@@ -19,16 +20,35 @@ static bool is_on(const struct vf_camera *camera)
 	return camera->plugged && camera->registers[VF_ISO_EN / 4] >> 31;
 }
 
+/* A mode of format 0 has a rate. */
+static void set_format0(const u32 *registers, struct stream *stream)
+{
+	static const unsigned int bytes[] = {57600, 153600, 460800, 614400, 921600, 307200, 614400, 614400};
+	unsigned int rate = min(registers[VF_FRAMERATE / 4] >> 29, 5u);
+
+	stream->packets = 3840 >> rate;
+	stream->packet_size = bytes[registers[VF_MODE / 4] >> 29] / stream->packets;
+	stream->cycles = 12800;
+	stream->frames = 3 << rate;
+}
+
+/* In format 7 a frame follows on the other, packet by packet. */
+static void set_format7(const u32 *registers, struct stream *stream)
+{
+	stream->packets = stream->cycles = registers[VF_PACKETS / 4];
+	stream->packet_size = registers[VF_PACKET / 4] >> 16;
+	stream->frames = 1;
+}
+
 /* What the camera was set to, and whether it is on at all. */
 static bool begin(struct vf_camera *camera, struct stream *stream)
 {
-	static const unsigned int bytes[] = {57600, 153600, 460800, 614400, 921600, 307200, 614400, 614400};
-
 	guard(spinlock_irqsave)(&vf_bus.lock);
 	stream->session = camera->session;
-	stream->rate = min(camera->registers[VF_FRAMERATE / 4] >> 29, 5u);
-	stream->packets = 3840 >> stream->rate;
-	stream->packet_size = bytes[camera->registers[VF_MODE / 4] >> 29] / stream->packets;
+	if (camera->registers[VF_FORMAT / 4] >> 29 == 7)
+		set_format7(camera->registers, stream);
+	else
+		set_format0(camera->registers, stream);
 	stream->channel = camera->registers[VF_ISO / 4] >> 28;
 	if (!is_on(camera))
 		return false;
@@ -112,7 +132,7 @@ static void run(struct vf_camera *camera, const struct stream *stream)
 	unsigned int number;
 
 	for (number = 0;; number++) {
-		u64 cycle = first + div_u64((u64)number * 12800, 3 << stream->rate);
+		u64 cycle = first + div_u64((u64)number * stream->cycles, stream->frames);
 
 		if (!sleep_until(camera, stream->session, cycle + stream->packets))
 			return;

@@ -24,6 +24,9 @@
 #define VF_FORMAT 0x608
 #define VF_ISO 0x60c
 #define VF_ISO_EN 0x614
+#define VF_FORMAT7 0xa00 /* registers of its mode 0 */
+#define VF_PACKET (VF_FORMAT7 + 0x44) /* upper half: bytes of a packet */
+#define VF_PACKETS (VF_FORMAT7 + 0x48) /* of a frame */
 
 /* Frames of a camera: numbers from `first` on, counted since its transmission was switched on. */
 struct vf_frames {
