@@ -41,7 +41,8 @@ def main() -> int:
     parser.add_argument("words", nargs="*")
     options = parser.parse_args()
     build.dev([native.build()]) if options.words else native.build()
-    # Pure processor time, at the priority of the tests: who waits for an event still gets it, who guesses fails.
+    # Pure processor time, at the priority of the tests: a test that waits for an event passes, a test that guesses
+    # a time fails.
     busy = [subprocess.Popen(["sh", "-c", "while :; do :; done"]) for _ in range(os.cpu_count() or 1)
             if options.load]
     passed: collections.Counter[str] = collections.Counter()

@@ -4,8 +4,8 @@
 
 bench.py [-rounds N] [-cases WORD,...] [-before COMMIT] [-short]
 
-A round is a slice of each peer in each case; the order changes from round to round, so that whatever else the machine
-does meets everybody alike. docs/bench.md says what is measured and how to read it. -short: a few frames, and of the
+A round is a slice of each peer in each case; the order changes from round to round, so that other load on the machine
+meets all peers alike. docs/bench.md says what is measured and how to read it. -short: a few frames, and of the
 peers those that are built already, for the gate: no file is written.
 """
 from __future__ import annotations

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test-long T=bench-record: are frames lost on slow and frozen disks? bench_record.py [-duration S] [-cases WORD,...]
+"""make test-long T=bench-record: are frames lost on slow and frozen disks?
+bench_record.py [-duration S] [-cases WORD,...]
 
 Each case is a guest (1080p: the image's own programs on this machine's kernel) that records onto a disk of its own;
 pictures, index and counters have to say the same. Results: output/bench/record.jsonl, where each finished case is kept
@@ -82,7 +83,7 @@ def frozen(duration: int) -> list[Case]:
 
 
 def comparison(duration: int) -> list[Case]:
-    """The paper's: its stalls came from ext3's journal. The less often somebody calls fsync, the more waits for it."""
+    """The paper's: its stalls came from ext3's journal. The less often a program calls fsync, the more waits for it."""
     return [Case(f"{file_system} {writer}{often}", min(duration, 60),
                  ANY if writer == NAIVE else NONE, file_system=file_system, naive=writer == NAIVE, hertz=hertz)
             for often, hertz in (("", disk_session.HERTZ), (" seldom", SELDOM))

@@ -20,12 +20,12 @@ LIMIT = 900  # s; for the build and a test that may wait in vain
 
 
 def copy_tree() -> None:
-    """What git knows or would take, as it is now; files that are the same keep their times, so little is built anew."""
+    """The files that git knows or would add; unchanged files keep their times, so little is built again."""
     names = run(["git", "-C", TOP, "ls-files", "-z", "--cached", "--others", "--exclude-standard"]).split("\0")
     listed = {name for name in names if name and (TOP / name).is_symlink() | (TOP / name).exists()}
     TREE.mkdir(parents=True, exist_ok=True)
     (TREE.parent / "files").write_text("\n".join(sorted(listed)) + "\n")
-    # By content, and with the time of now: a file that goes back to what it was has to be built anew.
+    # By content, and with the time of now: a file that goes back to its former contents has to be built again.
     run(["rsync", "-a", "--no-times", "--checksum", f"--files-from={TREE.parent / 'files'}", f"{TOP}/", f"{TREE}/"])
     output = TREE / "output"
     if not output.exists():

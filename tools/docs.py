@@ -122,24 +122,24 @@ def there(guest: Guest, command: str) -> str:
     return EXAMPLE.sub(lambda match: str(found["files"][0] if match[2] else found["recording"]), command)
 
 
-def typed(guest: Guest, users: list[Laptop], who: str, command: str) -> list[tuple[int, str]]:
+def typed(guest: Guest, users: list[Laptop], machine: str, command: str) -> list[tuple[int, str]]:
     """Exit status and words of the command, at the robot or at each of the laptops."""
-    if who == LAPTOP:
+    if machine == LAPTOP:
         return [one.type(command) for one in users]
     answer = ANSWERS.get(command)
     return [guest.shell().run(f"echo {answer} | {command}" if answer else command)]
 
 
-def check(guest: Guest, users: list[Laptop], who: str, command: str) -> bool:
+def check(guest: Guest, users: list[Laptop], machine: str, command: str) -> bool:
     """It has to succeed, without a complaint."""
     if command == "poweroff":
         guest.poweroff()
         return True
     if KEY in command:
         return True  # was typed at the beginning
-    wrong = [text for status, text in typed(guest, users, who, there(guest, command))
+    wrong = [text for status, text in typed(guest, users, machine, there(guest, command))
              if status != 0 and not (COMPLAINS in command and status == 1)]
-    say(f"docs: {'FAILED' if wrong else 'fine'}: {who} {command}")
+    say(f"docs: {'FAILED' if wrong else 'fine'}: {machine} {command}")
     for text in wrong:
         say(text)
     return not wrong

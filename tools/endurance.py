@@ -74,7 +74,7 @@ def look(robot: Robot, programs: tuple[str, ...]) -> Look:
 
 
 def settled(robot: Robot, names: tuple[str, ...]) -> None:
-    """What was switched on just now has all that it needs, and nobody is busy with the switching any more."""
+    """The services just switched on have all that they need, and the switching is over."""
     for name in names:
         robot.wait_until(f"ddxctl status {name} | grep -q state=running")
     # Each toggle copies the settings, under a timeout that ends a second or two after that.
@@ -86,7 +86,7 @@ def settled(robot: Robot, names: tuple[str, ...]) -> None:
 
 
 def requests_are_logged(robot: Robot) -> bool:
-    """Not only who takes them reads them. The logger leaves an item that has no writer after five seconds."""
+    """The logger reads them, too. It leaves an item that has no writer after five seconds."""
     return any(item["name"].endswith(".request") and not item["writer_pid"] and item["readers"] > 1
                for item in json.loads(robot.sh("ddxctl list --json"))["items"])
 
@@ -103,7 +103,7 @@ def passed_on(robot: Robot, name: str) -> int:
 
 
 def switch(robot: Robot, names: tuple[str, ...], times: int) -> None:
-    """Each of them off and on again so many times, as a technician does it; all at once."""
+    """Each of them off and on again `times` times, as a technician does it; all at once."""
     # One line, as a console takes it.
     robot.sh(f"toggle() {{ left={times}; while [ $left -gt 0 ]; do ddxctl disable $1 && ddxctl enable $1 || return 1; "
              f"left=$((left - 1)); done > /dev/null; }}; all= failed=; "
@@ -113,7 +113,7 @@ def switch(robot: Robot, names: tuple[str, ...], times: int) -> None:
 
 
 def toggles(robot: Robot, names: tuple[str, ...], count: int, times: int = LOOKS) -> list[Look]:
-    """Looks before the toggles and so many times while they go on."""
+    """Looks before the toggles and `times` times meanwhile."""
     step = max(1, count // times // len(names) // 2)  # of each name, off and on
     switch(robot, names, max(1, min(WARM_UP, count) // len(names) // 2))
     settled(robot, names)
@@ -174,7 +174,7 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
 
 
 def natively(root: pathlib.Path, kind: str, amount: int, times: int = LOOKS) -> list[Look]:
-    """Toggles, with so many looks, or minutes of video, on this machine's own kernel."""
+    """Toggles, with `times` looks, or minutes of video, on this machine's own kernel."""
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
         keep = pathlib.Path(folder)
         for name in ("test", "rec"):

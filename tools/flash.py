@@ -145,7 +145,7 @@ def prepare(words: dict[str, str]) -> Job:
     if new:
         with path.open("wb") as file:
             file.truncate(need)
-    device = Device(path)  # from here on nobody else can take it, while the question waits for its answer
+    device = Device(path)  # from here on no other program can take it, while the question waits for its answer
     try:
         if not new:
             _confirm(path, words)

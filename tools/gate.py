@@ -8,7 +8,7 @@ tests of the other builds beside them; tests/boot with the development image, th
 was built here. With BOARD= only tests/boot with that board's image. -long runs the tests that take minutes, instead of
 the others.
 
-A test that fails is run once more, alone; if it passes then, it counts as passed and is told of at the end (FLAKY).
+A test that fails is run again, alone; if it then passes, it counts as passed and is listed at the end (FLAKY).
 There is no second chance with STRICT=1, nor for a test whose failure speaks of a torn or lost frame or comes from a
 sanitizer. What failing tests left behind is in output/test/failed, the outcome of all in output/test/results, and in
 FILE as JUnit XML.
@@ -157,7 +157,7 @@ def main() -> int:
     say(run.table())
     if not run.long and not words:
         if took > LIMIT:
-            say(f"test: took {took / 60:.1f} minutes of {LIMIT // 60}: see the table for who")
+            say(f"test: took {took / 60:.1f} minutes of {LIMIT // 60}: see the table above")
         for test in run.tests:
             if test.seconds > LONGEST and test.name != "lint":
                 say(f"test: {test.name} took {test.seconds:.0f} s of {LONGEST}: a short form here, the rest is `long`")

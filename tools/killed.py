@@ -73,7 +73,7 @@ class Plug:
         guest.process.wait()
 
     def judge(self, guest: Guest, kills: list[Kill]) -> None:
-        """After these kills nobody helps: the machine has to come up and record."""
+        """After these kills without help, the machine has to come up and record."""
         while True:
             seen = session.follow(guest, 0) if guest.shell(timeout=RECORDS) else {}
             if SAVE in seen and seen[SAVE].out:

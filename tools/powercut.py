@@ -41,7 +41,7 @@ ENTRY = 64
 NEAR = 2  # writes
 MAX_LOSS = 1.0  # s
 SETTINGS = {False: f"segment={SEGMENT}\\nfull=recycle\\n", True: "segment=0\\n"}
-# So that files are given up after some seconds; and somebody who wants all that he writes on the disk at once.
+# So that files are recycled after some seconds; and a program that syncs all its writes at once.
 NEIGHBOURS = ("dd if=/dev/zero of=/rec/filler bs=1M count={filler} 2> /dev/null; sync; "
               "(while :; do date > /rec/neighbour; fsync /rec/neighbour; sleep 0.05; done) > /dev/null 2>&1 & "
               "(while :; do printf 'mark %d ' "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The plug is pulled while it records and while it checks its disks: it records again by itself (see tools/killed.py)."""
+"""Power cuts during recording and disk checks: the machine records again by itself (see tools/killed.py)."""
 import pathlib
 
 import pytest

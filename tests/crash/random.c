@@ -173,8 +173,8 @@ static void kill_one(unsigned observers) {
 int test_random(unsigned kills, unsigned seed) {
     uint64_t seen = 0, missed = 0;
 
-    /* Times are judged where they are measured (tools/crash.py), and in half of the runs: the others, as all of the tests
-     * here, meet whatever else runs on this machine. */
+    /* Times are judged where they are measured (tools/crash.py), and in half of the runs: the others, as all of the
+     * tests here, meet whatever else runs on this machine. */
     bool urgent = getenv("DDX_CRASH_URGENT") && seed % 2 && takeover_urgent();
 
     state = seed;

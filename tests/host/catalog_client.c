@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Writes an item, or reads one of another machine:
- *   catalog_client write ITEM         creates it; for each number on standard input so many values, one a millisecond
+ *   catalog_client write ITEM         creates it; for each number N on standard input N values, one a millisecond
  *   catalog_client read HOST ITEM     prints each value in hexadecimal; HOST "-": this machine
  */
 #include <ddx.h>

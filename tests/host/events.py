@@ -92,7 +92,7 @@ class Script:
         return process is not None and process.poll() is None
 
     def let_run(self, frames: int) -> None:
-        """Until so many are written, if anybody writes."""
+        """Until that number of frames is written, if there is a writer."""
         begin = self.desk.sequence("video")
         if self.writer is not None and self.alive(self.writer) and self.writer.pid not in self.frozen:
             wait_until(lambda: not self.alive(self.writer) or self.desk.sequence("video") >= begin + frames)
@@ -143,7 +143,7 @@ class Script:
         return bool(book and book["starts"] > starts and book["running"] and book.get("follows", 1))
 
     def stop_recorder(self) -> None:
-        """As somebody wants it: what is written until the next start is nobody's business."""
+        """On request: frames written until the next start are not accounted for."""
         if self.recorder is None or not self.alive(self.recorder) or self.filler.exists():
             return
         self.freeze(self.writer)
@@ -152,7 +152,7 @@ class Script:
         status = self.recorder.wait(60)
         before = self.desk.sequence("video")
         if not self.output.is_dir():
-            self.bring_home(set())  # a named file is overwritten when somebody wants it recorded once more
+            self.bring_home(set())  # a named file is overwritten by a new recording
         if status == 0 and self.random.random() < 0.5:
             self.thaw(self.writer)
             self.let_run(5)
@@ -189,7 +189,7 @@ class Script:
         self.folder.mkdir()
         self.thaw(self.recorder)
         if any(name.startswith(f"{self.folder}/") for name in open_now):  # the folder itself is only looked at
-            # It notices within a second. Killed before that, nobody could tell this from a file that was moved.
+            # It notices within a second. Killed before that, the case would look like a moved file.
             assert self.recorder is not None and self.recorder.wait(60) == 1
 
     def change_size(self) -> None:
@@ -218,7 +218,7 @@ class Script:
         self.finish()
 
     def finish(self) -> None:
-        """Everybody goes on, and is then told to stop."""
+        """All programs continue, and are then stopped."""
         self.note("finish")
         self.free()
         self.thaw(self.recorder)
@@ -256,7 +256,7 @@ class Script:
         assert written - self.unwanted == in_files + sum(lost.values()), story
         assert saved["in"] == written - self.unwanted and not saved["waiting"], story
         assert set(lost) <= {"store", "ring", "write", "restart"}, story
-        for one in numbers:  # in order, but where a writer began anew
+        for one in numbers:  # in order, except where a writer started again
             assert all(b > a or b < 200 for a, b in zip(one, one[1:])), story
 
 

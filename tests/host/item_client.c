@@ -226,7 +226,7 @@ static void paper_writer(void) {
     check_planes(&view, 9);
 }
 
-/* A grabber of that kind: 20 frames, once somebody reads. */
+/* A grabber of that kind: 20 frames, once there is a reader. */
 static void paper_grabber(void) {
     DDX_STORE_ITEM *writer = create_paper_video();
     while (ddx_store_readers(writer) < 1)

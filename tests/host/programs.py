@@ -84,7 +84,7 @@ class Desk:
         return self.item(item).get("readers")
 
     def sequence(self, item: str) -> int:
-        """Number of the newest value, which nobody reads for that; 0 if there is none."""
+        """Number of the newest value, without reading it; 0 if there is none."""
         return int(self.item(item).get("sequence", 0))
 
     def end(self) -> None:
@@ -144,7 +144,7 @@ def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
 
 
 def wait_until(condition: Callable[[], bool], seconds: float = 60) -> None:
-    """The time is for a machine that hangs: nobody's test passes or fails by it."""
+    """The time is for a machine that hangs: no test passes or fails by it."""
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "waited in vain"

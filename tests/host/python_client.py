@@ -112,7 +112,7 @@ def missed(store: ddx.Store) -> None:
         with store.item("count") as late:
             late.keep(5)
             refused(TimeoutError, lambda: late.acquire(0, ddx.NEXT))
-            # Room for five is there soon after the first read; until then it misses some, and is told so.
+            # Room for five is there soon after the first read; until then it misses some, and the count says so.
             read: list[int] = []
             for attempt in range(1, 100):
                 for number in range(4):

@@ -73,8 +73,7 @@ class Stream:
         return dict(json.loads(done.stdout.splitlines()[-1]))
 
     def play_frames(self, clip: pathlib.Path, frames: int, instance: str = "ddxvideosend", count: str = "out") -> None:
-        """Play the clip over and over until so many more frames have gone through a program, however slow the machine
-        is today."""
+        """Play the clip again and again until that number of further frames has gone through a program."""
         before = int(self.desk.stats(instance)[count])
         loader = self.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
         wait_until(lambda: int(self.desk.stats(instance)[count]) >= before + frames, 120)

@@ -73,7 +73,7 @@ def test_a_delay_shows_in_the_latency(measured: Run) -> None:
 
 
 def test_a_core_that_others_have_shows(measured: Run) -> None:
-    """What is lost then is nobody's fault, so it must be seen. A thread's niceness is that of what it starts."""
+    """Losses are then no program's fault, so this must be visible. A thread's niceness is that of what it starts."""
     yielding = ThreadPoolExecutor(1, initializer=lambda: os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19))
     hogs = [subprocess.Popen([*MORTAL, "taskset", "-c", str(core), sys.executable, "-c", "while True: pass"])
             for core in cpus()]

@@ -84,7 +84,7 @@ def test_killed_while_attached(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_told_to_stop_and_its_successor_killed(desk: Desk, clip: pathlib.Path) -> None:
-    """Nobody wanted the frames after the stop, also when somebody who saw none of them dies."""
+    """Frames after a requested stop are unwanted, even if a successor dies that saw none of them."""
     assert stop(started(desk, clip))[0] == 0
     assert desk.run("ddxvideoload", clip, "-rate", "0").returncode == 0
     saver = start_recorder(desk, "-output", "out.y4m")
@@ -106,7 +106,7 @@ def started(desk: Desk, clip: pathlib.Path, *options: object) -> Process:
 
 
 def test_books_are_kept_longer_than_pictures(tmp_path: pathlib.Path) -> None:
-    """Memory is needed, nobody has the items open: pictures go, and a dead program's losses stay known."""
+    """Memory is needed, no program has the items open: pictures go, and a dead program's losses stay known."""
     desk = Desk(tmp_path, "2M")
     try:
         clip = make_clip(tmp_path / "clip.y4m", "64x48", "100", 50)
@@ -202,7 +202,7 @@ def test_the_disk_fails_to_make_safe(desk: Desk, clip: pathlib.Path) -> None:
 
 @pytest.mark.parametrize("target", ["rec/out.y4m", "rec"])
 def test_folder_removed(desk: Desk, clip: pathlib.Path, target: str) -> None:
-    """It is told, and nothing counts as recorded that is not there."""
+    """It is reported, and no missing frame counts as recorded."""
     (desk.folder / "rec").mkdir()
     saver = start_recorder(desk, "-output", target)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
@@ -296,8 +296,8 @@ def test_standard_descriptors_closed(desk: Desk, clip: pathlib.Path) -> None:
 # ---- TERM ends what waits ----
 
 @pytest.mark.parametrize("opened", [False, True])
-def test_pipe_that_nobody_reads(desk: Desk, opened: bool) -> None:
-    """Exit 0, since the stop was wanted; what nobody read is lost, and counted."""
+def test_pipe_without_reader(desk: Desk, opened: bool) -> None:
+    """Exit 0, since the stop was wanted; frames that were not read are lost, and counted."""
     clip, pipe = make_clip(desk.folder / "clip.y4m", "320x240", "100", 20), desk.folder / "pipe"
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe)

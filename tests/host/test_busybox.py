@@ -54,7 +54,7 @@ def test_an_unknown_applet_is_told(source: pathlib.Path, tmp_path: pathlib.Path,
 
 def test_no_option_is_on_by_itself(source: pathlib.Path, tmp_path: pathlib.Path,
                                    monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the list none of its lines would be so. What cannot be had is told: one that is not known, one whose
+    """Without the list none of its lines would be so. Missing options are reported: an unknown one, one whose
     applet is off, and two applets that need some of the list."""
     wanted = entries(busybox.CONFIG)
     assert len(wanted) == len({line.split("=")[0] for line in wanted})

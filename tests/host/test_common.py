@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What all tools and tests share: one run at a time, and programs that end with who started them."""
+"""What all tools and tests share: one run at a time, and programs that end with their starter."""
 from __future__ import annotations
 
 import os
@@ -80,8 +80,8 @@ def test_only_what_failing_tests_leave_is_kept(tmp_path: pathlib.Path, what: str
     assert [file.read_text() for file in temporary.rglob("clip") if "current" not in str(file)] == kept
 
 
-def test_programs_end_with_who_started_them(tmp_path: pathlib.Path) -> None:
-    """Nobody would stop a store whose test was killed."""
+def test_programs_end_with_their_starter(tmp_path: pathlib.Path) -> None:
+    """Otherwise a store would outlive its killed test."""
     test = start(DESK, tmp_path)
     store = int(line(test))
     assert pathlib.Path(f"/proc/{store}/comm").read_text() == "store\n"
@@ -91,7 +91,7 @@ def test_programs_end_with_who_started_them(tmp_path: pathlib.Path) -> None:
 
 
 def test_what_is_installed_is_not_touched_where_nothing_changed() -> None:
-    """All who run tests side by side build first: programs of the others start meanwhile."""
+    """Tests that run side by side all build first: programs of the others start meanwhile."""
     link = native.build() / native.LIBRARIES / "libddx.so.0"
     before = link.lstat().st_ino, link.lstat().st_ctime_ns
     native.build()

@@ -20,7 +20,7 @@ def confine(*words: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize("names, bits", [("sys_time", 1 << 25), ("net_admin,net_raw", 1 << 12 | 1 << 13)])
 def test_a_program_has_these_capabilities_and_no_way_to_others(names: str, bits: int) -> None:
     if os.geteuid() != 0:
-        pytest.skip("who is not root has nothing to give up")
+        pytest.skip("a process that is not root has no rights to give up")
     done = confine(names, "sh", "-c", " ".join(STATUS))  # nor has what it starts
     found = dict(re.findall(r"^(Cap\w+|NoNewPrivs):\t(\w+)$", done.stdout, re.M))
     assert {int(found[kind], 16) for kind in ("CapPrm", "CapEff", "CapBnd")} == {bits}, done

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A user may have only so many descriptors under way that nobody has taken in yet (unix(7), ETOOMANYREFS): readers that
-are stopped use them up, and who comes then waits until there are fewer. Nobody is cut off."""
+"""A user may have a limited number of unread descriptors in flight (unix(7), ETOOMANYREFS): stopped readers use them
+up, and new readers wait until there are fewer. No connection is closed."""
 from __future__ import annotations
 
 import contextlib
@@ -16,7 +16,7 @@ from .programs import ROOT, Desk, Process, make_clip, result, stop, wait_until
 FRAMES = 50
 LIMIT = 256    # descriptors open, and as many under way
 STOPPED = 8    # readers
-LATECOMER = 40 # frames that the store keeps for who comes last: as many new slots, told to everybody
+LATECOMER = 40 # frames that the store keeps for the last reader: as many new slots, announced to all
 STORE = """\
 #!/bin/sh
 [ "$(id -u)" != 0 ] || drop="setpriv --bounding-set=-sys_resource,-sys_admin"
@@ -52,9 +52,9 @@ def test_nobody_is_cut_off_where_others_do_not_read(desk: Desk) -> None:
     for watcher in watchers:
         watcher.send_signal(signal.SIGSTOP)
     before, room = connections(desk.store), desk.item("video")["reserved"]
-    before &= connections(desk.store)  # without those of who only looked
+    before &= connections(desk.store)  # without those of short-lived readers
     saver = desk.start("ddxvideosave", "-output", "/dev/null", "-keep", LATECOMER)
-    wait_until(lambda: bool(desk.item("video")["reserved"] > room))  # everybody has been told, or is being told
+    wait_until(lambda: bool(desk.item("video")["reserved"] > room))  # all have been notified, or are being notified
     assert before - connections(desk.store) == set(), desk.errors(desk.store)
     for watcher in watchers:
         watcher.send_signal(signal.SIGCONT)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Damaged file systems, real ones on loop devices, with the image's scripts, its BusyBox and e2fsck: what can be
-mended is mended, what cannot is told, settings have a second copy, and nobody waits but the recorder."""
+"""Damaged file systems, real ones on loop devices, with the image's scripts, its BusyBox and e2fsck: repairable
+damage is repaired, other damage is reported, settings have a second copy, and only the recorder waits."""
 from __future__ import annotations
 
 import os
@@ -141,7 +141,7 @@ def test_recordings_beyond_repair_are_told_once_and_another_disk_is_taken(robot:
     broken = robot.devices["DDXREC"]
     told = f"{broken}, the recordings' disk, cannot be used: nothing is recorded; see /run/log/check.DDXREC"
     log = robot.root / "run/log/recordings-disk"
-    wait_until(lambda: log.exists() and log.read_text().count(told) == 2)  # by the boot, and by who goes on with it
+    wait_until(lambda: log.exists() and log.read_text().count(told) == 2)  # by the boot, and by the job that continues
     assert not robot.mounted("/rec")
     robot.devices["other"] = robot.disk("DDXREC", "other")
     name = robot.devices["other"].removeprefix("/dev/")
@@ -190,7 +190,7 @@ def test_nobody_waits_for_a_long_check_but_the_recorder(robot: Robot) -> None:
     assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
     robot.run("umount /rec && /usr/libexec/ddx/service thing start")
     wait_until(lambda: state() == "state=waiting")
-    # who waits can be stopped, too
+    # a waiting service can be stopped, too
     assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
     assert state() == "state=stopped"
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""All services of the image die again and again, or hang, at the same time, and the store for itself: they are given
-time, or replaced, and that is counted and shown. One after the other, where nobody else may notice, in the emulated
+"""All services of the image die again and again, or hang, at the same time, and the store for itself: they get pauses,
+or are replaced, and that is counted and shown. One after the other, where no other service may notice, in the emulated
 machine: tests/boot/test_each_service.py."""
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def restarts(robot: NativeMachine) -> dict[str, int]:
 
 
 def logs(robot: NativeMachine, wanted: dict[str, int]) -> str:
-    """Of those that were not started as often as wanted, and of who looks after them."""
+    """Logs of the services that were not started as often as wanted, and of ddxhealth."""
     wrong = [name for name, often in restarts(robot).items() if often != wanted[name]]
     return "".join(f"--- {name}\n{robot.sh(f'ddxctl logs {name}')}" for name in [*wrong, "ddxhealth"])
 
@@ -81,7 +81,7 @@ def test_what_dies_again_and_again_is_given_time_and_shown(robot: NativeMachine,
 
 
 def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
-    """All but who looks after them; the store, whose silence makes the others' mean nothing, for itself."""
+    """All except ddxhealth; the store separately, since its silence hides that of the others."""
     hung = tuple(name for name in OTHERS if name != "ddxhealth")
     for names in (hung, ("store",)):
         for name in names:
@@ -101,8 +101,8 @@ def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
 
 
 def test_a_worker_of_the_store_that_hangs(robot: NativeMachine) -> None:
-    """Another one goes on in its place, before anybody gives up who asked it something: so no service ends, the store
-    as a whole is not started anew, and nothing is lost that is recorded."""
+    """Another one takes its place before any client gives up: no service stops, the store
+    as a whole is not restarted, and no recorded frame is lost."""
     wait_until(lambda: frames(robot, SAVE) > 0)
     pid = robot.sh("cat /run/service/store/supervise/pid")
     worker = robot.sh(f"pgrep -P {pid}")

@@ -89,7 +89,7 @@ def test_disk_full(desk: Desk, clip: pathlib.Path, small_disk: pathlib.Path, out
 
 
 def test_file_that_opens_late(desk: Desk) -> None:
-    """Who takes frames from the store waits for no disk, not even for the first file's name."""
+    """The thread that takes frames waits for no disk, not even for the first file's name."""
     clip, pipe = make_clip(desk.folder / "clip.y4m", "64x48", "50", 100), desk.folder / "pipe"
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe)
@@ -112,7 +112,7 @@ def test_disk_full_from_the_start(desk: Desk, clip: pathlib.Path, small_disk: pa
 
 
 def test_slow_disk(desk: Desk, clip: pathlib.Path) -> None:
-    """A pipe that nobody empties: frames are lost in the ring, counted, and the rest is in order."""
+    """A pipe without reader: frames are lost in the ring and counted, and the rest is in order."""
     pipe = desk.folder / "pipe"
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe, "-ring", "4")
@@ -240,7 +240,7 @@ def test_a_recorder_that_waits_misses_no_first_frame(desk: Desk) -> None:
 
 
 def test_frames_before_the_item_was_found_are_counted(desk: Desk, clip: pathlib.Path) -> None:
-    """The recorder was there first, and got no time to notice that somebody began to write."""
+    """The recorder was there first, and got no time to notice the new writer."""
     saver = desk.start("ddxvideosave", "-output", "out.y4m")
     wait_until(lambda: "waiting for video" in desk.errors(saver))
     saver.send_signal(signal.SIGSTOP)
@@ -264,7 +264,7 @@ def test_frames_before_the_item_was_found_are_counted(desk: Desk, clip: pathlib.
 
 
 def test_a_pause_of_most_of_a_second_loses_nothing(desk: Desk) -> None:
-    """Of a second's frames, that is: they come slowly here, so that nobody else's pause adds up with it."""
+    """Of a second's frames, that is: they come slowly here, so that no other pause adds up with it."""
     clip = make_clip(desk.folder / "clip.y4m")
     saver = desk.start("ddxvideosave", "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "0.4")
@@ -349,7 +349,7 @@ def test_broken_writer(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_clean_restart_loses_nothing(desk: Desk, clip: pathlib.Path) -> None:
-    """What nobody asked to record between a stop and a start is no loss."""
+    """Frames between a requested stop and a start are no loss."""
     first, second = desk.folder / "first.y4m", desk.folder / "second.y4m"
     _, one = record(desk, clip, first)
     _, two = record(desk, clip, second)

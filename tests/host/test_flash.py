@@ -87,7 +87,7 @@ class Loop:
 
 @pytest.fixture
 def loop(tmp_path: pathlib.Path, image: pathlib.Path) -> Iterator[Loop]:
-    """A disk with room to spare, full of old data; its first MiB says whether somebody wrote."""
+    """A disk with room to spare, full of old data; its first MiB shows whether it was written."""
     if os.geteuid() != 0 or not os.access("/dev/loop-control", os.R_OK | os.W_OK):
         pytest.skip("needs root and loop devices")
     file = tmp_path / "target.img"
@@ -295,7 +295,7 @@ def test_refuses_a_disk_below_another_device(image: pathlib.Path, loop: Loop) ->
 def test_refuses_what_somebody_else_holds(image: pathlib.Path, loop: Loop) -> None:
     held = os.open(loop.device, os.O_RDWR | os.O_EXCL)
     try:
-        refused(image, loop.device, "is in use by somebody else", untouched=loop.file)
+        refused(image, loop.device, "is in use by another program", untouched=loop.file)
     finally:
         os.close(held)
 
@@ -399,7 +399,7 @@ def test_a_free_disk_is_not_refused(fake: FakeSystem) -> None:
 
 
 def test_refuses_an_empty_card_reader(fake: FakeSystem) -> None:
-    """None of this machine's: somebody else could put a card into it just now."""
+    """None of this machine's: a user could put a card into it just now."""
     fake.add("sdc", "8:32", size="0", removable="1")
     assert fake.refusal("sdc").endswith("sdc is empty: no card in the reader?")
 
@@ -527,7 +527,7 @@ def test_an_interrupted_disk_does_not_boot(image: pathlib.Path, loop: Loop, monk
     assert has_no_start(loop.file)
 
 
-# What a single machine is told
+# Settings of one machine
 
 def public_key(comment: str = "me@here") -> str:
     kind = b"ssh-ed25519"

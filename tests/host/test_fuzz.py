@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The fuzz targets find nothing in a short time, and find a fault that was put there for them. `make test-long T=fuzz` goes on."""
+"""The fuzz targets find nothing in a short time, and find a planted fault. `make test-long T=fuzz` takes longer."""
 from __future__ import annotations
 
 import pathlib
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.computes
 
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
 SHORTER = {"report": 2, "sap": 2}  # small readers
-SEED = 1     # what is new is looked for by tools/fuzz.py, not by whoever tests something else
+SEED = 1     # tools/fuzz.py looks for new faults
 
 
 @pytest.mark.parametrize("target", fuzz.TARGETS)

@@ -83,7 +83,7 @@ def test_the_check_sees_what_is_wrong(desk: Desk, compile_client: Compiler) -> N
 
 
 def test_what_was_there_before(desk: Desk, compile_client: Compiler) -> None:
-    """The newest value of an item that nobody writes any more: logged at the begin, with the time of its write."""
+    """The newest value of an item without a writer: logged at the beginning, with the time of its write."""
     expected = written(desk, write(desk, compile_client, "settings", 3, 1000, readers=0))
     before = time.monotonic_ns()
     logger = begin(desk)
@@ -117,7 +117,7 @@ def test_told_to_stop_right_behind_the_first_values(desk: Desk, compile_client: 
 
 
 def test_rate(desk: Desk, compile_client: Compiler) -> None:
-    """At most so many a second, the newest ones; the others are left out, not lost."""
+    """At most `rate` a second, the newest ones; the others are left out, not lost."""
     logger = begin(desk, "output log\nitem fast rate=20\nitem slow rate=100\n")
     fast = write(desk, compile_client, "fast", 1000, 2000)
     slow = write(desk, compile_client, "slow", 10, 400_000)
@@ -142,7 +142,7 @@ def test_a_writer_that_comes_back(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_another_layout(desk: Desk, compile_client: Compiler) -> None:
-    """The item's type changes: possible once nobody has written it for some seconds; a channel of its own."""
+    """The item's type changes: possible once it had no writer for some seconds; a channel of its own."""
     logger = begin(desk)
     written(desk, write(desk, compile_client, "imu", 10, 2000))
     written(desk, write(desk, compile_client, "imu", 10, 20000, "other"))  # tries until it may
@@ -156,7 +156,7 @@ def test_another_layout(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_losses_are_exact(desk: Desk, compile_client: Compiler) -> None:
-    """The logger stands still for a while: what it missed is what the file lacks, and everybody says so."""
+    """The logger stands still for a while: the file lacks the frames that it missed, and all counters agree."""
     logger = begin(desk)
     writer = write(desk, compile_client, "imu", 3000, 1000)
     wait_until(lambda: desk.sequence("imu") > 500)

@@ -15,7 +15,7 @@ from .programs import ROOT, Compiler, Desk, library_folder, stop, wait_until
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory, compile_client: Compiler) -> pathlib.Path:
-    """A log of three seconds: so many chunks at least."""
+    """A log of three seconds: at least three chunks."""
     desk = Desk(tmp_path_factory.mktemp("whole"))
     try:
         logger = begin(desk)
@@ -37,7 +37,7 @@ def contents(log: logs.Log) -> list[tuple[str, int, int, bytes]]:
 
 
 def in_chunks(whole: pathlib.Path, log: logs.Log, size: int) -> list[tuple[str, int, int, bytes]]:
-    """What a file of so many bytes has to give back: the messages of the chunks that are whole, by mcap's index."""
+    """The expected contents of a file of `size` bytes: the messages of the chunks that are whole, by mcap's index."""
     last = max((chunk.message_end_time for chunk in log.chunks
                 if chunk.chunk_start_offset + chunk.chunk_length <= size), default=-1)
     ends = sorted(chunk.message_end_time for chunk in log.chunks)

@@ -21,7 +21,7 @@ PERIOD, WINDOW = 40, 20  # ms
 
 
 class Cameras:
-    """Both, each frame when it is told, and the program that pairs them."""
+    """Both cameras, each frame on request, and the program that pairs them."""
 
     def __init__(self, desk: Desk, right: str, *options: object) -> None:
         self.desk = desk

@@ -74,7 +74,7 @@ def test_a_technician_reads_a_log_as_its_writer_may(appliance: Appliance) -> Non
 
 
 def test_the_console_s_shell_reads_nothing_of_others(appliance: Appliance) -> None:
-    """Everybody may write in /tmp."""
+    """Any user may write in /tmp."""
     appliance.install("overlay/usr/libexec/ddx/shell", "usr/libexec/ddx/shell")
     (appliance.root / "etc/motd").write_text("DDXVIDEO\n")
     (appliance.root / "tmp").mkdir()

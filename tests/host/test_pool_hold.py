@@ -50,7 +50,7 @@ def start_copy(desk: Desk, file: pathlib.Path, *wrapper: str) -> tuple[Process, 
 
 @contextlib.contextmanager
 def locked(paths: Iterable[pathlib.Path]) -> Iterator[None]:
-    """As any user can who may read them."""
+    """As any user with read access can."""
     files = [os.open(path, os.O_RDONLY) for path in paths]
     try:
         for file in files:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddx.txt as the machine reads it, with the awk that it has: what is right is taken, what is wrong is told by line."""
+"""ddx.txt as the machine reads it, with the awk that it has: right lines are applied, wrong lines are reported."""
 import pathlib
 import subprocess
 
@@ -38,7 +38,7 @@ def test_a_right_line_is_taken(defaults: pathlib.Path, line: str) -> None:
 
 
 def shown(line: str) -> str:
-    """What is told of a line: not what comes after a word that we do not know, which may be a secret."""
+    """The report of a line: without the text after an unknown key, which may be a secret."""
     known = ("console", "country", "dns", "hostname", "network", "ntp", "service", "ssh_key", "test")
     key, equals, _ = line.partition("=")
     if not equals:
@@ -105,7 +105,7 @@ def test_a_wireless_network_and_an_interface_need_each_other(defaults: pathlib.P
     assert read(defaults, "network=eth0 dhcp\nwifi=hall secret12\n") == (["network=eth0 dhcp"], [
         "ddx.txt, line 2: wifi=...: network=wlan0 dhcp is needed, too"])
     taken, wrong = read(defaults, "network=wlan0 dhcp\nwifi=hall short\n")
-    assert taken == [] and len(wrong) == 1 and "line 2" in wrong[0]  # one mistake is told once
+    assert taken == [] and len(wrong) == 1 and "line 2" in wrong[0]  # one mistake is reported once
     assert len(read(defaults, "wifi=hall secret12\nwifi=hall secret13\nnetwork=wlan0 dhcp\n")[1]) == 1
 
 

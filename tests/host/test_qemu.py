@@ -22,7 +22,7 @@ DONE = b'{"return": {}}\n'
 
 
 def monitor(path: pathlib.Path, said: bytes, hang_up: bool = False) -> threading.Thread:
-    """A QEMU that says so whatever it is told, and then nothing any more."""
+    """A QEMU that sends this text after any command, and then nothing."""
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(str(path))
     listener.listen()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A recorder is told to stop, to go on and to begin a new file: each frame is in a file, or was left out as told."""
+"""Commands to a recorder: stop, continue, begin a new file. Each frame is in a file, or left out on request."""
 from __future__ import annotations
 
 import json
@@ -187,7 +187,7 @@ def test_before_the_first_frame(desk: Desk, clip: pathlib.Path) -> None:
 def test_what_waited_and_was_never_wanted_is_left_out(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk, "-start", "paused", "-pre-roll", "1")
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
-    wait_until(lambda: 20 <= COUNT - count(desk, "skipped") <= 30)  # so many wait
+    wait_until(lambda: 20 <= COUNT - count(desk, "skipped") <= 30)  # the rest wait
     _, saved = stop(saver)
     assert (saved["in"], saved["out"], saved["skipped"]) == (0, 0, COUNT)
 

@@ -225,7 +225,7 @@ def test_a_window_in_which_the_host_stalls_does_not_count_a_slow_stream_does() -
     quick, slow = 300, 400  # buckets
 
     def marks(*late: int) -> list[list[int]]:
-        """Windows of 100 frames, so many of each late."""
+        """Windows of 100 frames, with these numbers of late ones."""
         result = [[0] * 500]
         for count in late:
             result.append(list(result[-1]))

@@ -30,7 +30,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
 
 @pytest.fixture
 def service(appliance: Appliance) -> Appliance:
-    """A service that has been started, and that nobody runs yet."""
+    """A service that has been started, and that no runsv runs yet."""
     appliance.install_service()
     appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
     (appliance.root / "etc/default/thing").write_text("user=root\n")
@@ -129,7 +129,7 @@ def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Applianc
 
 
 def supervise(service: Appliance) -> None:
-    """By a runsv that nobody outside waits for: a test may stop it."""
+    """By a runsv that no other process waits for: a test may stop it."""
     service.run("cd /run/service && runsv thing > /dev/null 2>&1 &")
     wait_until(lambda: service.run("sv status /run/service/thing")[0] == 0)
 
@@ -185,8 +185,8 @@ def test_a_restart_of_what_dies_at_once_is_a_start(supervised: Appliance) -> Non
     wait_until(lambda: state(supervised) == "running")
 
 
-def test_nobody_waits_for_a_back_off(supervised: Appliance) -> None:
-    """Neither a stop nor a start by somebody who has mended it; it would be eight seconds."""
+def test_nothing_waits_for_a_back_off(supervised: Appliance) -> None:
+    """Neither a stop nor a start after a correction; it would be eight seconds."""
     for action, result in (("stop", "stopped"), ("start", "running")):
         told(supervised, "start")
         wait_until(lambda: state(supervised) == "running")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Settings of a service that nobody can mean: they are refused where they stand, and nothing runs wild."""
+"""Senseless settings of a service: they are refused by file and line, and no part of them is executed."""
 from __future__ import annotations
 
 import functools
@@ -18,7 +18,7 @@ FOLDERS = ["data/ddx", "run/settings", "test"]
 
 @pytest.fixture
 def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
-    """With a service that runs for ever, as a user who is not root."""
+    """With a service that runs for ever, as a user other than root."""
     with with_service(tmp_path) as appliance:
         for folder in FOLDERS:
             (appliance.root / folder).mkdir(parents=True)
@@ -98,8 +98,8 @@ def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_nobody_but_the_image_says_whose_it_is(appliance: Appliance, folder: str) -> None:
-    """Whoever plugs in a disk, or may write settings, would be root."""
+def test_only_the_image_sets_the_user(appliance: Appliance, folder: str) -> None:
+    """Otherwise anyone with a disk, or with the right to write settings, would be root."""
     (appliance.root / folder / "thing.conf").write_text("user=root\n user = ddxhealth\r\n")
     text = appliance.run(f"{THING} start")[1]
     supervise(appliance)
@@ -131,7 +131,7 @@ def test_no_value_is_a_command(appliance: Appliance) -> None:
 
 @pytest.mark.parametrize("folder", ["etc/default", *FOLDERS])
 def test_what_root_uses_has_one_form(appliance: Appliance, folder: str) -> None:
-    """Whoever says it; the service is not started, and root runs nothing of it."""
+    """In every file; the service is not started, and root runs no part of it."""
     file = appliance.root / folder / ("thing" if folder == "etc/default" else "thing.conf")
     before = file.read_text() if file.exists() else ""
     for text in ("mounted=$(touch /x)", 'mounted=/";touch /x;"', "mounted=/rec\\", "mounted=rec", "needs=`touch /x`",

@@ -85,7 +85,7 @@ def test_nothing_of_root_s_is_written_through_a_name_of_the_recorder_s(robot: Ap
         code, text = robot.run(SAVE)
         assert vault(robot) == before
         assert (code, text, told.read_text()) == (1, "", UNCOPIED)
-        robot.run(f"rm -rf /rec/.ddx && {SAVE}")  # as it is told
+        robot.run(f"rm -rf /rec/.ddx && {SAVE}")  # as the message says
         assert not told.exists() and "enabled=no" in robot.run(f"cat {COPY}")[1]
         robot.run("rm -rf /rec/.ddx /rec/x")
 
@@ -116,7 +116,7 @@ def test_a_copy_of_doubtful_rights_is_not_believed(robot: Appliance) -> None:
 
 
 def test_only_lines_that_are_right_come_back(robot: Appliance) -> None:
-    """Where `service` would refuse a line, nobody knows what was meant: off, as it was."""
+    """Where `service` would refuse a line, its meaning is unknown: off, as before."""
     (robot.root / "data/ddx/thing.conf").write_text("user=root\n# mine\nrate=$(x)\nnonsense\nname=a\033b\n")
     (robot.root / "data/ddx/thing.a.conf").write_text("enabled=yes\nmounted=$(touch /x)\nrate=5\n")
     (robot.root / "data/ddx/logger.conf").write_text("output /rec/log\n\titem\tx\r\nitem \033\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The disk stands still: whoever takes frames from the store goes on, and every frame is recorded, or counted."""
+"""The disk hangs: the thread that takes frames continues, and every frame is recorded, or counted."""
 from __future__ import annotations
 
 import functools

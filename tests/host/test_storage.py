@@ -14,7 +14,7 @@ from parts.common import TOP
 from .programs import wait_until
 
 DISKS = {"DDXDATA": "/data", "DDXREC": "/rec", "DDXTEST": "/test"}
-# Refuses the first so many times for that folder, as often as `refuse.<folder>` says; then notes it as mounted.
+# Refuses the first mounts of that folder, as often as `refuse.<folder>` says; then notes it as mounted.
 MOUNT = """#!/bin/sh
 for folder; do :; done
 name=${folder#/}
@@ -71,7 +71,7 @@ class Machine:
         return done.returncode, done.stdout
 
     def recordings(self) -> str:
-        """What the job that sees to them came to, which nobody waited for."""
+        """The result of the job that mounts them, which nothing waited for."""
         said = self.folder / "log/recordings-disk"
         wait_until(lambda: said.exists() and said.read_text() != "" and
                not said.read_text().endswith("is being checked\n"))
@@ -118,7 +118,7 @@ def test_a_mount_that_always_fails_is_told_and_the_others_are_there(machine: Mac
     folder = DISKS[label]
     machine.refuse(folder[1:], 1000)
     if label == "DDXREC":
-        assert machine.start() == (0, "Starting storage: OK\n")  # nobody waited for it
+        assert machine.start() == (0, "Starting storage: OK\n")  # nothing waited for it
         assert "cannot be used" in machine.recordings()
     else:
         assert machine.start() == (1, f"Starting storage: FAIL: {folder[1:]}\n")

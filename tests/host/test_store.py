@@ -211,7 +211,7 @@ def test_nonsense_from_clients(guarded: Desk) -> None:
 
 
 def test_a_crowd_that_comes_at_once_waits(desk: Desk) -> None:
-    """600 programs connect while the store does not run: none is told that there is no store, and each is heard."""
+    """600 programs connect while the store does not run: none fails for lack of a store, and each is served."""
     address = str(next((desk.folder / "run").glob("store-*[0-9]")))
     send_signal(desk.store, signal.SIGSTOP)
     with contextlib.ExitStack() as stack:

@@ -68,8 +68,8 @@ def test_what_waits_at_the_end(stream: Stream, clip: pathlib.Path) -> None:
 
 
 def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:
-    """It stands still when the first picture comes: decode goes on, counts what nobody could have, and then shows the
-    rest."""
+    """It hangs when the first picture comes: decode continues, counts the pictures that could not be stored, and then
+    shows the rest."""
     decode, sender = stream.decode(), stream.send(*TO_RELAY)
     loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: stream.desk.out("ddxvideosend") > 2)

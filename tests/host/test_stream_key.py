@@ -62,7 +62,7 @@ def test_only_the_key_shows_it(keyed: Stream, clip: pathlib.Path) -> None:
     (_, sent_packets, sent), _ = finish(sender, plain)
     relay.terminate()
     assert result(relay)[0] == 0
-    # Whoever has the key sees all, and what was sent is what came.
+    # A receiver with the key sees all, and received what was sent.
     (lines, packets, shown), = finish(show)
     assert shown["in"] == shown["out"] == sent["out"] == len(printed(lines)) and sum(shown["lost"].values()) == 0
     assert packets["refused"] == packets["repeated"] == packets["garbage"] == 0 and packets["received"] > EXPLAINED

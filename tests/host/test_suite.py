@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The run of the tests itself: who gets a second chance, what is said at the end, and that nobody passes by silence."""
+"""The run of the tests itself: second runs, the summary, and that no test passes by silence."""
 from __future__ import annotations
 
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""docs/technician.md: what a laptop is told to do works in the shells of Linux and macOS. With a robot: make docs."""
+"""docs/technician.md: the laptop's commands work in the shells of Linux and macOS. With a robot: make docs."""
 from __future__ import annotations
 
 import json
@@ -41,7 +41,7 @@ def words(home: pathlib.Path, shell: str, command: str) -> tuple[int, str, list[
 
 
 def test_each_shell_understands_each_line(home: pathlib.Path) -> None:
-    lines = [command for who, command in docs.commands() if who == docs.LAPTOP]
+    lines = [command for machine, command in docs.commands() if machine == docs.LAPTOP]
     assert any("*" in line for line in lines)
     for line in lines:
         typed = shlex.split(line.partition(" > ")[0])

@@ -337,7 +337,7 @@ def test_bad_input(desk: Desk, display: Display, small_disk: pathlib.Path) -> No
 
 
 def test_no_display_in_the_background(desk: Desk) -> None:
-    """As the paper starts it: with `&`. It says a line, though terminals may stop who writes from there."""
+    """As the paper starts it: with `&`. It prints a line, though terminals may stop background programs that write."""
     environment = {**desk.environment, "PATH": os.environ["PATH"]}
     environment.pop("DISPLAY", None)
     environment.pop("WAYLAND_DISPLAY", None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What ddxvideoview keeps of a live source: at most so many frames, and at most so much memory."""
+"""What ddxvideoview keeps of a live source: a limited number of frames, in a limited memory."""
 import pathlib
 import re
 

@@ -32,7 +32,7 @@ def paused(window: Window) -> None:
 
 
 def numbers(seen: Seen, fields: int, columns: int) -> list[int | None]:
-    """Of all fields, in so many columns."""
+    """Of all fields, in `columns` columns."""
     high, wide = seen.area.shape[:2]
     rows = -(-fields // columns)
     scale = min(wide / (columns * WIDTH), high / (rows * HEIGHT)) + 1e-6

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Who feeds the watchdog does so only while store and recorder give signs of life. Here killing them is no help, since
-nobody supervises them; that the machine is reset then is for tests/boot/test_health.py."""
+"""ddxhealth feeds the watchdog only while store and recorder are alive. Here killing them does not help, since
+nothing supervises them; the reset of the machine is tested in tests/boot/test_health.py."""
 from __future__ import annotations
 
 import os
@@ -15,7 +15,7 @@ from .programs import Desk, Process, send_signal, wait_until
 
 NO_FOOD = "the watchdog gets no food"
 WELL = "all is well again"
-GIVEN_UP = "and it cannot be killed"  # said every five seconds, by who looks every second
+GIVEN_UP = "and it cannot be killed"  # logged every five seconds, checked every second
 
 
 class Kennel:
@@ -29,7 +29,7 @@ class Kennel:
             supervise = desk.folder / "service" / name / "supervise"
             supervise.mkdir(parents=True)
             (supervise / "pid").write_text(f"{process.pid}\n")
-            os.mkfifo(supervise / "control")  # nobody reads it
+            os.mkfifo(supervise / "control")  # without reader
         self.desk = desk
         self.food = desk.folder / "food"
         (desk.folder / "watchdog").touch()

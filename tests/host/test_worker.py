@@ -28,7 +28,7 @@ def kill_worker(store: Process) -> None:
 
 def record(desk: Desk, clip: pathlib.Path, client: pathlib.Path, deaths: int, output: str = "out.y4m",
            keep: int = KEEP) -> dict[str, int]:
-    """Kill so many workers in a recording; what a reader beside the recorder saw of it."""
+    """Kill `deaths` workers in a recording; returns what a reader beside the recorder saw."""
     frames = int(deaths * PAUSE * RATE) + RATE
     reader = desk.start(client, frames, keep)
     saver = desk.start("ddxvideosave", "-keep", keep, "-output", output)

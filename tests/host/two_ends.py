@@ -157,6 +157,6 @@ def _run(robot: Desk, operator: Desk, link: Link, clip: pathlib.Path, back: Patt
 
 
 def settled(desk: Desk, instance: str, frames: int) -> bool:
-    """So many frames came in, and each one is out or counted as lost."""
+    """`frames` frames came in, and each one is out or counted as lost."""
     found = desk.stats(instance)
     return bool(found["in"] == frames == found["out"] + sum(found["lost"].values()))

@@ -1,5 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Preloaded: a file that is a hardware watchdog for whoever opens it; each feeding is a byte in the file $FOOD. */
+/*
+ * Preloaded: a file that is a hardware watchdog for the program that opens it; each feeding is a byte in the file
+ * $FOOD.
+ */
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <linux/watchdog.h>

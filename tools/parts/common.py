@@ -16,13 +16,13 @@ OUTPUT = TOP / "output"
 CACHE = OUTPUT / "cache"
 # Outside of the tree: what is the same for every clone on this machine.
 HOST_CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
-SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on everybody's path
+SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on every user's path
 
-# s; for whatever somebody else has to do, on a machine that may be busy: a guest, QEMU, a tool. No result depends on
-# it, it only ends what would never end.
+# s; for work of others, on a machine that may be busy: a guest, QEMU, a tool. No result depends on
+# it, it only ends a wait that would never end.
 PATIENCE = 300.0
 
-# Before a command: it ends with who started it, however that ended.
+# Before a command: it ends with its starter, however that ends.
 MORTAL = ("setpriv", "--pdeathsig", "KILL")
 
 Command = Sequence[str | os.PathLike[str]]

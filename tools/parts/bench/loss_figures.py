@@ -3,7 +3,7 @@
 
 Usable: shown within the peer's deadline after the robot's write, and at most WORSE dB below the same frame of the run
 without loss. The screen for a frame is the newest picture that was there at the frame's deadline and is not of a later
-frame: what an operator sees who accepts that delay. Compared with the source picture, it includes the error of a
+frame: the picture of an operator that accepts that delay. Compared with the source picture, it includes the error of a
 picture that is too old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three
 planes."""
 from __future__ import annotations

@@ -25,7 +25,7 @@ def page(result: dict[str, Any]) -> str:
         "<style>body{font:14px sans-serif;margin:2em;max-width:60em}text{font:12px sans-serif}</style>",
         "<h1>The store beside its peers</h1>",
         f"<p>{html.escape(about['cpu'])}, {about['cores']} cores, Linux {html.escape(about['kernel'])}, load before "
-        f"{about['load_before']}; {result['rounds']} rounds, interleaved. Everybody sleeps while waiting and touches "
+        f"{about['load_before']}; {result['rounds']} rounds, interleaved. All peers sleep while waiting and touch "
         "every page. Read ratios, not absolute times. All scales are logarithmic.</p>",
         panel("Latency in µs: bar p50, mark p99", rows, "p50_us", "p99_us"),
         panel("Reader: CPU time per delivery in µs", rows, "reader_cpu_us", None),

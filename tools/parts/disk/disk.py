@@ -47,7 +47,7 @@ class Disk:
             return file.read_bytes()
 
     def set_boot_files(self, files: dict[str, pathlib.Path]) -> None:
-        """Write files (name on the boot partition: contents) as one does who has the card in a reader."""
+        """Write files (name on the boot partition: contents) as a user with the card in a reader does."""
         with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
             partition = pathlib.Path(folder) / "boot"
             partition.write_bytes(self.read(BOOT, BOOT_BYTES))

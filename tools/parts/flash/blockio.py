@@ -42,7 +42,7 @@ def _why(error: OSError) -> str:
 
 
 class Device:
-    """An open disk, held so that nobody mounts it, formats it or flashes it as well."""
+    """An open disk, held so that no other program mounts, formats or flashes it."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -56,7 +56,7 @@ class Device:
                     raise
                 self._fd = os.open(path, flags)
         except OSError as error:
-            why = {errno.EBUSY: "is in use by somebody else",
+            why = {errno.EBUSY: "is in use by another program",
                    errno.EACCES: "can be written by root only (sudo make flash ...)",
                    errno.EPERM: "cannot be written, not even by root: locked?",
                    errno.EROFS: "is read-only; does the card have a lock?",
@@ -66,7 +66,7 @@ class Device:
             fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._fd)
-            raise Failed(f"{path} is in use by somebody else") from None
+            raise Failed(f"{path} is in use by another program") from None
         self._buffer = mmap.mmap(-1, CHUNK)  # O_DIRECT wants whole pages
 
     def write(self, offset: int, data: bytes) -> None:

@@ -62,7 +62,7 @@ def _free_in_ext4(image: pathlib.Path, begin: int) -> list[Range]:
 
 
 def _free(image: pathlib.Path, partition: mbr.Partition) -> list[Range]:
-    """The parts of a partition whose contents nobody will look at before writing them."""
+    """The parts of a partition whose contents are not read before they are written."""
     with image.open("rb") as file:
         file.seek(partition.begin)
         head = file.read(2048)

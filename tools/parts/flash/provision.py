@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a single machine is told: lines of ddx.txt on the boot partition, see board/common/ddx.txt."""
+"""Settings of one machine: lines of ddx.txt on the boot partition, see board/common/ddx.txt."""
 import base64
 import binascii
 import os
@@ -28,7 +28,7 @@ def _check(word: str, value: str, line: str) -> str:
 
 
 def _key(line: str) -> bool:
-    """A public key's body names its type once more: a part of one, or another type's, lets nobody in."""
+    """A public key's body names its type once more: a part of one, or another type's, admits no login."""
     kind, _, rest = line.partition(" ")
     try:
         body = base64.b64decode(rest.partition(" ")[0], validate=True)

@@ -152,7 +152,7 @@ class TargetDisk:
         return " ".join(filter(None, [kind, words.get("LABEL", "")]))
 
     def refuse(self, need: int) -> None:
-        """Fail, with the reason, unless the disk can be overwritten with so many bytes."""
+        """Fail, with the reason, unless the disk can be overwritten with `need` bytes."""
         nodes = {_word(node / "dev"): node for node in self._nodes()}
         if self.folder.name in system_disks():
             raise Failed(f"{self.path} is the disk that this system runs from")

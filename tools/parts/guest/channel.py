@@ -9,7 +9,7 @@ import time
 from parts.common import PATIENCE
 
 # The guest's side: reads a number and a line, runs the line, marks its end. The number says whose end it is: the answer
-# of a command that nobody waits for any more may come while the next one's is awaited. The quotes keep an echo of this
+# of a command that was given up may come while the next one's is awaited. The quotes keep an echo of this
 # line from looking like a mark.
 SERVER = ("stty -echo -onlcr; while read -r ddx_n ddx_c; do eval \"$ddx_c\" < /dev/null; "
           "printf '\\n@E''ND %s %d@\\n' \"$ddx_n\" $?; done")
@@ -32,7 +32,7 @@ class Channel:
         self._socket.close()
 
     def send(self, text: str) -> None:
-        """As it is, to whoever reads there; a shell that has become a server of commands wants begin() or run()."""
+        """Unchanged, to the reader at the other end; a shell that serves commands needs begin() or run()."""
         self._socket.settimeout(PATIENCE)  # not what was left for the last wait
         try:
             self._socket.sendall(text.encode())
@@ -64,7 +64,7 @@ class Channel:
         """Wait until a shell answers, and turn it into a server of commands."""
         deadline = time.monotonic() + timeout
         while True:
-            # Whoever knocks at a machine that has not come up yet fills the socket: then a knock less does no harm.
+            # Probes may fill the socket before the guest is up; dropping one is harmless.
             self._socket.settimeout(0)
             with contextlib.suppress(BlockingIOError):
                 self._socket.send(b"\necho rea''dy\n")
@@ -78,7 +78,7 @@ class Channel:
         self.run(":", deadline - time.monotonic())  # leftovers of the knocking come before its answer
 
     def begin(self, command: str) -> None:
-        """Have a command run whose end nobody waits for, such as that of the machine itself."""
+        """Start a command without waiting for its end, such as one that stops the machine."""
         self._commands += 1
         self.send(f"{self._commands} " + command.replace("\n", " ") + "\n")
 

@@ -109,8 +109,8 @@ def begin_clip(guest: Robot, hertz: float = HERTZ) -> None:
 
 
 def end(guest: Robot, disk: SlowDisk | NativeDisk, naive: bool = False, frames: int = FRAMES) -> Result:
-    """The source first, so that all that was published arrives; then everybody, and the disk is looked at. The clip has
-    so many frames."""
+    """The source first, so that all published frames arrive; then all programs, and the disk is checked. The clip has
+    `frames` frames."""
     guest.sh(f"/etc/init.d/S*{LOAD} stop")
     load = session.end_counters(guest, LOAD)
     save, counts = Counters(), []

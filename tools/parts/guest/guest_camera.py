@@ -9,7 +9,7 @@ from parts.guest.qemu import Guest
 from parts.image import native
 
 GRABBER = "ddxvideoV4L"
-FEED = "feed.y4m"   # on the test disk: a clip that nobody replays by himself
+FEED = "feed.y4m"   # on the test disk: a clip that is not replayed by itself
 INTERLACED = 4      # V4L2_FIELD_INTERLACED
 LOOPED = "input=S-Video\nstandard=PAL\nsize=CIF\nformat=YU12\n"  # settings of the grabber for loop()
 SOURCES = TOP / "tests/guest"

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A file system for a machine on this machine's own kernel, in memory: as fast as that is, or as slow as told.
 
-The kernel limits it then (cgroups, of either version) for this process and whoever it starts. Limited are reads and
+The kernel limits it then (cgroups, of either version) for this process and its children. Limited are reads and
 writes, each for itself; a recorder only writes."""
 from __future__ import annotations
 

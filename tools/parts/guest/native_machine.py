@@ -4,7 +4,7 @@ has to be done thousands of times.
 
 Its own init, runsvdir, scripts and programs run as they ship, in namespaces of their own (processes, mounts, network,
 host name). Left out is what belongs to hardware: no device is there but those that each machine has (so neither a
-camera nor a watchdog: nothing in here can reset its host), and nobody checks disks. /data and /rec are folders that
+camera nor a watchdog: nothing in here can reset its host), and disks are not checked. /data and /rec are folders that
 outlive the machine, so that the next one starts with the same settings.
 """
 from __future__ import annotations
@@ -112,7 +112,7 @@ class NativeMachine:
         wait_until(lambda: self.run(condition)[0] == 0, f"waited in vain: {condition}", 0.1, timeout)
 
     def wait_for_end(self) -> None:
-        """It was told to stop, or to start anew: init ends, and everything with it."""
+        """After a command to stop or restart: init exits, and everything with it."""
         self.process.wait(PATIENCE)
 
     def end(self) -> None:

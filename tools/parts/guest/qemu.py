@@ -53,9 +53,9 @@ class Guest:
 
     started = 0  # of all guests, by this process: what a run of the tests has cost
     alive: ClassVar[list["Guest"]] = []
-    # Those that live on for somebody later: one of them runs, and none when another guest starts.
+    # Guests kept for a later test: one of them runs, and none when another guest starts.
     kept: ClassVar[list["Guest"]] = []
-    # Is told of each guest that is about to end, and whether an error ends it.
+    # Called for each guest that is about to end, with whether an error ends it.
     witness: ClassVar[Callable[["Guest", bool], None] | None] = None
 
     def __init__(self, image: pathlib.Path, accel: str, machine: Machine | None = None, *, console: bool = True,
@@ -142,7 +142,7 @@ class Guest:
             disk.set_boot_files(files)
 
     def pause(self) -> None:
-        """Stop its processors and its time until it is used again: it takes nobody's meanwhile."""
+        """Pause the VM until its next use, so that it takes no CPU."""
         if not self._paused and self.process.poll() is None:
             self.monitor("stop")
             self._paused = True

@@ -44,7 +44,7 @@ class Result:
 
 
 def follow(guest: Guest, seconds: float, show: Show | None = None) -> dict[str, Counters]:
-    """The counters of all instances as they are now; `show` is told, too."""
+    """The counters of all instances as they are now; `show` gets them, too."""
     _, text = guest.shell().run("ddxctl stats --json")
     seen = {now.instance: now for line in text.splitlines() if (now := counters.parse(line))}
     if show and seen:
@@ -66,7 +66,7 @@ def wait_for_recording(guest: Guest) -> None:
 
 
 def wait_for_clip(guest: Guest, frames: int, show: Show | None = None, rate: float = 25.0) -> None:
-    """Until the whole clip went through; `show` is told the counters once a second."""
+    """Until the whole clip went through; `show` gets the counters once a second."""
     begin = time.monotonic()
     limit = PATIENCE + 3 * frames / rate
     try:

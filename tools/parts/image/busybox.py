@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """BusyBox's configuration, for both kinds of image; and the development image's, from Debian's source package.
 
-All is off (allnoconfig) but the manifest's applets and what busybox.config lists. So nothing is on that nobody asked
-for, in no version of BusyBox, and there is no second list of applets.
+All is off (allnoconfig) but the manifest's applets and what busybox.config lists. So no unwanted option is on,
+in any version of BusyBox, and there is no second list of applets.
 """
 import os
 import pathlib

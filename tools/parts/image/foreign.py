@@ -14,7 +14,7 @@ COMPILER = ["gcc", "libc6-dev", "nasm", "zlib1g-dev"]
 
 
 def asked(name: str, ask: Callable[[], str]) -> str:
-    """The archive's answer, asked for once in a clone: it does not change while somebody works."""
+    """The archive's answer, asked for once in a clone: it does not change during the work."""
     known = CACHE / name
     if not known.exists():
         known.parent.mkdir(parents=True, exist_ok=True)
@@ -26,12 +26,12 @@ def kept(name: str, key: str, make: Callable[[pathlib.Path], None]) -> pathlib.P
     """The folder that `make(folder)` filled, now or some time ago, with the same key."""
     tree = HOST_CACHE / "built" / f"{name}-{key[:16]}"
 
-    def anew() -> None:
+    def rebuild() -> None:
         run(["rm", "-rf", tree])
         make(tree)
 
     with alone("build", HOST_CACHE / "built" / f"{name}.lock"):
-        step(name, tree.with_name(f"{tree.name}.stamp"), key, anew)
+        step(name, tree.with_name(f"{tree.name}.stamp"), key, rebuild)
     return tree
 
 

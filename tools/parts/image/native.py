@@ -84,7 +84,7 @@ def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options
     if "ninja: no work to do" not in run(["nice", "-n", "10", "ninja", "-C", out], env=env):
         say(f"{title}: built")
         stamp.unlink(missing_ok=True)
-    # Only what is not there yet: meson makes the libraries' links anew each time, and who starts in that moment finds
-    # no library.
+    # Only missing files: meson makes the libraries' links again each time, and a program that starts in that
+    # moment finds no library.
     step(f"{title}: installation", stamp, fingerprint([sources]),
          lambda: run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env))

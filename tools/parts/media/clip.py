@@ -6,7 +6,7 @@ usage: clip.py FILE [SECONDS]      CIF, 25 frames a second, 4:2:0
 
 The number's 32 bits are black and white blocks of 16x16 pixels, four rows of eight, highest bit first; below it
 the same again with black and white exchanged. A block and its opposite are compared, so brightness, contrast and
-lossy coding do not matter, and a picture without a number is told from one with.
+lossy coding do not matter, and a picture without a number is recognized.
 """
 import pathlib
 import sys

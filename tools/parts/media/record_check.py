@@ -76,7 +76,7 @@ def _numbers(disk: RecordedDisk, found: Found, clip: int) -> Iterable[int | None
 
 
 def recorder(image: pathlib.Path, load: Counters, save: Counters, clip: int) -> Found:
-    """What the recorder has left on the disk, which nobody has mounted any more. The clip has so many frames."""
+    """The recorder's files on the disk, which is not mounted any more. The clip has `clip` frames."""
     found = Found(published=load.out, counted=dict(save.lost))
     numbers_lost(found, _numbers(RecordedDisk(image), found, clip), clip)
     for what, ours, theirs in [("published and received", load.out, save.frames_in),

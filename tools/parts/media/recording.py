@@ -72,7 +72,7 @@ class FileSystem:
         return found
 
     def lost(self) -> list[str]:
-        """Where the recordings say that frames are missing, and who lost them."""
+        """Where frames are missing in the recordings, and which program lost them."""
         return [f"{name}: before frame {position}: {entry.lost_store} lost in the store, {entry.lost_ring} in the ring"
                 for name, index in sorted(self.indexes().items()) for position, entry in enumerate(index.entries)
                 if entry.lost_store or entry.lost_ring]

@@ -2,7 +2,7 @@
 """What has to be made again of what an earlier build left in Buildroot's folder: derived from what that was made of.
 
 Buildroot itself looks at none of it. What it cannot build again piece by piece (toolchain, options of packages) costs
-a build from nothing; and the target folder is filled anew, so that nothing stays in it that the tree no longer has.
+a build from nothing; and the target folder is filled again, so that nothing stays in it that the tree no longer has.
 """
 import json
 import pathlib
@@ -13,7 +13,7 @@ from parts import trees
 from parts.common import TOP, fingerprint
 
 CLEAN, TARGET = "clean", "target"
-# Options that name files of ours (those are looked at), or what is done anew in each build.
+# Options that name files of ours (those are looked at), or steps that are repeated in each build.
 NAMES_FILES = re.compile(r"BR2_(ROOTFS_(OVERLAY|POST_\w+_SCRIPT|DEVICE_TABLE)|GLOBAL_PATCH_DIR|PACKAGE_BUSYBOX_CONFIG|"
                          r"LINUX_KERNEL_(CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)|DL_DIR|JLEVEL|DEFCONFIG)=")
 KERNEL = re.compile(r'^BR2_LINUX_KERNEL_(?:CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)="(.*)"$', re.M)

@@ -39,5 +39,5 @@ def pauses(text: str) -> list[float]:
 
 
 def too_soon(found: list[float]) -> list[str]:
-    """Where nobody waited as long as he should have."""
+    """Pauses that were too short."""
     return [f"{pause} s instead of {wanted}" for pause, wanted in zip(found, PAUSES) if pause < wanted]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a guest leaves to whoever asks why a test failed: its console, all logs of its services and its kernel, QEMU's
-words; and of which commit all that is."""
+"""The evidence of a failed test: the guest's console, all logs of its services and its kernel, QEMU's
+messages, and the commit."""
 from __future__ import annotations
 
 import contextlib
@@ -38,7 +38,7 @@ def _logs(guest: Guest, failed: bool) -> str:
 
 
 def take(guest: Guest, failed: bool) -> Evidence:
-    """`failed`: waits for an answer even where nobody has a shell yet."""
+    """`failed`: waits for an answer even where there is no shell yet."""
     texts = {}
     if not guest.paused and guest.process.poll() is None:
         parts = HEADER.split(_logs(guest, failed))

@@ -40,8 +40,8 @@ def settings(file: pathlib.Path) -> bytes | None:
 
 
 def cuts(log: pathlib.Path, disk: blocklog.LoggedDisk, scratch: pathlib.Path, dice: int) -> Found:
-    """For each power cut: how many toggles were done by then, and what was found, on the disk that holds all that was
-    written, and on so many that lack some of what no flush had made safe."""
+    """For each power cut: how many toggles were done by then, and what was found, on the disk with all
+    writes, and on `more` disks that lack some writes that no flush had covered."""
     chance = random.Random(6)
     found: Found = []
     done = -1

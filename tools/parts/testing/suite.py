@@ -24,7 +24,7 @@ NICE = ("nice", "-n", "10")
 BESIDE = ("nice", "-n", "4")  # C tests beside others: with 10 a store got too little time to answer within 5 s
 C_TESTS = 4  # at a time: they mostly wait for each other's processes
 PATIENT = 4  # times what meson.build allows a C test: it may have to wait for a processor
-# Nobody is lucky with these: a frame that was torn or lost, memory or threads that a sanitizer saw go wrong. Counters
+# Failures that are never retried: a frame that was torn or lost, a sanitizer's report on memory or threads. Counters
 # that are printed as they are (lost={...}) say nothing yet.
 NO_CHANCE = re.compile(r"\btorn\b(?!=)|\blost\b(?![=\[])|Sanitizer|runtime error:", re.IGNORECASE)
 

@@ -12,7 +12,7 @@
 
 struct stream {
 	unsigned int session, packets, packet_size, channel;
-	unsigned int cycles, frames; /* so many cycles of the bus for so many frames */
+	unsigned int cycles, frames; /* cycles of the bus for that number of frames */
 };
 
 static bool is_on(const struct vf_camera *camera)
