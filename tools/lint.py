@@ -21,11 +21,8 @@ PLAIN = [
     (r"\btold of\b|\bis told\b", "gets, receives, reports"),
     (r"\bhas an? (ear|say|eye)\b|\bin the books?\b|\bby hand of\b", "no metaphors"),
 ]
-# Not rewritten yet; the last lines: the rules themselves, and names.
+# Not rewritten yet; the last line: the rules themselves, and names.
 LATER = ("CHANGELOG.md", "docs/bench.md", "docs/cameras.md", "docs/streaming.md",
-         "package/ddxvideo/draw/", "package/ddxvideo/grab/", "package/ddxvideo/play/", "package/ddxvideo/stereo/",
-         "package/ddxvideo/stream/", "package/ddxvideo/view/", "tests/boot/test_camera_iidc.py",
-         "tests/host/test_options.py",
          "CONTRIBUTING.md", "board/dev/skeleton/", "package/ddxservice/merge.awk", "tests/host/test_sbom.py",
          "tools/lint.py", "tools/sbom.py")
 

@@ -64,7 +64,7 @@ def test_a_stall_and_another_plug(guest: Guest, plugged: Camera) -> None:
     grabber.wait(FRAMES)
     guest.sh("ddxctl set again brightness=42 white_balance_red=17")
     plugged.tell("stall")
-    grabber.wait_said("beginning anew")
+    grabber.wait_said("starting it again")
     grabber.wait_for_more()
     assert plugged.unplug().endswith("brightness 42")
     grabber.wait_said("unplugged")
@@ -123,5 +123,5 @@ def test_a_camera_that_answers_no_more_is_not_called_unplugged(guest: Guest, plu
     grabber.wait_for_more()
     run = grabber.stop()
     assert wrong(run, expected("MONO8", True)) == []
-    assert states(run)[1:-1] == ["the stream broke off, beginning anew", SILENT]
+    assert states(run)[1:-1] == ["the stream broke off, starting it again", SILENT]
     assert "back after" in states(run)[-1]

@@ -55,7 +55,7 @@ def test_help(program: str, option: str) -> None:
     (SENDER, ["-port", "8001"], "-port 8001: an even number"),
     (SENDER, ["-port", "70000"], "-port 70000: a number"),
     (SENDER, ["-group", "10.0.0.1"], "-group 10.0.0.1: a multicast address"),
-    (SENDER, ["-group", "none"], "nobody to send to"),
+    (SENDER, ["-group", "none"], "no receiver"),
     (SENDER, ["-to", "robot.local"], "-to robot.local: addresses are needed"),
     (SENDER, ["-to", "10.0.0.1:0"], "-to 10.0.0.1:0: addresses are needed"),
     (SENDER, ["-to", ",".join(["10.0.0.1"] * 16)], "-to 10.0.0.1"),

@@ -159,7 +159,7 @@ static const char *open_output(struct kms *kms, const struct screen_choice *choi
     if (resources && !drmGetCap(kms->card, DRM_CAP_DUMB_BUFFER, &dumb) && dumb)
         wrong = choose_output(kms, resources, choice);
     drmModeFreeResources(resources);
-    /* Whoever opens a card that is free becomes its master. */
+    /* A program that opens a free card becomes its master. */
     if (!wrong && !drmIsMaster(kms->card))
         wrong = because("%s: the screen is in use by another program", kms->name);
     if (!wrong)

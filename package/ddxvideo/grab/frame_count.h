@@ -22,7 +22,7 @@ struct count {
     bool measured; /* the period */
 };
 
-/* The driver numbers anew: with the next frame no gap is known. */
+/* The driver's numbering starts again: the gap before the next frame is unknown. */
 void count_restart(struct count *count);
 
 /*
@@ -32,7 +32,7 @@ void count_restart(struct count *count);
  */
 uint64_t count_frame(struct count *count, uint32_t sequence, bool *wanted, uint64_t *position);
 
-/* So many frames passed that nobody numbered; returns how many of them were wanted. */
+/* That number of frames passed without numbers; returns how many of them were wanted. */
 uint64_t count_pass(struct count *count, uint64_t frames);
 
 /*

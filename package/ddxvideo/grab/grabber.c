@@ -17,8 +17,8 @@ static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 #define UNPLUGGED "unplugged, waiting for it"
 #define LASTS_NS SECOND
 #define RETRY_NS (200 * MS)     /* between two attempts to open the camera */
-#define POLL_MS 50              /* longest sleep: requests and signals are looked for as often */
-#define PATIENCE_NS SECOND      /* without a frame, the stream is begun anew; of a slow camera, four periods */
+#define POLL_MS 50              /* longest sleep: requests and signals are checked as often */
+#define PATIENCE_NS SECOND      /* without a frame, the stream is restarted; of a slow camera, four periods */
 #define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras need as long */
 #define LOST_SAID_NS (10 * SECOND)
 
@@ -33,7 +33,7 @@ static void set_state(struct grabber *grabber, const char *state) {
     snprintf(grabber->state, sizeof grabber->state, "%s", state);
 }
 
-/* What keeps the camera from being opened is told when it lasts: a device that appears is not ours at first. */
+/* A reason that prevents opening is reported when it lasts: a new device does not belong to this user at first. */
 static void set_reason(struct grabber *grabber, int error, const char *why) {
     int64_t now = ddx_time_now();
 
@@ -50,8 +50,8 @@ static void set_reason(struct grabber *grabber, int error, const char *why) {
 /* ---- While the camera is away ---- */
 
 /*
- * Frames that the camera would have given since the last one: nobody numbers them, so they are counted by the clock.
- * `margin` periods are left out as long as it is not known when the next frame comes.
+ * Frames that the camera would have sent since the last one: they have no numbers, so they are counted by the clock.
+ * `margin` periods are left out while the time of the next frame is unknown.
  */
 static void count_away(struct grabber *grabber, int64_t now, double margin) {
     if (!grabber->last || !grabber->camera->period)
@@ -198,7 +198,7 @@ static void take_frames(struct grabber *grabber) {
     if (error == -ENODEV)
         let_go(grabber, UNPLUGGED);
     else if (error != -EAGAIN)
-        let_go(grabber, "the stream broke off, beginning anew");
+        let_go(grabber, "the stream broke off, starting it again");
 }
 
 /* What the camera tells beside the frames. */

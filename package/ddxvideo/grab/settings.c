@@ -26,7 +26,7 @@ static void serve(struct grabber *grabber) {
         status = controls_change(&grabber->controls, grabber->camera, &request, text);
         grabber->changed = true;
     }
-    /* Who has the answer finds the new values there. */
+    /* A program that has the answer must find the new values. */
     if (!status && grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
         grabber->changed = false;
     ddx_requests_answer(grabber->requests, status, text);

@@ -23,7 +23,7 @@ static void fail(struct svs *svs, const char *item, int error) {
     svs->failed = true;
 }
 
-/* Both eyes have to be of one size; the first of a row of pairs that are not is told. */
+/* Both eyes must have one size; the first of a series of pairs that differ is reported. */
 static bool fits(struct svs *svs) {
     const struct source *source = &svs->source;
     const struct ddxvideo_geometry *left = &source->item[LEFT].picture.geometry;

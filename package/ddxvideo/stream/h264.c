@@ -33,7 +33,7 @@ bool h264_next_nal(const uint8_t **at, const uint8_t *end, struct h264_nal *nal)
             return false;
         }
         const uint8_t *next = find_start(start + 3, end), *stop = next;
-        while (stop > start + 3 && !stop[-1]) /* zeros before a start code belong to nobody */
+        while (stop > start + 3 && !stop[-1]) /* zeros before a start code belong to no unit */
             stop--;
         *nal = (struct h264_nal){start + 3, (size_t)(stop - start - 3)};
         *at = next;

@@ -56,7 +56,7 @@ void reorder_init(struct reorder *reorder) {
         reorder->slot[i].used = false;
 }
 
-/* The count went back: begin anew. Nothing is known to be lost. */
+/* The count went back: begin again. No loss is known. */
 static void begin_at(struct reorder *reorder, uint16_t sequence) {
     memset(reorder->seen, 0, sizeof reorder->seen);
     reorder->next = sequence;

@@ -11,7 +11,7 @@
 
 #define REORDER_PACKETS 256 /* numbers that have a place, as many as repair packets reach back */
 #define REORDER_JUMP 1000   /* numbers further away than this are believed when two of them follow each other */
-#define REORDER_MEMORY 1024 /* how far back a duplicate is told from a late packet */
+#define REORDER_MEMORY 1024 /* how far back duplicates and late packets are distinguished */
 
 struct reorder_slot {
     bool used;

@@ -38,7 +38,7 @@ void history_close(struct history *history) {
     pthread_mutex_destroy(&history->lock);
 }
 
-/* For a picture of so many bytes; `least` pictures stay. */
+/* For a picture of `bytes` bytes; `least` pictures stay. */
 static void make_room(struct history *history, size_t bytes, int64_t least) {
     while (history->next - history->oldest > least && (history->next - history->oldest >= history->capacity ||
                                                        history->bytes + bytes > history->limit))

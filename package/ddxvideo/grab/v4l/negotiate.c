@@ -144,7 +144,7 @@ static bool take_order(struct device *device, uint32_t field, bool bottom_first)
     return false;
 }
 
-/* Sides of a pixel, where the driver knows them: a frame grabber squeezes the picture into the size that it is told. */
+/* Sides of a pixel, where the driver knows them: a frame grabber scales the picture to the requested size. */
 static void take_aspect(struct device *device) {
     struct v4l2_cropcap crop = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
     struct ddxvideo_geometry *geometry = &device->geometry;

@@ -21,7 +21,7 @@ bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now)
 
     if (is_missed(order, number))
         return false;
-    /* What does not rise, for a driver that does not count or begins anew, comes first and goes at once. */
+    /* Numbers that do not rise (the driver does not count, or starts again) go first and at once. */
     while (at && (int32_t)(number - order->last) < (int32_t)(order->waiting[at - 1].number - order->last))
         at--;
     memmove(&order->waiting[at + 1], &order->waiting[at], (order->count - at) * sizeof order->waiting[0]);

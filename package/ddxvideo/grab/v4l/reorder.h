@@ -10,7 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define ORDER_WAITING 3 /* frames; when so many wait, the first one goes */
+#define ORDER_WAITING 3 /* frames; when this many wait, the first one goes */
 #define ORDER_FAR 8     /* a gap of more numbers is a loss: the driver has no more frames under way */
 
 struct order {
@@ -25,7 +25,7 @@ struct order {
     } waiting[ORDER_WAITING]; /* by their numbers */
 };
 
-/* Nobody waits, and the driver numbers anew. */
+/* No frame waits, and the driver's numbering starts again. */
 void order_restart(struct order *order);
 
 /* A frame came, in this buffer; as long as there is one that is due it has to go first. False: too late, drop it. */
@@ -34,7 +34,7 @@ bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now)
 /* The frame whose turn it is, if there is one: the next number, or one that has waited for `wait` ns. */
 bool order_next(struct order *order, int64_t now, int64_t wait, unsigned *slot);
 
-/* When the next one is due at the latest; INT64_MAX: nobody waits. */
+/* When the next one is due at the latest; INT64_MAX: no frame waits. */
 int64_t order_due(const struct order *order, int64_t wait);
 
 #endif

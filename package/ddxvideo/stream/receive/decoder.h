@@ -19,7 +19,7 @@ struct decoder_limits {
 enum decoder_refusal {
     DECODER_SHOWS,
     DECODER_SIZE,   /* more pixels than the limit */
-    DECODER_FRAMES, /* so many reference frames, and so large, that they would take several times the limit */
+    DECODER_FRAMES, /* too many or too large reference frames: several times the limit */
     DECODER_ODD,    /* a width or height that is not even */
     DECODER_FORMAT, /* not 8 bits a sample, or RGB */
 };

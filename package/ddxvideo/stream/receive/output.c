@@ -22,7 +22,7 @@ struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate
         .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
 }
 
-#define CREATE_AGAIN 500000000 /* ns; a store that hangs keeps whoever asks waiting for seconds */
+#define CREATE_AGAIN 500000000 /* ns; a store that hangs blocks its clients for seconds */
 
 bool output_is_refused(int error) {
     return error && error != -ECONNREFUSED && error != -ENOBUFS && error != -EMFILE;

@@ -30,7 +30,7 @@ struct announce_stream {
 };
 
 struct announce {
-    bool off; /* what to do; set it for streams that not everybody may see */
+    bool off; /* set it for streams that are not for everyone */
     int64_t due;
     struct announce_stream stream[ANNOUNCE_STREAMS];
 };

@@ -36,7 +36,7 @@ static bool read_key(struct sender *sender) {
 
     if (!sender->key)
         return true;
-    sender->announce.off = true; /* for those who have the key only */
+    sender->announce.off = true; /* for receivers with the key only */
     sender->secure = secure_open(sender->key, text);
     if (!sender->secure)
         say("-key %s; see ddxvideosend -help", text);

@@ -33,7 +33,7 @@ const char *outlet_parse(struct outlet *outlet, char *text) {
                         "addresses are needed, such as 10.0.0.2, 10.0.0.2:8000, [fd00::2]:8000 or fe80::2%eth0, with "
                         "commas between");
     }
-    return outlet->receivers ? NULL : "nobody to send to: give -to or -group";
+    return outlet->receivers ? NULL : "no receiver: give -to or -group";
 }
 
 /* ---- Sockets ---- */

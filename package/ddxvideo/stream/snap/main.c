@@ -45,7 +45,7 @@ static int take(struct snap *snap, DDX_STORE_ID *id, const char *name, double ti
     return 0;
 }
 
-/* All video items that have a frame; what cannot be shown is told and left out. */
+/* All video items that have a frame; items that cannot be shown are reported and left out. */
 static int take_all(struct snap *snap, DDX_STORE_ID *id) {
     struct ddx_item_info *items;
     unsigned count;
