@@ -7,6 +7,7 @@ from parts.common import TOP
 PAGE = TOP / "docs/architecture.md"
 # The source that states a program's reasons: the programs that are made of it.
 PROGRAMS = {
+    "package/ddxcatalog/catalog/catalog.c": "`catalog`",
     "package/ddxlog/log/logger.c": "`ddxlog`",
     "package/ddxlog/play/replay.c": "`ddxvideoload`, `ddxlog replay`",
     "package/ddxvideo/grab/grabber.c": "`ddxvideoV4L`, `ddxvideo1394`",
