@@ -35,8 +35,12 @@ static int add_leaf(struct walk *walk, const struct form_field *field, const cha
     if (asprintf(&leaf.name, "%s%s", prefix, *field->name ? field->name : "value") < 0)
         return -ENOMEM;
     form->leaves[form->leaf_count++] = leaf;
-    walk->message += (size_t)field->bytes * field->count;
-    return walk->message > (size_t)1 << 30 ? -E2BIG : 0;
+    /* In 64 bits: a declaration of another machine may name more bytes than this one can address. */
+    uint64_t end = walk->message + (uint64_t)field->bytes * field->count;
+    if (end > UINT64_C(1) << 30)
+        return -E2BIG;
+    walk->message = (size_t)end;
+    return 0;
 }
 
 /* All fields from `first` up to `end`, `shift` bytes behind where the table has them. */
