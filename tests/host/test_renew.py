@@ -16,8 +16,9 @@ BR2_ROOTFS_OVERLAY="/one/overlay"
 BR2_LINUX_KERNEL_CUSTOM_CONFIG_FILE="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/common/kernel/base.fragment"
 BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES="$(BR2_EXTERNAL_DDXVIDEO_PATH)/../board/miniitx/kernel.fragment"
 """
-ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxgrow-reconfigure", "ddxlog-reconfigure",
-       "ddxservice-reconfigure", "ddxvideo-reconfigure", "ffmpeg-reconfigure", "linux-reconfigure"]
+ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxcatalog-reconfigure", "ddxgrow-reconfigure",
+       "ddxlog-reconfigure", "ddxservice-reconfigure", "ddxvideo-reconfigure", "ffmpeg-reconfigure",
+       "linux-reconfigure"]
 
 
 @pytest.fixture(autouse=True)
