@@ -25,6 +25,7 @@ struct ddx_term {
     uint32_t epoch;
     unsigned slots_coming; /* announced by the store with the epoch, not received yet */
     uint64_t former_last;  /* number of the last frame of the epoch before */
+    bool begins_again;     /* its numbers are below the ones that this reader has seen */
     bool writable;
     void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
     int fd[DDX_SLOTS_MAX];

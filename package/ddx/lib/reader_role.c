@@ -30,6 +30,8 @@ DDX_COLD void ddx_reader_follow(struct ddx_reader_role *reader) {
         ddx_term_free(reader->term);
     reader->term = reader->coming;
     reader->coming = NULL;
+    if (reader->term->begins_again)
+        ddx_reader_saw(reader, 0);
     DDX_PASS(ATTACH_FOLLOWED);
 }
 
@@ -56,9 +58,12 @@ void ddx_reader_on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
         return;
     if (!layout || ddx_term_new(&term, packet->message.epoch, layout, item->own, ddx_packet_take(packet, 0), false))
         return;
-    /* Numbers begin at 1 again only if store and writer were both lost; then the last number seen is meaningless. */
-    if (packet->message.sequence < reader->seen)
-        ddx_reader_saw(reader, 0);
+    /*
+     * Numbers begin at 1 again if store and writer were both lost, or after a writer that used up the numbers; then the
+     * last number seen is meaningless, but only in the new epoch: in the former one its frames would be new again.
+     */
+    term->begins_again =
+        packet->message.sequence < reader->seen || (reader->coming && reader->coming->begins_again);
     /* The store had less memory than was requested before the frame's size was known. */
     if (packet->message.frames && packet->message.frames < reader->keep)
         reader->keep = packet->message.frames;
