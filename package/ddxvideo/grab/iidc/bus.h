@@ -28,6 +28,9 @@ void bus_close(dc1394_t *library, dc1394camera_t *device);
 /* Changes when a device comes or goes, or is given to another user. */
 uint64_t bus_devices(void);
 
+/* Changes when a device comes or goes, but not when mdev sets the rights of one. */
+uint64_t bus_files(void);
+
 /* Print all cameras and what they can do; the program's exit status. */
 int bus_list(void);
 

@@ -115,6 +115,7 @@ static int iidc_open(struct camera *camera, char *why, size_t size) {
         *iidc->why = 0;
         iidc->error = open_now(iidc, iidc->why, sizeof iidc->why);
         iidc->devices = devices;
+        iidc->files = bus_files();
         iidc->tried = ddx_time_now();
     }
     if (iidc->error)
@@ -133,7 +134,7 @@ static int fate(struct iidc_camera *iidc) {
     library_log_mute(true);
     if (!iidc->gone && dc1394_video_get_transmission(iidc->device, &on)) {
         iidc->gone = true;
-        iidc->unplugged = ddx_time_now() < begin + ANSWER_NS || bus_devices() != iidc->devices;
+        iidc->unplugged = ddx_time_now() < begin + ANSWER_NS || bus_files() != iidc->files;
     }
     library_log_mute(false);
     return iidc->gone && iidc->unplugged ? -ENODEV : -EIO;

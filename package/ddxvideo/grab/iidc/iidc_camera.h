@@ -29,7 +29,7 @@ struct iidc_camera {
     int error;
     char why[128];
     int64_t tried;
-    uint64_t devices;
+    uint64_t devices, files;
 };
 
 /* Closed; the wishes are to be filled. */
