@@ -19,6 +19,7 @@ import bench
 import bench_loss
 from parts.bench import plot as bench_plot
 from parts.bench.loss_chromium import Chromium
+from parts.bench.loss_figures import with_inferred
 from parts.bench.loss_peers import OURS
 from parts.bench.loss_run import Case as LossCase
 from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
@@ -123,3 +124,10 @@ def test_a_peer_that_is_not_installed_is_left_out(monkeypatch: pytest.MonkeyPatc
     cases = [LossCase(name, "iid 30", "real") for name in (OURS, Chromium.name)]
     assert bench_loss.available(cases) == cases[:1]
     assert capsys.readouterr().out.count("no-such-browser is not installed") == 1
+
+
+def test_unreadable_numbers_follow_from_those_around() -> None:
+    """As many pictures as numbers are missing; else none of them has a number."""
+    assert with_inferred([5, None, None, 8, None, 11, None, 12, None]) == [5, 6, 7, 8, None, 11, None, 12, None]
+    assert with_inferred([None, 1, 2]) == [None, 1, 2]
+    assert with_inferred([9, None, 3]) == [9, None, 3]  # a number that damage changed

@@ -5,11 +5,15 @@ Usable: shown within the peer's deadline after the robot's write, and at most WO
 without loss. The screen for a frame is the newest picture that was there at the frame's deadline and is not of a later
 frame: the picture of an operator that accepts that delay. Compared with the source picture, it includes the error of a
 picture that is too old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three
-planes."""
+planes.
+
+At a low rate the number in a picture cannot always be read, though the picture is within WORSE dB. Then it follows from
+the pictures around: see with_inferred()."""
 from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy
 from numpy.typing import NDArray
@@ -35,6 +39,20 @@ def mean(values: list[float]) -> float:
     return sum(values) / len(values) if values else float("nan")
 
 
+def with_inferred(numbers: Sequence[int | None]) -> list[int | None]:
+    """Numbers of pictures in the order in which they were shown. Where as many pictures without a number lie between two
+    others as frames do, they are these frames."""
+    found = list(numbers)
+    before: int | None = None  # index of the last number that could be read
+    for index, number in enumerate(numbers):
+        if number is None:
+            continue
+        if before is not None and number - (first := numbers[before] or 0) == index - before:
+            found[before:index] = range(first, number)
+        before = index
+    return found
+
+
 @dataclasses.dataclass
 class View:
     """The clip as one operator saw it."""
@@ -48,7 +66,7 @@ class View:
         self.copies: dict[int, list[int]] = {}  # of each frame, in the order in which they were shown
         last = -1
         self.order: list[int] = []  # number of each picture; where it cannot be read, the one after the picture before
-        for index, number in enumerate(self.shown.numbers[:count]):
+        for index, number in enumerate(with_inferred(self.shown.numbers[:count])):
             last = last + 1 if number is None else number
             self.order.append(last)
             if number in self.written and self.delay(last, index) >= 0:
