@@ -4,7 +4,7 @@ import contextlib
 import dataclasses
 import pathlib
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy
 from numpy.typing import NDArray
@@ -104,11 +104,12 @@ def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:
 
 
 @contextlib.contextmanager
-def booted(boot: qemu.Boot, work: pathlib.Path, board: Machine, name: str) -> Iterator[Guest]:
-    """A guest in which nothing else grabs or records."""
+def booted(boot: qemu.Boot, work: pathlib.Path, board: Machine, name: str,
+           more: Mapping[str, pathlib.Path | str] | None = None) -> Iterator[Guest]:
+    """A guest in which nothing else grabs or records; `more` files for its test disk."""
     clip = work / "iidc.y4m"
     default_clip.write(clip, 1)
-    disk = camera.disk(work, board.board, clip, files(work))
+    disk = camera.disk(work, board.board, clip, {**files(work), **(more or {})})
     with boot(name, test_disk=disk, more_memory=128) as guest:
         camera.prepare(guest)
         guest.sh("for name in ddxvideosave ddxvideoV4L; do /etc/init.d/S*$name stop; done; modprobe vhci_hcd")

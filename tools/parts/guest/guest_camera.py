@@ -6,13 +6,14 @@ from collections.abc import Mapping
 from parts.common import TOP, run
 from parts.guest import machine, testdisk
 from parts.guest.qemu import Guest
-from parts.image import native
+from parts.image import dc1394, native, srtp
 
 GRABBER = "ddxvideoV4L"
 FEED = "feed.y4m"   # on the test disk: a clip that is not replayed by itself
 INTERLACED = 4      # V4L2_FIELD_INTERLACED
 LOOPED = "input=S-Video\nstandard=PAL\nsize=CIF\nformat=YU12\n"  # settings of the grabber for loop()
 SOURCES = TOP / "tests/guest"
+SANITIZE = ["-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-omit-frame-pointer"]
 
 
 def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
@@ -24,6 +25,22 @@ def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
         run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", *bits,
              *sorted((SOURCES / name).glob("*.c")), *more[name], "-o", work / name])
     return {name: work / name for name in more}
+
+
+def sanitized_1394(work: pathlib.Path) -> pathlib.Path:
+    """ddxvideo1394 and libdc1394 under AddressSanitizer, for the development image: one program from our sources, with
+    the sanitizers in it, and the image's own libusb and FFmpeg."""
+    program, library = work / "sanitized1394", dc1394.dc1394("-g -O1 -fsanitize=address -fno-omit-frame-pointer")
+    ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
+    folders = [ddx / "lib", ddx / "program", video / "common", video / "grab", video / "grab/iidc"]
+    sources = [path for folder in folders for path in sorted(folder.glob("*.c")) if path.name != "fault.c"]
+    include = [ddx / "include", ddx / "program", video / "include", video / "common", video / "grab",
+               library / "usr/include"]
+    run(["gcc", *SANITIZE, "-static-libasan", "-static-libubsan", "-static-libgcc", "-D_GNU_SOURCE",
+         "-DDDXVIDEO_UNDECLARED", '-DDDX_VERSION="sanitized"', *(f"-I{folder}" for folder in include), *sources,
+         "-o", program, library / srtp.LIBRARIES / "libdc1394.a", "-lusb-1.0", "-lavcodec", "-lswscale", "-lavutil",
+         "-lpthread", "-lm"])
+    return program
 
 
 def disk(work: pathlib.Path, board: str, clip: pathlib.Path,
