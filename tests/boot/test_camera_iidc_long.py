@@ -114,7 +114,7 @@ def memory(guest: Guest, name: str) -> tuple[int, int]:
 
 
 def replug(guest: Guest, names: list[str], count: int) -> None:
-    """So many times each, side by side: most of a replug is waiting, for the kernel's hub and for the grabber."""
+    """Each camera that number of times, side by side: a replug mostly waits for the kernel's hub and the grabber."""
     loops = " ".join(f"(sh /test/replug.sh {port} {guid_of(port)} {name} {count} && touch /tmp/done.{name}) &"
                      for port, name in enumerate(names))
     done = " && ".join(f"[ -e /tmp/done.{name} ]" for name in names)

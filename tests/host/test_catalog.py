@@ -131,7 +131,7 @@ def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machi
         assert counters["in"] == counters["out"] + lost(counters) and lost(counters) == 0
 
 
-def test_nothing_is_sent_that_nobody_reads(machines: tuple[Machine, Machine], link: Link) -> None:
+def test_nothing_is_sent_without_a_reader(machines: tuple[Machine, Machine], link: Link) -> None:
     """The packets are counted by the link."""
     robot, laptop = machines
 

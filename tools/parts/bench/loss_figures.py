@@ -40,8 +40,8 @@ def mean(values: list[float]) -> float:
 
 
 def with_inferred(numbers: Sequence[int | None]) -> list[int | None]:
-    """Numbers of pictures in the order in which they were shown. Where as many pictures without a number lie between two
-    others as frames do, they are these frames."""
+    """Numbers of pictures in the order in which they were shown. Where as many pictures without a number lie between
+    two others as frames do, they are these frames."""
     found = list(numbers)
     before: int | None = None  # index of the last number that could be read
     for index, number in enumerate(numbers):
