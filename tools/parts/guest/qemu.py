@@ -59,7 +59,7 @@ class Guest:
     witness: ClassVar[Callable[["Guest", bool], None] | None] = None
 
     def __init__(self, image: pathlib.Path, accel: str, machine: Machine | None = None, *, console: bool = True,
-                 serial: bool = False, provision: str = "", environment: tuple[str, ...] = (),
+                 serial: bool = False, screen: bool = False, provision: str = "", environment: tuple[str, ...] = (),
                  test_disk: pathlib.Path | None = None, more_memory: int = 0, log: pathlib.Path | None = None,
                  extra: tuple[str, ...] = (), size: int = 0, prepare: Callable[[Disk], None] | None = None,
                  keep: pathlib.Path | None = None, writes: pathlib.Path | None = None, bus: str = "") -> None:
@@ -75,7 +75,7 @@ class Guest:
             disk = Disk(image, keep or self.folder, size)
             if not again:
                 provision = ("console=open\n" if console else "") + ("test=yes\n" if test_disk else "") + provision
-            self._set_boot_files(disk, provision, environment, serial)
+            self._set_boot_files(disk, provision, environment, serial, screen)
             if prepare:
                 prepare(disk)
             self._command = [*MORTAL, *self.machine.arguments(self.folder, more_memory),
@@ -125,12 +125,14 @@ class Guest:
             raise
 
     def _set_boot_files(self, disk: Disk, provision: str, environment: tuple[str, ...],
-                        serial: bool) -> None:
+                        serial: bool, screen: bool) -> None:
         """ddx.txt and GRUB's variables (name=value), where the test wants others than the image has, and whether
-        menu and shell listen on the serial line."""
+        menu and shell listen on the serial line, and whether GRUB sets a graphics mode."""
         files = {}
         if serial:
             files["serial-on.txt"] = TOP / "board/common/serial-off.txt"
+        if screen:
+            files["screen-on.txt"] = TOP / "board/common/screen-off.txt"
         if provision:
             files["ddx.txt"] = self.folder / "ddx.txt"
             files["ddx.txt"].write_text(provision)
