@@ -293,6 +293,23 @@ def test_items_whose_topics_would_be_one(machines: tuple[Machine, Machine]) -> N
         assert read(laptop.start("read", "robot", name), 1)[0].startswith(f"{count:02x}000000")
 
 
+def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], link: Link) -> None:
+    """And gets it back, as when a lease has ended. DDS itself would not notice."""
+    robot, laptop = machines
+    writer, reader = robot.start("write", "sensor"), laptop.start("read", "robot", "sensor")
+    write(writer, 1)
+    read(reader, 1)
+    device = json.loads(link.robot.run(["ip", "-j", "address"], stdout=subprocess.PIPE).stdout)[1]["ifname"]
+    address = ("address", "del", f"{link.robot.address}/24", "dev", device)
+    link.robot.run(["ip", *address])
+    wait_until(lambda: "the network cannot be used" in robot.desk.errors(robot.catalog))
+    link.robot.run(["ip", address[0], "add", *address[2:]])
+    wait_until(lambda: robot.desk.readers("sensor") == 1)
+    write(writer, 1)
+    while not read(reader, 1)[0].startswith("02000000"):
+        pass
+
+
 @pytest.mark.parametrize("text,told", [
     ("items imu\n", "exports.conf:1: items: a line begins with item, except, interface, peer, domain"),
     ("item\n", "exports.conf:1: after item, one word is needed"),

@@ -106,8 +106,9 @@ static bool is_due(int64_t *due, int64_t period) {
     return true;
 }
 
+/* Until told to stop, or until the network is another one. */
 static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
-    int64_t due = 0, table_due = 0;
+    int64_t due = 0, table_due = 0, network_due = 0;
 
     catalog->settled = ddx_time_now() + SETTLE_NS;
     while (!program_stopping()) {
@@ -115,6 +116,8 @@ static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
             look(catalog);
         if (is_due(&table_due, TABLE_NS))
             table_write(catalog->table, directory_machines(catalog->directory));
+        if (is_due(&network_due, NETWORK_NS) && network_moved(catalog->network))
+            return;
         clock_tick(catalog->clock);
         network_wait(catalog->network, TURN);
         if (catalog->taken)
@@ -127,6 +130,8 @@ static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
 static int run_in_network(struct catalog *catalog) {
     const struct network_event event = {records_changed, catalog};
     DDX_REQUESTS *requests = ddx_requests_open(catalog->id, SERVICE);
+
+    catalog->records = NULL;
     int error = requests ? network_records_open(catalog->network, &event, &catalog->records) : -errno;
 
     catalog->exports = exports_open(catalog);
@@ -161,9 +166,12 @@ int catalog_run(struct catalog *catalog) {
     catalog->id = program_connect(&catalog->program);
     if (catalog->id && !program_attach(&catalog->program, catalog->book, catalog->id, NULL))
         status = EXIT_FAILED;
-    else if (catalog->id && join(catalog))
+    while (catalog->id && status == EXIT_OK && !program_stopping() && join(catalog)) {
         status = run_in_network(catalog);
-    network_close(catalog->network);
+        network_close(catalog->network);
+        if (!program_stopping() && status == EXIT_OK)
+            say("this machine has another address: joining the network again");
+    }
     program_report(catalog->book);
     ddx_stats_close(catalog->book);
     ddx_store_close(catalog->id);

@@ -3,12 +3,21 @@
 #define DDXCATALOG_NETWORK_INTERNAL_H
 
 #include <dds/dds.h>
+#include <net/if.h>
 
 #include "network.h"
 
+#define NETWORK_ADDRESSES 16
+
 struct network {
     dds_entity_t domain, participant, waitset;
+    uint32_t address[NETWORK_ADDRESSES]; /* of this machine when it was opened; IPv4, as DDS uses here */
+    unsigned addresses;
+    char interface[IF_NAMESIZE]; /* that was named, or "" */
 };
+
+/* The addresses by which other machines can reach this one, of one interface or, NULL, of all. How many there are. */
+unsigned network_addresses(const char *interface, uint32_t address[NETWORK_ADDRESSES]);
 
 /* -errno for what a function of DDS has returned; positive ones are no errors. */
 int network_error(dds_return_t result);

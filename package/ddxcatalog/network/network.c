@@ -3,12 +3,9 @@
 
 #include <ctype.h>
 #include <errno.h>
-#include <ifaddrs.h>
-#include <net/if.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
 
 #include "typehash.h"
 
@@ -74,32 +71,19 @@ static int join(struct network *network, const struct network_options *options) 
     return network_error(network->waitset);
 }
 
-/* Whether there is an address that other machines can reach. */
-static bool is_there(void) {
-    struct ifaddrs *all;
-    bool found = false;
-
-    if (getifaddrs(&all))
-        return false;
-    for (const struct ifaddrs *one = all; one; one = one->ifa_next)
-        found |= one->ifa_addr && one->ifa_addr->sa_family == AF_INET && (one->ifa_flags & IFF_UP) &&
-                 !(one->ifa_flags & IFF_LOOPBACK);
-    freeifaddrs(all);
-    return found;
-}
-
 int network_open(const struct network_options *options, struct network **result) {
     if (options->interface && !is_plain(options->interface))
         return -EINVAL;
     for (const char *const *peer = options->peers; *peer; peer++)
         if (!is_plain(*peer))
             return -EINVAL;
-    if (!options->interface && !is_there()) /* DDS would take the loopback interface, and keep it */
-        return -EADDRNOTAVAIL;
     struct network *network = calloc(1, sizeof *network);
     if (!network)
         return -ENOMEM;
-    int error = join(network, options);
+    snprintf(network->interface, sizeof network->interface, "%s", options->interface ? options->interface : "");
+    network->addresses = network_addresses(options->interface, network->address);
+    /* Without an interface that is named, DDS would take the loopback interface, and keep it. */
+    int error = network->addresses || options->interface ? join(network, options) : -EADDRNOTAVAIL;
     if (error)
         network_close(network);
     else

@@ -37,6 +37,11 @@ struct network_event {
 /* -EINVAL: a name that cannot be an interface or an address; -EADDRNOTAVAIL: no such interface, or no network. */
 int network_open(const struct network_options *options, struct network **network);
 
+/*
+ * Whether this machine has lost an address that it had when the network was opened. It is to be opened again then.
+ */
+bool network_moved(const struct network *network);
+
 /* Readers and writers are closed before. NULL is allowed. */
 void network_close(struct network *network);
 
