@@ -37,8 +37,8 @@ void identity_begin(struct identity *identity, long port) {
 }
 
 bool identity_is_taken(const struct identity *identity, const struct network_record *record) {
-    if (record->machine == identity->id || !record->name || !name_is_machine(record->name) ||
-        !name_meets(record->name, identity->name))
+    if (record->machine == identity->id || strcmp(identity->name, identity->host) || !record->name ||
+        !name_is_machine(record->name) || !name_meets(record->name, identity->name))
         return false;
     return record->since != identity->since ? record->since < identity->since : record->machine < identity->id;
 }

@@ -19,7 +19,7 @@ struct identity {
 /* `identity->host` is set. `port` tells stores of one machine apart. */
 void identity_begin(struct identity *identity, long port);
 
-/* Whether this machine needs another name, since the one that sends the record had this name before. */
+/* Whether this machine needs another name, since the one that sends the record had this name before. Once at most. */
 bool identity_is_taken(const struct identity *identity, const struct network_record *record);
 
 /* Take the name carol-<4 hex>. */
