@@ -219,7 +219,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser("ddxvideocalib", description=__doc__, allow_abbrev=False,
+    parser = argparse.ArgumentParser("ddxvideocalib", description=__doc__, allow_abbrev=False, add_help=False,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("clips", type=pathlib.Path, nargs="+", metavar="CLIP.y4m")
     parser.add_argument("-output", type=pathlib.Path, default="stereo.yml", help="calibration (default: stereo.yml)")
@@ -231,6 +231,7 @@ def main() -> int:
     parser.add_argument("-top", choices=("left", "right"), default="left",
                         help="which eye the upper field of one clip is (default: left)")
     parser.add_argument("-most", type=views_of, default=40, metavar="N", help="views that are used (default: 40)")
+    parser.add_argument("-help", "--help", "-h", action="help", help="this text")
     try:
         run(parser.parse_args())
     except Bad as error:
