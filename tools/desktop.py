@@ -2,8 +2,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Install what programs are written with: desktop.py PREFIX [DESTDIR]
 
-Headers, libraries, pkg-config files, programs and the Python module `ddx`; no services.
+Headers, libraries, pkg-config files, programs, the Python module `ddx`, and for `man` a page for each program and each
+call; no services.
 """
+import json
 import os
 import pathlib
 import shlex
@@ -13,6 +15,7 @@ import sys
 
 from parts.common import OUTPUT, TOP, Failed, run, say
 from parts.image import native
+from parts.release import manual
 
 TAGS = "runtime,devel,python-runtime"
 
@@ -25,9 +28,17 @@ def python_folder(prefix: str) -> str:
     return f"{prefix}/lib/python3/site-packages"
 
 
+def programs(built: pathlib.Path, prefix: str, destination: str) -> list[pathlib.Path]:
+    """What meson installs from there for users to call."""
+    files = json.loads((built / "meson-info/intro-installed.json").read_text()).values()
+    folder = pathlib.Path(prefix, "bin")
+    return [pathlib.Path(destination + file) for file in files if pathlib.Path(file).parent == folder]
+
+
 def install(prefix: str, destination: str) -> None:
     # ddxvideo finds ddx in the desk build's tree: what it takes from there does not depend on the prefix.
     desk = native.build()
+    installed = []
     for package in native.PACKAGES:
         if package in ("ddxgrow", "ddxservice"):  # an appliance's disk and services: nothing for a desk
             continue
@@ -42,6 +53,8 @@ def install(prefix: str, destination: str) -> None:
         run(["meson", "setup", *again, *options, out, TOP / "package" / package], env=env)
         run(["ninja", "-C", out], env=env)
         run(["meson", "install", "--no-rebuild", "--tags", TAGS, "-C", out], env=env)
+        installed += programs(out, prefix, destination)
+    manual.write(pathlib.Path(f"{destination}{prefix}/share/man"), installed, native.environment(desk))
     if not destination and os.geteuid() == 0:
         run(["ldconfig"])
     say(f"desktop: installed in {destination}{prefix}")

@@ -38,6 +38,15 @@ def test_desktop_stays_below_its_prefix(installed: pathlib.Path) -> None:
     assert not [name for name in files if "init.d" in name or "default" in name]
 
 
+def test_each_installed_program_has_a_page_for_man(installed: pathlib.Path) -> None:
+    prefix = installed / "opt/ddx"
+    programs = {path.name for path in (prefix / "bin").iterdir()}
+    assert len(programs) > 10 and {path.stem for path in (prefix / "share/man/man1").iterdir()} == programs
+    found = subprocess.run(["man", "-M", prefix / "share/man", "-P", "cat", "ddx_store_item_type"], capture_output=True,
+                           text=True, check=True, env={"PATH": "/usr/bin:/bin", "LC_ALL": "C"})
+    assert "ddx_store_item_name, ddx_store_item_type" in found.stdout
+
+
 @pytest.fixture
 def environment(desk: Desk, installed: pathlib.Path) -> dict[str, str]:
     """Of a developer with that prefix; Python finds the library by itself."""

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The pages of `man`: each program and each public call has one, troff finds no fault, and what they say is shown."""
+from __future__ import annotations
+
+import pathlib
+import re
+import subprocess
+
+import pytest
+
+from parts.common import TOP, entries, run
+from parts.image import native
+from parts.release import manual, manual_calls, manual_programs
+
+NOT_ON_A_DESK = {"serial", "confine", "ddxgrow"}  # an appliance's
+
+
+def programs() -> set[str]:
+    """Of the tables: as the meson.build beside each calls them, or that of the package."""
+    found = set()
+    for table in (TOP / "package").glob("*/programs.txt"):
+        for line in entries(table):
+            folder = table.parent / line.split()[0]
+            build = folder if (folder / "meson.build").exists() else table.parent
+            found |= set(re.findall(r"\bexecutable\('([\w-]+)'", (build / "meson.build").read_text()))
+            found |= set(re.findall(r"rename: '(ddxvideocalib)'", (build / "meson.build").read_text()))
+    return {name for name in found - NOT_ON_A_DESK if "test" not in name and name not in ("encode", "view")}
+
+
+def calls() -> set[str]:
+    """What the libraries define for programs, by their symbols."""
+    libraries = native.build() / native.LIBRARIES
+    found = set(run(["nm", "-D", "--defined-only", "--format=just-symbols", libraries / "libddx.so"]).split())
+    static = run(["nm", "-g", "--defined-only", "--format=just-symbols", libraries / "libddxvideo.a"]).split()
+    header = (manual.HEADERS["ddxvideo"] / "ddxvideo.h").read_text()
+    found |= {name for name in static if f"{name}(" in header}
+    return {name for name in found if not name.endswith("_")}
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    """As `make desktop` makes them, of the desk's programs."""
+    root = native.build()
+    tools = tmp_path_factory.mktemp("bin")
+    (tools / "ddxvideocalib").symlink_to(TOP / "package/ddxvideo/stereo/calibrate.py")
+    folder = tmp_path_factory.mktemp("man")
+    manual.write(folder, [*(root / "usr/bin").iterdir(), tools / "ddxvideocalib"], native.environment(root))
+    return folder
+
+
+def shown(pages: pathlib.Path, page: str) -> str:
+    """As on a terminal, without bold."""
+    text = run(["groff", "-man", "-ww", "-Tascii", "-P-cbou", pages / page], cwd=pages)
+    return re.sub(r"\s+", " ", text)
+
+
+def test_each_program_has_a_page(pages: pathlib.Path) -> None:
+    names = programs()
+    assert {"store", "ddxctl", "ddxlog", "catalog", "decode", "ddxvideo1394", "ddxvideocalib"} <= names
+    assert names <= {path.stem for path in (pages / "man1").iterdir()}
+
+
+def test_each_call_has_a_page(pages: pathlib.Path) -> None:
+    names = calls()
+    assert len(names) > 60 and {"ddx_store_open", "ddx_stats_out_numbered", "ddxvideo_view_any"} <= names
+    assert names | {"DDX_STORE_TYPE"} == {path.stem for path in (pages / "man3").iterdir()} - {
+        path.name for folder in manual.HEADERS.values() for path in folder.glob("*.h")}
+
+
+def test_troff_has_nothing_to_say(pages: pathlib.Path) -> None:
+    files = sorted(pages.rglob("*.[13]"))
+    done = subprocess.run(["groff", "-man", "-ww", "-Tutf8", "-z", *files], cwd=pages, capture_output=True, text=True,
+                          check=False)
+    assert len(files) > 90 and (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_page_has_a_name_for_apropos(pages: pathlib.Path) -> None:
+    for path in pages.rglob("*.[13]"):
+        text = path.read_text()
+        assert text.startswith(".so man3/") or re.search(rf"^\.SH NAME\n{path.stem}.* \\- \S.+$", text, re.MULTILINE)
+
+
+def test_each_option_is_in_the_page(pages: pathlib.Path) -> None:
+    """Of one that is made by hand, of the common form, and of a Python program."""
+    root = native.build()
+    for program in "ddxctl", "ddxvideosave", "ddxvideosend":
+        text = manual.help_text(root / "usr/bin" / program, native.environment(root))
+        page = shown(pages, f"man1/{program}.1")
+        options = re.findall(r"^  (-[\w-]+)", text, re.MULTILINE)
+        assert len(options) > 4 and [option for option in options if f" {option} " not in page] == []
+        assert "EXIT STATUS" in page and "options (" not in page
+    assert "-square METRES" in shown(pages, "man1/ddxvideocalib.1")
+
+
+def test_a_call_shows_what_its_header_says(pages: pathlib.Path) -> None:
+    page = shown(pages, "man3/ddx_store_acquire.3")
+    assert "int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail);" in page
+    assert "Hold a value without copying it: it cannot change until ddx_store_release()." in page
+    assert "uint64_t missed; /*" in page and "ddx.h(3)" in page
+    assert shown(pages, "man3/ddx_store_item_type.3") == shown(pages, "man3/ddx_store_item_name.3")
+    overview = shown(pages, "man3/ddx.h.3")
+    assert "-EHOSTUNREACH no other machine of this name is heard" in overview and "DDX_IN_ORDER = -1" in overview
+
+
+HEADER = """/*
+ * small: an example.
+ */
+/* Count `things`:
+ *   -EINVAL  too
+ *            many
+ * else the number. A line of
+ * .dots and 'quotes', a \\\\ and "-x".
+ */
+int ddx_count(int things);
+
+/* The same for others. */
+int ddx_count_more(int things);
+
+/* Not for programs. */
+int ddx_private_(void);
+"""
+
+
+def test_comments_become_pages() -> None:
+    found = manual_calls.pages({"small.h": HEADER}, "ddx", "1")
+    assert set(found) == {"small.h", "ddx_count", "ddx_count_more"}
+    assert found["ddx_count_more"] == ".so man3/ddx_count.3\n" and "The same for others." in found["ddx_count"]
+    assert ".TP\n\\fB\\-EINVAL\\fR\ntoo many\n" in found["ddx_count"] and "\\e" in found["ddx_count"]
+
+
+def test_help_becomes_a_page() -> None:
+    text = ("usage: x FILE\n       x -list\n\nDoes this.\n\noptions:\n  -a N   first\n         more\n"
+            "  -start yes|no begins\n\nExit status: 0.\n")
+    page = manual_programs.program_page("x", "an example", text, ["store"], "1")
+    assert re.findall(r"^\.SH (.*)", page, re.MULTILINE) == ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS",
+                                                             "SEE ALSO"]
+    assert ".TP\n\\fB\\-a N\\fR\nfirst more\n.TP\n\\fB\\-start yes|no\\fR\nbegins\n" in page
+    assert '.B "x FILE"\n' in page and '.B "x \\-list"\n' in page

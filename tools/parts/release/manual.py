@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The manual for `man`: a page for each program, from its -help, and for each call, from the headers' comments."""
+from __future__ import annotations
+
+import pathlib
+import re
+
+from parts.common import TOP, run
+from parts.release import manual_calls, manual_programs
+
+HEADERS = {"ddx": TOP / "package/ddx/include", "ddxvideo": TOP / "package/ddxvideo/include"}  # by their library
+SEE = ["ddxctl", "store"]  # what most programs have to do with
+# A program in Python that needs a module which is not installed here can print its help all the same.
+STUB = "import runpy, sys, types; sys.modules['cv2'] = types.ModuleType('cv2'); sys.argv = sys.argv[1:]; " \
+       "runpy.run_path(sys.argv[0], run_name='__main__')"
+
+
+def release() -> str:
+    found = re.search(r"version: '([\d.]+)'", (TOP / "package/ddx/meson.build").read_text())
+    return f"DDXVIDEO {found[1] if found else ''}"
+
+
+def help_text(program: pathlib.Path, environment: dict[str, str]) -> str:
+    """As on a terminal of a common width, whatever this one has."""
+    with program.open("rb") as file:
+        script = b"python" in file.readline(64)
+    python = ["/usr/bin/python3", "-B", "-c", STUB] if script else []
+    return run([*python, program, "-help"], env={**environment, "COLUMNS": "100"})
+
+
+def of_programs(programs: list[pathlib.Path], environment: dict[str, str]) -> dict[str, str]:
+    what = manual_programs.abouts(TOP / "package")
+    return {program.name: manual_programs.program_page(program.name, what.get(program.name, ""),
+                                                       help_text(program, environment), SEE, release())
+            for program in programs}
+
+
+def of_calls() -> dict[str, str]:
+    result: dict[str, str] = {}
+    for library, folder in HEADERS.items():
+        headers = {path.name: path.read_text() for path in sorted(folder.glob("*.h"))}
+        result |= manual_calls.pages(headers, library, release())
+    return result
+
+
+def write(folder: pathlib.Path, programs: list[pathlib.Path], environment: dict[str, str]) -> None:
+    """Below `folder`, usually share/man. `environment`: with which the programs find their libraries."""
+    for section, pages in ((manual_programs.SECTION, of_programs(programs, environment)),
+                           (manual_calls.SECTION, of_calls())):
+        below = folder / f"man{section}"
+        below.mkdir(parents=True, exist_ok=True)
+        for name, text in pages.items():
+            (below / f"{name}.{section}").write_text(text)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""The calls of a public header as pages of the manual: what the page says is what the header's comments say."""
+from __future__ import annotations
+
+import dataclasses
+import re
+
+from parts.release.manual_page import body, entry, page, prototype, references, summary, verbatim
+
+SECTION = 3
+COMMENT = re.compile(r"/\*.*?\*/\n?", re.DOTALL)
+CALL = re.compile(r"^(?!typedef\b)\w[\w \t*]*?\b(\w+)\([^;{}]*\);", re.MULTILINE)
+MACRO = re.compile(r"^#define (\w+)(\([^)]*\))", re.MULTILINE)
+NOISE = re.compile(r'^(?:#(?:ifn?def|endif|if|else|include|pragma) ?.*|#define \w+_H|extern "C" \{|\})$')
+
+
+@dataclasses.dataclass
+class Item:
+    """A comment and what it belongs to; a comment that begins as `The same` belongs to the item before as well."""
+    comment: str
+    code: str
+    topic: str   # of this part of the header
+    names: list[str] = dataclasses.field(default_factory=list)
+
+
+def comment_text(comment: str) -> str:
+    inner = comment.strip().removeprefix("/*").removesuffix("*/")
+    lines = [re.sub(r"^ \* ?", "", line).rstrip() for line in inner.splitlines()]
+    return "\n".join([lines[0].strip(), *lines[1:]]).strip("\n")
+
+
+def is_private(name: str) -> bool:
+    return name.endswith("_")
+
+
+def named(code: str) -> list[str]:
+    """The calls, and the macros that are used as calls."""
+    return [name for name in [found[1] for pattern in (MACRO, CALL) for found in pattern.finditer(code)]
+            if not is_private(name)]
+
+
+def pieces(header: str) -> list[tuple[str, str]]:
+    """Comments at the beginning of a line, each with the code up to the next such comment or empty line."""
+    result: list[tuple[str, str]] = []
+    rest = header
+    while rest:
+        found = COMMENT.match(rest)
+        comment = found[0] if found else ""
+        rest = rest[len(comment):]
+        code, empty, _ = rest.partition("\n\n")
+        if inner := re.search(r"^/\*", code, re.MULTILINE):
+            code, empty = code[:inner.start()], ""
+        rest = rest[len(code) + len(empty):].lstrip("\n")
+        result.append((comment_text(comment) if comment else "", code))
+    return result
+
+
+def items(header: str) -> list[Item]:
+    result: list[Item] = []
+    topic = ""
+    for comment, code in pieces(header):
+        if heading := re.match(r"---- (.*?) ----\n*", comment, re.DOTALL):
+            topic, comment = heading[1], comment[heading.end():]
+        code = "\n".join(line for line in code.splitlines() if not NOISE.match(line))
+        names = named(code)
+        if names and comment.startswith("The same") and result and result[-1].names:
+            last = result[-1]
+            last.comment, last.code, last.names = f"{last.comment}\n\n{comment}", f"{last.code}\n{code}", last.names + names
+        elif comment or code.strip():
+            result.append(Item(comment, code, topic, names))
+    return result
+
+
+def declarations(all_items: list[Item], code: str) -> str:
+    """The types of these headers that a call uses."""
+    wanted = {name for name in re.findall(r"(?:struct|enum) (ddx\w+)", code) if not is_private(name)}
+    return "\n\n".join(item.code.strip() for item in all_items if not item.names
+                       and wanted & set(re.findall(r"^(?:struct|enum) (\w+) \{", item.code, re.MULTILINE)))
+
+
+def about(item: Item) -> tuple[str, str]:
+    """Its summary and its text: where the comment has little more than errors, after the topic of that part."""
+    if item.topic and re.match(r"Errors:|-E|After each ", item.comment):
+        return summary(item.topic.replace(": ", " - ")), f"{item.topic}.\n\n{item.comment}"
+    return summary(item.comment), item.comment
+
+
+def see_also(item: Item, text: str, known: set[str], header: str) -> str:
+    others = sorted({*re.findall(r"\b(ddx\w+)\(\)", text)} & known - {*item.names})
+    return references([*others, header], SECTION)
+
+
+def call_page(item: Item, header: str, all_items: list[Item], known: set[str], release: str) -> dict[str, str]:
+    short, text = about(item)
+    calls = [found[0] for found in CALL.finditer(item.code) if not is_private(found[1])]
+    macros = [found[1] + found[2] for found in MACRO.finditer(item.code) if not is_private(found[1])]
+    synopsis = prototype(f"#include <{header}>") + "".join(".PP\n" + prototype(call) for call in [*macros, *calls])
+    if types := declarations(all_items, item.code):
+        synopsis += verbatim(types)
+    first = item.names[0]
+    pages = {first: page(item.names, SECTION, short, [
+        ("SYNOPSIS", synopsis), ("DESCRIPTION", body(text)), ("SEE ALSO", see_also(item, text, known, header))], release)}
+    return pages | {name: f".so man{SECTION}/{first}.{SECTION}\n" for name in item.names[1:]}
+
+
+def header_page(header: str, library: str, all_items: list[Item], release: str) -> str:
+    """What holds for all calls, the types and constants as they stand there, and a list of the calls."""
+    introduction = next(item.comment for item in all_items if item.comment and "SPDX" not in item.comment)
+    short = re.sub(r"^\w+: ", "", introduction)
+    others = [item for item in all_items if not item.names and item.code.strip() and not re.search(r"\w_\b[ (]", item.code)]
+    types = "".join(body(item.comment) + verbatim(item.code.strip()) for item in others)
+    calls = "".join(entry(", ".join(f"{name}(3)" for name in item.names), about(item)[0])
+                    for item in all_items if item.names)
+    build = f"cc program.c $(pkg-config --cflags --libs {library})"
+    return page([header], SECTION, summary(short), [
+        ("SYNOPSIS", prototype(f"#include <{header}>") + verbatim(build)), ("DESCRIPTION", body(introduction)),
+        ("CALLS", calls), ("TYPES AND CONSTANTS", types)], release)
+
+
+def pages(headers: dict[str, str], library: str, release: str) -> dict[str, str]:
+    """`headers`: the text of each, by its name. The pages by name, without the section's suffix."""
+    found = {name: items(text) for name, text in headers.items()}
+    everything = [item for listed in found.values() for item in listed]
+    known = {name for item in everything for name in item.names}
+    result: dict[str, str] = {}
+    for header, listed in found.items():
+        result[header] = header_page(header, library, listed, release)
+        for item in listed:
+            if item.names:
+                result |= call_page(item, header, everything, known, release)
+    return result
