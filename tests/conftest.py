@@ -4,6 +4,9 @@
 Tests marked `long` take minutes of video or many repetitions; `make test-long` runs them, `make test` the others. The
 outcome of each test is written to $DDX_RESULTS (JSON lines), a long one's also to output/long/<board>.jsonl, with its
 figures (pytest's record_property). A long test that passed with this image and these programs is not run again.
+
+An assertion that fails in a test marked `strict` gets no second chance. A test is marked if its code has names of what
+was lost or torn.
 """
 import functools
 import json
@@ -11,6 +14,7 @@ import os
 import pathlib
 import shutil
 import time
+import types
 from collections.abc import Iterator
 
 import pytest
@@ -24,6 +28,9 @@ LONG = OUTPUT / "long"
 SECONDS = 600
 USUAL = os.getpriority(os.PRIO_PROCESS, 0)
 LATER = USUAL + 10  # of tests that wait for no frame
+
+
+FRAMES = {"lost", "torn"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -51,6 +58,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if item not in dropped]
 
 
+def names(code: types.CodeType) -> set[str]:
+    """Of all that the code of a function uses, and the functions inside; also words that are keys."""
+    found = {*code.co_names, *code.co_varnames, *(one for one in code.co_consts if isinstance(one, str))}
+    return found.union(*(names(one) for one in code.co_consts if isinstance(one, types.CodeType)))
+
+
+def pytest_itemcollected(item: pytest.Item) -> None:
+    if isinstance(item, pytest.Function) and names(item.function.__code__) & FRAMES:
+        item.add_marker("strict")
+
+
 def why(report: pytest.TestReport) -> str:
     """Of a test that was skipped, or that is known to fail."""
     if isinstance(report.longrepr, tuple):
@@ -72,13 +90,16 @@ class Outcomes:
         self.seconds: dict[str, float] = {}
         self.failures: dict[str, str] = {}
         self.skipped: dict[str, str] = {}
+        self.strict: set[str] = set()
 
-    def add(self, item: pytest.Item, report: pytest.TestReport) -> None:
+    def add(self, item: pytest.Item, report: pytest.TestReport, error: BaseException | None) -> None:
         self.items[report.nodeid] = item
         self.seconds[report.nodeid] = self.seconds.get(report.nodeid, 0.0) + report.duration
         if report.failed:
             said = "".join(f"\n{title}\n{text}" for title, text in report.sections)
             self.failures.setdefault(report.nodeid, report.longreprtext + said)
+            if isinstance(error, AssertionError) and item.get_closest_marker("strict"):
+                self.strict.add(report.nodeid)
         if report.skipped:
             self.skipped[report.nodeid] = why(report)
 
@@ -87,7 +108,7 @@ class Outcomes:
         outcome = "failed" if name in self.failures else "skipped" if name in self.skipped else "passed"
         line = {"test": suite.plain(name), "outcome": outcome, "seconds": round(self.seconds.get(name, 0.0), 2),
                 "guests": qemu.Guest.started, "worker": os.environ.get("PYTEST_XDIST_WORKER", "")}
-        write({**line, "failure": self.failures.get(name, ""),
+        write({**line, "strict": name in self.strict, "failure": self.failures.get(name, ""),
                "reason": self.skipped.get(name, "") if outcome == "skipped" else ""})
         proof = int(item.config.getoption("seconds")) >= SECONDS
         if item.get_closest_marker("long") and outcome != "skipped" and proof:
@@ -115,16 +136,16 @@ def no_leftovers(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.hookimpl(hookwrapper=True)
-def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def]
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]):  # type: ignore[no-untyped-def]
     result = yield
-    OUTCOMES.add(item, result.get_result())
+    OUTCOMES.add(item, result.get_result(), call.excinfo.value if call.excinfo else None)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_handlecrashitem(crashitem: str, report: pytest.TestReport) -> None:
     """A test during which its process died, so that only pytest-xdist can report it."""
     write({"test": suite.plain(crashitem), "outcome": "failed", "seconds": 0.0, "guests": 0, "worker": "",
-           "failure": str(report.longrepr), "reason": ""})
+           "strict": False, "failure": str(report.longrepr), "reason": ""})
 
 
 @pytest.hookimpl(hookwrapper=True)

@@ -9,9 +9,9 @@ was built here. With BOARD= only tests/boot with that board's image. -long runs 
 the others.
 
 A test that fails is run again, alone; if it then passes, it counts as passed and is listed at the end (FLAKY).
-There is no second chance with STRICT=1, nor for a test whose failure speaks of a torn or lost frame or comes from a
-sanitizer. What failing tests left behind is in output/test/failed, the outcome of all in output/test/results, and in
-FILE as JUnit XML.
+There is no second chance with STRICT=1, nor for an assertion in a test marked `strict`, a C test that exits with
+FRAMES_BROKEN, and a sanitizer's report. What failing tests left behind is in output/test/failed, the outcome of all in
+output/test/results, and in FILE as JUnit XML.
 """
 import argparse
 import contextlib

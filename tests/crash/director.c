@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "../scratch.h"
+#include "../unit/check.h"
 #include "../worker_of.h"
 
 struct party party[ACTORS];
@@ -40,7 +41,8 @@ void fail(const char *format, ...) {
                 (unsigned long long)stage->stream[i].done, stage->stream[i].terms, stage->stream[i].owner);
     if (getenv("DDX_CRASH_WAIT"))
         pause(); /* to look at it with a debugger */
-    exit(1); /* the parties die with us */
+    /* A party complains of the frames that it got. The parties die with us. */
+    exit(stage->failures ? FRAMES_BROKEN : 1);
 }
 
 void director_begin(void) {

@@ -9,7 +9,7 @@ import pytest
 import fuzz
 from parts.common import TOP
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.computes, pytest.mark.strict]
 
 SECONDS = 5  # for each target; all fuzzing of `make test` together stays within 5 minutes
 SHORTER = {"report": 2, "sap": 2}  # small readers

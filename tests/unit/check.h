@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The whole test framework: a check that fails says where and ends the program. Exit 0 passed, 1 failed, 77 skipped. */
+/* The whole test framework: a check that fails says where and ends the program. Exit 0 passed, 1 failed, 77 skipped,
+ * and FRAMES_BROKEN: frames were torn or lost, so the failure stays a failure when a second run passes. */
 #ifndef CHECK_H
 #define CHECK_H
 
@@ -16,6 +17,8 @@
         }                                                                             \
     } while (0)
 
+#define FRAMES_BROKEN 3
+
 /* Compare two integers and show both. */
 #define CHECK_EQUAL(actual, expected)                                                                              \
     do {                                                                                                           \
@@ -25,6 +28,15 @@
                     #expected);                                                                                    \
             exit(1);                                                                                               \
         }                                                                                                          \
+    } while (0)
+
+/* Frames that are torn, lost or out of order. */
+#define CHECK_NO_FRAMES(count)                                                            \
+    do {                                                                                  \
+        if (count) {                                                                      \
+            fprintf(stderr, "%s:%d: %s is %u\n", __FILE__, __LINE__, #count, (unsigned)(count)); \
+            exit(FRAMES_BROKEN);                                                          \
+        }                                                                                 \
     } while (0)
 
 /* Skip the test. The reason is its last output, which the results of a run quote. */

@@ -24,9 +24,8 @@ NICE = ("nice", "-n", "10")
 BESIDE = ("nice", "-n", "4")  # C tests beside others: with 10 a store got too little time to answer within 5 s
 C_TESTS = 4  # at a time: they mostly wait for each other's processes
 PATIENT = 4  # times what meson.build allows a C test: it may have to wait for a processor
-# Failures that are never retried: a frame that was torn or lost, a sanitizer's report on memory or threads. Counters
-# that are printed as they are (lost={...}) say nothing yet.
-NO_CHANCE = re.compile(r"\btorn\b(?!=)|\blost\b(?![=\[])|Sanitizer|runtime error:", re.IGNORECASE)
+FRAMES_BROKEN = 3  # exit status of a C test, see tests/unit/check.h
+SANITIZERS = ("ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS")
 
 
 @dataclasses.dataclass
@@ -36,6 +35,7 @@ class Test:
     seconds: float
     failure: str = ""
     reason: str = ""  # why it was skipped
+    strict: bool = False  # it failed, and stays failed if a second run passes
 
 
 def plain(name: str) -> str:
@@ -52,12 +52,6 @@ def first_words(failure: str) -> str:
     lines = [line.strip() for line in failure.splitlines() if line.strip()]
     marked = [line[1:].strip() for line in lines if line.startswith("E ")]
     return (marked[:1] or lines[-1:] or ["?"])[0][:200]
-
-
-def told(failure: str) -> str:
-    """What a test says went wrong, without the source it stands in: pytest's `E` lines, or all that a C test wrote."""
-    marked = [line for line in failure.splitlines() if line.startswith("E ")]
-    return "\n".join(marked) or failure
 
 
 class Suite:
@@ -82,7 +76,7 @@ class Suite:
 
     def _again(self, test: Test) -> bool:
         """Whether a test that failed may be run once more."""
-        return not self.strict and test.outcome == "failed" and not NO_CHANCE.search(told(test.failure))
+        return not self.strict and test.outcome == "failed" and not test.strict
 
     def fail(self, name: str, failure: str) -> None:
         """A part that is no test, or that did not report its tests."""
@@ -119,15 +113,21 @@ class Suite:
         def run(processes: int, *only: str) -> list[Test]:
             log = folder / "meson-logs/testlog.json"
             log.unlink(missing_ok=True)
+            for old in folder.glob("sanitizer.*"):
+                old.unlink()
+            reports = {option: f"log_path={folder / 'sanitizer'}" for option in SANITIZERS}
             command = [*(BESIDE if beside else ()), "meson", "test", "--no-rebuild", "--print-errorlogs",
                        f"--num-processes={processes}", f"--timeout-multiplier={PATIENT}", "-C", str(folder), *only]
-            done = subprocess.run(command, env={**os.environ, **environment}, stdin=subprocess.DEVNULL, text=True,
-                                  errors="replace", stdout=subprocess.PIPE if beside else None,
+            done = subprocess.run(command, env={**os.environ, **environment, **reports}, stdin=subprocess.DEVNULL,
+                                  text=True, errors="replace", stdout=subprocess.PIPE if beside else None,
                                   stderr=subprocess.STDOUT, check=False)
             if beside:
                 say(done.stdout.rstrip())
             lines = log.read_text().splitlines() if log.exists() else []
             tests = [_of_meson(f"{name}: {package}: ", json.loads(line)) for line in lines]
+            if found := [path.read_text(errors="replace") for path in sorted(folder.glob("sanitizer.*"))]:
+                say("\n".join(found))
+                tests.append(Test(f"{name}: {package}: sanitizer", "failed", 0.0, "\n".join(found), strict=True))
             if done.returncode and not any(test.outcome == "failed" for test in tests):
                 self.fail(f"{name}: {package}: meson test", f"exit status {done.returncode}, see above")
             return tests
@@ -152,8 +152,8 @@ class Suite:
                 self.fail(f"{before}pytest {' '.join(arguments)}", f"exit status {done.returncode}, see above")
             for worker in {line["worker"] for line in lines}:
                 self.guests += max(line["guests"] for line in lines if line["worker"] == worker)
-            return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"], line["reason"])
-                    for line in lines]
+            return [Test(before + line["test"], line["outcome"], line["seconds"], line["failure"], line["reason"],
+                         line["strict"]) for line in lines]
 
         tests = run(*(["-k", " ".join(words)] if words else []), *folders)
         names = [test.name.removeprefix(f"{board}: ") for test in tests if self._again(test)]
@@ -194,4 +194,5 @@ def _of_meson(prefix: str, line: dict[str, object]) -> Test:
     outcome = outcomes.get(str(line["result"]), "failed")
     return Test(prefix + str(line["name"]), outcome, seconds,
                 failure=f"{line['result']}\n{said}" if outcome == "failed" else "",
-                reason=first_words(said) if outcome == "skipped" else "")
+                reason=first_words(said) if outcome == "skipped" else "",
+                strict=outcome == "failed" and line.get("returncode") == FRAMES_BROKEN)
