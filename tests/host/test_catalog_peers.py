@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Items of a machine, as other implementations of ROS 2 and DDS see them on the other end of a link."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import re
+import subprocess
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from parts.common import MORTAL, TOP, Failed
+from parts.image import peers
+from parts.link.link import Link
+
+from .programs import Compiler, Process
+from .test_catalog import Machine, read, write
+
+HERE = pathlib.Path(__file__).parent
+MESSAGE = """std_msgs/Header header
+uint64 sequence
+int64 monotonic_ns
+int32 number
+uint8[5] name
+ddx/msg/SENSORPart[2] part
+float32 f
+uint8 last
+"""
+PART = "float64 x\nint16[3] a\n"
+
+
+@pytest.fixture(scope="session")
+def others() -> pathlib.Path:
+    """Where the other implementations are."""
+    try:
+        return peers.peers()
+    except Failed as error:
+        pytest.skip(f"ROS 2 and other implementations of DDS cannot be installed: {error}")
+
+
+class Laptop:
+    """The other end: it has no catalog, and no store."""
+
+    def __init__(self, folder: pathlib.Path, others: pathlib.Path, inside: tuple[str, ...]) -> None:
+        self.folder, self.others, self._inside = folder, others, inside
+        self.environment = {**os.environ, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp", "ROS_LOG_DIR": str(folder),
+                            "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4", "PYTHONUNBUFFERED": "1"}
+        self.processes: list[Process] = []
+
+    def start(self, program: str, *words: object) -> Process:
+        with open(self.folder / "laptop", "a") as errors:
+            process = subprocess.Popen([*MORTAL, *self._inside, self.others / "bin" / program, *map(str, words)],
+                                       env=self.environment, text=True, stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                       stderr=errors)
+        self.processes.append(process)
+        return process
+
+    def ros(self, *words: str) -> Process:
+        return self.start("python", HERE / "ros_peer.py", *words)
+
+
+@pytest.fixture
+def link() -> Iterator[Link]:
+    with Link() as link:
+        yield link
+
+
+@pytest.fixture
+def laptop(tmp_path: pathlib.Path, others: pathlib.Path, link: Link) -> Iterator[Laptop]:
+    laptop = Laptop(tmp_path, others, link.operator[0].inside)
+    yield laptop
+    for process in laptop.processes:
+        process.kill()
+        process.communicate()
+
+
+Begin = Callable[[str], Machine]
+
+
+@pytest.fixture
+def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Iterator[Begin]:
+    started = list[Machine]()
+
+    def begin(rules: str = "") -> Machine:
+        started.append(Machine(tmp_path / "robot", "robot", link.robot, compile_client("catalog_client"), rules=rules))
+        return started[0]
+
+    yield begin
+    for machine in started:
+        machine.desk.end()
+
+
+def values(robot: Machine, *words: str) -> Process:
+    """Writes an item of any type."""
+    process = subprocess.Popen([*MORTAL, "/usr/bin/python3", "-B", HERE / "values_client.py", *words], text=True,
+                               stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                               env={**robot.desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")})
+    robot.desk.processes.append(process)
+    return process
+
+
+def put(writer: Process, value: dict[str, Any]) -> None:
+    assert writer.stdin and writer.stdout
+    writer.stdin.write(json.dumps(value) + "\n")
+    writer.stdin.flush()
+    assert writer.stdout.readline()
+
+
+# Hash of a type, by its definition alone: TYPE, then the name and the text of each message.
+ROSBAGS = """
+import sys
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+store = get_typestore(Stores.ROS2_JAZZY)
+for name, text in zip(sys.argv[2::2], sys.argv[3::2]):
+    store.register(get_types_from_msg(text, name))
+print(store.hash_rihs01(sys.argv[1]))
+"""
+
+
+def hash_of(laptop: Laptop, kind: str, *definitions: str) -> str:
+    shown, _ = laptop.start("python", "-c", ROSBAGS, kind, *definitions).communicate(timeout=60)
+    return shown.strip()
+
+
+def shown_value(reader: Process) -> str:
+    """What `cyclonedds subscribe` prints of the next message, without spaces."""
+    text = ""
+    while not text.endswith("\n)\n"):
+        text += read(reader, 1)[0]
+    return re.sub(r"\s", "", text[text.index("SENSOR_("):])
+
+
+def test_a_tool_of_dds_finds_the_type_and_reads_the_values(begin: Begin, laptop: Laptop) -> None:
+    writer = begin("").start("write", "sensor")
+    write(writer, 3)
+    tool = [laptop.start("cyclonedds", command, "--suppress-progress-bar", "--color", "none", "--runtime", "1s",
+                         "rt/robot/sensor") for command in ("subscribe", "typeof")]
+    for number in (3, 4):
+        part = ",".join(f"SENSORPart_(x={1.5 * number + i},a=[{number + 10 * i},{number + 10 * i + 1},"
+                        f"{number + 10 * i + 2}])" for i in (0, 1))
+        assert f",number={number},name=b'abcde',part=[{part}],f=" in shown_value(tool[0])
+        write(writer, 1)
+    shown, _ = tool[1].communicate(timeout=60)
+    for field in ("struct SENSOR_", "double x;", "short a[3];", "octet name[5];", "SENSORPart_ part[2];"):
+        assert field in shown
+
+
+def test_ros_finds_the_type_and_its_hash(begin: Begin, laptop: Laptop) -> None:
+    write(begin("").start("write", "sensor"), 1)
+    found = json.loads(read(laptop.ros("find", "/robot/sensor"), 1)[0])
+    assert found == ["ddx/msg/SENSOR", hash_of(laptop, "ddx/msg/SENSOR", "ddx/msg/SENSORPart", PART, "ddx/msg/SENSOR",
+                                               MESSAGE)]
