@@ -314,14 +314,22 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
     ("items imu\n", "exports.conf:1: items: a line begins with item, except, interface, peer, domain"),
     ("item\n", "exports.conf:1: after item, one word is needed"),
     ("# fine\nitem imu rate=fast\n", "exports.conf:2: rate=fast: a number above 0, up to 1000"),
-    ("item imu every=2\n", "exports.conf:1: every=2: after item PATTERN, rate=VALUES_A_SECOND and latched are allowed"),
+    ("item imu every=2\n",
+     "exports.conf:1: every=2: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE"),
+    ("item imu as=a/msg/B topic=/imu\n", "exports.conf:1: as=a/msg/B: none of the messages that are known"),
+    ("item imu as=sensor_msgs/msg/Imu\n", "exports.conf:1: as=MESSAGE and topic=TOPIC are needed together"),
+    ("item imu topic=/imu\n", "exports.conf:1: as=MESSAGE and topic=TOPIC are needed together"),
+    ("item i* as=sensor_msgs/msg/Imu topic=/imu\n", "exports.conf:1: as= takes the name of one item, no pattern"),
+    ("item imu topic=imu\n", "exports.conf:1: topic=imu: /NAME is needed, or /NAME/NAME"),
+    ("item imu topic=/imu topic=/x\n", "exports.conf:1: topic=/x: once in a line only"),
     ("except imu latched\n", "exports.conf:1: latched: after except PATTERN, nothing more is allowed"),
     ("bandwidth 5\n", "exports.conf:1: bandwidth 5: bytes a second are needed, from 1K to 1024M"),
     ("bandwidth 2000M\n", "exports.conf:1: bandwidth 2000M: bytes a second"),
     ("bandwidth 1M 2M\n", "exports.conf:1: after bandwidth, one word is needed"),
     ("domain 233\n", "exports.conf:1: domain 233: a whole number from 0 to 232"),
     ("\x1b]0;x\x07\n", "exports.conf:1: ?]0;x?: a line begins with"),
-    ("bandwidth 1M\nitem a rate=0.5 latched\nexcept b\nitem *\npeer 10.0.0.1\nmulticast no\n", None),
+    ("bandwidth 1M\nitem b as=std_msgs/Float64 topic=/b/c\n"
+     "item a rate=0.5 latched\nexcept b\nitem *\npeer 10.0.0.1\nmulticast no\n", None),
 ])
 def test_rules(tmp_path: pathlib.Path, text: str, told: str | None) -> None:
     (tmp_path / "exports.conf").write_text(text)

@@ -16,7 +16,7 @@ from parts.common import MORTAL, TOP, Failed
 from parts.image import peers
 from parts.link.link import Link
 
-from .programs import Compiler, Process
+from .programs import Compiler, Process, lost, wait_until
 from .test_catalog import Machine, read, write
 
 HERE = pathlib.Path(__file__).parent
@@ -153,3 +153,55 @@ def test_ros_finds_the_type_and_its_hash(begin: Begin, laptop: Laptop) -> None:
     found = json.loads(read(laptop.ros("find", "/robot/sensor"), 1)[0])
     assert found == ["ddx/msg/SENSOR", hash_of(laptop, "ddx/msg/SENSOR", "ddx/msg/SENSORPart", PART, "ddx/msg/SENSOR",
                                                MESSAGE)]
+
+
+VECTOR = "struct { double x; double y; double z; }"
+IMU = f"""struct {{ struct {{ double x; double y; double z; double w; }} orientation; double orientation_covariance[9];
+    {VECTOR} angular_velocity; double angular_velocity_covariance[9];
+    {VECTOR} linear_acceleration; double linear_acceleration_covariance[9]; }}"""
+# Fields of many sizes behind a name of any length.
+FIX = """struct { struct { int8_t status; uint16_t service; } status; double latitude; double longitude;
+    double altitude; double position_covariance[9]; uint8_t position_covariance_type; }"""
+
+
+def imu(number: int) -> dict[str, Any]:
+    def vector(first: float) -> dict[str, float]:
+        return {"x": first, "y": first + 0.25, "z": first + 0.5}
+
+    return {"orientation": {**vector(number), "w": 1.0}, "orientation_covariance": [float(i) for i in range(9)],
+            "angular_velocity": vector(number + 0.125), "angular_velocity_covariance": [0.5] * 9,
+            "linear_acceleration": vector(-number), "linear_acceleration_covariance": [number / 8] * 9}
+
+
+def fix(number: int) -> dict[str, Any]:
+    return {"status": {"status": -number, "service": 60000 + number}, "latitude": 48.25, "longitude": -11.5,
+            "altitude": 519.0 + number, "position_covariance": [0.5] * 9, "position_covariance_type": number}
+
+
+def test_ros_reads_items_as_its_own_messages(begin: Begin, laptop: Laptop) -> None:
+    """Each value, in order, and equal."""
+    robot = begin("item imu as=sensor_msgs/msg/Imu topic=/imu/data\n"
+                  "item fix as=sensor_msgs/msg/NavSatFix topic=/fix\nitem *\n")
+    made = {"Imu": ("/imu/data", values(robot, "imu", "IMU", IMU), imu),
+            "NavSatFix": ("/fix", values(robot, "fix", "FIX", FIX), fix)}
+    nodes = {}
+    for kind, (topic, writer, value) in made.items():
+        put(writer, value(1))
+        nodes[kind] = laptop.ros("listen", topic, f"sensor_msgs/msg/{kind}")
+    for kind, (topic, writer, value) in made.items():
+        message = json.loads(read(nodes[kind], 1)[0])
+        for number in range(2, 22):
+            header = message.pop("header")
+            assert message == value(number - 1) and header["frame_id"] == "robot" and header["stamp"]["sec"] > 10**9
+            put(writer, value(number))
+            message = json.loads(read(nodes[kind], 1)[0])
+    wait_until(lambda: bool(robot.counters()["out"] == 42))
+    counters = robot.counters()
+    assert counters["in"] == 42 and lost(counters) == 0
+
+
+def test_an_item_that_is_no_such_message(begin: Begin) -> None:
+    robot = begin("item imu as=sensor_msgs/msg/Imu topic=/imu/data\n")
+    put(values(robot, "imu", "IMU", "struct { struct { float x; } orientation; }"), {"orientation": {"x": 1}})
+    said = "catalog: item imu as=sensor_msgs/msg/Imu: its field orientation.x is float32, not float64\n"
+    wait_until(lambda: robot.desk.errors(robot.catalog) == said)

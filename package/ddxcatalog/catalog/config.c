@@ -4,7 +4,9 @@
 #include <ddx.h>
 #include <errno.h>
 #include <fnmatch.h>
+#include <name.h>
 #include <schedule.h>
+#include <standard.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,20 +43,72 @@ static const char *value_of(const char *word, const char *key) {
     return !strncmp(word, key, length) && word[length] == '=' ? word + length + 1 : NULL;
 }
 
-static int read_choice(const struct line *line, const char *word, struct config_rule *rule) {
-    const char *rate = rule->except ? NULL : value_of(word, "rate");
+static int read_rate(const struct line *line, const char *word, const char *rate, struct config_rule *rule) {
     struct schedule_speed speed;
 
-    if (!rule->except && !strcmp(word, "latched")) {
-        rule->latched = true;
-        return 0;
-    }
-    if (!rate)
-        return wrong(line, "%s: after %s, %s", word, rule->except ? "except PATTERN" : "item PATTERN",
-                     rule->except ? "nothing more is allowed" : "rate=VALUES_A_SECOND and latched are allowed");
     if (!schedule_parse_speed(rate, &speed) || !speed.num)
         return wrong(line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is sent", word);
     rule->period = schedule_scale(NS, speed.den, speed.num);
+    return 0;
+}
+
+/* A word is set once. */
+static int keep_text(const struct line *line, const char *word, const char *text, char **place) {
+    if (*place)
+        return wrong(line, "%s: once in a line only", word);
+    *place = strdup(text);
+    return *place ? 0 : wrong(line, "no memory");
+}
+
+static int read_as(const struct line *line, const char *word, const char *type, struct config_rule *rule) {
+    struct standard *standard;
+    char why[STANDARD_WHY];
+    int error = standard_open(type, NULL, &standard, why);
+
+    if (error)
+        return wrong(line, "%s: none of the messages that are known; docs/catalog.md has these", word);
+    standard_close(standard);
+    return keep_text(line, word, type, &rule->as);
+}
+
+static int read_topic(const struct line *line, const char *word, const char *topic, struct config_rule *rule) {
+    if (!name_is_topic(topic))
+        return wrong(line, "%s: /NAME is needed, or /NAME/NAME, of letters, digits and '_'", word);
+    return keep_text(line, word, topic, &rule->topic);
+}
+
+static int read_choice(const struct line *line, const char *word, struct config_rule *rule) {
+    const char *text;
+
+    if (rule->except)
+        return wrong(line, "%s: after except PATTERN, nothing more is allowed", word);
+    if ((text = value_of(word, "rate")))
+        return read_rate(line, word, text, rule);
+    if ((text = value_of(word, "as")))
+        return read_as(line, word, text, rule);
+    if ((text = value_of(word, "topic")))
+        return read_topic(line, word, text, rule);
+    if (strcmp(word, "latched"))
+        return wrong(line, "%s: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE with topic=TOPIC are "
+                     "allowed", word);
+    rule->latched = true;
+    return 0;
+}
+
+static void free_rule(const struct config_rule *rule) {
+    free(rule->pattern);
+    free(rule->as);
+    free(rule->topic);
+}
+
+static int read_choices(const struct line *line, char **words, struct config_rule *rule) {
+    for (char **word = words; *word; word++)
+        if (read_choice(line, *word, rule))
+            return -1;
+    if (!rule->as != !rule->topic)
+        return wrong(line, "as=MESSAGE and topic=TOPIC are needed together");
+    if (rule->as && !rule->plain)
+        return wrong(line, "as= takes the name of one item, no pattern");
     return 0;
 }
 
@@ -63,15 +117,16 @@ static int read_rule(const struct line *line, char **words, struct config *confi
 
     if (strlen(words[1]) > DDX_NAME_MAX)
         return wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
-    for (char **word = words + 2; *word; word++)
-        if (read_choice(line, *word, &rule))
-            return -1;
     if (config->rule_count == CONFIG_RULES_MAX)
         return wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
-    if (!(rule.pattern = strdup(words[1])))
-        return wrong(line, "no memory");
-    config->rules[config->rule_count++] = rule;
-    return 0;
+    int error = read_choices(line, words + 2, &rule);
+    if (!error && !(rule.pattern = strdup(words[1])))
+        error = wrong(line, "no memory");
+    if (error)
+        free_rule(&rule);
+    else
+        config->rules[config->rule_count++] = rule;
+    return error;
 }
 
 static int read_interface(const struct line *line, char **words, struct config *config) {
@@ -174,7 +229,7 @@ int config_read(const char *path, struct config *config, char *error) {
 
 void config_free(struct config *config) {
     for (unsigned i = 0; i < config->rule_count; i++)
-        free(config->rules[i].pattern);
+        free_rule(&config->rules[i]);
     for (unsigned i = 0; i < config->peer_count; i++)
         free((char *)config->network.peers[i]);
     free((char *)config->network.interface);

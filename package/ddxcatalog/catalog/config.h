@@ -14,6 +14,7 @@ struct config_rule {
     char *pattern;
     bool except, plain; /* not these; a name, no pattern */
     bool latched;       /* DDS keeps the newest value for readers that ask for such */
+    char *as, *topic;   /* "sensor_msgs/msg/Imu", "/imu/data": a message of ROS's, too; or NULL */
     int64_t period;     /* ns from one value to the next at least; 0: every value is sent */
 };
 

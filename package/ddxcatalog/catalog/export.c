@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "export.h"
 
-#include <envelope.h>
-#include <errno.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "sender.h"
+#include "outlet.h"
 
 struct export {
     struct export *next;
@@ -14,10 +13,7 @@ struct export {
     char name[DDX_NAME_MAX + 1], topic[NAME_TOPIC];
     const struct config_rule *rule;
     struct form *form;
-    uint64_t sent; /* messages, the newest of which has this number */
-    struct network_event event;
-    struct network_writer *writer;
-    struct sender *sender;
+    struct outlet *own, *as; /* the item's own type; a message of ROS's */
     struct ddx_item_info info; /* as it was when the form was looked at */
     bool announced, there;
 };
@@ -56,25 +52,9 @@ static struct network_record record_of(const struct export *export) {
     return record;
 }
 
-/* Readers have come or gone. */
-static void follow_readers(void *argument) {
-    struct export *export = argument;
-    unsigned came, readers = network_writer_readers(export->writer, &came);
-
-    if (export->sender && (!readers || sender_ended(export->sender))) {
-        sender_stop(export->sender);
-        export->sender = NULL;
-    }
-    if (export->sender && came)
-        sender_repeat(export->sender);
-    if (readers && !export->sender)
-        export->sender = sender_start(export->catalog, export->rule, export->name, export->form, export->writer,
-                                      &export->sent);
-}
-
 static void close_export(struct export *export) {
-    sender_stop(export->sender);
-    network_writer_close(export->writer);
+    outlet_close(export->own);
+    outlet_close(export->as);
     if (export->form && export->announced) {
         struct network_record record = record_of(export);
 
@@ -94,18 +74,27 @@ static struct form *form_now(struct catalog *catalog, const char *name) {
     return form;
 }
 
-static int open_writer(struct export *export) {
-    struct description *description;
-    size_t size = envelope_size(export->catalog->identity.name) + export->form->message_size;
-    int error = envelope_describe(export->form, &description);
+static int open_outlet(struct export *export, const char *topic, struct standard *standard, struct outlet **outlet) {
+    const struct sender_source source = {
+        .rule = export->rule, .item = export->name, .form = export->form, .standard = standard};
 
+    return outlet_open(export->catalog, topic, &source, outlet);
+}
+
+/* As a message of ROS's, too, if its values are such messages. */
+static void open_as(struct export *export) {
+    const struct config_rule *rule = export->rule;
+    char topic[NAME_TOPIC], why[STANDARD_WHY] = "";
+    struct standard *standard;
+
+    if (!rule->as)
+        return;
+    snprintf(topic, sizeof topic, "rt%s", rule->topic);
+    int error = standard_open(rule->as, export->form, &standard, why);
+    if (!error)
+        error = open_outlet(export, topic, standard, &export->as);
     if (error)
-        return error;
-    export->event = (struct network_event){follow_readers, export};
-    error = network_writer_open(export->catalog->network, export->topic, description, size,
-                                export->rule->latched, &export->event, &export->writer);
-    description_free(description);
-    return error;
+        say("item %s as=%s: %s", export->name, rule->as, *why ? why : ddx_error_text(error));
 }
 
 static bool has_topic(const struct exports *exports, const char *topic) {
@@ -141,9 +130,11 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
     strcpy(export->name, info->name);
     choose_topic(exports, export);
     export->form = form_now(exports->catalog, info->name);
-    int error = export->form ? open_writer(export) : 0;
+    int error = export->form ? open_outlet(export, export->topic, NULL, &export->own) : 0;
     if (error)
         say("%s: other machines cannot read it: %s", info->name, ddx_error_text(error));
+    if (export->form)
+        open_as(export);
     export->next = exports->first;
     exports->first = export;
     exports->count++;
@@ -177,7 +168,7 @@ static void look_at(struct exports *exports, const struct ddx_item_info *info, c
 }
 
 static void announce(const struct exports *exports, struct export *export) {
-    if (!exports->announced || export->announced || !export->writer)
+    if (!exports->announced || export->announced || !export->own)
         return;
     struct network_record record = record_of(export);
     export->announced = !network_records_write(export->catalog->records, &record);
@@ -206,8 +197,8 @@ void exports_look(struct exports *exports, const struct ddx_item_info *items, un
 
         if (export->there) {
             announce(exports, export);
-            if (export->sender && sender_ended(export->sender))
-                follow_readers(export);
+            outlet_look(export->own);
+            outlet_look(export->as);
             at = &export->next;
         } else { /* where it has another form now, the next look finds it as a new one */
             *at = export->next;

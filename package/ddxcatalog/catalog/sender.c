@@ -15,14 +15,12 @@
 
 struct sender {
     struct catalog *catalog;
-    const struct config_rule *rule;
-    const struct form *form;
-    struct network_writer *writer;
+    struct sender_source source;
     DDX_STORE_ITEM *item;
     uint32_t layout;
     unsigned keep;
     unsigned char *message;
-    size_t size;
+    size_t room, size; /* of a message at most; of this one */
     int64_t wall; /* of the message; 0: none yet */
     int64_t due;  /* of the next message, where the rule has a rate */
     uint64_t *sent; /* a number is taken where a message is sent only, so that a gap means a loss on the way */
@@ -39,8 +37,26 @@ static int64_t wall_offset(void) {
     return wall.tv_sec * INT64_C(1000000000) + wall.tv_nsec - ddx_time_now();
 }
 
+size_t sender_message_size(const struct catalog *catalog, const struct sender_source *source) {
+    const char *machine = catalog->identity.name;
+
+    return source->standard ? standard_size(source->form, machine)
+                            : envelope_size(machine) + source->form->message_size - FORM_HEADER;
+}
+
+/* The item's own type. */
+static void pack_own(struct sender *sender, const struct envelope *envelope, const void *value) {
+    unsigned char *at = envelope_write(envelope, sender->message);
+    unsigned char kept[FORM_HEADER]; /* where form_pack() puts its header */
+
+    memcpy(kept, at - FORM_HEADER, sizeof kept);
+    form_pack(sender->source.form, value, at - FORM_HEADER);
+    memcpy(at - FORM_HEADER, kept, sizeof kept);
+    sender->size = sender->room;
+}
+
 static int pack(struct sender *sender, const struct ddx_frame *frame) {
-    const struct form *form = sender->form;
+    const struct sender_source *source = &sender->source;
     const struct envelope envelope = {.machine = sender->catalog->identity.name,
                                       .sequence = *sender->sent + 1,
                                       .wall = frame->time + wall_offset(),
@@ -48,11 +64,10 @@ static int pack(struct sender *sender, const struct ddx_frame *frame) {
 
     if (ddx_store_layout(sender->item) != sender->layout)
         return -EPROTOTYPE;
-    unsigned char *at = envelope_write(&envelope, sender->message);
-    unsigned char kept[FORM_HEADER]; /* where form_pack() puts its header */
-    memcpy(kept, at - FORM_HEADER, sizeof kept);
-    form_pack(form, frame->data, at - FORM_HEADER);
-    memcpy(at - FORM_HEADER, kept, sizeof kept);
+    if (source->standard)
+        sender->size = standard_write(source->standard, source->form, &envelope, frame->data, sender->message);
+    else
+        pack_own(sender, &envelope, frame->data);
     sender->wall = envelope.wall;
     return 0;
 }
@@ -60,7 +75,7 @@ static int pack(struct sender *sender, const struct ddx_frame *frame) {
 /* A value was taken. With a rate, what went by was to be left out. */
 static void count_in(struct sender *sender, uint64_t missed) {
     DDX_STATS_BOOK *book = sender->catalog->book;
-    bool skips = sender->rule->period;
+    bool skips = sender->source.rule->period;
 
     ddx_stats_in(book, skips ? 1 : 1 + missed, 0);
     if (skips && missed)
@@ -81,7 +96,7 @@ static void transmit(struct sender *sender) {
     int64_t now = ddx_time_now();
 
     if (!bucket_take(&sender->catalog->bucket, sender->size, now) ||
-        network_write(sender->writer, sender->message, sender->size, sender->wall))
+        network_write(sender->source.writer, sender->message, sender->size, sender->wall))
         return;
     if (sender->waits) {
         ++*sender->sent;
@@ -91,7 +106,7 @@ static void transmit(struct sender *sender) {
 }
 
 static int take_value(struct sender *sender, const struct ddx_frame *frame) {
-    int error = sender->size > MESSAGE_MAX ? -EMSGSIZE : pack(sender, frame);
+    int error = sender->room > MESSAGE_MAX ? -EMSGSIZE : pack(sender, frame);
 
     count_in(sender, frame->missed);
     give_up(sender);
@@ -112,18 +127,18 @@ static bool is_due(struct sender *sender) {
         nanosleep(&(struct timespec){.tv_nsec = left < most ? left : most}, NULL);
         return false;
     }
-    sender->due = sender->due + sender->rule->period > now ? sender->due + sender->rule->period
-                                                           : now + sender->rule->period;
+    sender->due = sender->due + sender->source.rule->period > now ? sender->due + sender->source.rule->period
+                                                           : now + sender->source.rule->period;
     return true;
 }
 
 /* Take a value, send it. 0, or the item cannot be read any more. */
 static int turn(struct sender *sender) {
-    int tail = !sender->begun ? DDX_CURRENT : sender->rule->period ? DDX_NEXT : DDX_IN_ORDER;
+    int tail = !sender->begun ? DDX_CURRENT : sender->source.rule->period ? DDX_NEXT : DDX_IN_ORDER;
     int64_t due = sender->due;
     struct ddx_frame frame;
 
-    if (sender->rule->period && !is_due(sender))
+    if (sender->source.rule->period && !is_due(sender))
         return 0;
     int error = ddx_store_acquire(sender->item, &frame, TURN, tail);
     if (error == -EBUSY && !sender->begun && sender->keep > 1) { /* other readers have the frames */
@@ -161,24 +176,21 @@ static unsigned keep_of(const struct form *form) {
     return keep > KEEP ? KEEP : keep < 2 ? 2 : (unsigned)keep;
 }
 
-struct sender *sender_start(struct catalog *catalog, const struct config_rule *rule, const char *item,
-                            const struct form *form, struct network_writer *writer, uint64_t *sent) {
+struct sender *sender_start(struct catalog *catalog, const struct sender_source *source, uint64_t *sent) {
     struct sender *sender = calloc(1, sizeof *sender);
 
     if (!sender)
         return NULL;
     sender->catalog = catalog;
-    sender->rule = rule;
-    sender->form = form;
+    sender->source = *source;
     sender->sent = sent;
-    sender->writer = writer;
-    sender->size = envelope_size(catalog->identity.name) + form->message_size - FORM_HEADER;
-    sender->message = malloc(sender->size > MESSAGE_MAX ? 1 : sender->size + 4); /* DDS pads to four bytes */
-    sender->item = sender->message ? ddx_store_lookup_item(catalog->id, item, NULL, 0) : NULL;
+    sender->room = sender_message_size(catalog, source);
+    sender->message = malloc(sender->room > MESSAGE_MAX ? 1 : sender->room + 4); /* DDS pads to four bytes */
+    sender->item = sender->message ? ddx_store_lookup_item(catalog->id, source->item, NULL, 0) : NULL;
     int error = sender->item ? 0 : errno;
     if (!error) {
         sender->layout = ddx_store_layout(sender->item);
-        sender->keep = rule->period ? 1 : keep_of(form);
+        sender->keep = source->rule->period ? 1 : keep_of(source->form);
         ddx_store_keep(sender->item, sender->keep);
         error = pthread_create(&sender->thread, NULL, run, sender);
     }

@@ -14,6 +14,20 @@ bool name_is_machine(const char *name) {
     return length > 0 && length < NAME_MACHINE;
 }
 
+bool name_is_topic(const char *topic) {
+    size_t length = strnlen(topic, NAME_TOPIC);
+
+    for (size_t i = 0; i < length; i++) {
+        char before = i ? topic[i - 1] : 0, c = topic[i];
+        bool good = !i || before == '/' ? isalpha((unsigned char)c) || (c == '_' && i)
+                                        : isalnum((unsigned char)c) || c == '/' || (c == '_' && before != '_');
+
+        if (i ? !good : c != '/')
+            return false;
+    }
+    return length > 1 && length < NAME_TOPIC - 3 && topic[length - 1] != '/';
+}
+
 /* A part between slashes: letters, digits and single underscores, no digit first. */
 static void add_part(char topic[NAME_TOPIC], const char *part) {
     size_t length = strlen(topic);

@@ -13,6 +13,9 @@
 /* Whether this can be a machine's name: letters, digits, '-' and '_', as in host names; at most NAME_MACHINE - 1. */
 bool name_is_machine(const char *name);
 
+/* Whether ROS has such topics: "/imu/data"; at most NAME_TOPIC - 4 letters. */
+bool name_is_topic(const char *topic);
+
 /* Whether topics of these two machines would be the same: "carol-1" and "carol_1". */
 bool name_meets(const char *machine, const char *other);
 
