@@ -95,7 +95,11 @@ def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Itera
 
 def values(robot: Machine, *words: str) -> Process:
     """Writes an item of any type."""
-    process = subprocess.Popen([*MORTAL, "/usr/bin/python3", "-B", HERE / "values_client.py", *words], text=True,
+    return client(robot, "values_client.py", *words)
+
+
+def client(robot: Machine, *words: str) -> Process:
+    process = subprocess.Popen([*MORTAL, "/usr/bin/python3", "-B", HERE / words[0], *words[1:]], text=True,
                                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
                                env={**robot.desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")})
     robot.desk.processes.append(process)
@@ -205,3 +209,23 @@ def test_an_item_that_is_no_such_message(begin: Begin) -> None:
     put(values(robot, "imu", "IMU", "struct { struct { float x; } orientation; }"), {"orientation": {"x": 1}})
     said = "catalog: item imu as=sensor_msgs/msg/Imu: its field orientation.x is float32, not float64\n"
     wait_until(lambda: robot.desk.errors(robot.catalog) == said)
+
+
+def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
+    """Of each layout that a camera is likely to have, bytes as they are to be."""
+    layouts = {"YUV420P": "rgb8", "RGB24": "rgb8", "GREY8": "mono8"}
+    robot = begin("".join(f"item {name} as=sensor_msgs/msg/Image topic=/{name}\n" for name in layouts))
+    nodes = {name: (client(robot, "pictures_client.py", name, name),
+                    laptop.ros("listen", f"/{name}", "sensor_msgs/msg/Image")) for name in layouts}
+    for name, (writer, node) in nodes.items():
+        assert writer.stdin
+        for number in range(10):
+            writer.stdin.write(f"{number}\n")
+            writer.stdin.flush()
+            digest, = read(writer, 1)
+            seen = json.loads(read(node, 1)[0])
+            assert (seen["data"], seen["encoding"]) == (digest.strip(), layouts[name])
+            assert (seen["width"], seen["height"]) == (352, 288) and seen["step"] == 352 * (1 + 2 * (name != "GREY8"))
+    assert "over radio, use ddxvideosend" in robot.desk.errors(robot.catalog)
+    wait_until(lambda: bool(robot.counters()["out"] == 30))
+    assert lost(robot.counters()) == 0

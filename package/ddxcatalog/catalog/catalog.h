@@ -25,7 +25,7 @@ enum {
     LOST_BANDWIDTH, /* here: readers have not confirmed what was sent before */
     LOST_SIZE,      /* here: larger than MESSAGE_MAX */
     LOST_NETWORK,   /* sent by another machine, and it did not arrive */
-    LOST_TYPE,      /* from another machine, not of the type that was announced */
+    LOST_TYPE,      /* from another machine, not of the type that was announced; here: a picture that is none */
     LOST_BUDGET     /* from another machine, and the store has no room */
 };
 

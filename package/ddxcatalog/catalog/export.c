@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "export.h"
 
+#include <picture.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -93,6 +94,8 @@ static void open_as(struct export *export) {
     int error = standard_open(rule->as, export->form, &standard, why);
     if (!error)
         error = open_outlet(export, topic, standard, &export->as);
+    if (!error && picture_is(export->form))
+        say("item %s as=%s: a frame is some hundred packets; over radio, use ddxvideosend", export->name, rule->as);
     if (error)
         say("item %s as=%s: %s", export->name, rule->as, *why ? why : ddx_error_text(error));
 }

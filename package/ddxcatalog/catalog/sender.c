@@ -40,7 +40,7 @@ static int64_t wall_offset(void) {
 size_t sender_message_size(const struct catalog *catalog, const struct sender_source *source) {
     const char *machine = catalog->identity.name;
 
-    return source->standard ? standard_size(source->form, machine)
+    return source->standard ? standard_size(source->standard, source->form, machine)
                             : envelope_size(machine) + source->form->message_size - FORM_HEADER;
 }
 
@@ -69,7 +69,7 @@ static int pack(struct sender *sender, const struct ddx_frame *frame) {
     else
         pack_own(sender, &envelope, frame->data);
     sender->wall = envelope.wall;
-    return 0;
+    return sender->size ? 0 : -EBADMSG;
 }
 
 /* A value was taken. With a rate, what went by was to be left out. */
@@ -105,6 +105,10 @@ static void transmit(struct sender *sender) {
     sender->waits = sender->repeat = false;
 }
 
+static unsigned reason_of(int error) {
+    return error == -EMSGSIZE ? LOST_SIZE : error == -EBADMSG ? LOST_TYPE : LOST_STORE;
+}
+
 static int take_value(struct sender *sender, const struct ddx_frame *frame) {
     int error = sender->room > MESSAGE_MAX ? -EMSGSIZE : pack(sender, frame);
 
@@ -115,8 +119,8 @@ static int take_value(struct sender *sender, const struct ddx_frame *frame) {
     if (!error)
         transmit(sender);
     else
-        ddx_stats_lost(sender->catalog->book, error == -EMSGSIZE ? LOST_SIZE : LOST_STORE, 1);
-    return error == -EMSGSIZE ? 0 : error;
+        ddx_stats_lost(sender->catalog->book, reason_of(error), 1);
+    return error == -EPROTOTYPE ? error : 0;
 }
 
 /* Whether the rule lets a value be sent now; waits a bit if not. */

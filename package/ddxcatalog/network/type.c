@@ -29,6 +29,11 @@ static dds_dynamic_type_spec_t spec_of(struct network *network, const struct des
             network->participant, (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_STRING8}));
     else
         spec = DDS_DYNAMIC_TYPE_SPEC_PRIM(kinds[field->kind]);
+    if (field->sequence)
+        return DDS_DYNAMIC_TYPE_SPEC(dds_dynamic_type_create(
+            network->participant, (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_SEQUENCE,
+                                                                  .name = "sequence",
+                                                                  .element_type = spec}));
     if (!field->count)
         return spec;
     return DDS_DYNAMIC_TYPE_SPEC(dds_dynamic_type_create(

@@ -55,6 +55,7 @@ static int add_field(struct description_message *message, const char *line) {
     char *bound = strchr(type, '[');
     if (bound) {
         field.count = (uint32_t)strtoul(bound + 1, NULL, 10);
+        field.sequence = bound[1] == ']';
         *bound = 0;
     }
     for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)

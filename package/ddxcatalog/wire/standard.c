@@ -7,6 +7,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "picture.h"
+
+#define IMAGE "sensor_msgs/Image"
 #define HEADER "std_msgs/Header"
 #define STAMPED HEADER " header\n"
 #define FIXED 12 /* a time stamp, length of the name */
@@ -55,6 +58,7 @@ static const struct message {
     {"sensor_msgs/NavSatStatus", "int8 status\nuint16 service\n"},
     {"sensor_msgs/NavSatFix", STAMPED "sensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n"
                               "float64 altitude\nfloat64[9] position_covariance\nuint8 position_covariance_type\n"},
+    {IMAGE, STAMPED "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data\n"},
     {"sensor_msgs/Temperature", STAMPED "float64 temperature\nfloat64 variance\n"},
     {"sensor_msgs/FluidPressure", STAMPED "float64 fluid_pressure\nfloat64 variance\n"},
     {"sensor_msgs/RelativeHumidity", STAMPED "float64 relative_humidity\nfloat64 variance\n"},
@@ -163,8 +167,12 @@ static bool same_messages(const struct comparison *comparison, const struct desc
 
 static int compare(const struct standard *standard, const struct form *form, char why[STANDARD_WHY]) {
     struct description *given;
-    int error = description_parse(form->schema_name, form->schema, &given);
 
+    if (standard->is_picture && !picture_is(form))
+        snprintf(why, STANDARD_WHY, "its type is %.63s, not DDX_VIDEO", form->type);
+    if (standard->is_picture)
+        return picture_is(form) ? 0 : -EINVAL;
+    int error = description_parse(form->schema_name, form->schema, &given);
     if (error)
         return error;
     const struct comparison comparison = {standard->description, given, why};
@@ -180,8 +188,10 @@ int standard_open(const char *type, const struct form *form, struct standard **r
         return -ENOENT;
     struct standard *standard = calloc(1, sizeof *standard);
     int error = standard ? describe(index, &standard->description) : -ENOMEM;
-    if (!error)
+    if (!error) {
+        standard->is_picture = !strcmp(messages[index].type, IMAGE);
         standard->has_header = !strcmp(standard->description->messages->fields->type, HEADER);
+    }
     if (!error && form)
         error = compare(standard, form, why);
     if (error)
@@ -197,8 +207,9 @@ void standard_close(struct standard *standard) {
     free(standard);
 }
 
-size_t standard_size(const struct form *form, const char *machine) {
-    return FORM_HEADER + FIXED + strlen(machine) + 1 + form->message_size + 7;
+size_t standard_size(const struct standard *standard, const struct form *form, const char *machine) {
+    return FORM_HEADER + FIXED + strlen(machine) + 1 +
+           (standard->is_picture ? picture_size(form) : form->message_size + 7);
 }
 
 static size_t put(unsigned char *message, size_t at, uint32_t number) {
@@ -215,24 +226,17 @@ static size_t aligned(unsigned char *message, size_t at, size_t bytes) {
     return at;
 }
 
-static size_t put_header(const struct envelope *envelope, unsigned char *message, size_t at) {
-    size_t length = strlen(envelope->machine) + 1;
+static size_t put_header(const char *machine, int64_t wall, unsigned char *message, size_t at) {
+    size_t length = strlen(machine) + 1;
 
-    at = put(message, at, (uint32_t)(envelope->wall / NS));
-    at = put(message, at, (uint32_t)(envelope->wall % NS));
+    at = put(message, at, (uint32_t)(wall / NS));
+    at = put(message, at, (uint32_t)(wall % NS));
     at = put(message, at, (uint32_t)length);
-    memcpy(message + at, envelope->machine, length);
+    memcpy(message + at, machine, length);
     return at + length;
 }
 
-size_t standard_write(const struct standard *standard, const struct form *form, const struct envelope *envelope,
-                      const void *value, unsigned char *message) {
-    static const unsigned char header[FORM_HEADER] = {0, 1, 0, 0}; /* CDR, little endian */
-    size_t at = FORM_HEADER;
-
-    memcpy(message, header, sizeof header);
-    if (standard->has_header)
-        at = put_header(envelope, message, at);
+static size_t put_fields(const struct form *form, const void *value, unsigned char *message, size_t at) {
     for (unsigned i = 0; i < form->leaf_count; i++) {
         const struct form_leaf *leaf = &form->leaves[i];
         size_t bytes = (size_t)leaf->bytes * leaf->count;
@@ -242,4 +246,16 @@ size_t standard_write(const struct standard *standard, const struct form *form, 
         at += bytes;
     }
     return at;
+}
+
+size_t standard_write(const struct standard *standard, const struct form *form, const struct envelope *envelope,
+                      const void *value, unsigned char *message) {
+    static const unsigned char header[FORM_HEADER] = {0, 1, 0, 0}; /* CDR, little endian */
+    int64_t wall = standard->is_picture ? picture_time(form, value, envelope->wall) : envelope->wall;
+    size_t at = FORM_HEADER;
+
+    memcpy(message, header, sizeof header);
+    if (standard->has_header)
+        at = put_header(envelope->machine, wall, message, at);
+    return standard->is_picture ? picture_write(form, value, message, at) : put_fields(form, value, message, at);
 }

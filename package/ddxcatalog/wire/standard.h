@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Messages that ROS 2 brings along, and items whose values are such messages: the item's struct has the fields of the
- * message, after its std_msgs/Header if it has one, under the same names. Messages of fixed size only.
+ * message, after its std_msgs/Header if it has one, under the same names. Messages of fixed size, and Image.
  */
 #ifndef DDXCATALOG_STANDARD_H
 #define DDXCATALOG_STANDARD_H
@@ -13,6 +13,7 @@
 struct standard {
     struct description *description;
     bool has_header;
+    bool is_picture; /* sensor_msgs/msg/Image of a video item */
 };
 
 /*
@@ -25,9 +26,12 @@ int standard_open(const char *type, const struct form *form, struct standard **s
 void standard_close(struct standard *standard);
 
 /* Bytes of a message at most, but for what DDS pads. */
-size_t standard_size(const struct form *form, const char *machine);
+size_t standard_size(const struct standard *standard, const struct form *form, const char *machine);
 
-/* Write a message; its size. Of the envelope, `machine` and `wall` are used. */
+/*
+ * Write a message; its size, or 0: the item says that this is a picture, and it is none. Of the envelope, `machine` and
+ * `wall` are used.
+ */
 size_t standard_write(const struct standard *standard, const struct form *form, const struct envelope *envelope,
                       const void *value, unsigned char *message);
 

@@ -8,7 +8,8 @@
 
 #include "sha256.h"
 
-#define ARRAY 48 /* what an array of a kind has above the kind */
+#define ARRAY 48     /* what an array of a kind has above the kind, */
+#define SEQUENCE 144 /* and a sequence */
 
 /* "ddx/SENSOR" is "ddx/msg/SENSOR". */
 static void write_type(FILE *to, const char *type) {
@@ -18,9 +19,10 @@ static void write_type(FILE *to, const char *type) {
 }
 
 static void write_field(FILE *to, const struct description_field *field) {
+    unsigned many = field->sequence ? SEQUENCE : field->count ? ARRAY : 0;
+
     fprintf(to, "{\"name\": \"%s\", \"type\": {\"type_id\": %u, \"capacity\": %u, \"string_capacity\": 0, "
-            "\"nested_type_name\": \"", field->name, (unsigned)field->kind + (field->count ? ARRAY : 0),
-            (unsigned)field->count);
+            "\"nested_type_name\": \"", field->name, (unsigned)field->kind + many, (unsigned)field->count);
     if (field->kind == DESCRIPTION_NESTED)
         write_type(to, field->type);
     fputs("\"}}", to);

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Writes CIF pictures: pictures_client.py ITEM LAYOUT. For each number on standard input a picture; answers with the
+SHA-256 of what ROS is to see of it."""
+from __future__ import annotations
+
+import hashlib
+import sys
+from typing import Any
+
+import numpy as np
+
+import ddx
+import ddxvideo
+
+
+def rgb(y: Any, u: Any, v: Any) -> Any:
+    """Of planes in limited range, by ITU-R BT.601."""
+    luma = 298 * (y.astype(int) - 16)
+    u, v = (np.repeat(np.repeat(plane.astype(int) - 128, 2, 0), 2, 1) for plane in (u, v))
+    colours = np.stack([luma + 409 * v, luma - 100 * u - 208 * v, luma + 516 * u], axis=-1)
+    return np.clip((colours + 128) >> 8, 0, 255).astype(np.uint8)
+
+
+def main() -> None:
+    name, layout = sys.argv[1:]
+    with ddx.Store(timeout=20) as store, ddxvideo.create_video(store, name, 352, 288, 25, layout=layout) as item:
+        for line in sys.stdin:
+            random = np.random.default_rng(int(line))
+            with item.loan() as out:
+                planes = ddxvideo.planes(out)
+                for plane in planes:
+                    plane[:] = random.integers(0, 256, plane.shape)
+                seen = rgb(*planes) if layout == "YUV420P" else planes[0]
+                digest = hashlib.sha256(seen.tobytes()).hexdigest()
+            print(digest, flush=True)
+
+
+main()
