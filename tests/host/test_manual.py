@@ -132,7 +132,7 @@ def test_help_becomes_a_page() -> None:
     text = ("usage: x FILE\n       x -list\n\nDoes this.\n\noptions:\n  -a N   first\n         more\n"
             "  -start yes|no begins\n\nExit status: 0.\n")
     page = manual_programs.program_page("x", "an example", text, ["store"], "1")
-    assert re.findall(r"^\.SH (.*)", page, re.MULTILINE) == ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS",
-                                                             "SEE ALSO"]
+    found = re.findall(r"^\.SH (.*)", page, re.MULTILINE)
+    assert found == ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "SEE ALSO"]
     assert ".TP\n\\fB\\-a N\\fR\nfirst more\n.TP\n\\fB\\-start yes|no\\fR\nbegins\n" in page
     assert '.B "x FILE"\n' in page and '.B "x \\-list"\n' in page

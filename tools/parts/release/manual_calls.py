@@ -65,7 +65,8 @@ def items(header: str) -> list[Item]:
         names = named(code)
         if names and comment.startswith("The same") and result and result[-1].names:
             last = result[-1]
-            last.comment, last.code, last.names = f"{last.comment}\n\n{comment}", f"{last.code}\n{code}", last.names + names
+            last.comment, last.code = f"{last.comment}\n\n{comment}", f"{last.code}\n{code}"
+            last.names += names
         elif comment or code.strip():
             result.append(Item(comment, code, topic, names))
     return result
@@ -99,7 +100,8 @@ def call_page(item: Item, header: str, all_items: list[Item], known: set[str], r
         synopsis += verbatim(types)
     first = item.names[0]
     pages = {first: page(item.names, SECTION, short, [
-        ("SYNOPSIS", synopsis), ("DESCRIPTION", body(text)), ("SEE ALSO", see_also(item, text, known, header))], release)}
+        ("SYNOPSIS", synopsis), ("DESCRIPTION", body(text)),
+        ("SEE ALSO", see_also(item, text, known, header))], release)}
     return pages | {name: f".so man{SECTION}/{first}.{SECTION}\n" for name in item.names[1:]}
 
 
@@ -107,7 +109,8 @@ def header_page(header: str, library: str, all_items: list[Item], release: str) 
     """What holds for all calls, the types and constants as they stand there, and a list of the calls."""
     introduction = next(item.comment for item in all_items if item.comment and "SPDX" not in item.comment)
     short = re.sub(r"^\w+: ", "", introduction)
-    others = [item for item in all_items if not item.names and item.code.strip() and not re.search(r"\w_\b[ (]", item.code)]
+    others = [item for item in all_items
+              if not item.names and item.code.strip() and not re.search(r"\w_\b[ (]", item.code)]
     types = "".join(body(item.comment) + verbatim(item.code.strip()) for item in others)
     calls = "".join(entry(", ".join(f"{name}(3)" for name in item.names), about(item)[0])
                     for item in all_items if item.names)
