@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * How one worker of the store succeeds another (package/ddx/store/holder.h, kept.h), and a whole store another one, for
+ * How one worker of the store succeeds another (package/ddx/store/holder.h, checkpoint.h), and a whole store another one, for
  * Spin: README.md tells what is modelled and what is not. Names are those of the code. A statement outside atomic and
  * d_step is one step, and others may act before and after it. What depends on FAULT_... is a fault, for the run that
  * must fail.
@@ -122,7 +122,7 @@ inline put(c, what) { /* client_send(), ddx_queue_put() */
     store.number[c]++
 }
 
-inline announce(reader) { /* news_of_reader() */
+inline announce(reader) { /* notify_reader() */
     store.announced++;
     assert(store.announced < VERSIONS);
     store.behind[reader] = store.announced;
@@ -158,7 +158,7 @@ inline work() { /* request_handle() */
     fi
 }
 
-#define COMMIT :: d_step { COPY(kept, store) } /* kept_commit() */
+#define COMMIT :: d_step { COPY(kept, store) } /* checkpoint_commit() */
 #define OR_DIE \
     :: crashes < CRASHES -> goto next_worker \
     :: stores < DEATHS -> goto next_store
@@ -302,7 +302,7 @@ hang_up: /* refuse(), clients_sweep() */
     goto turn;
 #endif
 
-next_worker: /* holder_run(), kept_restore() */
+next_worker: /* holder_run(), checkpoint_restore() */
     atomic {
         crashes++;
         number = 0; operation = 0; first = 0; second = 0; client = 0; to = 0; any = false;
@@ -337,7 +337,7 @@ next_store: /* the sockets are closed: what clients have not read yet stays, wha
 #endif
 #define STOP :: atomic { stops < STOPS -> stops++; stopped[me] = true; goto end_stopped }
 
-inline take_in() { /* inbox.c ddx_item_service(), handle() */
+inline take_in() { /* receive.c ddx_item_service(), handle() */
     said[me]?got, what;
     if
     :: IS_OLD -> what = SLOT

@@ -12,7 +12,7 @@
 #include <time.h>
 
 #include "../../package/ddx/store/epoch.h"
-#include "../../package/ddx/store/kept.h"
+#include "../../package/ddx/store/checkpoint.h"
 #include "check.h"
 
 #define SLOTS 3u
@@ -67,8 +67,8 @@ int main(void) {
     unsigned carried = 0, torn = 0;
     pthread_t writer;
 
-    CHECK_EQUAL(kept_begin(), 0);
-    CHECK(!kept_restore());
+    CHECK_EQUAL(checkpoint_begin(), 0);
+    CHECK(!checkpoint_restore());
     from = new_epoch(1, SLOTS);
     atomic_store(&from->control->slots, SLOTS);
     CHECK_EQUAL(pthread_create(&writer, NULL, write_on, NULL), 0);

@@ -3,7 +3,7 @@
 #include <unistd.h>
 
 #include "check.h"
-#include "byte_queue.h"
+#include "frame_queue.h"
 #include "recording.h"
 #include "y4m.h"
 
@@ -27,12 +27,12 @@ static void test_usual(void) {
 
 /* Of the queue as it is made, not as it was worked out. */
 static uint64_t memory_of(const struct ddxvideo_geometry *geometry, unsigned frames) {
-    struct byte_queue queue;
+    struct frame_queue queue;
     size_t bytes = recording_frame_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN;
-    CHECK(!byte_queue_init(&queue, frames, bytes));
+    CHECK(!frame_queue_init(&queue, frames, bytes));
     queue.enough = true; /* nothing has to touch all of it */
     uint64_t memory = queue.size + frames * sizeof(*queue.frames);
-    byte_queue_free(&queue);
+    frame_queue_free(&queue);
     return memory;
 }
 

@@ -11,9 +11,9 @@
 #include "../../package/ddx/store/budget.h"
 #include "../../package/ddx/store/holder.h"
 #include "../../package/ddx/store/items.h"
-#include "../../package/ddx/store/kept.h"
+#include "../../package/ddx/store/checkpoint.h"
 #include "../../package/ddx/store/session.h"
-#include "../../package/ddx/store/succession.h"
+#include "../../package/ddx/store/resume.h"
 #include "check.h"
 
 #define FRAME 10000u
@@ -165,8 +165,8 @@ static void no_errno(void) {
 int main(void) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet.fd[i] = -1;
-    CHECK_EQUAL(kept_begin(), 0);
-    CHECK(!kept_restore());
+    CHECK_EQUAL(checkpoint_begin(), 0);
+    CHECK(!checkpoint_restore());
     store_memory();
     store = store_begin(&settings);
     CHECK(store);

@@ -9,10 +9,10 @@
 #include <unistd.h>
 
 #include "../../package/ddx/store/holder.h"
-#include "../../package/ddx/store/kept.h"
+#include "../../package/ddx/store/checkpoint.h"
 #include "../../package/ddx/store/process.h"
 #include "../../package/ddx/store/session.h"
-#include "../../package/ddx/store/succession.h"
+#include "../../package/ddx/store/resume.h"
 #include "check.h"
 
 #define CONNECTIONS 40
@@ -88,8 +88,8 @@ static uint64_t handled(const struct party *party) {
 int main(void) {
     struct party flood[CONNECTIONS], other;
 
-    CHECK_EQUAL(kept_begin(), 0);
-    CHECK(!kept_restore());
+    CHECK_EQUAL(checkpoint_begin(), 0);
+    CHECK(!checkpoint_restore());
     store_memory();
     CHECK((store = store_begin(&settings)));
     other = begin();

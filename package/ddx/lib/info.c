@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "inbox.h"
-#include "link.h"
+#include "receive.h"
+#include "connection.h"
 
 static int make_fields(DDX_STORE_ITEM *item) {
     const struct ddx_layout *layout = item->layout;

@@ -8,10 +8,10 @@
 #include <unistd.h>
 
 #include "futex.h"
-#include "inbox.h"
+#include "receive.h"
 #include "item.h"
 #include "keeper.h"
-#include "link.h"
+#include "connection.h"
 #include "reader_role.h"
 #include "writer.h"
 #include "writer_role.h"
@@ -79,7 +79,7 @@ static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct
 /* Introduce the handle to the store. */
 static int item_open(DDX_STORE_ITEM *item, uint32_t flags) {
     struct ddx_message message;
-    int result = ddx_link_connect(item);
+    int result = ddx_connection_open(item);
 
     if (result)
         return result;

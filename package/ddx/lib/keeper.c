@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "inbox.h"
-#include "link.h"
+#include "receive.h"
+#include "connection.h"
 #include "reader_take.h"
 #include "writer_readers.h"
 
@@ -68,7 +68,7 @@ static struct pollfd *listen_list(unsigned *count) {
     *count = 0;
     if (!list)
         return NULL;
-    list[(*count)++] = (struct pollfd){.fd = ddx_link_waker, .events = POLLIN};
+    list[(*count)++] = (struct pollfd){.fd = ddx_connection_waker, .events = POLLIN};
     for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next)
         list[(*count)++] = item->listen;
     return list;
@@ -82,8 +82,8 @@ static void *run(void *unused) {
 
         pthread_mutex_lock(&keeper.lock);
         if (!keeper.items) {
-            close(ddx_link_waker);
-            ddx_link_waker = -1;
+            close(ddx_connection_waker);
+            ddx_connection_waker = -1;
             keeper.running = false;
             pthread_mutex_unlock(&keeper.lock);
             return NULL;
@@ -120,9 +120,9 @@ static void in_child(void) {
             *fds[i] = -1;
         }
     }
-    if (ddx_link_waker >= 0)
-        close(ddx_link_waker);
-    ddx_link_waker = -1;
+    if (ddx_connection_waker >= 0)
+        close(ddx_connection_waker);
+    ddx_connection_waker = -1;
     keeper.items = NULL;
     keeper.count = 0;
     keeper.running = false;
@@ -142,8 +142,8 @@ static int start(void) {
 
     pthread_once(&once, prepare_fork);
 
-    ddx_link_waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    if (ddx_link_waker < 0)
+    ddx_connection_waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    if (ddx_connection_waker < 0)
         return -errno;
     /* Signals are the program's, not ours. */
     sigfillset(&all);
@@ -151,8 +151,8 @@ static int start(void) {
     int result = pthread_create(&thread, NULL, run, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     if (result) {
-        close(ddx_link_waker);
-        ddx_link_waker = -1; /* or a later wake goes to another file's descriptor */
+        close(ddx_connection_waker);
+        ddx_connection_waker = -1; /* or a later wake goes to another file's descriptor */
         return -result;
     }
     pthread_setname_np(thread, "ddx-keeper");
@@ -171,7 +171,7 @@ int ddx_keeper_add(DDX_STORE_ITEM *item) {
     if (!keeper.running)
         result = start();
     else
-        ddx_link_wake_keeper();
+        ddx_connection_wake_keeper();
     if (result) {
         keeper.items = item->next;
         keeper.count--;
@@ -196,6 +196,6 @@ void ddx_keeper_remove(DDX_STORE_ITEM *item) {
     lock_keeper();
     keeper.count -= unlink_item(&keeper.items, item, offsetof(DDX_STORE_ITEM, next));
     unlink_item(&item->id->items, item, offsetof(DDX_STORE_ITEM, next_of_id));
-    ddx_link_wake_keeper();
+    ddx_connection_wake_keeper();
     unlock_keeper();
 }

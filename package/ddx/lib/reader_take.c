@@ -6,8 +6,8 @@
 
 #include "fault.h"
 #include "futex.h"
-#include "inbox.h"
-#include "link.h"
+#include "receive.h"
+#include "connection.h"
 #include "reader_role.h"
 #include "window.h"
 

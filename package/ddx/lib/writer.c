@@ -8,8 +8,8 @@
 
 #include "fault.h"
 #include "futex.h"
-#include "inbox.h"
-#include "link.h"
+#include "receive.h"
+#include "connection.h"
 #include "writer_readers.h"
 #include "writer_role.h"
 

@@ -6,7 +6,7 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "link.h"
+#include "connection.h"
 
 static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, int status) {
     struct ddx_message message;
@@ -15,7 +15,7 @@ static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, i
     message.index = reader->index;
     message.sequence = reader->sequence;
     message.status = status;
-    ddx_link_say(item, &message, NULL, NULL, 0);
+    ddx_connection_say(item, &message, NULL, NULL, 0);
     DDX_PASS(CLAIM_TAKEN);
 }
 

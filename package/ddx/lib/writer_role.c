@@ -7,7 +7,7 @@
 #include <unistd.h>
 
 #include "fault.h"
-#include "link.h"
+#include "connection.h"
 #include "term.h"
 
 /* `status`: an error if there will never be such a slot. */
@@ -18,7 +18,7 @@ static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int 
     message.epoch = epoch;
     message.index = slot;
     message.status = status;
-    ddx_link_say(item, &message, NULL, NULL, 0);
+    ddx_connection_say(item, &message, NULL, NULL, 0);
     DDX_PASS(CLAIM_READY);
 }
 

@@ -9,11 +9,11 @@
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
-#include "kept.h"
-#include "label.h"
+#include "checkpoint.h"
+#include "memfd_name.h"
 #include "link.h"
-#include "news.h"
-#include "note.h"
+#include "notify.h"
+#include "log.h"
 #include "readers.h"
 #include "retired.h"
 
@@ -41,7 +41,7 @@ static void refuse(struct client *client, const char *why) {
     static int32_t last;
 
     if (client->pid != last)
-        note("%s: what %d offers cannot be taken back: %s", client->item->name, (int)client->pid, why);
+        log_line("%s: what %d offers cannot be taken back: %s", client->item->name, (int)client->pid, why);
     last = client->pid;
     client->gone = true;
 }
@@ -55,7 +55,7 @@ static void take_control(struct client *client, struct ddx_packet *packet, const
     }
     client->offered = epoch;
     epoch->control_fd = ddx_packet_take(packet, 0);
-    if (label_is(epoch->control_fd, label_of_slot(client->item->name, epoch, DDX_NO_SLOT)) &&
+    if (memfd_name_is(epoch->control_fd, memfd_name_of_slot(client->item->name, epoch, DDX_NO_SLOT)) &&
         ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true))
         epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), false);
     epoch->control_ready = epoch->control && epoch->control->magic == DDX_CONTROL_MAGIC &&
@@ -75,7 +75,7 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
     unsigned slot = packet->message.index;
 
     if (!epoch || slot >= DDX_SLOTS_MAX || epoch->slot_fd[slot] >= 0 ||
-        !label_is(packet->fd[0], label_of_slot(client->item->name, epoch, slot)) ||
+        !memfd_name_is(packet->fd[0], memfd_name_of_slot(client->item->name, epoch, slot)) ||
         !ddx_memory_sound(packet->fd[0], epoch->runs.file_bytes, true))
         return;
     epoch->slot_fd[slot] = ddx_packet_take(packet, 0);
@@ -154,7 +154,7 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     item->adopted = item->foreign = true;
     client->offered = NULL;
     DDX_PASS(STORE_ADOPTED);
-    note("%s: taken back from %d", item->name, (int)client->pid);
+    log_line("%s: taken back from %d", item->name, (int)client->pid);
     return true;
 }
 
@@ -162,7 +162,7 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
 static int adopt_writer(struct item *item, struct client *client, bool current) {
     if (item->writer || item->pending || (item->epoch && !current))
         return -EEXIST;
-    if (!item->epoch || !label_is(client->offered_notice_fd, label_of(item->name, "notice")) ||
+    if (!item->epoch || !memfd_name_is(client->offered_notice_fd, memfd_name_of(item->name, "notice")) ||
         !ddx_memory_sound(client->offered_notice_fd, ddx_page_round(1), false))
         return -EINVAL;
     int result = item_set_notice(item, client->offered_notice_fd);
@@ -175,8 +175,8 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     item->writer = client;
     item->adopted = item->away = false;
     reader_add_slots(item, 0, 0); /* for readers that returned before it */
-    news_of_slots(item, item->epoch, client);
-    news_of_readers(item);
+    notify_slots(item, item->epoch, client);
+    notify_readers(item);
     readers_count(item);
     DDX_PASS(STORE_WRITER_BACK);
     return 0;
@@ -194,7 +194,7 @@ static int adopt_reader(struct item *item, struct client *client) {
     unsigned keep = client->offered_keep, least = keep < DDX_PINS ? keep : DDX_PINS;
     int fd = client->offered_pin_fd;
 
-    if (client->id || keep < 1 || keep > DDX_READERS_MAX || !label_is(fd, label_of(item->name, "pin")) ||
+    if (client->id || keep < 1 || keep > DDX_READERS_MAX || !memfd_name_is(fd, memfd_name_of(item->name, "pin")) ||
         !ddx_memory_sound(fd, ddx_page_round(1), true))
         return -EINVAL;
     if (reads(item, fd))
@@ -206,8 +206,8 @@ static int adopt_reader(struct item *item, struct client *client) {
         keep = keep / 2 > least ? keep / 2 : least;
     }
     if (keep < client->offered_keep)
-        note("%s: %u frames are kept for its reader %d, not %u: the room went to others meanwhile", item->name, keep,
-             (int)client->pid, client->offered_keep);
+        log_line("%s: %u frames are kept for its reader %d, not %u: the room went to others meanwhile", item->name,
+                 keep, (int)client->pid, client->offered_keep);
     client->offered_pin_fd = -1;
     int result = reader_register(client, fd, keep);
     if (!result && !item->writer)
@@ -242,7 +242,7 @@ static void finish(struct client *client, uint32_t flags) {
     if (reply.status && reply.status != -EEXIST)
         refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
     if (news)
-        news_of_epoch_to_all(item);
+        notify_epoch_to_all(item);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);
     int result = flags & DDX_FLAG_READER && !client->gone ? adopt_reader(item, client) : 0;

@@ -49,7 +49,7 @@ void budget_make_room(struct store *store, const struct process *process) {
     struct item *victim;
 
     snprintf(whom, sizeof whom, "process %d", (int)process->pid);
-    while (process->account.bytes > KEPT_SHARE - REQUEST &&
+    while (process->account.bytes > CHECKPOINT_SHARE - REQUEST &&
            (victim = leftover_first(store, NULL, INT_MAX, &process->account)))
         leftover_drop(victim, "share of the store's memory is", whom);
 }

@@ -10,11 +10,11 @@
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
-#include "kept.h"
-#include "label.h"
+#include "checkpoint.h"
+#include "memfd_name.h"
 #include "link.h"
-#include "news.h"
-#include "note.h"
+#include "notify.h"
+#include "log.h"
 #include "readers.h"
 #include "retired.h"
 
@@ -38,7 +38,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
 }
 
 static int new_notice(struct item *item) {
-    int fd = ddx_memory_create(label_of(item->name, "notice"), ddx_page_round(1));
+    int fd = ddx_memory_create(memfd_name_of(item->name, "notice"), ddx_page_round(1));
     int result = fd < 0 ? fd : item_set_notice(item, fd);
 
     if (!result)
@@ -107,7 +107,7 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
     while (!budget_allows(item, most_of(item, epoch->runs.file_bytes)) && keep_less(item))
         continue;
     if (item->kept < wanted)
-        note("%s: %u frames are kept for its readers, not %u: there is no room for more; -m gives it", item->name,
+        log_line("%s: %u frames are kept for its readers, not %u: there is no room for more; -m gives it", item->name,
              item->kept, wanted);
     unsigned slots = 2 + item->kept;
     if (slots > DDX_SLOTS_MAX || !budget_allows(item, most_of(item, epoch->runs.file_bytes)))
@@ -133,8 +133,8 @@ static void tell_all(struct client *client) {
     int fds[2] = {epoch->control_fd, item->notice_fd};
 
     client_send(client, &message, epoch->layout, fds, 2);
-    news_of_slots(item, epoch, client);
-    news_of_readers(item);
+    notify_slots(item, epoch, client);
+    notify_readers(item);
 }
 
 void writer_claim(struct client *client, const struct ddx_layout *layout) {
@@ -159,11 +159,11 @@ static void go_live(struct item *item) {
     item->pending = NULL;
     item->foreign = false;
     DDX_PASS(STORE_LIVE);
-    news_of_epoch_to_all(item);
+    notify_epoch_to_all(item);
     readers_count(item);
     /* After the readers were told: what is written when the claim returns, they can see. */
     client_reply(item->writer, DDX_DONE, 0);
-    note("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
+    log_line("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
          (unsigned long long)item->epoch->runs.file_bytes);
 }
 
@@ -216,7 +216,7 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
              ddx_memory_sound(epoch->slot_fd[m->index], epoch->runs.file_bytes, true)) {
         epoch->slot_ready[m->index] = true;
         if (epoch == item->epoch) {
-            news_of_slot_to_all(item, m->index);
+            notify_slot_to_all(item, m->index);
             struct ddx_message told = {.operation = DDX_SLOT, .epoch = epoch->number, .index = m->index};
 
             told.flags = DDX_FLAG_READER | DDX_FLAG_WRITER;
@@ -254,7 +254,7 @@ void writer_left(struct client *client) {
 
     if (!item || item->writer != client || DDX_BROKEN("deaf"))
         return;
-    note("%s: its writer %d is gone; the last frame stays", item->name, (int)client->pid);
+    log_line("%s: its writer %d is gone; the last frame stays", item->name, (int)client->pid);
     item->writer = NULL;
     item->away = !item->pending;
     /* It may have died between W7 and the wake-up: then readers sleep over a frame that is there. */

@@ -5,28 +5,28 @@
 
 #include "epoch.h"
 #include "files.h"
-#include "kept.h"
-#include "label.h"
+#include "checkpoint.h"
+#include "memfd_name.h"
 
 #define NUMBER_MAX (UINT64_MAX / 4) /* no writer reaches it; beyond it numbers could overflow */
 #define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */
 
 struct ddx_layout *store_layout(const struct ddx_layout *layout) {
     size_t bytes = ddx_layout_bytes(layout->field_count);
-    struct ddx_layout *copy = kept_allocate(bytes);
+    struct ddx_layout *copy = checkpoint_allocate(bytes);
 
     return copy ? memcpy(copy, layout, bytes) : NULL;
 }
 
 struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
-    struct epoch *epoch = kept_allocate(sizeof *epoch);
+    struct epoch *epoch = checkpoint_allocate(sizeof *epoch);
 
     if (!epoch || !(epoch->layout = store_layout(layout))) {
-        kept_free(epoch);
+        checkpoint_free(epoch);
         return NULL;
     }
     epoch->number = number;
-    epoch->digest = label_digest(layout);
+    epoch->digest = memfd_name_digest(layout);
     ddx_runs_of(layout, &epoch->runs);
     epoch->control_fd = epoch->readers_fd = -1;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
@@ -36,7 +36,7 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
 
 int epoch_create_control(struct epoch *epoch, const char *name) {
     epoch->control_fd =
-        ddx_memory_create(label_of_slot(name, epoch, DDX_NO_SLOT), ddx_page_round(sizeof(struct ddx_control)));
+        ddx_memory_create(memfd_name_of_slot(name, epoch, DDX_NO_SLOT), ddx_page_round(sizeof(struct ddx_control)));
     if (epoch->control_fd < 0)
         return epoch->control_fd;
     epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), true);
@@ -57,7 +57,7 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     for (unsigned i = 0; i < DDX_SLOTS_MAX && count; i++) {
         if (epoch->slot_fd[i] >= 0)
             continue;
-        int fd = ddx_memory_create(label_of_slot(name, epoch, i), epoch->runs.file_bytes);
+        int fd = ddx_memory_create(memfd_name_of_slot(name, epoch, i), epoch->runs.file_bytes);
         if (fd < 0)
             break;
         epoch->slot_fd[i] = fd;
@@ -160,6 +160,6 @@ void epoch_free(struct epoch *epoch) {
         file_close(epoch->control_fd);
     if (epoch->readers_fd >= 0)
         file_close(epoch->readers_fd);
-    kept_free(epoch->layout);
-    kept_free(epoch);
+    checkpoint_free(epoch->layout);
+    checkpoint_free(epoch);
 }

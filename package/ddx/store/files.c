@@ -9,7 +9,7 @@
 #include <unistd.h>
 
 #include "../lib/fault.h"
-#include "kept.h"
+#include "checkpoint.h"
 
 #define OTHERS 64 /* descriptors that were open when the store began, at most */
 
@@ -22,7 +22,7 @@ static unsigned other_count;
 static int *closing;
 static unsigned closing_count, closing_room;
 
-void files_are(struct files *table) {
+void files_use_table(struct files *table) {
     files = table;
 }
 
@@ -33,15 +33,15 @@ static struct file *file_at(int fd) {
 int file_use(int fd) {
     if ((unsigned)fd >= files->count) {
         unsigned count = ((unsigned)fd + 1) * 2;
-        struct kept_payer client = kept_charge(NULL, 0); /* the table is for all clients */
-        struct file *more = kept_allocate(count * sizeof *more);
+        struct checkpoint_payer client = checkpoint_charge(NULL, 0); /* the table is for all clients */
+        struct file *more = checkpoint_allocate(count * sizeof *more);
 
-        kept_charge(client.account, client.most);
+        checkpoint_charge(client.account, client.most);
         if (!more)
             return -ENOMEM;
         if (files->count)
             memcpy(more, files->file, files->count * sizeof *more);
-        kept_free(files->file);
+        checkpoint_free(files->file);
         files->file = more;
         files->count = count;
     }
@@ -80,7 +80,7 @@ void file_close(int fd) {
 }
 
 void files_commit(void) {
-    kept_commit();
+    checkpoint_commit();
     DDX_PASS(STORE_COMMITTED);
     while (closing_count)
         close(closing[--closing_count]);
@@ -100,14 +100,14 @@ static void each_open(void (*what)(void *context, int fd), void *context) {
         closedir(folder);
 }
 
-static void note_other(void *unused, int fd) {
+static void log_other(void *unused, int fd) {
     (void)unused;
     if (other_count < OTHERS)
         others[other_count++] = fd;
 }
 
 void files_begin(void) {
-    each_open(note_other, NULL);
+    each_open(log_other, NULL);
 }
 
 struct sweep {

@@ -21,7 +21,7 @@ struct files {
 };
 
 /* By a worker, first: where that stands. */
-void files_are(struct files *files);
+void files_use_table(struct files *files);
 
 /* A message needs it. 0 or -ENOMEM. */
 int file_use(int fd);
@@ -30,7 +30,7 @@ void file_unuse(int fd);
 /* Not needed otherwise: closed when no message needs it, and after the next commit. */
 void file_close(int fd);
 
-/* Commits the state (kept.h), then closes the descriptors that are no longer needed. */
+/* Commits the state (checkpoint.h), then closes the descriptors that are no longer needed. */
 void files_commit(void);
 
 /*

@@ -2,7 +2,7 @@
 /*
  * Pieces of memory in one stretch of address space, which need not start at the same address when it is only read.
  * Free neighbours become one, and the used part gets shorter when its last pieces are free. Knows of no process and no
- * copy: see kept.h.
+ * copy: see checkpoint.h.
  */
 #ifndef STORE_HEAP_H
 #define STORE_HEAP_H

@@ -19,7 +19,7 @@
 #include <ddx.h>
 
 #include "../lib/fault.h"
-#include "note.h"
+#include "log.h"
 
 /*
  * ns without a beat, by the clock; between two looks at most LOOK counts, since a holder that was stopped cannot know
@@ -121,9 +121,9 @@ static bool still_there(pid_t worker) {
     if (waitpid(worker, &status, WNOHANG) != worker)
         return true;
     if (WIFSIGNALED(status))
-        note("the worker was ended by signal %d; another one goes on", WTERMSIG(status));
+        log_line("the worker was ended by signal %d; another one goes on", WTERMSIG(status));
     else
-        note("the worker ended with status %d; another one goes on", WEXITSTATUS(status));
+        log_line("the worker ended with status %d; another one goes on", WEXITSTATUS(status));
     return false;
 }
 
@@ -152,7 +152,7 @@ int holder_run(int (*work)(void)) {
 
     watch = mmap(NULL, sizeof *watch, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     if (watch == MAP_FAILED) {
-        note("no memory");
+        log_line("no memory");
         return 1;
     }
     sigemptyset(&signals);
@@ -174,7 +174,7 @@ int holder_run(int (*work)(void)) {
             if (signal == SIGUSR1)
                 kill(worker, SIGUSR1);
             if (hangs(&silence)) {
-                note("the worker hangs");
+                log_line("the worker hangs");
                 kill(worker, SIGKILL);
             }
         }
@@ -185,6 +185,6 @@ int holder_run(int (*work)(void)) {
 #endif
         watch->restarts++;
     }
-    note("no worker: %s", strerror(errno));
+    log_line("no worker: %s", strerror(errno));
     return 1;
 }

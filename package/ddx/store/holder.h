@@ -2,7 +2,7 @@
 /*
  * Two processes make a store: the worker does all the work, and the holder starts the next one when it has died or
  * hangs. Holder and worker share one table of descriptors (CLONE_FILES), so sockets, memory files and locks are open as
- * long as either lives; what the worker knew is kept (kept.h). Its clients notice nothing.
+ * long as either lives; what the worker knew is kept (checkpoint.h). Its clients notice nothing.
  */
 #ifndef STORE_HOLDER_H
 #define STORE_HOLDER_H

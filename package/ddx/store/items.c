@@ -7,7 +7,7 @@
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
-#include "kept.h"
+#include "checkpoint.h"
 #include "retired.h"
 
 struct item *item_find(const struct store *store, const char *name) {
@@ -18,10 +18,10 @@ struct item *item_find(const struct store *store, const char *name) {
 }
 
 struct item *item_add(struct store *store, const char *name, const char *type, const struct ddx_layout *layout) {
-    struct item *item = kept_allocate(sizeof *item), **link = &store->items;
+    struct item *item = checkpoint_allocate(sizeof *item), **link = &store->items;
 
     if (!item || (layout && !(item->layout = store_layout(layout)))) {
-        kept_free(item);
+        checkpoint_free(item);
         return NULL;
     }
     item->store = store;
@@ -46,7 +46,7 @@ void item_begin_epoch(struct item *item, struct epoch *epoch) {
     item->epoch = epoch;
     item->epochs = epoch->number;
     epoch_retire(item, former);
-    kept_free(item->layout);
+    checkpoint_free(item->layout);
     item->layout = NULL;
 }
 
@@ -55,7 +55,7 @@ bool item_is_awaited(const struct item *item) {
 }
 
 int item_define(struct item *item, const char *type, const struct ddx_layout *layout) {
-    kept_free(item->layout);
+    checkpoint_free(item->layout);
     item->layout = store_layout(layout);
     if (!item->layout)
         return -errno;
@@ -77,8 +77,8 @@ void item_drop_if_unused(struct item *item) {
         munmap(item->notice, sizeof *item->notice);
     if (item->notice_fd >= 0)
         file_close(item->notice_fd);
-    kept_free(item->layout);
-    kept_free(item);
+    checkpoint_free(item->layout);
+    checkpoint_free(item);
     DDX_PASS(STORE_DROPPED);
 }
 

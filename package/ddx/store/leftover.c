@@ -4,7 +4,7 @@
 #include "files.h"
 #include "items.h"
 #include "leftover.h"
-#include "note.h"
+#include "log.h"
 #include "retired.h"
 
 #define BOOK "DDX_STATS" /* see ddx_stats.h */
@@ -27,12 +27,12 @@ static bool any_below(const struct item *item, int below) {
 }
 
 /* Whether this account, NULL: any, pays for it. */
-static bool is_paid_by(const struct item *item, const struct kept_account *payer) {
-    return !payer || kept_account(item) == payer || (item->epoch && kept_account(item->epoch) == payer);
+static bool is_paid_by(const struct item *item, const struct checkpoint_account *payer) {
+    return !payer || checkpoint_account(item) == payer || (item->epoch && checkpoint_account(item->epoch) == payer);
 }
 
 struct item *leftover_first(const struct store *store, const struct item *except, int below,
-                            const struct kept_account *payer) {
+                            const struct checkpoint_account *payer) {
     struct item *found = NULL;
     int64_t oldest = INT64_MAX;
     bool found_book = false;
@@ -74,7 +74,7 @@ unsigned leftover_files(const struct store *store, const struct item *except) {
 }
 
 void leftover_drop(struct item *victim, const char *what, const char *whom) {
-    note("%s: dropped, no program has it open and its %s needed for %s", victim->name, what, whom);
+    log_line("%s: dropped, no program has it open and its %s needed for %s", victim->name, what, whom);
     epoch_retire(victim, victim->epoch);
     victim->epoch = NULL;
     item_drop_if_unused(victim);

@@ -11,7 +11,7 @@
  * number; `payer`: only an item that this account pays for (NULL: any). NULL: there is none.
  */
 struct item *leftover_first(const struct store *store, const struct item *except, int below,
-                            const struct kept_account *payer);
+                            const struct checkpoint_account *payer);
 
 /* What dropping all of them would give. */
 uint64_t leftover_bytes(const struct store *store, const struct item *except);

@@ -3,9 +3,9 @@
 #include <sys/resource.h>
 
 #include "../lib/fault.h"
-#include "kept.h"
+#include "checkpoint.h"
 #include "link.h"
-#include "note.h"
+#include "log.h"
 
 #define QUEUED_MAX 1024 /* messages for one client: more than there are frames and readers of an item */
 
@@ -28,14 +28,15 @@ void client_send(struct client *client, const struct ddx_message *message, const
         return;
     if (message->operation == DDX_EPOCH)
         ddx_queue_drop_epoch(&client->queue);
-    struct kept_payer before = kept_charge(&client->process->account, KEPT_SHARE + KEPT_ANSWERS);
+    struct checkpoint_payer before =
+        checkpoint_charge(&client->process->account, CHECKPOINT_SHARE + CHECKPOINT_ANSWERS);
     int result = ddx_queue_put(&client->queue, message, layout, fds, count);
 
-    kept_charge(before.account, before.most);
+    checkpoint_charge(before.account, before.most);
     if (client->queue.count > QUEUED_MAX)
-        note("%d asks and does not listen; closing its connection", (int)client->pid);
+        log_line("%d asks and does not listen; closing its connection", (int)client->pid);
     else if (result)
-        note("what %d is to hear cannot be kept (%s); closing its connection", (int)client->pid, strerror(-result));
+        log_line("what %d is to hear cannot be kept (%s); closing its connection", (int)client->pid, strerror(-result));
     client->gone |= result || client->queue.count > QUEUED_MAX;
 }
 
@@ -88,7 +89,7 @@ static bool go_on(struct client *client) {
     if (ddx_queue_go_on(&client->queue, client->socket, sent, client))
         client->gone = true;
     else if (client->queue.files && client_holds_too_much(client)) {
-        note("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
+        log_line("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
         client->gone = true;
     }
     return true;

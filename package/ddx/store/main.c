@@ -14,9 +14,9 @@
 #include "files.h"
 #include "../program/version.h"
 #include "holder.h"
-#include "kept.h"
+#include "checkpoint.h"
 #include "listen.h"
-#include "note.h"
+#include "log.h"
 #include "worker.h"
 
 static struct settings settings = {.port = DDX_STORE_PORT, .budget = (uint64_t)8 << 20};
@@ -76,25 +76,25 @@ static int parse_options(int argc, char **argv) {
         switch (option) {
         case 'm':
             if (!parse_size(optarg, &settings.budget)) {
-                note("-m %s: not a size; give a number with K, M or G, for example -m 8M", optarg);
+                log_line("-m %s: not a size; give a number with K, M or G, for example -m 8M", optarg);
                 return 3;
             }
             break;
         case 'p':
             settings.port = parse_port(optarg);
             if (!settings.port) {
-                note("-port %s: not a port; give a number from 1 to 65535", optarg);
+                log_line("-port %s: not a port; give a number from 1 to 65535", optarg);
                 return 3;
             }
             break;
         case 'h': fputs(usage, stdout); return 1;
         case 'v': version_print("store"); return 1;
-        case ':': note("%s: needs a value; see store -help", argv[optind - 1]); return 3;
-        default: note("%s: unknown option; see store -help", argv[optind - 1]); return 3;
+        case ':': log_line("%s: needs a value; see store -help", argv[optind - 1]); return 3;
+        default: log_line("%s: unknown option; see store -help", argv[optind - 1]); return 3;
         }
     }
     if (optind < argc) {
-        note("%s: unexpected; see store -help", argv[optind]);
+        log_line("%s: unexpected; see store -help", argv[optind]);
         return 3;
     }
     return 0;
@@ -124,19 +124,19 @@ int main(int argc, char **argv) {
     allow_descriptors();
     settings.listener = listen_on(settings.port, path, sizeof path, &settings.restarted);
     if (settings.listener == -EADDRINUSE) {
-        note("a store runs at port %d already; stop it, or give another -port", settings.port);
+        log_line("a store runs at port %d already; stop it, or give another -port", settings.port);
         return 1;
     }
     if (settings.listener < 0) {
-        note("%s: %s", path, strerror(-settings.listener));
+        log_line("%s: %s", path, strerror(-settings.listener));
         return 1;
     }
     signal(SIGPIPE, SIG_IGN);
-    if (kept_begin()) {
-        note("no memory");
+    if (checkpoint_begin()) {
+        log_line("no memory");
         return 1;
     }
     files_begin();
-    note("%llu bytes at %s", (unsigned long long)settings.budget, path);
+    log_line("%llu bytes at %s", (unsigned long long)settings.budget, path);
     return holder_run(work);
 }

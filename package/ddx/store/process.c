@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "process.h"
 
-#include "kept.h"
-#include "note.h"
+#include "checkpoint.h"
+#include "log.h"
 
 #define SHARE 16 /* messages of one process in a turn; then the others are heard */
 
@@ -12,7 +12,7 @@ struct process *process_join(struct store *store, int32_t pid) {
     while (process && (process->pid != pid || !process->clients)) /* a process that is gone had that number, too */
         process = process->next;
     if (!process) {
-        if (!(process = kept_allocate(sizeof *process)))
+        if (!(process = checkpoint_allocate(sizeof *process)))
             return NULL;
         process->pid = pid;
         process->next = store->processes;
@@ -37,7 +37,7 @@ void processes_sweep(struct store *store) {
             continue;
         }
         *link = process->next;
-        kept_free(process);
+        checkpoint_free(process);
     }
 }
 
@@ -45,9 +45,9 @@ void process_report(struct process *process) {
     if (!process->account.refused || process->told)
         return;
     process->told = true;
-    note("%d is refused: the names, types and messages that the store keeps for it take %zu KiB, and one program "
+    log_line("%d is refused: the names, types and messages that the store keeps for it take %zu KiB, and one program "
          "gets no more; it has to close some of its items",
-         (int)process->pid, KEPT_SHARE >> 10);
+         (int)process->pid, CHECKPOINT_SHARE >> 10);
 }
 
 unsigned process_share(const struct process *process, uint32_t turn) {

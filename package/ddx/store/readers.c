@@ -9,10 +9,10 @@
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
-#include "label.h"
+#include "memfd_name.h"
 #include "link.h"
-#include "news.h"
-#include "note.h"
+#include "notify.h"
+#include "log.h"
 #include "readers.h"
 
 /* ns */
@@ -38,7 +38,7 @@ int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
     if (epoch_add_slots(epoch, item->name, more))
         return -EBUSY;
     DDX_PASS(STORE_ROOM);
-    news_of_slots(item, epoch, item->writer);
+    notify_slots(item, epoch, item->writer);
     return 0;
 }
 
@@ -58,7 +58,7 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     item->kept += keep;
     item->readers++;
     if (item->writer)
-        news_of_reader(item, client);
+        notify_reader(item, client);
     DDX_PASS(STORE_REGISTERED);
     return 0;
 }
@@ -80,10 +80,10 @@ static int attach(struct client *client, unsigned keep) {
         client->keep += keep;
         item->kept += keep;
         if (item->writer)
-            news_of_reader(item, client);
+            notify_reader(item, client);
         return 0;
     }
-    int fd = ddx_memory_create(label_of(item->name, "pin"), ddx_page_round(1));
+    int fd = ddx_memory_create(memfd_name_of(item->name, "pin"), ddx_page_round(1));
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
 }
 
@@ -100,7 +100,7 @@ static void reply(struct client *client, int status) {
     }
     client->admitted = true;
     if (client->item->epoch)
-        news_of_epoch(client->item, client);
+        notify_epoch(client->item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
     readers_count(client->item); /* unless it has to wait for the writer: see writer_ready() */
 }
@@ -135,7 +135,7 @@ static void withdraw(struct client *client, int status) {
     client->keep -= asked;
     item->kept -= asked;
     if (item->writer)
-        news_of_reader(item, client);
+        notify_reader(item, client);
 }
 
 static void admit(struct client *client) {
@@ -145,7 +145,7 @@ static void admit(struct client *client) {
     }
     client->admitted = true; /* it came back with an offer */
     if (client->item->epoch)
-        news_of_epoch(client->item, client);
+        notify_epoch(client->item, client);
     readers_count(client->item);
 }
 
@@ -154,7 +154,7 @@ void reader_taken(struct client *client, int status) {
     if (!status && (client->asked || !client->admitted))
         admit(client);
     else if (status && client->asked) {
-        note("%s: its writer cannot take one more reader, %d: %s", client->item->name, (int)client->pid,
+        log_line("%s: its writer cannot take one more reader, %d: %s", client->item->name, (int)client->pid,
              strerror(-status));
         withdraw(client, -EBUSY);
     } else if (status && !client->admitted)
@@ -178,7 +178,7 @@ bool readers_wait(struct store *store) {
             continue;
         if (c->unseen && now - c->told_at > AGAIN && c->item->writer) {
             c->told_at = now;
-            news_of_reader(c->item, c);
+            notify_reader(c->item, c);
         } else if (c->asked && now - c->asked_at > PATIENCE)
             withdraw(c, -EBUSY);
         else if (c->asked && now - c->asked_at > STOPPED && is_noticed(c))

@@ -2,7 +2,7 @@
 #include "../lib/fault.h"
 #include "epoch.h"
 #include "files.h"
-#include "kept.h"
+#include "checkpoint.h"
 #include "retired.h"
 
 static bool in_use(int watch) {
@@ -18,10 +18,11 @@ static bool known(const struct store *store, int watch) {
 
 void epoch_retire(struct item *item, struct epoch *epoch) {
     struct store *store = item->store;
-    struct kept_payer client = kept_charge(NULL, 0); /* not its readers, which have not left the epoch yet */
-    struct retired *retired = epoch && epoch->control_fd >= 0 ? kept_allocate(sizeof *retired) : NULL;
+    /* Not its readers, which have not left the epoch yet. */
+    struct checkpoint_payer client = checkpoint_charge(NULL, 0);
+    struct retired *retired = epoch && epoch->control_fd >= 0 ? checkpoint_allocate(sizeof *retired) : NULL;
 
-    kept_charge(client.account, client.most);
+    checkpoint_charge(client.account, client.most);
     int watch = retired ? ddx_memory_watch(epoch->control_fd) : -1;
 
     if (watch >= 0) {
@@ -36,7 +37,7 @@ void epoch_retire(struct item *item, struct epoch *epoch) {
     }
     if (watch >= 0)
         file_close(watch);
-    kept_free(retired);
+    checkpoint_free(retired);
 }
 
 uint64_t retired_bytes(const struct store *store, const struct item *item) {
@@ -60,7 +61,7 @@ void retired_sweep(struct store *store) {
         }
         *link = retired->next;
         file_close(retired->watch);
-        kept_free(retired);
+        checkpoint_free(retired);
     }
 }
 

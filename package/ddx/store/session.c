@@ -17,10 +17,10 @@
 #include "files.h"
 #include "holder.h"
 #include "items.h"
-#include "kept.h"
+#include "checkpoint.h"
 #include "link.h"
-#include "news.h"
-#include "note.h"
+#include "notify.h"
+#include "log.h"
 #include "process.h"
 #include "readers.h"
 #include "request.h"
@@ -59,9 +59,9 @@ static bool find_place(struct store *store, int *socket) {
 }
 
 static struct client *allocate(struct process *process) {
-    kept_charge(&process->account, KEPT_SHARE);
-    struct client *client = kept_allocate(sizeof *client);
-    kept_charge(NULL, 0);
+    checkpoint_charge(&process->account, CHECKPOINT_SHARE);
+    struct client *client = checkpoint_allocate(sizeof *client);
+    checkpoint_charge(NULL, 0);
     return client;
 }
 
@@ -74,7 +74,7 @@ struct client *client_add(struct store *store, int socket) {
     bool has_place = process && !too_many(process) && find_place(store, &socket);
     struct client *client = has_place ? allocate(process) : NULL;
     if (!client) {
-        note("%d is refused: %s", (int)peer.pid,
+        log_line("%d is refused: %s", (int)peer.pid,
              process && !has_place ? "too many connections" : "no memory for one connection more");
         if (process)
             process_leave(process);
@@ -111,7 +111,7 @@ void client_accept(struct store *store) {
     if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED)
         return; /* it did not wait */
     if (!said)
-        note("programs that come have to wait: %s", strerror(errno));
+        log_line("programs that come have to wait: %s", strerror(errno));
     said = true;
     full_until = ddx_time_now() + FULL;
 }
@@ -184,9 +184,9 @@ static void handle(struct client *client, struct ddx_packet *packet) {
     struct process *process = client->process;
 
     budget_make_room(client->store, process);
-    kept_charge(&process->account, KEPT_SHARE);
+    checkpoint_charge(&process->account, CHECKPOINT_SHARE);
     request_handle(client, packet);
-    kept_charge(NULL, 0);
+    checkpoint_charge(NULL, 0);
     process_report(process);
 }
 
@@ -202,7 +202,7 @@ void client_receive(struct client *client, unsigned most) {
             return;
         if (result < 0) {
             if (result == -EPROTO)
-                note("%d sent nonsense; closing its connection", (int)client->pid);
+                log_line("%d sent nonsense; closing its connection", (int)client->pid);
             client->gone = true;
             return;
         }
@@ -280,7 +280,7 @@ void clients_sweep(struct store *store) {
             file_close(client->socket);
             process_leave(client->process);
             if (!DDX_BROKEN("deaf")) /* whose items still name it as their writer */
-                kept_free(client);
+                checkpoint_free(client);
             holder_beat();
             full_until = 0;
             link = &store->clients; /* forgetting one may have found out that another is gone, too */

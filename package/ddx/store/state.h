@@ -14,7 +14,7 @@
 #include "../lib/queue.h"
 #include "../lib/ring.h"
 #include "files.h"
-#include "kept.h"
+#include "checkpoint.h"
 
 /* The memory files of one writer's term. */
 struct epoch {
@@ -37,7 +37,7 @@ struct process {
     struct process *next;
     int32_t pid; /* 0: all those of other pid name spaces together */
     unsigned clients;
-    struct kept_account account;
+    struct checkpoint_account account;
     bool told; /* a line in the log says that it got no more memory */
     uint32_t turn; /* of the worker, in which it was heard last */
     unsigned heard; /* messages in that turn */

@@ -12,12 +12,12 @@
 #include "budget.h"
 #include "files.h"
 #include "holder.h"
-#include "kept.h"
+#include "checkpoint.h"
 #include "link.h"
-#include "note.h"
+#include "log.h"
 #include "readers.h"
 #include "session.h"
-#include "succession.h"
+#include "resume.h"
 #include "worker.h"
 
 /* ns of listening after a restart */
@@ -50,7 +50,7 @@ static void print_json(struct store *store) {
                           items, clients, (unsigned long long)budget_used(store),
                           (unsigned long long)budget_reserved(store), (unsigned long long)store->settings->budget,
                           holder_restarts());
-    say(1, text, (size_t)length);
+    log_text(1, text, (size_t)length);
 }
 
 /* Readers that died while no store ran still stand in the writers' lists. */
@@ -166,9 +166,9 @@ int worker_run(const struct settings *settings) {
     sigprocmask(SIG_BLOCK, &blocked, &waiting);
     sigemptyset(&waiting);
     store_memory();
-    struct store *store = kept_restore() ? store_take_over() : store_begin(settings);
+    struct store *store = checkpoint_restore() ? store_take_over() : store_begin(settings);
     if (!store) {
-        note("no memory");
+        log_line("no memory");
         return 1;
     }
     DDX_PASS(STORE_LISTENS);

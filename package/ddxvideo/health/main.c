@@ -3,9 +3,9 @@
 #include <string.h>
 #include <time.h>
 
-#include "dog.h"
+#include "hw_watchdog.h"
 #include "program.h"
-#include "watch.h"
+#include "liveness.h"
 
 #define NS INT64_C(1000000000)
 #define UNANSWERED 4 /* s that the store may keep us waiting: a request gives up after five */
@@ -19,13 +19,13 @@ static int64_t limit_of(const struct watched *service) {
     return (strcmp(service->name, WATCH_STORE) != 0 ? silence : UNANSWERED) * NS;
 }
 
-static void kill_silent(struct watch *watch) {
-    for (unsigned i = 0; i < watch->count; i++) {
-        struct watched *service = &watch->service[i];
+static void kill_silent(struct liveness *liveness) {
+    for (unsigned i = 0; i < liveness->count; i++) {
+        struct watched *service = &liveness->service[i];
 
-        if (!watch_is_silent(watch, service, limit_of(service) + service->kills * AGAIN))
+        if (!liveness_is_silent(liveness, service, limit_of(service) + service->kills * AGAIN))
             continue;
-        int error = watch_kill(service, folder);
+        int error = liveness_kill(service, folder);
         if (error)
             say("%s: no sign of life, and it cannot be killed: %s", service->name, strerror(-error));
         else
@@ -38,26 +38,26 @@ static void kill_silent(struct watch *watch) {
  * The store answers, and the recorder, if there is one, reports liveness. A reset does not cure a program that exits
  * again and again: it is restarted each time, and the rest of the robot continues.
  */
-static bool all_well(const struct watch *watch) {
-    const struct watched *recorder = watch_find(watch, RECORDER);
+static bool all_well(const struct liveness *liveness) {
+    const struct watched *recorder = liveness_find(liveness, RECORDER);
 
-    return watch->answered && !(recorder && watch_is_silent(watch, recorder, limit_of(recorder)));
+    return liveness->answered && !(recorder && liveness_is_silent(liveness, recorder, limit_of(recorder)));
 }
 
-static void guard(struct dog *dog, bool well) {
+static void guard(struct hw_watchdog *watchdog, bool well) {
     static bool told_absent, hungry;
 
-    if (dog->file < 0) {
-        int error = dog_open(dog, (int)timeout);
+    if (watchdog->file < 0) {
+        int error = hw_watchdog_open(watchdog, (int)timeout);
 
         if (!error)
-            say("%s: resets the machine after %d s without food", dog->path, dog->timeout);
+            say("%s: resets the machine after %d s without food", watchdog->path, watchdog->timeout);
         else if (!told_absent)
-            say("%s: %s; a machine that hangs stays so", dog->path, strerror(-error));
+            say("%s: %s; a machine that hangs stays so", watchdog->path, strerror(-error));
         told_absent = true;
     }
     if (well)
-        dog_feed(dog);
+        hw_watchdog_feed(watchdog);
     if (well == hungry)
         say(well ? "all is well again" : "the watchdog gets no food until store and recorder give signs of life");
     hungry = !well;
@@ -82,18 +82,18 @@ int main(int argc, char **argv) {
     program_start(&program, argc, argv);
     if (program.check)
         return EXIT_OK;
-    static struct watch watch;
-    struct dog dog = {.path = device, .file = -1};
+    static struct liveness liveness;
+    struct hw_watchdog watchdog = {.path = device, .file = -1};
     DDX_STORE_ID *id = NULL;
-    guard(&dog, true);
+    guard(&watchdog, true);
     while (!program_stopping()) {
         if (!id)
             id = ddx_store_open(NULL, (int)program.port, 0);
         if (id) {
-            watch_look(&watch, folder, id);
-            kill_silent(&watch);
+            liveness_look(&liveness, folder, id);
+            kill_silent(&liveness);
         }
-        guard(&dog, all_well(&watch));
+        guard(&watchdog, all_well(&liveness));
         nanosleep(&(struct timespec){.tv_sec = 1}, NULL); /* a signal ends it */
     }
     ddx_store_close(id);

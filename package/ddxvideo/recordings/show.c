@@ -6,7 +6,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "room.h"
+#include "free_space.h"
 
 #define NS INT64_C(1000000000)
 
@@ -103,13 +103,13 @@ static void show_line(unsigned count, const struct found *sum, const char *name,
 
 /* As long as the present recording goes on as it did until now. */
 void show_room(const struct folder *folder, const char *path) {
-    struct room room;
+    struct free_space room;
     uint64_t rate = 0;
 
     for (unsigned i = 0; i < folder->count; i++)
         if (folder->file[i].state == FOUND_RECORDING && folder->file[i].duration)
             rate += (uint64_t)((double)folder->file[i].bytes * 1e9 / (double)folder->file[i].duration);
-    if (room_look(path, &room))
+    if (free_space_look(path, &room))
         return;
     printf("%" PRIu64 " MB free, room for %" PRIu64 " MB of recordings", room.free >> 20, room.usable >> 20);
     if (rate)

@@ -6,7 +6,7 @@
 #include <time.h>
 
 #include "program.h"
-#include "room.h"
+#include "free_space.h"
 
 #define NS INT64_C(1000000000)
 #define RATE_PERIOD (5 * NS)
@@ -31,9 +31,9 @@ static void measure(struct disk_watch *watch, struct rate *rate) {
 }
 
 static void look(struct disk_watch *watch, struct rate *rate) {
-    struct room room;
+    struct free_space room;
 
-    if (room_look(watch->place, &room))
+    if (free_space_look(watch->place, &room))
         return; /* what was there before says when it was written */
     measure(watch, rate);
     const DDX_DISK disk = {.free = room.free,

@@ -2,7 +2,7 @@
 /* ddxvideosave: records a video item of the store. */
 #include <string.h>
 
-#include "orders.h"
+#include "commands.h"
 #include "recorder.h"
 #include "schedule.h"
 
@@ -20,7 +20,7 @@ int main(int argc, char **argv) {
          OPTION_NUMBER, &recorder.keep_frames, 1, 128},
         {"segment", "MB", "record into prepared files of this size, with an index; 0: into one that grows",
          OPTION_NUMBER, &recorder.segment, 0, 65536},
-        {"skip", "N", "record one of N frames (default: 1, each)", OPTION_NUMBER, &recorder.choice.skip, 1, 100000},
+        {"skip", "N", "record one of N frames (default: 1, each)", OPTION_NUMBER, &recorder.decimate.skip, 1, 100000},
         {"rate", "R", "record at most R frames a second, evenly, of an item that says how many it has", OPTION_TEXT,
          &rate, 0, 0},
         {"recover", NULL, "with -segment: finish unfinished recordings and exit", OPTION_FLAG, &recorder.recover, 0, 0},
@@ -66,12 +66,12 @@ int main(int argc, char **argv) {
         say("-rate %s: a number above 0, up to 1000, is needed; see ddxvideosave -help", rate);
         return EXIT_USAGE;
     }
-    if (rate && recorder.choice.skip > 1) {
+    if (rate && recorder.decimate.skip > 1) {
         say("-skip and -rate: one of them is enough; see ddxvideosave -help");
         return EXIT_USAGE;
     }
-    recorder.choice.rate_num = speed.num;
-    recorder.choice.rate_den = speed.den;
+    recorder.decimate.rate_num = speed.num;
+    recorder.decimate.rate_den = speed.den;
     if (recorder.recover && !recorder.segment) {
         say("-recover: -segment is needed; see ddxvideosave -help");
         return EXIT_USAGE;

@@ -6,8 +6,8 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "leftovers.h"
-#include "orders.h"
+#include "repair_plain.h"
+#include "commands.h"
 #include "y4m.h"
 
 static const char *const reasons[] = {"store", "ring", "write", NULL};
@@ -160,7 +160,7 @@ static void count_missed(struct recorder *recorder, uint64_t missed, int frame) 
 
 /* What kind of pictures come, and which of them are wanted. */
 static void look(struct recorder *recorder, struct ddxvideo_picture *view) {
-    if (choice_look(&recorder->choice, &view->geometry) && !recorder->rate_unknown) {
+    if (decimate_look(&recorder->decimate, &view->geometry) && !recorder->rate_unknown) {
         say("%s: its rate is unknown, so each frame is recorded; -skip N takes one of N",
             recorder->name);
         recorder->rate_unknown = true;
@@ -168,8 +168,8 @@ static void look(struct recorder *recorder, struct ddxvideo_picture *view) {
     recorder->geometry = view->geometry;
 }
 
-static uint64_t wanted_up_to(const void *choice, uint64_t sequence) {
-    return choice_up_to(choice, sequence);
+static uint64_t wanted_up_to(const void *decimate, uint64_t sequence) {
+    return decimate_up_to(decimate, sequence);
 }
 
 /*
@@ -185,11 +185,11 @@ static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
     uint64_t seen = ddx_store_seen(recorder->video);
     uint64_t from = frame ? seen - frame->missed - 1 : seen;
     uint64_t before = recorder->awaited ? from : 0;
-    uint64_t gap = ddx_stats_follow_some(recorder->book, from - before, wanted_up_to, &recorder->choice);
+    uint64_t gap = ddx_stats_follow_some(recorder->book, from - before, wanted_up_to, &recorder->decimate);
     recorder->follows = true;
     if (gap)
         say("lost %" PRIu64 " frames while no recorder ran", gap);
-    uint64_t missed = recorder->paused ? 0 : choice_up_to(&recorder->choice, before);
+    uint64_t missed = recorder->paused ? 0 : decimate_up_to(&recorder->decimate, before);
     ddx_stats_skipped(recorder->book, before - missed);
     if (missed) {
         say("lost %" PRIu64 " frames: they were written before the store kept any for the recorder", missed);
@@ -314,8 +314,8 @@ static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
         refuse_layout(recorder, view.geometry.format);
     if (!error && !recorder->done)
         look(recorder, &view);
-    bool wanted = choice_wants(&recorder->choice, frame->sequence, 1);
-    uint64_t missed = choice_wants(&recorder->choice, frame->sequence - 1, frame->missed);
+    bool wanted = decimate_wants(&recorder->decimate, frame->sequence, 1);
+    uint64_t missed = decimate_wants(&recorder->decimate, frame->sequence - 1, frame->missed);
     struct recording_frame facts = {frame->time, frame->sequence, missed};
     ddx_stats_skipped(recorder->book, frame->missed - missed);
     if (recorder->done) {
@@ -433,7 +433,7 @@ static void record(struct recorder *recorder) {
     while (!program_stopping() && !recorder->done) {
         take_frame(recorder, recorder->follows ? READ_TIMEOUT : 0, INT64_MAX); /* only followed frames count */
         tell_waiting(recorder);
-        orders_tick(recorder);
+        commands_tick(recorder);
         program_tick(recorder->book);
         finish_former(recorder, false);
         if (recorder->recording && recording_error(recorder->recording))
@@ -487,7 +487,7 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
         return false;
     }
     recorder->awaited = !*ddx_store_item_type(recorder->video);
-    choice_look(&recorder->choice, &recorder->geometry); /* what is known before there is a frame */
+    decimate_look(&recorder->decimate, &recorder->geometry); /* what is known before there is a frame */
     recorder->keep = recorder->keep_frames ? (unsigned)recorder->keep_frames : KEEP_FRAMES;
     ddx_store_keep(recorder->video, recorder->keep);
     return true;
@@ -500,7 +500,7 @@ static void mend_leftovers(struct recorder *recorder) {
     ddx_stats_get(recorder->book, &stats);
     recorder->output.keep = stats.follows || recorder->program.hidden;
     if (!recorder->pool)
-        leftovers_mend(&recorder->output, recorder->book);
+        repair_plain_files(&recorder->output, recorder->book);
 }
 
 int recorder_run(struct recorder *recorder) {
@@ -537,7 +537,7 @@ int recorder_run(struct recorder *recorder) {
         recorder->status = EXIT_FAILED;
     else if (id) {
         mend_leftovers(recorder);
-        orders_open(recorder, id);
+        commands_open(recorder, id);
         recorder->disk.place = recorder->place;
         recorder->disk.recycle = recorder->recycle;
         recorder->disk.book = recorder->book;
@@ -554,7 +554,7 @@ int recorder_run(struct recorder *recorder) {
     ddx_stats_close(recorder->book);
     if (recorder->pool)
         pool_close(recorder->pool);
-    orders_close(recorder);
+    commands_close(recorder);
     ddx_store_done_item(recorder->video);
     ddx_store_close(id);
     return recorder->status;

@@ -6,7 +6,7 @@
 #include <stdatomic.h>
 
 #include "backlog.h"
-#include "choice.h"
+#include "decimate.h"
 #include "disk_watch.h"
 #include "preroll.h"
 #include "program.h"
@@ -23,12 +23,12 @@ struct recorder {
     bool recover;      /* what was left unfinished, and nothing else */
     bool paused;       /* frames are left out, until an order to record comes */
     bool recycle;      /* of the full disk's recordings the oldest is given up */
-    struct choice choice; /* of the frames: the others are skipped, as if they had not been there */
+    struct decimate decimate; /* of the frames: the others are skipped, as if they had not been there */
     /* how it stands */
     struct output output;
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
-    DDX_REQUESTS *requests; /* see orders.h */
+    DDX_REQUESTS *requests; /* see commands.h */
     struct pool *pool;
     struct disk_watch disk;
     struct preroll preroll;            /* while it is paused */

@@ -28,7 +28,7 @@ uint64_t recording_queue_bytes_max(void) {
 }
 
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry) {
-    return picture_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct byte_queue_frame);
+    return picture_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct frame_queue_frame);
 }
 
 /* For 2.5 s. */
@@ -66,7 +66,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
     recording->lost_store = plan->lost_store;
     recording->lost_ring = plan->lost_ring;
     size_t bytes = picture_bytes(&plan->geometry) + Y4M_FRAME_LINE_WRITTEN;
-    int error = byte_queue_init(&recording->queue, plan->queue_frames, bytes);
+    int error = frame_queue_init(&recording->queue, plan->queue_frames, bytes);
     if (error)
         goto no_queue;
     error = plan->pool && bytes + Y4M_HEADER_WRITTEN > pool_file_bytes(plan->pool) ? -EFBIG : 0;
@@ -74,7 +74,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
         error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS * 3 / 4, &recording->error);
     if (error)
         goto no_flusher;
-    byte_queue_cut(&recording->queue); /* a file begins: opened by the thread that may wait for a disk */
+    frame_queue_cut(&recording->queue); /* a file begins: opened by the thread that may wait for a disk */
     error = -pthread_create(&recording->thread, NULL, recording_write, recording);
     if (error)
         goto no_thread;
@@ -85,7 +85,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
 no_thread:
     flusher_stop(&recording->flusher);
 no_flusher:
-    byte_queue_free(&recording->queue);
+    frame_queue_free(&recording->queue);
 no_queue:
     free(recording);
     return error;
@@ -94,7 +94,7 @@ no_queue:
 void recording_close(struct recording *recording) {
     recording->lost_store_last = (uint32_t)recording->lost_store;
     recording->lost_ring_last = (uint32_t)recording->lost_ring;
-    byte_queue_close(&recording->queue);
+    frame_queue_close(&recording->queue);
 }
 
 bool recording_is_on_disk(const struct recording *recording) {
@@ -106,7 +106,7 @@ int recording_finish(struct recording *recording, char *path) {
     pthread_join(recording->thread, NULL);
     int error = recording->error;
     strcpy(path, recording->path);
-    byte_queue_free(&recording->queue);
+    frame_queue_free(&recording->queue);
     free(recording);
     return error;
 }
@@ -126,11 +126,11 @@ static bool is_full(const struct recording *recording, size_t bytes) {
 
 /* The next frame begins a file: false if the queue has no room for the end of this one. */
 static bool end_file(struct recording *recording) {
-    _Static_assert(BYTE_QUEUE_CUTS == 32, "each has a bit");
-    uint32_t bit = 1u << recording->queue.cuts_put % BYTE_QUEUE_CUTS;
+    _Static_assert(FRAME_QUEUE_CUTS == 32, "each has a bit");
+    uint32_t bit = 1u << recording->queue.cuts_put % FRAME_QUEUE_CUTS;
     if (recording->split)
         recording->begins |= bit; /* before the writing thread can see the cut */
-    if (!byte_queue_cut(&recording->queue)) {
+    if (!frame_queue_cut(&recording->queue)) {
         if (recording->split)
             recording->begins &= ~bit;
         return false;
@@ -156,7 +156,7 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
         !end_file(recording) && is_full(recording, bytes))
         return refuse(recording);
 
-    struct byte_queue_facts facts = {.published = frame->published,
+    struct frame_queue_facts facts = {.published = frame->published,
                                      .time = capture_time(view, frame->published),
                                      .sequence = frame->sequence,
                                      .frame = view->stamp.frame,
@@ -182,7 +182,7 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
             (struct iovec){(void *)(uintptr_t)view->plane[i], (size_t)view->stride[i] * (size_t)view->rows[i]};
         total += pieces[count++].iov_len;
     }
-    if (!byte_queue_put(&recording->queue, pieces, count, &facts))
+    if (!frame_queue_put(&recording->queue, pieces, count, &facts))
         return refuse(recording);
     recording->file_bytes += total;
     recording->file_frames++;
@@ -209,7 +209,7 @@ uint64_t recording_queue_bytes(const struct recording *recording) {
 }
 
 unsigned recording_level(struct recording *recording) {
-    return byte_queue_level(&recording->queue);
+    return frame_queue_level(&recording->queue);
 }
 
 int recording_error(const struct recording *recording) {

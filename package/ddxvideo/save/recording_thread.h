@@ -5,12 +5,12 @@
 
 #include "flusher.h"
 #include "recording.h"
-#include "byte_queue.h"
+#include "frame_queue.h"
 #include "segment.h"
 
 struct recording {
     struct recording_plan plan;
-    struct byte_queue queue;
+    struct frame_queue queue;
     struct flusher flusher;
     pthread_t thread;
     unsigned turn;    /* number of recordings that write first */

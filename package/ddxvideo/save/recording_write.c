@@ -15,14 +15,14 @@ static void fail(struct recording *recording, int error) {
 }
 
 /* The frame's last byte is out of the queue. */
-static void frame_is_out(struct recording *recording, const struct byte_queue_frame *frame) {
+static void frame_is_out(struct recording *recording, const struct frame_queue_frame *frame) {
     if (recording->error) {
         ddx_stats_lost(recording->plan.book, LOST_WRITE, 1);
     } else {
         segment_add(recording->segment, frame, recording->sum);
     }
     recording->sum = 0;
-    byte_queue_drop_oldest(&recording->queue);
+    frame_queue_drop_oldest(&recording->queue);
     ddx_stats_write(recording->plan.book);
 }
 
@@ -35,9 +35,9 @@ static void head_is_out(struct recording *recording) {
 
 /* These bytes are written, or given up: which frames do they belong to? */
 static void account(struct recording *recording, const unsigned char *bytes, size_t size) {
-    struct byte_queue_frame frame;
+    struct frame_queue_frame frame;
 
-    while (size && byte_queue_oldest(&recording->queue, &frame)) {
+    while (size && frame_queue_oldest(&recording->queue, &frame)) {
         bool inside = recording->position >= frame.begin;
         uint64_t left = (inside ? frame.end : frame.begin) - recording->position;
         size_t part = left < size ? (size_t)left : size;
@@ -79,13 +79,13 @@ static void begin_file(struct recording *recording) {
  * name, and until the new one is known on the disk the recording would look finished. */
 static void change_file(struct recording *recording) {
     struct segment *before = recording->segment;
-    uint32_t bit = 1u << recording->queue.cuts_taken % BYTE_QUEUE_CUTS;
+    uint32_t bit = 1u << recording->queue.cuts_taken % FRAME_QUEUE_CUTS;
 
     if (recording->begins & bit) {
         recording->begins &= ~bit;
         recording->session = 0; /* of the next file's own */
     }
-    recording->position = byte_queue_next_file(&recording->queue);
+    recording->position = frame_queue_next_file(&recording->queue);
     recording->segment = NULL;
     if (!recording->error)
         begin_file(recording);
@@ -116,12 +116,12 @@ void *recording_write(void *argument) {
     struct recording *recording = argument;
     const unsigned char *bytes;
     size_t size, limit = CHUNK;
-    enum byte_queue_next next;
+    enum frame_queue_next next;
 
     program_thread_signals();
     wait_for_turn(recording);
-    while ((next = byte_queue_peek(&recording->queue, &bytes, &size, limit)) != BYTE_QUEUE_END) {
-        if (next == BYTE_QUEUE_CUT) {
+    while ((next = frame_queue_peek(&recording->queue, &bytes, &size, limit)) != FRAME_QUEUE_END) {
+        if (next == FRAME_QUEUE_CUT) {
             change_file(recording);
             limit = CHUNK;
             continue;
@@ -135,7 +135,7 @@ void *recording_write(void *argument) {
             limit = CHUNK - (size_t)(recording->segment->written % CHUNK);
         }
         account(recording, bytes, size);
-        byte_queue_take(&recording->queue, size);
+        frame_queue_take(&recording->queue, size);
     }
     if (recording->segment) {
         recording->segment->lost_store = recording->lost_store_last;

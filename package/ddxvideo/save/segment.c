@@ -150,7 +150,7 @@ ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_
     return error ? error : done;
 }
 
-void segment_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum) {
+void segment_add(struct segment *segment, const struct frame_queue_frame *frame, uint32_t sum) {
     int64_t latency = ddx_time_now() - frame->facts.published;
 
     if (segment->pool)

@@ -13,7 +13,7 @@
 
 #include "output.h"
 #include "pool.h"
-#include "byte_queue.h"
+#include "frame_queue.h"
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
 enum { LOST_STORE, LOST_RING, LOST_WRITE };
@@ -59,7 +59,7 @@ int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK 
 ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_t size);
 
 /* A frame is whole: its place in the queue, and its sum. */
-void segment_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum);
+void segment_add(struct segment *segment, const struct frame_queue_frame *frame, uint32_t sum);
 
 /* ---- The thread that makes safe ---- */
 

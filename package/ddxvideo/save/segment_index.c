@@ -7,7 +7,7 @@
 
 #define PER_BLOCK (INDEX_BLOCK / (uint32_t)sizeof(struct index_entry))
 
-void segment_index_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum, int64_t latency) {
+void segment_index_add(struct segment *segment, const struct frame_queue_frame *frame, uint32_t sum, int64_t latency) {
     struct index_header *header = &segment->index->header;
     uint32_t position = segment->frames;
 

@@ -6,7 +6,7 @@
 #include "segment.h"
 
 /* As segment_add(), segment_flush() and segment_finish(), for files of the pool. */
-void segment_index_add(struct segment *segment, const struct byte_queue_frame *frame, uint32_t sum, int64_t latency);
+void segment_index_add(struct segment *segment, const struct frame_queue_frame *frame, uint32_t sum, int64_t latency);
 int segment_index_flush(struct segment *segment);
 int segment_index_finish(struct segment *segment, bool failed);
 

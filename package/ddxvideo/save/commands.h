@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/*
+ * What a recorder may be told while it runs (ddx_request.h, item: the recorder's instance; `ddxctl record`):
+ *
+ *     recording=0   stop: what comes is left out, and counted as skipped;  recording=1   go on, in a new file
+ *     split=1       the next frame begins a new recording, and none is lost
+ *     pre_roll=N    while it is stopped, keep the last N seconds in memory, and record them first when it goes on
+ */
+#ifndef DDXVIDEO_COMMANDS_H
+#define DDXVIDEO_COMMANDS_H
+
+#include "recorder.h"
+
+#define PRE_ROLL_MAX 600 /* s */
+
+/* Take orders from now on; where the store has no room for that, a line says so. */
+void commands_open(struct recorder *recorder, DDX_STORE_ID *id);
+
+/* Carry out the next one, if there is one. Waits only for a former recording that is still being written. */
+void commands_tick(struct recorder *recorder);
+
+void commands_close(struct recorder *recorder);
+
+#endif
