@@ -36,7 +36,7 @@ from parts.media import clip as made_up
 PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Chromium, Fec, BlockCode]
 # With a cap, the picture is the same with and without loss, as far as repair leaves that much: what is compared with
 # the run without loss is what came, not the rate of the video.
-BITRATE, WIRE, RATIO = 130, 250, 2.3
+BITRATE, WIRE, RATIO = 130, 250, 2.2
 CLIPS = ["real", "moving", "drawn"]
 SEEDS, FEW_SEEDS = 5, 2
 AT = 6 * RATE  # the frame that the page shows
