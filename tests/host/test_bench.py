@@ -130,4 +130,6 @@ def test_unreadable_numbers_follow_from_those_around() -> None:
     """As many pictures as numbers are missing; else none of them has a number."""
     assert with_inferred([5, None, None, 8, None, 11, None, 12, None]) == [5, 6, 7, 8, None, 11, None, 12, None]
     assert with_inferred([None, 1, 2]) == [None, 1, 2]
-    assert with_inferred([9, None, 3]) == [9, None, 3]  # a number that damage changed
+    assert with_inferred([215, 215, 215, 218]) == [215, 216, 217, 218]  # no rate was left for the number
+    assert with_inferred([5, 5, 6]) == [5, 5, 6]  # shown twice
+    assert with_inferred([9, None, 3, 4]) == [9, None, 3, 4]  # a number that damage changed

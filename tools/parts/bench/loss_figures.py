@@ -7,8 +7,8 @@ frame: the picture of an operator that accepts that delay. Compared with the sou
 picture that is too old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three
 planes.
 
-At a low rate the number in a picture cannot always be read, though the picture is within WORSE dB. Then it follows from
-the pictures around: see with_inferred()."""
+At a low rate the number in a picture cannot always be read, or is still that of the picture before, though the picture
+is within WORSE dB. Then it follows from the pictures around: see with_inferred()."""
 from __future__ import annotations
 
 import dataclasses
@@ -40,16 +40,16 @@ def mean(values: list[float]) -> float:
 
 
 def with_inferred(numbers: Sequence[int | None]) -> list[int | None]:
-    """Numbers of pictures in the order in which they were shown. Where as many pictures without a number lie between
-    two others as frames do, they are these frames."""
+    """Numbers of pictures in the order in which they were shown. Where as many pictures without a new number lie
+    between two others as frames do, they are these frames."""
     found = list(numbers)
-    before: int | None = None  # index of the last number that could be read
+    before, last = 0, -1  # the last new number, and its index
     for index, number in enumerate(numbers):
-        if number is None:
+        if number is None or number <= last:
             continue
-        if before is not None and number - (first := numbers[before] or 0) == index - before:
-            found[before:index] = range(first, number)
-        before = index
+        if last >= 0 and number - last == index - before:
+            found[before:index] = range(last, number)
+        before, last = index, number
     return found
 
 
