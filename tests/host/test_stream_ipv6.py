@@ -42,7 +42,9 @@ def test_one_stream_to_ipv6_and_ipv4(stream: Stream, tmp_path: pathlib.Path) -> 
     (_, sent_packets, sent), (lines, packets, _), (direct, twice, _), (_, other, _) = finish(sender, *decodes)
     assert sent["lost"]["network"] == 0 and sent["out"] >= 3
     assert "c=IN IP6 ff15::5\n" in (stream.folder / "stream.sdp").read_text()
-    assert 3 * packets["used"] == 3 * twice["used"] == 3 * twice["duplicate"] == sent_packets["packets"]
+    each = sent_packets["packets"] // 3  # a busy machine may read the repair packet first, and restore from that
+    assert packets["used"] + packets["restored"] == twice["used"] + twice["restored"] == each
+    assert packets["duplicate"] == packets["restored"] and twice["duplicate"] == 2 * each - twice["used"]
     assert other["received"] == 0
     assert len(printed(lines)) == sent["out"] and printed(lines) == printed(direct)
     assert drawn_numbers(tmp_path / "group.mkv") == drawn_numbers(tmp_path / "direct.mkv") == printed(lines)
