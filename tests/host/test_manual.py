@@ -100,6 +100,7 @@ def test_a_call_shows_what_its_header_says(pages: pathlib.Path) -> None:
     assert shown(pages, "man3/ddx_store_item_type.3") == shown(pages, "man3/ddx_store_item_name.3")
     overview = shown(pages, "man3/ddx.h.3")
     assert "-EHOSTUNREACH no other machine of this name is heard" in overview and "DDX_IN_ORDER = -1" in overview
+    assert "SAMPLE y[MAX];" in shown(pages, "man3/ddxvideo.h.3") and "declaration_" not in overview
 
 
 HEADER = """/*
@@ -132,7 +133,7 @@ def test_help_becomes_a_page() -> None:
     text = ("usage: x FILE\n       x -list\n\nDoes this.\n\noptions:\n  -a N   first\n         more\n"
             "  -start yes|no begins\n\nExit status: 0.\n")
     page = manual_programs.program_page("x", "an example", text, ["store"], "1")
-    found = re.findall(r"^\.SH (.*)", page, re.MULTILINE)
-    assert found == ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "SEE ALSO"]
+    titles = ["NAME", "SYNOPSIS", "DESCRIPTION", "OPTIONS", "EXIT STATUS", "SEE ALSO"]
+    assert re.findall(r"^\.SH (.*)", page, re.MULTILINE) == titles
     assert ".TP\n\\fB\\-a N\\fR\nfirst more\n.TP\n\\fB\\-start yes|no\\fR\nbegins\n" in page
     assert '.B "x FILE"\n' in page and '.B "x \\-list"\n' in page

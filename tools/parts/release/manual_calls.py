@@ -11,6 +11,7 @@ SECTION = 3
 COMMENT = re.compile(r"/\*.*?\*/\n?", re.DOTALL)
 CALL = re.compile(r"^(?!typedef\b)\w[\w \t*]*?\b(\w+)\([^;{}]*\);", re.MULTILINE)
 MACRO = re.compile(r"^#define (\w+)(\([^)]*\))", re.MULTILINE)
+PRIVATE = re.compile(r"\w_\b[ (]")
 NOISE = re.compile(r'^(?:#(?:ifn?def|endif|if|else|include|pragma) ?.*|#define \w+_H|extern "C" \{|\})$')
 
 
@@ -65,7 +66,8 @@ def items(header: str) -> list[Item]:
         names = named(code)
         if names and comment.startswith("The same") and result and result[-1].names:
             last = result[-1]
-            last.comment, last.code = f"{last.comment}\n\n{comment}", f"{last.code}\n{code}"
+            last.comment += f"\n\n{comment}"
+            last.code += f"\n{code}"
             last.names += names
         elif comment or code.strip():
             result.append(Item(comment, code, topic, names))
@@ -110,7 +112,7 @@ def header_page(header: str, library: str, all_items: list[Item], release: str) 
     introduction = next(item.comment for item in all_items if item.comment and "SPDX" not in item.comment)
     short = re.sub(r"^\w+: ", "", introduction)
     others = [item for item in all_items
-              if not item.names and item.code.strip() and not re.search(r"\w_\b[ (]", item.code)]
+              if not item.names and item.code.strip() and (item.comment or not PRIVATE.search(item.code))]
     types = "".join(body(item.comment) + verbatim(item.code.strip()) for item in others)
     calls = "".join(entry(", ".join(f"{name}(3)" for name in item.names), about(item)[0])
                     for item in all_items if item.names)
