@@ -229,31 +229,3 @@ def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
     assert "over radio, use ddxvideosend" in robot.desk.errors(robot.catalog)
     wait_until(lambda: bool(robot.counters()["out"] == 30))
     assert lost(robot.counters()) == 0
-
-
-TWIST = f"struct {{ {VECTOR} linear; {VECTOR} angular; }}"
-
-
-def shown(robot: Machine, item: str) -> Any:
-    return json.loads(robot.desk.run("ddxctl", "show", item, "--json").stdout)["value"]
-
-
-def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
-    """The item is declared by a program of the robot; only the topic that exports.conf names is taken."""
-    robot = begin("accept /cmd_vel as cmd type=geometry_msgs/msg/Twist\nitem cmd\n")
-    values(robot, "cmd", "TWIST", TWIST).communicate("")
-    node = laptop.ros("talk", "/cmd_vel", "geometry_msgs/msg/Twist")
-
-    def twist(number: int) -> dict[str, Any]:
-        return {"linear": {"x": number / 4, "y": 0.0, "z": -1.0}, "angular": {"x": 0.0, "y": 0.5, "z": number / 2}}
-
-    def taken() -> bool:
-        put(node, twist(0))
-        return robot.desk.sequence("cmd") > 0
-
-    wait_until(taken)  # ROS sends before the other end knows it
-    for number in range(1, 11):
-        put(node, twist(number))
-        wait_until(lambda: bool(shown(robot, "cmd") == twist(number)))
-    wait_until(lambda: bool(robot.counters()["out"] == robot.desk.sequence("cmd")))
-    assert lost(robot.counters()) == 0

@@ -43,7 +43,6 @@ struct catalog {
     struct exports *exports;
     struct directory *directory;
     struct mirrors *mirrors;
-    struct accepts *accepts;
     struct clock *clock;
     struct table *table;
 };
