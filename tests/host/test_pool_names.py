@@ -107,7 +107,8 @@ def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: in
     assert other.read_bytes() == b"other"
     found = next(file for file in recordings(desk) if file != other)
     assert found.name.split("-")[1] != "000001" and found.name.split("-")[2] == name.split("-")[2]
-    shown = pictures(found)
-    assert shown and shown == pictures(clip)[:len(shown)]
+    shown, once = pictures(found), pictures(clip)
+    again = len(shown) // len(once) + 1  # a slow machine lets the clip begin again
+    assert shown and shown == (again * once)[:len(shown)]
     assert f"{found.name}: good" in desk.run("ddxrecordings", "verify", found.name, "-folder", "rec").stdout
     assert desk.run("ddxvideosave", "-output", "rec", "-segment", "64", "-recover").stderr == ""
