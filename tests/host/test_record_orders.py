@@ -187,7 +187,7 @@ def test_before_the_first_frame(desk: Desk, clip: pathlib.Path) -> None:
 def test_what_waited_and_was_never_wanted_is_left_out(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk, "-start", "paused", "-pre-roll", "1")
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
-    wait_until(lambda: 20 <= COUNT - count(desk, "skipped") <= 30)  # the rest wait
+    wait_until(lambda: 0 < COUNT - count(desk, "skipped") <= 30)  # those of the last second wait; fewer if it is slow
     _, saved = stop(saver)
     assert (saved["in"], saved["out"], saved["skipped"]) == (0, 0, COUNT)
 
