@@ -43,7 +43,7 @@ BUILDS: list[Build] = [
 ]
 # Tests of the desk mostly wait for programs that wait for frames. The files run in this order; those of the models
 # compute.
-DESK = ["-n", "6", "--dist", "loadfile", "tests/model", "tests/host"]
+DESK = ["-n", "5", "--dist", "loadfile", "tests/model", "tests/host"]
 # A guest that boots has one processor busy, and one that plays a clip waits for the next frame.
 BOOT = ["-n", "2", "--dist", "loadgroup", "tests/boot"]
 LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
