@@ -40,7 +40,7 @@ def test_one_stream_to_ipv6_and_ipv4(stream: Stream, tmp_path: pathlib.Path) -> 
                          "stream.sdp")
     stream.play(clip, "-rate", 2)
     (_, sent_packets, sent), = finish(sender)
-    wait_until(lambda: stream.desk.out("group") == stream.desk.out("direct") == sent["out"])  # all is read
+    wait_until(lambda: stream.desk.out("group") == stream.desk.out("direct") == int(sent["out"]))  # all is read
     (lines, packets, _), (direct, twice, _), (_, other, _) = finish(*decodes)
     assert sent["lost"]["network"] == 0 and sent["out"] >= 3
     assert "c=IN IP6 ff15::5\n" in (stream.folder / "stream.sdp").read_text()
