@@ -2,95 +2,65 @@
 #include "config.h"
 
 #include <ddx.h>
-#include <errno.h>
 #include <fnmatch.h>
 #include <name.h>
 #include <schedule.h>
 #include <standard.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define LINE_ROOM 1024
 #define NS INT64_C(1000000000)
 #define DOMAIN_MAX 232 /* above, ports of DDS would be above 65535 */
 
-struct line {
-    const char *path;
-    unsigned number;
-    char *error;
-};
-
-__attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, const char *format, ...) {
-    char text[CONFIG_ERROR_MAX];
-    va_list arguments;
-
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    for (char *c = text; *c; c++) /* what was read may be anything */
-        if ((unsigned char)*c < ' ' || *c == 127)
-            *c = '?';
-    snprintf(line->error, CONFIG_ERROR_MAX, "%.120s:%u: %.*s", line->path, line->number, CONFIG_ERROR_MAX - 140, text);
-    return -1;
-}
-
-/* The value of "key=value" if the word begins so, else NULL. */
-static const char *value_of(const char *word, const char *key) {
-    size_t length = strlen(key);
-
-    return !strncmp(word, key, length) && word[length] == '=' ? word + length + 1 : NULL;
-}
-
-static int read_rate(const struct line *line, const char *word, const char *rate, struct config_rule *rule) {
+static int read_rate(const struct config_file *line, const char *word, const char *rate, struct config_rule *rule) {
     struct schedule_speed speed;
 
     if (!schedule_parse_speed(rate, &speed) || !speed.num)
-        return wrong(line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is sent", word);
+        return config_wrong(line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is sent",
+                            word);
     rule->period = schedule_scale(NS, speed.den, speed.num);
     return 0;
 }
 
 /* A word is set once. */
-static int keep_text(const struct line *line, const char *word, const char *text, char **place) {
+static int keep_text(const struct config_file *line, const char *word, const char *text, char **place) {
     if (*place)
-        return wrong(line, "%s: once in a line only", word);
+        return config_wrong(line, "%s: once in a line only", word);
     *place = strdup(text);
-    return *place ? 0 : wrong(line, "no memory");
+    return *place ? 0 : config_wrong(line, "no memory");
 }
 
-static int read_as(const struct line *line, const char *word, const char *type, struct config_rule *rule) {
+static int read_as(const struct config_file *line, const char *word, const char *type, struct config_rule *rule) {
     struct standard *standard;
     char why[STANDARD_WHY];
     int error = standard_open(type, NULL, &standard, why);
 
     if (error)
-        return wrong(line, "%s: none of the messages that are known; docs/catalog.md has these", word);
+        return config_wrong(line, "%s: none of the messages that are known; docs/catalog.md has these", word);
     standard_close(standard);
     return keep_text(line, word, type, &rule->as);
 }
 
-static int read_topic(const struct line *line, const char *word, const char *topic, struct config_rule *rule) {
+static int read_topic(const struct config_file *line, const char *word, const char *topic, struct config_rule *rule) {
     if (!name_is_topic(topic))
-        return wrong(line, "%s: /NAME is needed, or /NAME/NAME, of letters, digits and '_'", word);
+        return config_wrong(line, "%s: /NAME is needed, or /NAME/NAME, of letters, digits and '_'", word);
     return keep_text(line, word, topic, &rule->topic);
 }
 
-static int read_choice(const struct line *line, const char *word, struct config_rule *rule) {
+static int read_choice(const struct config_file *line, const char *word, struct config_rule *rule) {
     const char *text;
 
     if (rule->except)
-        return wrong(line, "%s: after except PATTERN, nothing more is allowed", word);
-    if ((text = value_of(word, "rate")))
+        return config_wrong(line, "%s: after except PATTERN, nothing more is allowed", word);
+    if ((text = config_value(word, "rate")))
         return read_rate(line, word, text, rule);
-    if ((text = value_of(word, "as")))
+    if ((text = config_value(word, "as")))
         return read_as(line, word, text, rule);
-    if ((text = value_of(word, "topic")))
+    if ((text = config_value(word, "topic")))
         return read_topic(line, word, text, rule);
     if (strcmp(word, "latched"))
-        return wrong(line, "%s: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE with topic=TOPIC are "
-                     "allowed", word);
+        return config_wrong(line, "%s: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE with "
+                            "topic=TOPIC are allowed", word);
     rule->latched = true;
     return 0;
 }
@@ -101,27 +71,27 @@ static void free_rule(const struct config_rule *rule) {
     free(rule->topic);
 }
 
-static int read_choices(const struct line *line, char **words, struct config_rule *rule) {
+static int read_choices(const struct config_file *line, char **words, struct config_rule *rule) {
     for (char **word = words; *word; word++)
         if (read_choice(line, *word, rule))
             return -1;
     if (!rule->as != !rule->topic)
-        return wrong(line, "as=MESSAGE and topic=TOPIC are needed together");
+        return config_wrong(line, "as=MESSAGE and topic=TOPIC are needed together");
     if (rule->as && !rule->plain)
-        return wrong(line, "as= takes the name of one item, no pattern");
+        return config_wrong(line, "as= takes the name of one item, no pattern");
     return 0;
 }
 
-static int read_rule(const struct line *line, char **words, struct config *config) {
+static int read_rule(const struct config_file *line, char **words, struct config *config) {
     struct config_rule rule = {.except = !strcmp(words[0], "except"), .plain = !strpbrk(words[1], "*?[")};
 
     if (strlen(words[1]) > DDX_NAME_MAX)
-        return wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
+        return config_wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
     if (config->rule_count == CONFIG_RULES_MAX)
-        return wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
+        return config_wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
     int error = read_choices(line, words + 2, &rule);
     if (!error && !(rule.pattern = strdup(words[1])))
-        error = wrong(line, "no memory");
+        error = config_wrong(line, "no memory");
     if (error)
         free_rule(&rule);
     else
@@ -129,99 +99,77 @@ static int read_rule(const struct line *line, char **words, struct config *confi
     return error;
 }
 
-static int read_interface(const struct line *line, char **words, struct config *config) {
+static int read_interface(const struct config_file *line, char **words, struct config *config) {
     if (config->network.interface)
-        return wrong(line, "a second interface; there can be one only");
+        return config_wrong(line, "a second interface; there can be one only");
     config->network.interface = strdup(words[1]);
-    return config->network.interface ? 0 : wrong(line, "no memory");
+    return config->network.interface ? 0 : config_wrong(line, "no memory");
 }
 
-static int read_peer(const struct line *line, char **words, struct config *config) {
+static int read_peer(const struct config_file *line, char **words, struct config *config) {
     if (config->peer_count == NETWORK_PEERS - 1)
-        return wrong(line, "more than %d peers", NETWORK_PEERS - 1);
+        return config_wrong(line, "more than %d peers", NETWORK_PEERS - 1);
     if (!(config->network.peers[config->peer_count] = strdup(words[1])))
-        return wrong(line, "no memory");
+        return config_wrong(line, "no memory");
     config->peer_count++;
     return 0;
 }
 
-static int read_domain(const struct line *line, char **words, struct config *config) {
+static int read_domain(const struct config_file *line, char **words, struct config *config) {
     char *end;
     long number = strtol(words[1], &end, 10);
 
     if (*words[1] < '0' || *words[1] > '9' || *end || number > DOMAIN_MAX)
-        return wrong(line, "domain %s: a whole number from 0 to %d is allowed", words[1], DOMAIN_MAX);
+        return config_wrong(line, "domain %s: a whole number from 0 to %d is allowed", words[1], DOMAIN_MAX);
     config->network.domain = (unsigned)number;
     return 0;
 }
 
-static int read_multicast(const struct line *line, char **words, struct config *config) {
+static int read_multicast(const struct config_file *line, char **words, struct config *config) {
     config->network.unicast = !strcmp(words[1], "no");
-    return config->network.unicast || !strcmp(words[1], "auto") ? 0 : wrong(line, "multicast %s: auto or no is allowed",
-                                                                            words[1]);
+    if (config->network.unicast || !strcmp(words[1], "auto"))
+        return 0;
+    return config_wrong(line, "multicast %s: auto or no is allowed", words[1]);
 }
 
-static int read_bandwidth(const struct line *line, char **words, struct config *config) {
+static int read_bandwidth(const struct config_file *line, char **words, struct config *config) {
     const char *text = words[1];
     char *end;
     unsigned long long number = *text < '0' || *text > '9' ? 0 : strtoull(text, &end, 10);
     unsigned shift = !number ? 0 : *end == 'K' ? 10 : *end == 'M' ? 20 : 0;
 
     if (!shift || end[1] || number > BUCKET_MOST >> shift)
-        return wrong(line, "bandwidth %s: bytes a second are needed, from 1K to 1024M, with K or M", text);
+        return config_wrong(line, "bandwidth %s: bytes a second are needed, from 1K to 1024M, with K or M", text);
     config->bandwidth = (uint64_t)number << shift;
     return 0;
 }
 
 static const struct {
     const char *word;
-    int (*read)(const struct line *line, char **words, struct config *config);
+    int (*read)(const struct config_file *line, char **words, struct config *config);
 } readers[] = {{"item", read_rule}, {"except", read_rule},       {"interface", read_interface},
                {"peer", read_peer}, {"domain", read_domain}, {"multicast", read_multicast},
                {"bandwidth", read_bandwidth}};
 
-static int read_line(const struct line *line, char *text, struct config *config) {
-    char *words[LINE_ROOM / 2 + 2], *rest = text, *comment = strchr(text, '#');
-    unsigned count = 0;
+static int read_words(const struct config_file *line, char **words, void *argument) {
+    struct config *config = argument;
 
-    if (comment)
-        *comment = 0;
-    for (char *word; (word = strtok_r(rest, " \t\r\n", &rest));)
-        words[count++] = word;
-    words[count] = NULL;
-    if (!count)
-        return 0;
     for (size_t i = 0; i < sizeof readers / sizeof *readers; i++)
         if (!strcmp(words[0], readers[i].word))
-            return count == 2 || (count > 2 && readers[i].read == read_rule)
+            return words[1] && (!words[2] || readers[i].read == read_rule)
                        ? readers[i].read(line, words, config)
-                       : wrong(line, "after %s, one word is needed", words[0]);
-    return wrong(line, "%s: a line begins with item, except, interface, peer, domain, multicast or bandwidth",
+                       : config_wrong(line, "after %s, one word is needed", words[0]);
+    return config_wrong(line, "%s: a line begins with item, except, interface, peer, domain, multicast or bandwidth",
                  words[0]);
 }
 
 int config_read(const char *path, struct config *config, char *error) {
-    struct line line = {.path = path, .error = error};
-    char text[LINE_ROOM];
-    int result = 0;
+    struct config_file file = {.path = path, .error = error};
 
     *config = (struct config){.rule_count = 0};
     if (!path)
         return 0;
-    FILE *file = fopen(path, "re");
-    if (!file) {
-        snprintf(error, CONFIG_ERROR_MAX, "%.120s: %s", path, strerror(errno));
-        return -1;
-    }
-    while (!result && fgets(text, sizeof text, file)) {
-        line.number++;
-        result = strlen(text) == sizeof text - 1 && text[sizeof text - 2] != '\n'
-                     ? wrong(&line, "longer than %d letters", LINE_ROOM - 2)
-                     : read_line(&line, text, config);
-    }
-    if (!result && ferror(file))
-        result = wrong(&line, "%s", strerror(errno));
-    fclose(file);
+    int result = config_file_read(&file, read_words, config);
     if (result)
         config_free(config);
     return result;

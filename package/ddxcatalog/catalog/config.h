@@ -4,10 +4,10 @@
 #define DDXCATALOG_CONFIG_H
 
 #include <bucket.h>
+#include <config_file.h>
 #include <network.h>
 #include <stdbool.h>
 
-#define CONFIG_ERROR_MAX 256
 #define CONFIG_RULES_MAX 256
 
 struct config_rule {

@@ -5,34 +5,11 @@
 #include <errno.h>
 #include <fnmatch.h>
 #include <schedule.h>
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#define LINE_MAX_ 1024
 #define NS INT64_C(1000000000)
 #define MIB ((uint64_t)1 << 20)
-
-struct line {
-    const char *path;
-    unsigned number;
-    char *error;
-};
-
-__attribute__((format(printf, 2, 3))) static int wrong(const struct line *line, const char *format, ...) {
-    char text[CONFIG_ERROR_MAX];
-    va_list arguments;
-
-    va_start(arguments, format);
-    vsnprintf(text, sizeof text, format, arguments);
-    va_end(arguments);
-    for (char *c = text; *c; c++) /* what was read may be anything */
-        if ((unsigned char)*c < ' ' || *c == 127)
-            *c = '?';
-    snprintf(line->error, CONFIG_ERROR_MAX, "%.120s:%u: %.*s", line->path, line->number, CONFIG_ERROR_MAX - 140, text);
-    return -1;
-}
 
 /* "256M"; false if it is no size within the bounds. */
 static bool parse_size(const char *text, uint64_t least, uint64_t most, uint64_t *size) {
@@ -49,131 +26,99 @@ static bool parse_size(const char *text, uint64_t least, uint64_t most, uint64_t
     return *size >= least && *size <= most;
 }
 
-/* The value of "key=value" if the word begins so, else NULL. */
-static const char *value_of(const char *word, const char *key) {
-    size_t length = strlen(key);
-
-    return !strncmp(word, key, length) && word[length] == '=' ? word + length + 1 : NULL;
-}
-
-static int read_output(const struct line *line, char **words, struct config *config) {
+static int read_output(const struct config_file *line, char **words, struct config *config) {
     if (!words[1])
-        return wrong(line, "output needs a folder: output /rec/log [segment=256M] [minutes=60] [keep=4G]");
+        return config_wrong(line, "output needs a folder: output /rec/log [segment=256M] [minutes=60] [keep=4G]");
     if (config->folder)
-        return wrong(line, "a second output; there can be one only");
+        return config_wrong(line, "a second output; there can be one only");
     if (!(config->folder = strdup(words[1])))
-        return wrong(line, "no memory");
+        return config_wrong(line, "no memory");
     for (words += 2; *words; words++) {
-        const char *segment = value_of(*words, "segment"), *minutes = value_of(*words, "minutes");
-        const char *keep = value_of(*words, "keep");
+        const char *segment = config_value(*words, "segment"), *minutes = config_value(*words, "minutes");
+        const char *keep = config_value(*words, "keep");
         char *end;
 
         if (segment && !parse_size(segment, MIB, 4096 * MIB, &config->segment))
-            return wrong(line, "%s: a size from 1M to 4096M is allowed, with K, M or G", *words);
+            return config_wrong(line, "%s: a size from 1M to 4096M is allowed, with K, M or G", *words);
         if (minutes) {
             long number = strtol(minutes, &end, 10);
 
             if (*minutes < '0' || *minutes > '9' || *end || number < 1 || number > 1440)
-                return wrong(line, "%s: a whole number from 1 to 1440 is allowed", *words);
+                return config_wrong(line, "%s: a whole number from 1 to 1440 is allowed", *words);
             config->age = number * 60 * NS;
         }
         if (keep && !parse_size(keep, 2 * MIB, UINT64_MAX, &config->keep))
-            return wrong(line, "%s: a size of 2M or more is allowed, with K, M or G", *words);
+            return config_wrong(line, "%s: a size of 2M or more is allowed, with K, M or G", *words);
         if (!segment && !minutes && !keep)
-            return wrong(line, "%s: after output FOLDER, segment=, minutes= and keep= are allowed", *words);
+            return config_wrong(line, "%s: after output FOLDER, segment=, minutes= and keep= are allowed", *words);
     }
     if (config->keep && config->keep < 2 * config->segment)
-        return wrong(line, "keep= needs room for two files of segment= (256M if not said) at least");
+        return config_wrong(line, "keep= needs room for two files of segment= (256M if not said) at least");
     return 0;
 }
 
-static int read_queue(const struct line *line, char **words, struct config *config) {
+static int read_queue(const struct config_file *line, char **words, struct config *config) {
     if (!words[1] || words[2] || !parse_size(words[1], 64 << 10, 1024 * MIB, &config->queue))
-        return wrong(line, "queue needs a size from 64K to 1024M, with K, M or G: queue 4M");
+        return config_wrong(line, "queue needs a size from 64K to 1024M, with K, M or G: queue 4M");
     return 0;
 }
 
-static int read_rule(const struct line *line, char **words, struct config *config) {
+static int read_rule(const struct config_file *line, char **words, struct config *config) {
     struct config_rule rule = {.except = !strcmp(words[0], "except")};
 
     if (!words[1])
-        return wrong(line, "%s needs the name of an item, or a pattern: %s gps*", words[0], words[0]);
+        return config_wrong(line, "%s needs the name of an item, or a pattern: %s gps*", words[0], words[0]);
     if (strlen(words[1]) > DDX_NAME_MAX)
-        return wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
+        return config_wrong(line, "%.20s...: an item's name has %d letters at most", words[1], DDX_NAME_MAX);
     for (char **word = words + 2; *word; word++) {
-        const char *rate = rule.except ? NULL : value_of(*word, "rate");
+        const char *rate = rule.except ? NULL : config_value(*word, "rate");
         struct schedule_speed speed;
 
         if (!rate)
-            return wrong(line, "%s: after %s PATTERN, %s is allowed", *word, words[0],
+            return config_wrong(line, "%s: after %s PATTERN, %s is allowed", *word, words[0],
                          rule.except ? "nothing more" : "rate=VALUES_A_SECOND");
         if (!schedule_parse_speed(rate, &speed) || !speed.num)
-            return wrong(line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is logged",
-                         *word);
+            return config_wrong(
+                line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is logged", *word);
         rule.period = schedule_scale(NS, speed.den, speed.num);
     }
     if (config->rule_count == CONFIG_RULES_MAX)
-        return wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
+        return config_wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
     rule.plain = !strpbrk(words[1], "*?[");
     if (!(rule.pattern = strdup(words[1])))
-        return wrong(line, "no memory");
+        return config_wrong(line, "no memory");
     config->rules[config->rule_count++] = rule;
     return 0;
 }
 
-static int read_line(const struct line *line, char *text, struct config *config) {
-    char *words[LINE_MAX_ / 2 + 1], *rest = text;
-    unsigned count = 0;
-    char *comment = strchr(text, '#');
+static int read_words(const struct config_file *line, char **words, void *argument) {
+    struct config *config = argument;
 
-    if (comment)
-        *comment = 0;
-    for (char *word; (word = strtok_r(rest, " \t\r\n", &rest));)
-        words[count++] = word;
-    words[count] = NULL;
-    if (!count)
-        return 0;
     if (!strcmp(words[0], "item") || !strcmp(words[0], "except"))
         return read_rule(line, words, config);
     if (!strcmp(words[0], "output"))
         return read_output(line, words, config);
     if (!strcmp(words[0], "queue"))
         return read_queue(line, words, config);
-    return wrong(line, "%s: a line begins with item, except, output or queue", words[0]);
+    return config_wrong(line, "%s: a line begins with item, except, output or queue", words[0]);
 }
 
-static int read_lines(FILE *file, struct line *line, struct config *config) {
-    char text[LINE_MAX_];
-
-    while (fgets(text, sizeof text, file)) {
-        line->number++;
-        if (strlen(text) == sizeof text - 1 && text[sizeof text - 2] != '\n')
-            return wrong(line, "longer than %d letters", LINE_MAX_ - 2);
-        if (read_line(line, text, config))
-            return -1;
-    }
-    if (ferror(file))
-        return wrong(line, "%s", strerror(errno));
-    line->number++;
+/* After the last line. */
+static int complete(struct config_file *file, struct config *config) {
+    file->line++;
     for (unsigned i = 0; i < config->rule_count; i++)
         if (!config->rules[i].except)
-            return 0;
-    return wrong(line, "no line says what to log: item NAME");
+            return config->folder || (config->folder = strdup(".")) ? 0 : config_wrong(file, "no memory");
+    return config_wrong(file, "no line says what to log: item NAME");
 }
 
 int config_read(const char *path, struct config *config, char *error) {
-    struct line line = {.path = path, .error = error};
+    struct config_file file = {.path = path, .error = error};
 
     *config = (struct config){.segment = 256 * MIB, .age = 60 * 60 * NS, .queue = 4 * MIB};
-    FILE *file = fopen(path, "re");
-    if (!file) {
-        snprintf(error, CONFIG_ERROR_MAX, "%.120s: %s", path, strerror(errno));
-        return -1;
-    }
-    int result = read_lines(file, &line, config);
-    fclose(file);
-    if (!result && !config->folder && !(config->folder = strdup(".")))
-        result = wrong(&line, "no memory");
+    int result = config_file_read(&file, read_words, config);
+    if (!result)
+        result = complete(&file, config);
     if (result)
         config_free(config);
     return result;

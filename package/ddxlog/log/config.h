@@ -3,11 +3,11 @@
 #ifndef DDXLOG_CONFIG_H
 #define DDXLOG_CONFIG_H
 
+#include <config_file.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#define CONFIG_ERROR_MAX 256
 #define CONFIG_RULES_MAX 256
 
 struct config_rule {
