@@ -214,3 +214,17 @@ int form_parse(const char *declaration, const char *extents, struct form_fields 
         error = -EINVAL;
     return error ? error : use(fields, extents);
 }
+
+unsigned form_list_extents(char *text, struct ddx_extent *extents, unsigned room) {
+    unsigned count = 0;
+
+    for (char *word, *rest = text; count < room && (word = strtok_r(rest, " ", &rest));) {
+        char *equals = strchr(word, '=');
+
+        if (!equals)
+            continue;
+        *equals = 0;
+        extents[count++] = (struct ddx_extent){word, strtoull(equals + 1, NULL, 10)};
+    }
+    return count;
+}

@@ -56,6 +56,9 @@ int form_of_text(const char *type, const char *declaration, const char *extents,
 
 void form_free(struct form *form);
 
+/* form->extents, or such a text, as the store takes it; `text` is cut into pieces. Their number, at most `room`. */
+unsigned form_list_extents(char *text, struct ddx_extent *extents, unsigned room);
+
 /* A value into message[message_size]; a message into a value of the item. */
 void form_pack(const struct form *form, const void *value, unsigned char *message);
 void form_unpack(const struct form *form, const unsigned char *message, void *value);

@@ -72,7 +72,7 @@ DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const 
     int error = !id || !name ? -EINVAL : full_name(id, name, full);
     int asked = !error && strchr(full, ':') ? ask(id, full, ASK) : 0;
 
-    /* What is there is read also while the other machine is away: its last value. Only the catalog makes such items. */
+    /* Only the catalog makes such items. Their last value can be read while the other machine is away. */
     if (!error && *id->host)
         error = ddx_local_lookup(id, full, NULL, 0, &item);
     else if (!error)

@@ -108,19 +108,6 @@ static void close_mirror(struct mirror *mirror) {
     mirror->version = 0;
 }
 
-/* "y=101376 u=0" as the store wants it; `text` is cut into pieces. */
-static unsigned extents_of(char *text, struct ddx_extent *extents, unsigned room) {
-    unsigned count = 0;
-
-    for (char *word; count < room && (word = strtok_r(text, " ", &text));) {
-        char *equals = strchr(word, '=');
-
-        *equals = 0; /* form_of_text() has judged it */
-        extents[count++] = (struct ddx_extent){word, strtoull(equals + 1, NULL, 10)};
-    }
-    return count;
-}
-
 static int create(struct mirror *mirror, const struct remote *remote) {
     struct ddx_extent extents[64];
     char *text = strdup(remote->extents);
@@ -129,7 +116,7 @@ static int create(struct mirror *mirror, const struct remote *remote) {
 
     if (!text)
         return -ENOMEM;
-    spec.extent_count = extents_of(text, extents, sizeof extents / sizeof *extents);
+    spec.extent_count = form_list_extents(text, extents, sizeof extents / sizeof *extents);
     int error = ddx_store_create(mirror->catalog->id, &spec, &mirror->item);
     free(text);
     return error;

@@ -17,21 +17,6 @@ static void refuse(struct replay_item *item, int error) {
     item->refused = true;
 }
 
-/* "y=101376 u=25344" as the store wants it, in place. */
-static unsigned parse_extents(char *text, struct ddx_extent extents[EXTENTS_MAX]) {
-    unsigned count = 0;
-
-    for (char *word, *rest = text; count < EXTENTS_MAX && (word = strtok_r(rest, " ", &rest));) {
-        char *equals = strchr(word, '=');
-
-        if (!equals)
-            continue;
-        *equals = 0;
-        extents[count++] = (struct ddx_extent){word, (size_t)strtoull(equals + 1, NULL, 10)};
-    }
-    return count;
-}
-
 /* A type of which only the size is known. */
 static int create_opaque(struct replay *replay, struct replay_item *item, const char *type, size_t size) {
     void *data;
@@ -61,7 +46,7 @@ static int create(struct replay *replay, struct replay_item *item, const struct 
         struct ddx_item_spec spec = {
             .name = item->name, .type = type, .declaration = declaration, .extents = extents};
 
-        spec.extent_count = parse_extents(text, extents);
+        spec.extent_count = form_list_extents(text, extents, EXTENTS_MAX);
         error = ddx_store_create(replay->id, &spec, &item->handle);
     } else {
         error = size > FORM_HEADER ? create_opaque(replay, item, type, size - FORM_HEADER) : -EINVAL;
