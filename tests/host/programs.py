@@ -135,6 +135,15 @@ def start_recorder(desk: Desk, *options: object, wrapper: tuple[str, ...] = ()) 
     return desk.start("ddxvideosave", "-keep", KEEP, *options, wrapper=wrapper)
 
 
+def wait_for_recorder(desk: Desk, instance: str = "ddxvideosave") -> None:
+    """Until it accounts for each frame that is written from now on, also of an item that does not exist yet."""
+    def follows() -> bool:
+        book = desk.run("ddxctl", "show", f"{instance}.stats", "--json").stdout
+        return '"running":1' in book and '"follows":1' in book
+
+    wait_until(follows)
+
+
 def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
     """One of the C files here, to be preloaded."""
     library = folder / f"{name}.so"

@@ -15,7 +15,7 @@ from parts.media import calibration, stereo_pairs
 from parts.media.calibration import Matrices
 from parts.media.stereo_pairs import Grey, Map, Pair
 
-from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_until
+from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_for_recorder, wait_until
 
 SVS = "ddxvideoSVS"
 
@@ -70,6 +70,8 @@ def run_clip(desk: Desk, stacked: list[Grey], matrices: Matrices, disparities: i
     file = write_calibration(desk.folder / "stereo.yml", matrices, (width, rows // 2))
     range_saver = start_recorder(desk, "-name", "range", "-output", "range.y4m", "-instance", "range")
     saver = start_recorder(desk, "-name", "range.disparity", "-output", "disparity.y4m", "-instance", "disparity")
+    for instance in ("range", "disparity"):
+        wait_for_recorder(desk, instance)
     process = start(desk, file, "-disparities", disparities, *options)
     loader = desk.run("ddxvideoload", clip, "-layout", "GREY8", "-readers", 1, *load)
     assert loader.returncode == 0, loader.stderr
