@@ -303,11 +303,14 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
     address = ("address", "del", f"{link.robot.address}/24", "dev", device)
     link.robot.run(["ip", *address])
     wait_until(lambda: "the network cannot be used" in robot.desk.errors(robot.catalog))
-    link.robot.run(["ip", address[0], "add", *address[2:]])
-    wait_until(lambda: robot.desk.readers("sensor") == 1)
     write(writer, 1)
+    link.robot.run(["ip", address[0], "add", *address[2:]])
     while not read(reader, 1)[0].startswith("02000000"):
         pass
+    write(writer, 1)
+    assert read(reader, 1)[0].startswith("03000000")
+    wait_until(lambda: bool(laptop.counters()["in"] == 3))  # the first value is not stored again
+    assert lost(laptop.counters()) == lost(robot.counters()) == 0
 
 
 @pytest.mark.parametrize("text,told", [

@@ -20,7 +20,8 @@ struct mirror {
     struct form *form; /* of the item, in this store */
     struct network_event event;
     struct network_reader *reader;
-    uint64_t sequence; /* of the last message; 0: none since the reader was opened */
+    uint64_t writer, sequence; /* of the last message; 0: none since the reader was opened */
+    int64_t time;              /* of the last message, in the origin's clock */
     int64_t read;      /* when there was a reader last */
 };
 
@@ -54,7 +55,20 @@ static void count(struct mirror *mirror, uint64_t missed, int error, int64_t sin
         ddx_stats_out(book, 1, ddx_time_now() - since);
 }
 
-static void take(void *argument, const unsigned char *message, size_t size) {
+/* An origin that has joined the network again has another writer, which numbers its messages from 1 again. */
+static uint64_t missed_before(const struct mirror *mirror, uint64_t writer, uint64_t sequence) {
+    bool follows = mirror->sequence && mirror->writer == writer && sequence > mirror->sequence;
+
+    return follows ? sequence - mirror->sequence - 1 : 0;
+}
+
+/* The origin repeats its newest value for each new reader, after joining the network again as well. */
+static bool is_repeated(const struct mirror *mirror, uint64_t writer, const struct envelope *envelope) {
+    return mirror->sequence && envelope->monotonic == mirror->time &&
+           (envelope->sequence == mirror->sequence || writer != mirror->writer);
+}
+
+static void take(void *argument, uint64_t writer, const unsigned char *message, size_t size) {
     struct mirror *mirror = argument;
     struct envelope envelope;
     int64_t begin = ddx_time_now();
@@ -65,13 +79,13 @@ static void take(void *argument, const unsigned char *message, size_t size) {
         ddx_stats_lost(mirror->catalog->book, LOST_TYPE, 1);
         return;
     }
-    if (envelope.sequence == mirror->sequence) /* repeated for another reader */
-        return;
-    /* Lower numbers are those of a store that has started again. */
-    uint64_t missed = mirror->sequence && envelope.sequence > mirror->sequence
-                          ? envelope.sequence - mirror->sequence - 1 : 0;
+    bool repeated = is_repeated(mirror, writer, &envelope);
+    uint64_t missed = missed_before(mirror, writer, envelope.sequence);
+    mirror->writer = writer;
     mirror->sequence = envelope.sequence;
-    count(mirror, missed, write_value(mirror, fields, envelope.monotonic), begin);
+    mirror->time = envelope.monotonic;
+    if (!repeated)
+        count(mirror, missed, write_value(mirror, fields, envelope.monotonic), begin);
 }
 
 static void ready(void *argument) {

@@ -73,8 +73,8 @@ int network_reader_open(struct network *network, const char *topic, const struct
                         const struct network_event *event, struct network_reader **reader);
 void network_reader_close(struct network_reader *reader);
 
-/* Calls `take` for each message that has come, in order. */
-typedef void network_take(void *argument, const unsigned char *message, size_t size);
+/* Calls `take` for each message that has come, in order. `writer` identifies the writer that sent it. */
+typedef void network_take(void *argument, uint64_t writer, const unsigned char *message, size_t size);
 void network_read(struct network_reader *reader, network_take *take, void *argument);
 
 /* ---- What there is: kept for those who come later ---- */

@@ -110,12 +110,12 @@ void network_reader_close(struct network_reader *reader) {
     free(reader);
 }
 
-static void take_one(struct ddsi_serdata *data, network_take *take, void *argument) {
+static void take_one(struct ddsi_serdata *data, uint64_t writer, network_take *take, void *argument) {
     uint32_t size = ddsi_serdata_size(data);
     ddsrt_iovec_t part;
     struct ddsi_serdata *held = ddsi_serdata_to_ser_ref(data, 0, size, &part);
 
-    take(argument, part.iov_base, size);
+    take(argument, writer, part.iov_base, size);
     ddsi_serdata_to_ser_unref(held, &part);
 }
 
@@ -127,7 +127,7 @@ void network_read(struct network_reader *reader, network_take *take, void *argum
     dds_take_status(reader->reader, &status, DDS_DATA_AVAILABLE_STATUS);
     while (dds_takecdr(reader->reader, &data, 1, &info, DDS_ANY_STATE) == 1) {
         if (info.valid_data)
-            take_one(data, take, argument);
+            take_one(data, info.publication_handle, take, argument);
         ddsi_serdata_unref(data);
         data = NULL;
     }
