@@ -13,8 +13,9 @@
 #define FULL_ONE_WAY 0.5    /* without reports nothing but frames of different sizes needs it */
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4          /* frames in which it is brought back to that */
+#define HORIZON_IN_RUNS 6  /* a run empties it at once: the picture would become bad for the next frames */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
-#define IN_RUNS 2.3        /* of losses that come in runs: by how many times the loss frames are smaller */
+#define IN_RUNS 1.8        /* of losses that come in runs: by how many times the loss frames are smaller */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
@@ -289,6 +290,7 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
     double wire = (double)dispatch->budget.rate * frame, video = (double)settings->video * frame;
     double full = silence < FEEDBACK_GONE ? FULL : FULL_ONE_WAY;
+    double in_runs = feedback_loss_in_runs(&dispatch->feedback, now);
     double spare = (double)budget_tokens(&dispatch->budget, now) - full * (double)budget_size(&dispatch->budget);
 
     if (is_behind(dispatch, now))
@@ -297,9 +299,9 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
         wire *= REDUCED;
         spare = spare > 0 ? 0 : spare;
     }
-    double bytes = (wire + spare / HORIZON) / (1 + part_beside(dispatch, now));
+    double bytes = (wire + spare / (in_runs > 0 ? HORIZON_IN_RUNS : HORIZON)) / (1 + part_beside(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
-    double most = wire * (1 - IN_RUNS * feedback_loss_in_runs(&dispatch->feedback, now));
+    double most = wire * (1 - IN_RUNS * in_runs);
     if (bytes > most)
         bytes = most;
     double least = wire * LEAST_PART / (1 + settings->others);
