@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """ddxvideoplay on other graphics cards: for long, with another program on the screen, without a monitor for a while."""
 import pathlib
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -15,6 +16,9 @@ from .test_screen import (ITEM, PLAY, console_of, load, number, sample, start, v
 pytestmark = pytest.mark.long
 
 DUMPS, SECONDS = 500, 900
+HOUR = 6      # of --seconds, which are ten minutes
+LOOK = 20     # s between two looks
+GROWTH = 256  # KiB
 CONNECTOR = "/sys/class/drm/card0-Virtual-1/status"
 
 
@@ -37,6 +41,27 @@ def virtio(boot: qemu.Boot, work: pathlib.Path, short_clip: pathlib.Path) -> Ite
 def test_virtio(virtio: Guest) -> None:
     start(virtio)
     watch(virtio, DUMPS, SECONDS)
+
+
+def test_an_hour_without_growth(virtio: Guest, pytestconfig: pytest.Config,
+                                record_property: Callable[[str, object], None]) -> None:
+    """After the first quarter, memory and open files stay the same; newer frames are shown at each look. At five frames
+    a second, which an emulated processor shows in time."""
+    virtio.sh(f"kill $(cat /tmp/{ITEM}.pid)")
+    load(virtio, "/test/clip.y4m -loop -rate 0.2")
+    shown = start(virtio)
+    look = f"pid=$(pidof {PLAY}) && grep RssAnon /proc/$pid/status && ls /proc/$pid/fd | wc -l"
+    looks: list[tuple[int, int]] = []  # KiB of memory, open files
+    end = time.monotonic() + HOUR * int(pytestconfig.getoption("seconds"))
+    while time.monotonic() < end:
+        shown = wait_for_frame(virtio, number(sample(shown)))
+        words = virtio.sh(look).split()
+        looks.append((int(words[1]), int(words[-1])))
+        time.sleep(LOOK)
+    settled = looks[len(looks) // 4:]
+    record_property("KiB, files", [settled[0], settled[-1]])
+    assert max(kib for kib, _ in settled) - settled[0][0] <= GROWTH
+    assert {files for _, files in settled} == {settled[0][1]}
 
 
 def test_a_monitor_that_is_unplugged(virtio: Guest) -> None:

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What ddxvideoview keeps of a live source: a limited number of frames, in a limited memory."""
+import os
 import pathlib
 import re
+import time
+from collections.abc import Callable
 
 import pytest
 
@@ -13,6 +16,10 @@ from .window import Window
 
 __all__ = ["display"]  # the fixture
 FRAMES = 40
+HOUR = 6      # of --seconds, which are ten minutes
+LOOK = 5      # s between two looks
+HISTORY = 50  # frames: full within the first quarter of the shortest run
+GROWTH = 1 << 20
 
 
 @pytest.mark.parametrize(("option", "kept"), [("-history 5", 5), ("-memory 1M", 6)])
@@ -56,3 +63,27 @@ def test_memory_before_frames(tmp_path: pathlib.Path, display: Display, side: in
         assert result(window.process)[0] == 0
     finally:
         desk.end()
+
+
+@pytest.mark.long
+def test_an_hour_without_growth(desk: Desk, display: Display, pytestconfig: pytest.Config,
+                                record_property: Callable[[str, object], None]) -> None:
+    """After the first quarter, memory and open files stay the same; the window shows newer frames at each look."""
+    window = Window(desk, display, "-history", HISTORY)
+    clip = make_clip(desk.folder / "clip.y4m", FRAMES)
+    source = desk.start("ddxvideoload", clip, "-loop")
+    looks: list[tuple[int, int, int]] = []  # frame, bytes of memory, open files
+    end = time.monotonic() + HOUR * int(pytestconfig.getoption("seconds"))
+    while time.monotonic() < end:
+        last = looks[-1][0] if looks else 0
+        frame = window.until(lambda seen: (seen.frame() or 0) > last).frame() or 0
+        assert frame > last
+        looks.append((frame, anonymous(window), len(os.listdir(f"/proc/{window.process.pid}/fd"))))
+        time.sleep(LOOK)
+    settled = looks[len(looks) // 4:]
+    record_property("frame, memory, files", [settled[0], settled[-1]])
+    assert max(look[1] for look in settled) - settled[0][1] <= GROWTH
+    assert {look[2] for look in settled} == {settled[0][2]}
+    source.terminate()
+    window.close()
+    assert result(window.process)[0] == 0
