@@ -6,10 +6,12 @@ The targets are tests/fuzz/<target>.c, built by clang with libFuzzer and sanitiz
 output/fuzz/<target>; one that breaks a target, as output/fuzz/<target>-crash-..., and the exit status is 1.
 """
 import argparse
+import os
 import pathlib
 import subprocess
 import sys
 
+from parts import defects
 from parts.common import OUTPUT, TOP, Failed, fingerprint, run, say, step
 from parts.image import native
 
@@ -37,30 +39,33 @@ FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=f
 LONGEST = 8192  # bytes of an input
 
 
-def build(target: str, *defines: str) -> pathlib.Path:
-    """The program; `defines`: a fault that is to be found, such as -DDDX_FAULT_STAP."""
+def build(target: str, broken: bool) -> pathlib.Path:
+    """The program; `broken`: of the copy of the sources that has defects."""
     FUZZ.mkdir(parents=True, exist_ok=True)
-    program = FUZZ / "-".join(["fuzz", target, *(word.lstrip("-") for word in defines)])
+    program = FUZZ / f"fuzz-{target}{'-broken' if broken else ''}"
+    tree, switches = TOP, list[str]()
+    if broken:
+        tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/send", VIDEO / "common", VIDEO / "include",
                TOP / "package/ddx/include"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
-    sources = [TOP / f"tests/fuzz/{target}.c", *(package / name for name in names)]
+    sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 
     def compile_it() -> None:
-        run(["clang", *FLAGS, *defines, *(f"-I{folder}" for folder in folders), *sources, "-o", program,
+        run(["clang", *FLAGS, *switches, *(f"-I{folder}" for folder in folders), *sources, "-o", program,
              f"-L{libraries}", f"-Wl,-rpath,{libraries}", *LIBRARIES[target]])
 
-    key = fingerprint([*sources, *folders], *FLAGS)
+    key = fingerprint([*sources, *folders], *FLAGS, *switches)
     step(f"fuzz: {program.name}", program.with_suffix(".stamp"), key, compile_it)
     return program
 
 
-def fuzz(target: str, seconds: int, *defines: str, corpus: pathlib.Path | None = None,
+def fuzz(target: str, seconds: int, broken: str = "", corpus: pathlib.Path | None = None,
          seed: int = 0) -> tuple[bool, str]:
-    """Run a target for so long. Whether nothing was found, and what libFuzzer says. A seed other than 0: the same
-    inputs each time, as far as the time allows."""
-    program = build(target, *defines)
+    """Run a target for this time, with a defect if `broken` names one. Whether nothing was found, and what libFuzzer
+    says. A seed other than 0: the same inputs each time, as far as the time allows."""
+    program = build(target, bool(broken))
     found = FUZZ / target if corpus is None else corpus
     found.mkdir(parents=True, exist_ok=True)
     artifacts = FUZZ if corpus is None else corpus
@@ -68,8 +73,9 @@ def fuzz(target: str, seconds: int, *defines: str, corpus: pathlib.Path | None =
                "-rss_limit_mb=2000",
                "-print_final_stats=1", f"-artifact_prefix={artifacts}/{target}-"]
     corpora = [found, TOP / "tests/fuzz/corpus" / target]
-    done = subprocess.run([program, *options, *corpora], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-                          stderr=subprocess.STDOUT, text=True, errors="replace")
+    done = subprocess.run([program, *options, *corpora], env={**os.environ, "DDX_BROKEN": broken},
+                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+                          errors="replace")
     return done.returncode == 0, done.stdout
 
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Programs that die, stop or lie, and others that must not notice:
- * crash walk [POINT|PART/PARTS] | broken [PART/PARTS] | random KILLS SEED | restart | pins | crowd | epochs | retired |
- * mute | stop | stranger | hostile | worker
+ * crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | pins | crowd | epochs | retired | mute | stop |
+ * stranger | hostile | worker
  */
 #include <string.h>
 
@@ -27,7 +27,7 @@ static int (*find(const char *name))(void) {
 }
 
 static void usage(void) {
-    fputs("usage: crash walk [POINT|PART/PARTS] | broken [PART/PARTS] | random KILLS SEED", stderr);
+    fputs("usage: crash walk [POINT|PART/PARTS] | random KILLS SEED", stderr);
     for (unsigned i = 0; i < TESTS; i++)
         fprintf(stderr, " | %s", tests[i].name);
     fputc('\n', stderr);
@@ -45,8 +45,6 @@ int main(int argc, char **argv) {
     director_begin();
     if (!strcmp(what, "walk"))
         result = test_walk(argc > 2 ? argv[2] : NULL);
-    else if (!strcmp(what, "broken"))
-        result = test_broken(argc > 2 ? argv[2] : NULL);
     else if (!strcmp(what, "random") && argc == 4)
         result = test_random((unsigned)atoi(argv[2]), (unsigned)atoi(argv[3]));
     else if ((test = find(what)))

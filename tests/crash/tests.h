@@ -4,7 +4,6 @@
 
 int test_walk(const char *only); /* points whose name contains this, or NULL for all */
 int test_random(unsigned kills, unsigned seed);
-int test_broken(const char *only); /* a part of them, such as 0/2, or NULL for all */
 int test_worker(void);
 int test_hostile(void);
 int test_restart(void);

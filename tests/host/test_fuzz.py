@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The fuzz targets find nothing in a short time, and find a planted fault. `make test-long T=fuzz` takes longer."""
+"""The fuzz targets find nothing in a short time, and find defects that are put in. `make test-long T=fuzz` takes
+longer."""
 from __future__ import annotations
 
 import pathlib
+import re
 
 import pytest
 
 import fuzz
 from parts.common import TOP
+from parts.defects import DEFECTS
 
 pytestmark = [pytest.mark.computes, pytest.mark.strict]
 
@@ -25,11 +28,9 @@ def test_nothing_is_found(target: str) -> None:
     assert executed and executed[0] > 10 * len(corpus)  # it did go beyond what is committed
 
 
-@pytest.mark.parametrize("target, fault, found", [
-    ("rtp", "STAP", ["AddressSanitizer", "unpack_aggregate"]),  # the sizes in an aggregate are believed
-    ("repair", "BELIEVE", ["fuzz/repair.c"]),  # so is the length of a restored packet
-    ("report", "REPORT", ["AddressSanitizer", "report_parse"]),  # that of an RTCP packet
-    ("sap", "SAP", ["AddressSanitizer", "sap_parse"])])  # and that of an authentication
-def test_a_planted_fault_is_found(target: str, fault: str, found: list[str], tmp_path: pathlib.Path) -> None:
-    fine, text = fuzz.fuzz(target, 60, f"-DDDX_FAULT_{fault}", corpus=tmp_path)
-    assert not fine and all(word in text for word in found), text[-5000:]
+@pytest.mark.parametrize("name, target, words", [
+    pytest.param(one.name, test.removeprefix("fuzz: "), words, id=one.name)
+    for one in DEFECTS for test, words in one.tests if test.startswith("fuzz: ")])
+def test_a_defect_is_found(name: str, target: str, words: str, tmp_path: pathlib.Path) -> None:
+    fine, text = fuzz.fuzz(target, 60, name, corpus=tmp_path)
+    assert not fine and re.search(words, text), text[-5000:]

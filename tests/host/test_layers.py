@@ -11,7 +11,7 @@ from parts.common import TOP
 
 PARTS = TOP / "tools/parts"
 # From below; those of one line do not know each other.
-LAYERS = [{"common"}, {"trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
+LAYERS = [{"common"}, {"defects", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
           {"bench", "flash", "release", "testing"}]
 
 # The same for folders in C, but for their public headers; those of one line may know each other, not in a circle.

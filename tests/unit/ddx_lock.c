@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * A handle's lock: one holder at a time, no waiter is forgotten, a waiting thread lends its priority, and a child
- * process is not taken for its parent. Built a second time without the lock (DDX_FAULT_NO_LOCK), where it must fail.
+ * process is not taken for its parent.
  */
 #include <pthread.h>
 #include <sched.h>
@@ -22,18 +22,6 @@ static ddx_lock lock;
 static uint64_t counter; /* a plain word: ThreadSanitizer sees accesses without the lock */
 static atomic_uint refused;
 
-static void take(void) {
-#ifndef DDX_FAULT_NO_LOCK
-    ddx_lock_take(&lock);
-#endif
-}
-
-static void give(void) {
-#ifndef DDX_FAULT_NO_LOCK
-    ddx_lock_give(&lock);
-#endif
-}
-
 static void nap(long nanoseconds) {
     struct timespec time = {0, nanoseconds};
 
@@ -47,15 +35,12 @@ static void *contend(void *unused) {
             while (!ddx_lock_try(&lock))
                 atomic_fetch_add(&refused, 1);
         } else
-            take();
+            ddx_lock_take(&lock);
         uint64_t before = counter;
         if (i % 1000 == 0)
             nap(1000); /* others pile up */
         counter = before + 1;
-        if (i % 4 == 3)
-            ddx_lock_give(&lock);
-        else
-            give();
+        ddx_lock_give(&lock);
     }
     return unused;
 }

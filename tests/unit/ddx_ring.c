@@ -2,8 +2,6 @@
 /*
  * The slot protocol with threads as parties, in one address space, so that ThreadSanitizer sees every access. Eight
  * readers of all kinds look at every word of 100,000 frames: none may be torn, none may go back in time.
- *
- * Built a second time with the writer's look at the pins left out (DDX_FAULT_BLIND_WRITER), where it must fail.
  */
 #include <errno.h>
 #include <pthread.h>
@@ -102,7 +100,6 @@ static void write_all(void) {
     }
 }
 
-#ifndef DDX_FAULT_BLIND_WRITER
 /* A reader that claims to hold more than its share does not stop the writer; one that holds what it may is not harmed,
  * not even if there is no other slot. */
 static void test_shares(void) {
@@ -125,7 +122,6 @@ static void test_shares(void) {
     CHECK_EQUAL(slot, 0);
     ddx_ring_cancel(&writer, slot);
 }
-#endif
 
 static void reset(void);
 
@@ -205,10 +201,9 @@ int main(void) {
     pthread_t thread[READERS];
     struct party party[READERS];
 
-#ifndef DDX_FAULT_BLIND_WRITER /* with it, no reader is ever in the way */
     reset();
-    test_shares();
-#endif
+    if (!getenv("DDX_BROKEN")) /* a writer that does not look at pins finds no reader in its way */
+        test_shares();
     reset();
     for (unsigned i = 0; i < READERS; i++) {
         party[i] = (struct party){.number = i};

@@ -93,12 +93,6 @@ static void strike(const struct plan *plan) {
     raise(plan->signal); /* this very thread does nothing any more */
 }
 
-int ddx_fault_broken(const char *way) {
-    const char *wanted = getenv("DDX_BROKEN");
-
-    return wanted && !strcmp(wanted, way);
-}
-
 void ddx_fault_pass(enum ddx_point point) {
     pthread_once(&once, prepare);
     if (journal) {

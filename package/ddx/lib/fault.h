@@ -138,11 +138,7 @@ extern const char *const ddx_point_name[DDX_POINT_COUNT];
 void ddx_fault_pass(enum ddx_point point);
 extern int ddx_fault_holder; /* the process that ends with this one, 0: none */
 #define DDX_PASS(name) ddx_fault_pass(DDX_AT_##name)
-/* Is the protocol to be broken in this way, named by DDX_BROKEN? For tests that must fail then. */
-int ddx_fault_broken(const char *way);
-#define DDX_BROKEN(way) ddx_fault_broken(way)
 #else
-#define DDX_BROKEN(way) 0
 #define DDX_PASS(name) ((void)0)
 #endif
 

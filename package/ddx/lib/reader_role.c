@@ -19,10 +19,10 @@ DDX_HOT void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence) {
 DDX_COLD void ddx_reader_follow(struct ddx_reader_role *reader) {
     /* If the store dies before it has announced all slots, this epoch is useless, and only the former one
      * has the item's data: it must not be given up before. */
-    if (!reader->coming || reader->held >= 0 || (reader->coming->slots_coming && !DDX_BROKEN("half")))
+    if (!reader->coming || reader->held >= 0 || reader->coming->slots_coming)
         return;
     /* A reader in order has not seen all of it. Frames that its writer wrote after it was replaced do not count. */
-    if (reader->in_order && reader->term && !DDX_BROKEN("hasty") &&
+    if (reader->in_order && reader->term &&
         ddx_ring_left(reader->term->control, reader->term->base, reader->seen, reader->coming->former_last))
         return;
     /* A frame in the window stays until the next one arrives: no program writes into an epoch that has ended. */

@@ -124,8 +124,6 @@ DDX_HOT static void count_missed(struct ddx_reader_role *reader, uint64_t sequen
     ddx_reader_saw(reader, sequence);
     if (!*missed)
         return;
-    if (DDX_BROKEN("miscount"))
-        --*missed;
     reader->missed += *missed;
     atomic_store_explicit(&reader->page->missed_low, (uint32_t)reader->missed, memory_order_relaxed);
     atomic_store_explicit(&reader->page->missed_high, (uint32_t)(reader->missed >> 32), memory_order_relaxed);

@@ -44,11 +44,6 @@ DDX_COLD static bool lies(const struct ddx_ring_writer *writer, const struct ddx
 DDX_HOT static bool pinned(const struct ddx_ring_writer *writer, unsigned slot) {
     uint32_t pin = DDX_PIN(writer->epoch, slot);
 
-#ifdef DDX_FAULT_BLIND_WRITER
-    return false; /* for the test that must fail without the look at the pins */
-#endif
-    if (DDX_BROKEN("blind"))
-        return false;
     for (unsigned i = 0; i < writer->reader_count; i++)
         for (unsigned k = 0; k < DDX_PINS; k++)
             if (atomic_load(&writer->reader[i].page->pin[k]) == pin && !lies(writer, &writer->reader[i], k))
@@ -114,9 +109,6 @@ DDX_HOT int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
     bool tried[DDX_SLOTS_MAX] = {false};
     unsigned rounds = 0;
 
-    while (DDX_BROKEN("patient") && pinned(writer, oldest(writer, newest, tried))) {
-        /* waits for the reader that has the oldest */
-    }
     leave_out(writer, tried);
     for (;;) {
         unsigned slot = oldest(writer, newest, tried);

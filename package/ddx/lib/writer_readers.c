@@ -124,11 +124,7 @@ void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_
     for (unsigned i = writer->ring.reader_count; i-- > 0;)
         if (m->flags & DDX_FLAG_CREATE
                 ? !writer->confirmed[i]
-                : (writer->confirmed[i] || DDX_BROKEN("numbers")) && writer->ring.reader[i].id == m->index) {
-            if (DDX_BROKEN("numbers")) {
-                drop_reader(writer, i);
-                continue;
-            }
+                : writer->confirmed[i] && writer->ring.reader[i].id == m->index) {
             writer->leaving_count += !writer->leaving[i];
             writer->leaving[i] = true;
         }

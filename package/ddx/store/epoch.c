@@ -93,9 +93,6 @@ static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *fr
         return false;
     memcpy(to, old, bytes);
     munmap(old, bytes);
-#ifdef DDX_FAULT_NO_RECHECK
-    return true; /* for the test that must fail without it */
-#endif
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wtsan" /* cannot see fences, nor other processes */
     atomic_thread_fence(memory_order_acquire);

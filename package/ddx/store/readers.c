@@ -70,8 +70,7 @@ static int attach(struct client *client, unsigned keep) {
         return -EINVAL;
     /* Whose writer lives, but is not heard (it has not reported since we started, or stopped listening): it would not
      * look at the new pins. Nor while another one gets ready to replace it: until then its frames are the item's. */
-    if (item->epoch && (!item->writer || item->pending) && ddx_memory_held(item->epoch->control_fd) &&
-        !DDX_BROKEN("unheard"))
+    if (item->epoch && (!item->writer || item->pending) && ddx_memory_held(item->epoch->control_fd))
         return -EAGAIN;
     int result = reader_add_slots(item, keep, client->id ? 0 : 1);
     if (result)

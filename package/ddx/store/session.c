@@ -279,8 +279,7 @@ void clients_sweep(struct store *store) {
             ddx_queue_clear(&client->queue);
             file_close(client->socket);
             process_leave(client->process);
-            if (!DDX_BROKEN("deaf")) /* whose items still name it as their writer */
-                checkpoint_free(client);
+            checkpoint_free(client);
             holder_beat();
             full_until = 0;
             link = &store->clients; /* forgetting one may have found out that another is gone, too */

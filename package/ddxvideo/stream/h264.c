@@ -137,13 +137,8 @@ static bool unpack_aggregate(struct chunk *frame, const uint8_t *at, const uint8
     while (at < end) {
         size_t size = end - at >= 2 ? get16(at) : 0;
 
-#ifdef DDX_FAULT_STAP /* what the fuzzer must find */
-        if (!size)
-            return false;
-#else
         if (!size || size > (size_t)(end - at - 2))
             return false;
-#endif
         if (!append(frame, at + 2, size))
             return false;
         at += 2 + size;

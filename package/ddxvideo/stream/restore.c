@@ -285,9 +285,6 @@ int restore_repair(struct restore *restore, const uint8_t *data, size_t size) {
     restore->count[RESTORE_RECEIVED]++;
     if (repair_parse(data, size, &packet) && packet.media_ssrc == restore->ssrc)
         verdict = judge(restore, &packet);
-#ifdef DDX_FAULT_OFF /* what the tests must find */
-    verdict = RESTORE_USELESS;
-#endif
     if (verdict != RESTORE_RECEIVED) {
         restore->count[verdict]++;
         return verdict == RESTORE_REFUSED ? -EBADMSG : -EALREADY;

@@ -73,10 +73,8 @@ bool sap_parse(const uint8_t *data, size_t size, struct sap *sap) {
     if (size < HEAD || (data[0] & VERSION_MASK) != VERSION || data[0] & (ENCRYPTED | COMPRESSED))
         return false;
     size_t origin = data[0] & IPV6_ORIGIN ? 16 : 4, head = HEAD + origin + 4u * data[1];
-#ifndef DDX_FAULT_SAP /* what the fuzzer must find */
     if (head > size)
         return false;
-#endif
     sap->deletion = data[0] & DELETION;
     sap->hash = get16(data + 2);
     take_origin(sap, data + HEAD, origin);

@@ -34,8 +34,5 @@ bool symbol_get(const struct symbol *symbol, const uint8_t **packet, size_t *siz
     size_t room = symbol->size - SYMBOL_PREFIX;
     *packet = symbol->data + SYMBOL_PREFIX;
     *size = get16(symbol->data + 1);
-#ifdef DDX_FAULT_BELIEVE /* what the tests must find */
-    return true;
-#endif
     return *size <= room && gf256_is_zero(*packet + *size, room - *size);
 }

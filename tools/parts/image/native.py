@@ -5,7 +5,7 @@ import pathlib
 import shutil
 from collections.abc import Sequence
 
-from parts import trees
+from parts import defects, trees
 from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
 from parts.image import cyclonedds, dc1394, srtp
 
@@ -49,6 +49,8 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
         if "ddxvideo" in wanted:
             _add("libsrtp2", srtp.srtp(), root)
             _add("libdc1394", dc1394.dc1394(), root)
+        if tree is None:
+            defects.copy()
         for package in wanted:
             sources = tree / "package" / package if tree else folders[package]
             _build(OUTPUT / name / package, root, sources, options)

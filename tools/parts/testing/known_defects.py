@@ -15,12 +15,6 @@ class Defect:
 
 
 DEFECTS = [
-    # Whether its page is still held was not asked then: either of the two is enough today.
-    Defect("a reader's number counts with a store that did not give it", "package/ddx/lib/writer_readers.c",
-           '(writer->confirmed[i] || DDX_BROKEN("numbers")) && writer->ring.reader[i].id == m->index) {\n'
-           '            if (DDX_BROKEN("numbers")) {',
-           "writer->ring.reader[i].id == m->index) {\n            if (true) {",
-           "C: frames stay while the store is restarted", "torn|has number"),
     Defect("at full speed the loader waits for no reader", "package/ddxvideo/load/player.c",
            "player->patient = !player->speed.num && player->readers;", "player->patient = false;",
            "tests/host/test_first_frames.py", "the loader has time, and a reader"),

@@ -125,9 +125,6 @@ static uint32_t frames_back(const struct dispatch *dispatch, unsigned frames) {
 
 /* Whether a repair packet is to be sent now; *first: what it covers. */
 static bool needs_repair(struct dispatch *dispatch, int64_t now, uint32_t *first, bool *in_advance) {
-#ifdef DDX_FAULT_OFF
-    return false;
-#endif
     if (!dispatch->settings.repair || !dispatch->window.count)
         return false;
     *in_advance = !feedback_wanted(&dispatch->feedback, now, first);

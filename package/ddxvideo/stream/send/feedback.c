@@ -150,9 +150,6 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
     enum feedback_count result = FEEDBACK_GARBAGE;
 
     feedback->count[FEEDBACK_RECEIVED]++;
-#ifdef DDX_FAULT_DEAF
-    size = 0;
-#endif
     if (!report_parse(data, size, &report) && report.media == feedback->media)
         result = report.has_state ? use(feedback, now, &report, address) : FEEDBACK_USED;
     feedback->count[result]++;
