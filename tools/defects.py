@@ -1,22 +1,30 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make defects: put defects back one by one; the test that stands against each has to turn red, with its words.
+"""make defects: break the product in each way of tests/defects, one by one; its tests must turn red, with their words.
 
-defects.py [WORDS]...   only those whose names have all the words. What was found is in output/defects.json.
-The product is built and tested in a copy of the tree, output/defects; this one stays as it is.
+defects.py [WORDS]...   only those whose first line has all the words. What was found is in output/defects.json.
+A defect with a switch is in the programs of output/desk that tests/defects is compiled into. Each other one is put into
+a copy of the tree, output/defects, where the product is built and tested; this tree stays as it is.
 """
 import json
+import os
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
+import tempfile
 
-from parts.common import OUTPUT, TOP, Failed, alone, commit, finish, run, say
-from parts.testing.known_defects import DEFECTS, Defect
+import fuzz
+from parts.common import MORTAL, OUTPUT, TOP, Failed, alone, commit, finish, run, say
+from parts.defects import DEFECTS, Defect, plant
+from parts.image import native
+from parts.testing.suite import FRAMES_BROKEN
 
 TREE = OUTPUT / "defects/tree"
+DESK = OUTPUT / "desk"
 LIMIT = 900  # s; for the build and a test that may wait in vain
+ATTEMPTS = 3  # some defects show only if processes meet at the wrong moment, and a busy machine lets them miss
 
 
 def copy_tree() -> None:
@@ -27,6 +35,9 @@ def copy_tree() -> None:
     (TREE.parent / "files").write_text("\n".join(sorted(listed)) + "\n")
     # By content, and with the time of now: a file that goes back to its former contents has to be built again.
     run(["rsync", "-a", "--no-times", "--checksum", f"--files-from={TREE.parent / 'files'}", f"{TOP}/", f"{TREE}/"])
+    for patch in (TREE / "tests/defects").glob("*.patch"):  # a build there would apply it
+        if str(patch.relative_to(TREE)) not in listed:
+            patch.unlink()
     output = TREE / "output"
     if not output.exists():
         output.mkdir()
@@ -35,53 +46,69 @@ def copy_tree() -> None:
                 (output / name).symlink_to(OUTPUT / name)
 
 
-def test(defect: Defect) -> tuple[int, str]:
-    """Exit status and words of the test in the copy."""
-    command = [sys.executable, "-B", "-m", "pytest", "--tier=gate", "-q", "-x", defect.test]
-    if defect.test.startswith("C: "):
-        command = [sys.executable, "-B", "tools/again.py", "-times", "1", "-c", defect.test.removeprefix("C: ")]
+def command(test: str) -> list[str]:
+    if test.startswith("C: "):
+        return [sys.executable, "-B", "tools/again.py", "-times", "1", "-c", test.removeprefix("C: ")]
+    if ".py" in test:
+        return [sys.executable, "-B", "-m", "pytest", "--tier=gate", "-q", "-x", test]
+    program, *words = test.split()
+    return [*MORTAL, str(DESK / program), *words]
+
+
+def red(defect: Defect, test: str) -> str:
+    """What the test printed, if it failed with the defect; else empty."""
+    if test.startswith("fuzz: "):
+        with tempfile.TemporaryDirectory() as folder:
+            fine, said = fuzz.fuzz(test.removeprefix("fuzz: "), 60, defect.name, corpus=pathlib.Path(folder))
+            return "" if fine else said
+    switch = {"DDX_BROKEN": defect.name, "DDX_STORE_PROGRAM": str(DESK / "ddx/tests/store-with-faults")}
     try:
-        done = subprocess.run(command, cwd=TREE, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+        done = subprocess.run(command(test), cwd=None if defect.switched else TREE, stdin=subprocess.DEVNULL,
+                              env={**os.environ, **(switch if defect.switched else {})}, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True, errors="replace", timeout=LIMIT, check=False)
     except subprocess.TimeoutExpired as error:
         raise Failed(f"{defect.name}: no end within {error.timeout:.0f} s") from None
-    return done.returncode, done.stdout
+    return done.stdout if done.returncode in (1, FRAMES_BROKEN) else ""
 
 
-def put_back(defect: Defect) -> str:
-    """What the test says of the defect; empty if it notices nothing."""
-    file = TREE / defect.file
-    text = file.read_text()
-    if text.count(defect.now) != 1:
-        raise Failed(f"{defect.name}: {defect.file} has `{defect.now}` {text.count(defect.now)} times")
-    file.write_text(text.replace(defect.now, defect.then))
-    try:
-        status, said = test(defect)
-    finally:
-        shutil.copy2(TOP / defect.file, file)
-        file.touch()  # newer than what was built with the defect
-    found = re.search(defect.words, said)
-    if status != 1 or not found:
+def noticed(defect: Defect, test: str, words: str) -> str:
+    """What the test says of the defect, which is there already; empty if it notices nothing."""
+    for _ in range(ATTEMPTS if defect.switched else 1):
+        said = red(defect, test)
+        if found := re.search(words, said):
+            marked = [line[1:].strip() for line in said.splitlines() if line.startswith("E ")]
+            return next((line for line in marked if re.search(words, line)), found[0].splitlines()[0])
         sys.stdout.write("".join(said.splitlines(keepends=True)[-40:]))
-        return ""
-    marked = [line[1:].strip() for line in said.splitlines() if line.startswith("E ")]
-    return next((line for line in marked if re.search(defect.words, line)), found[0])
+    return ""
+
+
+def put_back(defect: Defect) -> list[str]:
+    """What each of its tests says of the defect."""
+    if not defect.switched:
+        plant(defect, TREE)
+    try:
+        found = [noticed(defect, test, words) for test, words in defect.tests]
+    finally:
+        for name in defect.files if not defect.switched else []:
+            shutil.copy2(TOP / name, TREE / name)
+            (TREE / name).touch()  # newer than what was built with the defect
+    say(f"{'noticed' if all(found) else 'NOT NOTICED'}  {defect.name}: {'; '.join(found)[:90]}")
+    return found
 
 
 def main() -> int:
-    words = sys.argv[1:]
-    chosen = [one for one in DEFECTS if all(word in one.name for word in words)]
+    chosen = [one for one in DEFECTS if one.tests and all(word.lower() in one.title.lower() for word in sys.argv[1:])]
     if not chosen:
         raise Failed("no defect of that name")
-    results: dict[str, str] = {}
     with alone("defects", OUTPUT / "defects.lock"):
-        copy_tree()
-        for one in chosen:
-            results[one.name] = put_back(one)
-            say(f"{'noticed' if results[one.name] else 'NOT NOTICED'}  {one.name}: {results[one.name][:90]}")
+        if any(one.switched for one in chosen):
+            native.build()
+        if not all(one.switched for one in chosen):
+            copy_tree()
+        results = {one.name: put_back(one) for one in chosen}
     path: pathlib.Path = OUTPUT / "defects.json"
     path.write_text(json.dumps({"commit": commit(), "noticed": results}, indent=2) + "\n")
-    missed = sum(not said for said in results.values())
+    missed = sum(not all(found) for found in results.values())
     say(f"defects: {len(results) - missed} of {len(results)} noticed")
     return 1 if missed else 0
 

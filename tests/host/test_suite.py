@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import pytest
 
 from parts.common import TOP, run
-from parts.testing import known_defects, suite
+from parts.testing import suite
 from parts.testing.suite import Suite
 
 # Fails when it is run for the first time in this folder, with these words.
@@ -146,12 +146,6 @@ def test_c_tests_skip_with_a_reason() -> None:
     sources = {path: path.read_text() for path in (TOP / "tests").rglob("*.[ch]")}
     found = {path.name for path, text in sources.items() if re.search(r"(exit|return)\b.*\b77\b", text)}
     assert found == {"check.h"}, "SKIP(reason) is for that"
-
-
-@pytest.mark.parametrize("defect", known_defects.DEFECTS, ids=[one.name for one in known_defects.DEFECTS])
-def test_each_known_defect_can_be_put_back(defect: known_defects.Defect) -> None:
-    """`make defects` does it; here only that what it looks for is where it was."""
-    assert (TOP / defect.file).read_text().count(defect.now) == 1
 
 
 def test_a_sanitizer_s_report_is_a_failure(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""How the suite runs, and what it needs beside guests: defects, crash loops, power cuts of settings."""
+"""How the suite runs, and what it needs beside guests: crash loops, power cuts of settings."""
