@@ -8,44 +8,7 @@
 #ifndef DDXCATALOG_CATALOG_H
 #define DDXCATALOG_CATALOG_H
 
-#include <ddx_stats.h>
-#include <form.h>
-#include <network.h>
-#include <program.h>
-
-#include "config.h"
-#include "identity.h"
-
-#define ITEMS_MAX 256            /* of one machine */
-#define MESSAGE_MAX (16u << 20) /* bytes of a value */
-
-/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
-enum {
-    LOST_STORE,     /* here: overwritten before it was read */
-    LOST_BANDWIDTH, /* here: readers have not confirmed what was sent before */
-    LOST_SIZE,      /* here: larger than MESSAGE_MAX */
-    LOST_NETWORK,   /* sent by another machine, and it did not arrive */
-    LOST_TYPE,      /* from another machine, not of the type that was announced; here: a picture that is none */
-    LOST_BUDGET     /* from another machine, and the store has no room */
-};
-
-struct catalog {
-    struct program program;
-    struct config config;
-    struct identity identity;
-    bool taken;      /* another machine has its name */
-    int64_t settled; /* when its name is announced */
-    DDX_STATS_BOOK *book;
-    DDX_STORE_ID *id;
-    struct network *network;
-    struct network_records *records;
-    struct bucket bucket;
-    struct exports *exports;
-    struct directory *directory;
-    struct mirrors *mirrors;
-    struct clock *clock;
-    struct table *table;
-};
+#include "state.h"
 
 /* Until told to stop; the program's exit status. */
 int catalog_run(struct catalog *catalog);

@@ -3,7 +3,7 @@
 #ifndef DDXCATALOG_CLOCK_H
 #define DDXCATALOG_CLOCK_H
 
-#include "catalog.h"
+#include "state.h"
 
 struct clock;
 

@@ -3,7 +3,7 @@
 #ifndef DDXCATALOG_DIRECTORY_H
 #define DDXCATALOG_DIRECTORY_H
 
-#include "catalog.h"
+#include "state.h"
 #include "machines.h"
 
 struct remote {

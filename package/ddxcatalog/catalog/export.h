@@ -3,7 +3,7 @@
 #ifndef DDXCATALOG_EXPORT_H
 #define DDXCATALOG_EXPORT_H
 
-#include "catalog.h"
+#include "state.h"
 
 /* NULL: no memory. */
 struct exports *exports_open(struct catalog *catalog);

@@ -5,7 +5,7 @@
 
 #include <standard.h>
 
-#include "catalog.h"
+#include "state.h"
 
 struct sender;
 

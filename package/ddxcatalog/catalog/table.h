@@ -3,7 +3,7 @@
 #ifndef DDXCATALOG_TABLE_H
 #define DDXCATALOG_TABLE_H
 
-#include "catalog.h"
+#include "state.h"
 #include "machines.h"
 
 struct table;
