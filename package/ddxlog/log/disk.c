@@ -9,6 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "file.h"
+
 #define FLUSH_NS INT64_C(1000000000) /* at most so much is lost in a power cut */
 #define LAST_MAX (64u << 10)         /* larger values are not said again in the next file */
 

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* One file of a log. */
+#include "file.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -9,8 +11,6 @@
 #include <sys/file.h>
 #include <time.h>
 #include <unistd.h>
-
-#include "disk.h"
 
 #define NS INT64_C(1000000000)
 #define LOSSES_TOPIC "ddxlog/lost"

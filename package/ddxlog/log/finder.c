@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Which items there are, and which of them are wanted. The store's answers are waited for here, and nowhere else. */
+#include "finder.h"
+
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
-#include "logger.h"
+#include "logger_state.h"
 
 #define LOOK_NS 50000000           /* between two looks */
 #define ALONE_NS INT64_C(5000000000) /* without a writer for so long: given back; restarts take less */

@@ -6,6 +6,11 @@
 #include <string.h>
 #include <time.h>
 
+#include "disk.h"
+#include "finder.h"
+#include "mender.h"
+#include "read.h"
+
 static const char *const reasons[] = {"store", "queue", "write", NULL};
 
 #define POLL_NS INT64_C(5000000)

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* At the start: the files of this instance that were cut off by a power failure are repaired, at idle priority. */
+#include "mender.h"
+
 #include <dirent.h>
 #include <errno.h>
 #include <limits.h>
@@ -9,8 +11,8 @@
 #include <sys/syscall.h>
 #include <unistd.h>
 
-#include "logger.h"
 #include "recover.h"
+#include "logger_state.h"
 
 #define IDLE_PRIORITY (3 << 13) /* ioprio_set(): the disk when no other program uses it */
 

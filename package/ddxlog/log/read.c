@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Out of the store, into the queue: one item after the other, a few microseconds each. */
+#include "read.h"
+
 #include <errno.h>
 #include <inttypes.h>
 #include <mcap.h>
 #include <stdlib.h>
 #include <string.h>
-
-#include "logger.h"
 
 #define BATCH 256 /* values of one item before the next one's turn */
 
