@@ -21,25 +21,6 @@ __attribute__((format(printf, 2, 3))) static void *fail(char *error, const char 
     return NULL;
 }
 
-int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size) {
-    unsigned char *to = data;
-
-    while (size) {
-        ssize_t done = pread(reader->fd, to, size, (off_t)offset);
-
-        if (done < 0 && errno != EINTR)
-            return -errno;
-        if (!done)
-            return -EBADMSG;
-        if (done > 0) {
-            to += done;
-            offset += (uint64_t)done;
-            size -= (size_t)done;
-        }
-    }
-    return 0;
-}
-
 static int add_place(struct mcap_reader *reader, struct place place) {
     if (!(reader->place_count & (reader->place_count - 1))) { /* a power of two: full */
         size_t room = reader->place_count ? reader->place_count * 2 : 1;
@@ -51,11 +32,6 @@ static int add_place(struct mcap_reader *reader, struct place place) {
     place.number = reader->place_count;
     reader->places[reader->place_count++] = place;
     return 0;
-}
-
-void reader_refuse(struct mcap_reader *reader, uint64_t offset) {
-    if (!reader->state.refused++)
-        reader->state.refused_at = offset;
 }
 
 bool mcap_refused_text(const struct mcap_state *state, char *text) {

@@ -1,11 +1,36 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A chunk from the file: unpacked, checked, taken apart. */
+/* What is read from the file; a chunk of it is unpacked, checked and taken apart. */
 #include <errno.h>
 #include <lz4frame.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "reader.h"
+
+int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size) {
+    unsigned char *to = data;
+
+    while (size) {
+        ssize_t done = pread(reader->fd, to, size, (off_t)offset);
+
+        if (done < 0 && errno != EINTR)
+            return -errno;
+        if (!done)
+            return -EBADMSG;
+        if (done > 0) {
+            to += done;
+            offset += (uint64_t)done;
+            size -= (size_t)done;
+        }
+    }
+    return 0;
+}
+
+void reader_refuse(struct mcap_reader *reader, uint64_t offset) {
+    if (!reader->state.refused++)
+        reader->state.refused_at = offset;
+}
 
 static int unpack_lz4(const unsigned char *packed, size_t packed_size, unsigned char *data, size_t size) {
     LZ4F_dctx *context;
