@@ -3,7 +3,7 @@
 #ifndef DDXLOG_ITEMS_H
 #define DDXLOG_ITEMS_H
 
-#include "replay.h"
+#include "replay_state.h"
 
 /* One for each topic; its layout may change from channel to channel. */
 struct replay_item {

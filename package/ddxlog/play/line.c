@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Lines on standard input, without being deaf to signals meanwhile. */
+#include "line.h"
+
 #include <poll.h>
 #include <unistd.h>
-
-#include "replay.h"
 
 bool replay_wait_line(struct replay *replay) {
     for (;;) {

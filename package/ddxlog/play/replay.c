@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "items.h"
+#include "line.h"
 
 static const char *const reasons[] = {"store", NULL};
 enum { LOST_STORE };
