@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <xf86drmMode.h>
 
-#include "screen.h"
+#include "screen_choice.h"
 
 struct kms_buffer {
     uint32_t handle, frame; /* DRM's names of it; 0: none */

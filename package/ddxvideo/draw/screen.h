@@ -3,13 +3,8 @@
 #ifndef DDXVIDEO_SCREEN_H
 #define DDXVIDEO_SCREEN_H
 
+#include "screen_choice.h"
 #include "surface.h"
-
-struct screen_choice {
-    const char *output; /* a connector's name, such as "HDMI-A-1"; NULL: the first with a monitor */
-    int width, height;  /* of the mode, pixels; 0: the mode that the monitor prefers */
-    bool keys;          /* events for the keys of the terminal on standard input */
-};
 
 /*
  * A screen that no other program uses; the text console is back after surface_close(), and after the program's death.
