@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_PUBLISH_H
 #define DDXVIDEO_PUBLISH_H
 
-#include "grabber.h"
+#include "grabber_state.h"
 
 /* Convert a wanted frame into the store and count it. `time`: of its capture. */
 void publish(struct grabber *grabber, const struct camera_frame *frame, uint64_t position, int64_t time);

@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_SETTINGS_H
 #define DDXVIDEO_SETTINGS_H
 
-#include "grabber.h"
+#include "grabber_state.h"
 
 /* The camera was opened. */
 void settings_begin(struct grabber *grabber);
