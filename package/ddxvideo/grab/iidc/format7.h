@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_FORMAT7_H
 #define DDXVIDEO_FORMAT7_H
 
-#include "setup.h"
+#include "setup_wish.h"
 
 /* Set coding, part of the picture, size of packets. Fills the geometry's rate, if it is known. As setup_camera(). */
 int format7_set(dc1394camera_t *device, dc1394video_mode_t mode, const struct setup_wish *wish, bool firewire,
