@@ -36,12 +36,6 @@ struct device {
     } buffer[DEVICE_BUFFERS];
 };
 
-/*
- * Open the camera, set it up and start the stream. 0, or -errno with the reason in one line at `why`; then it is
- * closed. -EINVAL: this camera cannot do what is asked.
- */
-int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size);
-
 /* Stop the stream and let the camera go. */
 void device_close(struct device *device);
 

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <stdio.h>
 
+#include "device_open.h"
 #include "v4l_controls.h"
 
 #define MS INT64_C(1000000)
