@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* What was asked for is set again when the camera comes back: in the order in which it was asked for last. */
-#include "camera.h"
+#include "controls.h"
 #include "check.h"
 
 enum { GAIN = 5, GAIN_AUTO };

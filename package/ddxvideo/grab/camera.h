@@ -9,9 +9,10 @@
 #include <ddxvideo.h>
 #include <stddef.h>
 
-#include "controls.h"
 #include "pixels.h"
 #include "video_layout.h"
+
+struct controls; /* of controls.h; handed on to the camera of that kind */
 
 /* A frame in the camera's memory, until it is given back. */
 struct camera_frame {

@@ -7,8 +7,6 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "camera.h"
-
 void controls_name(char to[32], const char *from) {
     unsigned length = 0;
 

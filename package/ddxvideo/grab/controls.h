@@ -5,10 +5,9 @@
 
 #include <ddx_request.h>
 #include <ddxvideo.h>
-#include <stdbool.h>
 #include <stdint.h>
 
-struct camera;
+#include "camera.h"
 
 enum control_kind {
     CONTROL_NUMBER,
