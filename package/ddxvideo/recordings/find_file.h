@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_FIND_FILE_H
 #define DDXVIDEO_FIND_FILE_H
 
-#include "find.h"
+#include "found.h"
 
 /*
  * Open a file of this folder for reading, with more flags: no link, and no device or pipe that might be waited for. The
