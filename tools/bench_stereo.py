@@ -36,7 +36,7 @@ Matcher = Callable[[Grey, Grey], NDArray[Any]]
 
 
 class Settings(ctypes.Structure):
-    """struct matcher_settings of matcher.h, as ddxvideoSVS has them."""
+    """struct matcher_settings of matcher_settings.h, as ddxvideoSVS has them."""
     _fields_ = [(name, ctypes.c_int) for name in ("width", "height", "disparities", "uniqueness", "agreement",
                                                   "speckle")] + [("variant", ctypes.c_char_p)]
 

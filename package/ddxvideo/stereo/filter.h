@@ -6,7 +6,7 @@
 #include <stdbool.h>
 
 #include "kernel.h"
-#include "matcher.h"
+#include "matcher_settings.h"
 
 struct filter;
 

@@ -10,18 +10,7 @@
 
 #include <stdint.h>
 
-#define MATCHER_SUBPIXEL 16
-#define MATCHER_LEAST_WIDTH 64
-#define MATCHER_LEAST_HEIGHT 5
-
-struct matcher_settings {
-    int width, height;
-    int disparities; /* 16 to 256, a multiple of 16, at most the width: nearer objects are not found */
-    int uniqueness;  /* a disparity is unknown if another one costs less than this many percent more; 0 to 99 */
-    int agreement;   /* or if both directions differ by more than this many pixels */
-    int speckle;     /* or if fewer than this many pixels around it are about as far; 0: no such filter */
-    const char *variant; /* scalar, mmx, sse2 or avx2; NULL: the quickest that this processor has */
-};
+#include "matcher_settings.h"
 
 struct matcher;
 
