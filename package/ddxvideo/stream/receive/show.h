@@ -6,7 +6,7 @@
 #ifndef DDXVIDEO_SHOW_H
 #define DDXVIDEO_SHOW_H
 
-#include "viewer.h"
+#include "viewer_state.h"
 
 /* Write the picture into the item, count it, and keep it for the screen. */
 void show_picture(struct viewer *viewer, const struct assembly_frame *frame, const AVFrame *picture, bool damaged);

@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What a viewer is to do, and how it stands. */
+#ifndef DDXVIDEO_VIEWER_STATE_H
+#define DDXVIDEO_VIEWER_STATE_H
+
+#include <stdatomic.h>
+
+#include "answer.h"
+#include "counters.h"
+#include "decoder.h"
+#include "display.h"
+#include "guard.h"
+#include "inlet.h"
+#include "intake.h"
+#include "movie.h"
+#include "output.h"
+#include "program.h"
+
+enum viewer_loss { LOST_NETWORK, LOST_JOIN, LOST_REFRESH, LOST_DECODE, LOST_STORE, LOST_NEWER };
+#define VIEWER_REASONS {"network", "join", "refresh", "decode", "store", "newer", NULL}
+
+/* The newest picture, on its way to the screen. */
+struct newest {
+    AVFrame *picture;
+    struct ddxvideo_stamp stamp;
+    bool damaged;
+    bool waits;   /* it is not on the screen */
+    bool counted; /* as shown */
+};
+
+/*
+ * Where pictures go, besides the item. With `each`, all of them do: else, of those that come at once, the newest one
+ * does.
+ */
+struct viewer_screen {
+    const char *(*show)(void *to, const AVFrame *picture, AVRational rate, const struct ddxvideo_stamp *stamp);
+    bool (*tick)(void *to); /* called often (with `each`, at least ten times a second): false to stop. NULL: nothing to
+                               be done */
+    void *to;
+    bool each;
+};
+
+struct viewer {
+    /* what to do */
+    struct program program;
+    struct inlet inlet;
+    long patience; /* ms that a packet waits for one before it */
+    bool headless, print;
+    struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
+    bool conceal; /* show damaged pictures */
+    const char *record; /* file, or NULL */
+    struct output_item output;
+    struct guard guard;
+    /* how it stands */
+    DDX_STORE_ID *id; /* NULL: no store here */
+    DDX_STATS_BOOK *book;
+    struct counters counters;
+    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS]; /* what the counters show */
+    struct intake intake;
+    struct answer answer;
+    struct decoder decoder;
+    struct display *display; /* NULL: no window */
+    struct newest newest;
+    struct movie movie;
+    int64_t counted; /* when packets that gave no frame were counted last */
+    bool shown;      /* a picture of the present source was */
+    int64_t joining; /* when to try to join the group again */
+    struct decoder_limits limits;
+    bool said_store;
+    bool said_join;
+    unsigned said; /* of the present source: bits of enum decoder_refusal; SAID_STORE */
+    int status;
+    atomic_bool done; /* may be set by another thread: stop */
+};
+
+#endif
