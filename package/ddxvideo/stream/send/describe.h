@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_DESCRIBE_H
 #define DDXVIDEO_DESCRIBE_H
 
-#include "sender.h"
+#include "sender_state.h"
 
 /* Write and announce the description. `encoded`: a frame with parameter sets. Failures are reported, no more. */
 void describe(struct sender *sender, const struct encoded *encoded);

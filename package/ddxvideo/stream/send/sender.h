@@ -1,65 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
+/* From a video item to packets of a stream. */
 #ifndef DDXVIDEO_SENDER_H
 #define DDXVIDEO_SENDER_H
 
-#include "announce.h"
-#include "as_420.h"
-#include "counters.h"
-#include "encoder.h"
-#include "packets.h"
-#include "post.h"
-#include "program.h"
-#include "ts.h"
-
-#define SENDER_COUNTS 17
-
-/* What goes out now: of the last whole second, and where the next one began. */
-struct sender_rate {
-    uint64_t kbit;    /* per second, IP and UDP headers included */
-    uint64_t percent; /* repair packets for each 100 media packets */
-    int64_t begin;
-    uint64_t bytes, media, repairs;
-};
-
-struct sender {
-    /* what to do */
-    struct program program;
-    const char *name; /* of the video item */
-    enum rtp_type type;
-    long wire;    /* kbit/s of everything that is sent to a receiver, IP and UDP headers included */
-    long bitrate; /* kbit/s of encoded video, at most */
-    bool repairs; /* repair packets are sent */
-    double ratio; /* of repair packets to media packets, where no receiver reports */
-    bool fast;    /* preset ultrafast */
-    struct outlet outlet;
-    struct ts ts;
-    struct announce announce;
-    const char *sdp; /* file, or folder with a slash at its end, or NULL */
-    const char *key; /* file, or NULL */
-    struct secure *secure; /* its key, or NULL */
-    /* how it stands */
-    DDX_STATS_BOOK *book;
-    DDX_STORE_ITEM *video;
-    struct counters counters;
-    uint64_t counts[SENDER_COUNTS];
-    struct sender_rate rate;
-    struct as_420 as_420;
-    struct encoder encoder;
-    bool described; /* the description is of this encoder's stream */
-    size_t wanted;  /* bytes that the last frame was to have */
-    struct packets packets;
-    struct post post;
-    struct outlet sent; /* the outlet's counters, as they were last */
-    bool awaited; /* the item was not there when the sender came: all that is written to it is ours to send */
-    bool follows; /* what is written now is ours to send */
-    bool said_waiting;
-    int64_t begin; /* of the wait for the item */
-    bool failing;   /* packets do not go out, said so */
-    uint32_t ssrc, time_offset;
-    uint16_t count; /* frames handed over */
-    int status;
-    bool done;
-};
+#include "sender_state.h"
 
 /* Send until told to stop; returns the program's exit status. */
 int sender_run(struct sender *sender);
