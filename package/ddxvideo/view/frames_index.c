@@ -14,6 +14,43 @@
 #define NS INT64_C(1000000000)
 #define USUAL_RATE 25 /* of a file that does not say it */
 #define LINES 256     /* FRAME lines that are read in one go */
+#define FIRST_ROOM 1024
+
+size_t frames_header(int fd, struct y4m_header *header, char *error) {
+    char line[Y4M_HEADER_MAX + 1];
+    ssize_t got = pread(fd, line, Y4M_HEADER_MAX, 0);
+    char *end = got > 0 ? memchr(line, '\n', (size_t)got) : NULL;
+
+    if (got < 0)
+        snprintf(error, Y4M_ERROR_MAX, "cannot be read: %s", strerror(errno));
+    else if (!got)
+        snprintf(error, Y4M_ERROR_MAX, "is empty; record or copy it again");
+    else if (!end)
+        snprintf(error, Y4M_ERROR_MAX, "no Y4M file; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m");
+    if (!end)
+        return 0;
+    *end = 0;
+    if (memchr(line, 0, (size_t)(end - line))) {
+        snprintf(error, Y4M_ERROR_MAX, "no Y4M file: its header holds a zero byte");
+        return 0;
+    }
+    return y4m_parse_header(line, DDX_VIDEO_420, header, error) ? (size_t)(end - line) + 1 : 0;
+}
+
+static int frames_add(struct frames *frames, const struct frames_entry *entry) {
+    if (frames->count == frames->room) {
+        int64_t room = frames->room ? 2 * frames->room : FIRST_ROOM;
+        struct frames_entry *more = realloc(frames->entry, (size_t)room * sizeof *more);
+
+        if (!more)
+            return -ENOMEM;
+        frames->entry = more;
+        frames->room = room;
+    }
+    frames->entry[frames->count++] = *entry;
+    frames->lost += entry->missing;
+    return 0;
+}
 
 static uint32_t small(uint64_t count) {
     return count > UINT32_MAX ? UINT32_MAX : (uint32_t)count;

@@ -1,12 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Where the frames of one file are: from its index, or from the file. For frames.c. */
+/* Where the frames of one file are: from its index, or from the file. */
 #ifndef DDXVIDEO_FRAMES_INDEX_H
 #define DDXVIDEO_FRAMES_INDEX_H
 
-#include "frames.h"
+#include "frames_table.h"
+#include "y4m.h"
 
-/* -ENOMEM or 0. */
-int frames_add(struct frames *frames, const struct frames_entry *entry);
+/* The header of a Y4M file that is open: its length, or 0 and a text in error[Y4M_ERROR_MAX]. */
+size_t frames_header(int fd, struct y4m_header *header, char *error);
 
 /* 0: all of it was read. -ENOMEM; -EBADMSG: it is damaged, or not to be had. */
 int frames_index_read(struct frames *frames, struct frames_part *part);

@@ -1,0 +1,42 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* What is known of the frames of a file, or of all files of a recording. */
+#ifndef DDXVIDEO_FRAMES_TABLE_H
+#define DDXVIDEO_FRAMES_TABLE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+struct frames_entry {
+    uint64_t offset; /* of its FRAME line */
+    int64_t time;    /* ns: of the capture if that is known, else since the first frame */
+    uint32_t bytes;  /* line and picture */
+    uint32_t part;
+    uint32_t missing; /* frames before it */
+    int32_t number;   /* the source's, or from 0 */
+};
+
+struct frames_part {
+    char *path;
+    char *index;         /* path of its index, or NULL */
+    bool follows;        /* directly on the part before it */
+    int64_t wall_offset; /* of the times of its frames; 0: they are not known */
+};
+
+struct frames {
+    struct frames_entry *entry;
+    int64_t count;
+    struct frames_part *part;
+    unsigned parts;
+    char name[64];  /* of the item that was recorded, or of the file */
+    char text[120]; /* what is wrong, "" if nothing is */
+    uint64_t lost;
+    bool complete;
+    /* private: */
+    int64_t room;
+    unsigned next;   /* part to be read */
+    uint32_t cut;    /* frames that the part before has lost at its end */
+    uint64_t sequence, step; /* of the last frame in the store */
+    struct frames_scan *scan;
+};
+
+#endif
