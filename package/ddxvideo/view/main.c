@@ -7,7 +7,7 @@
 #include "network.h"
 #include "program.h"
 #include "screen.h"
-#include "view.h"
+#include "view_run.h"
 #include "window.h"
 
 #define MEMORY (UINT64_C(256) << 20)

@@ -49,9 +49,6 @@ struct view {
     int status; /* the program's */
 };
 
-/* Until the user has enough of it: the program's exit status. The source is closed. */
-int view_run(struct view *view);
-
 #define VIEW_MESSAGE (3 * VIEW_NS)
 
 /* Show a message for VIEW_MESSAGE. */
