@@ -37,7 +37,7 @@ def recordings(desk: Desk) -> list[pathlib.Path]:
 
 @dataclasses.dataclass
 class Index:
-    """As package/ddxvideo/save/index.h describes it."""
+    """As package/ddxvideo/save/pool/index.h describes it."""
     state: int
     frames: int
     bytes: int

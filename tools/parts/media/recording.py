@@ -41,7 +41,7 @@ class FileSystem:
     def _session(self, index: str) -> int:
         with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
             data = self.take(f"pool/{index}", pathlib.Path(folder) / "index").read_bytes()
-        magic, session = struct.unpack_from("<8s60xI", data)  # package/ddxvideo/save/index.h
+        magic, session = struct.unpack_from("<8s60xI", data)  # package/ddxvideo/save/pool/index.h
         if magic != b"DDXINDX1":
             raise Failed(f"/pool/{index} is no index")
         return int(session)
