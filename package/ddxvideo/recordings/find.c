@@ -11,6 +11,7 @@
 
 #include "find_file.h"
 #include "pool_files.h"
+#include "pool_lock.h"
 
 #define LOOKS_MAX 10
 

@@ -4,13 +4,11 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
-#include <time.h>
 #include <unistd.h>
 
-#include "pool_files.h"
+#include "pool_lock.h"
 #include "program.h"
 
 #define SMALLEST (4u << 20)
@@ -84,27 +82,6 @@ uint64_t pool_file_bytes(const struct pool *pool) {
 
 /* ---- Take ---- */
 
-static bool count_free(struct pool *pool, long id, void *argument) {
-    struct pool_file file;
-    struct index_header header;
-
-    if (!pool_is_named(pool, id) && pool_claim(pool, id, &file, &header)) {
-        *(unsigned *)argument += header.state == INDEX_FREE;
-        pool_release(&file);
-    }
-    return true;
-}
-
-unsigned pool_ready(struct pool *pool) {
-    unsigned count = 0;
-
-    pool_lock(pool);
-    pool_each(pool, count_free, &count);
-    count += pool->has_next;
-    pool_unlock(pool);
-    return count;
-}
-
 /* Without a prepared file: one that is half prepared, a new one, or the oldest recording's, with room for all. */
 static int make(struct pool *pool, struct pool_file *file) {
     int error = -ENOSPC;
@@ -140,65 +117,5 @@ int pool_take(struct pool *pool, struct pool_file *file) {
     pool_lock(pool);
     int error = pool_find(pool, INDEX_FREE, file) ? 0 : make(pool, file);
     pool_unlock(pool);
-    return error;
-}
-
-void pool_give_back(struct pool_file *file) {
-    struct index_header header = {.state = file->prepared ? INDEX_FREE : INDEX_RAW};
-
-    pool_write_header(file, &header);
-    pool_release(file);
-}
-
-/* ---- Finish ---- */
-
-/* 0; -EEXIST: another file has this name; -errno. */
-static int give_name(const struct pool *pool, const struct pool_file *file, const char *name) {
-    char own[POOL_PATH];
-    struct stat this, other;
-
-    pool_data_name(own, file->id);
-    if (!linkat(pool->folder, own, pool->outside, name, 0))
-        return 0;
-    if (errno != EEXIST || fstat(file->fd, &this) || fstatat(pool->outside, name, &other, AT_SYMLINK_NOFOLLOW))
-        return -errno;
-    return this.st_ino == other.st_ino && this.st_dev == other.st_dev ? 0 : -EEXIST;
-}
-
-/* The index has it before the file has such a name. 0 or -errno. */
-static int take_other_number(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked) {
-    char name[sizeof header->name];
-
-    strcpy(name, header->name);
-    if (!locked)
-        pool_lock(pool);
-    pool_renumber(header, pool_take_number(pool));
-    if (!locked)
-        pool_unlock(pool);
-    say("%s/%s: another file has this name; the recording is %s", pool->place, name, header->name);
-    int error = pool_write_header(file, header);
-    return error ? error : fsync(file->index_fd) ? -errno : 0;
-}
-
-int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *header) {
-    return pool_finish_locked(pool, file, header, false);
-}
-
-int pool_finish_locked(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked) {
-    int error = 0;
-
-    /* On the disk before anybody else gets the blocks that are free now: two files must not claim them. */
-    if (ftruncate(file->fd, (off_t)header->bytes) || fsync(file->fd))
-        error = -errno;
-    while (!error && (error = give_name(pool, file, header->name)) == -EEXIST)
-        error = take_other_number(pool, file, header, locked);
-    if (!error && fsync(pool->outside))
-        error = -errno;
-    header->state = INDEX_NAMED; /* after the name is on the disk: else a power cut would delete the recording */
-    if (!error)
-        error = pool_write_header(file, header);
-    if (!error && fsync(file->index_fd))
-        error = -errno;
-    pool_release(file);
     return error;
 }

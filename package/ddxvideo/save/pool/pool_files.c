@@ -12,6 +12,8 @@
 #include <sys/statvfs.h>
 #include <unistd.h>
 
+#include "pool_lock.h"
+
 void pool_data_name(char name[POOL_PATH], long id) {
     snprintf(name, POOL_PATH, "%06ld.y4m", id);
 }
@@ -205,6 +207,13 @@ int pool_write_index(const struct pool_file *file, uint32_t state) {
     int error = done < 0 ? -errno : done == (ssize_t)sizeof *index ? 0 : -ENOSPC;
     free(index);
     return error;
+}
+
+void pool_give_back(struct pool_file *file) {
+    struct index_header header = {.state = file->prepared ? INDEX_FREE : INDEX_RAW};
+
+    pool_write_header(file, &header);
+    pool_release(file);
 }
 
 int pool_allocate(const struct pool *pool, const struct pool_file *file) {

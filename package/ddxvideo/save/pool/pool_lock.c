@@ -5,6 +5,8 @@
  *
  * The file has the number of the newest recording: a recorder's own index has it only with its first flush.
  */
+#include "pool_lock.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -14,7 +16,6 @@
 #include <unistd.h>
 
 #include "crc32c.h"
-#include "pool_files.h"
 
 #define LOCK "lock"
 
@@ -63,6 +64,13 @@ void pool_lock(struct pool *pool) {
 
 void pool_unlock(struct pool *pool) {
     set(pool->lock_fd, F_OFD_SETLK, F_UNLCK, 0);
+    pthread_mutex_unlock(&pool->lock);
+}
+
+void pool_wait_for_recovery(struct pool *pool) {
+    pthread_mutex_lock(&pool->lock);
+    while (pool->recovering)
+        pthread_cond_wait(&pool->changed, &pool->lock);
     pthread_mutex_unlock(&pool->lock);
 }
 

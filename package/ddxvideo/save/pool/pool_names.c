@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Numbers and names of recordings, and which is the oldest. */
+#include "pool_names.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
@@ -11,6 +13,7 @@
 #include <unistd.h>
 
 #include "pool_files.h"
+#include "pool_lock.h"
 
 const char *pool_name_number(const char *name, uint32_t *number) {
     size_t length = strlen(name);

@@ -3,6 +3,8 @@
  * The thread that keeps files ready. It writes only while the recorder does not need the disk, not more than half of
  * the time, and twice as fast as recordings are written: that is sufficient to stay ahead.
  */
+#include "pool_prepare.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
@@ -12,6 +14,9 @@
 #include <unistd.h>
 
 #include "pool_files.h"
+#include "pool_lock.h"
+#include "pool_names.h"
+#include "pool_recover.h"
 #include "program.h"
 
 #define CHUNK (1u << 20)
@@ -19,6 +24,27 @@
 #define PAUSE (NS / 20)
 #define SLOWEST (UINT64_C(8) << 20) /* bytes a second, when nothing is recorded, or little */
 #define LOOK 5 /* s: another program may have taken what was ready */
+
+static bool count_free(struct pool *pool, long id, void *argument) {
+    struct pool_file file;
+    struct index_header header;
+
+    if (!pool_is_named(pool, id) && pool_claim(pool, id, &file, &header)) {
+        *(unsigned *)argument += header.state == INDEX_FREE;
+        pool_release(&file);
+    }
+    return true;
+}
+
+unsigned pool_ready(struct pool *pool) {
+    unsigned count = 0;
+
+    pool_lock(pool);
+    pool_each(pool, count_free, &count);
+    count += pool->has_next;
+    pool_unlock(pool);
+    return count;
+}
 
 static void pause_for(int64_t time) {
     struct timespec duration = {.tv_sec = (time_t)(time / NS), .tv_nsec = (long)(time % NS)};
@@ -130,13 +156,6 @@ static void recover(struct pool *pool) {
     pthread_mutex_lock(&pool->lock);
     pool->recovering = false;
     pthread_cond_broadcast(&pool->changed);
-    pthread_mutex_unlock(&pool->lock);
-}
-
-void pool_wait_for_recovery(struct pool *pool) {
-    pthread_mutex_lock(&pool->lock);
-    while (pool->recovering)
-        pthread_cond_wait(&pool->changed, &pool->lock);
     pthread_mutex_unlock(&pool->lock);
 }
 

@@ -1,5 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* After a power cut, or a recorder that was killed: each recording ends with the last frame that its index promises. */
+#include "pool_recover.h"
+
 #include <errno.h>
 #include <fcntl.h>
 #include <stdlib.h>
@@ -9,6 +11,8 @@
 
 #include "crc32c.h"
 #include "pool_files.h"
+#include "pool_finish.h"
+#include "pool_lock.h"
 #include "program.h"
 
 #define LOOKED_AT 32 /* last frames whose sums are checked: the disk may have lied about the newest ones */
