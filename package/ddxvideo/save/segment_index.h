@@ -3,7 +3,8 @@
 #ifndef DDXVIDEO_SEGMENT_INDEX_H
 #define DDXVIDEO_SEGMENT_INDEX_H
 
-#include "segment.h"
+#include "frame_queue.h"
+#include "segment_state.h"
 
 /* As segment_add(), segment_flush() and segment_finish(), for files of the pool. */
 void segment_index_add(struct segment *segment, const struct frame_queue_frame *frame, uint32_t sum, int64_t latency);
