@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "recording_thread.h"
+#include "recording_write.h"
 #include "video_layout.h"
 #include "y4m.h"
 

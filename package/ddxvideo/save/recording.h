@@ -6,22 +6,9 @@
 #ifndef DDXVIDEO_RECORDING_H
 #define DDXVIDEO_RECORDING_H
 
-#include <ddx_stats.h>
-#include <pthread.h>
-
-#include "ddxvideo.h"
-#include "output.h"
-#include "pool.h"
-#include "segment.h"
+#include "recording_plan.h"
 
 struct recording;
-
-/* Recordings of one recorder write to disk one after the other: their files get numbers in their order. */
-struct recording_turn {
-    pthread_mutex_t lock;
-    pthread_cond_t changed;
-    unsigned begun, written; /* recordings so far */
-};
 
 /*
  * Size of the queue for pictures like these, in frames: 2.5 s, at least 64 frames, and at most
@@ -38,17 +25,6 @@ uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
 
 /* Bytes of a picture like these in a file. */
 unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry);
-
-/* What to record, and where to. */
-struct recording_plan {
-    const struct output *output;
-    struct pool *pool; /* NULL: one file */
-    struct ddxvideo_geometry geometry;
-    unsigned queue_frames;
-    struct recording_turn *turn;
-    uint64_t lost_store, lost_ring; /* before its first frame */
-    DDX_STATS_BOOK *book; /* counts each frame's outcome */
-};
 
 /*
  * Begin to record. The thread that writes opens the first file, so that the caller does not wait for a disk. 0 or

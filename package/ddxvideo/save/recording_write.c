@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The thread between queue and disk. */
+#include "recording_write.h"
+
 #include <string.h>
 
 #include "crc32c.h"
 #include "program.h"
-#include "recording_thread.h"
 
 #define CHUNK (1u << 20) /* writes end at multiples of this, when so much is waiting */
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* A recording from inside: what the reading and the writing thread share. */
-#ifndef DDXVIDEO_RECORDING_THREAD_H
-#define DDXVIDEO_RECORDING_THREAD_H
+#ifndef DDXVIDEO_RECORDING_WRITE_H
+#define DDXVIDEO_RECORDING_WRITE_H
 
 #include "flusher.h"
-#include "recording.h"
 #include "frame_queue.h"
+#include "recording_plan.h"
 #include "segment.h"
 
 struct recording {
