@@ -21,7 +21,7 @@ static const char *const reasons[] = {"store", "ring", "write", NULL};
 #define BUSY 25          /* %: from there on the disk has enough to do with what is in the queue */
 #define DRAIN_FRAMES 256 /* bound on what is still taken from the store after TERM */
 
-static void fail(struct recorder *recorder, const char *what, int error) {
+static void recorder_fail(struct recorder *recorder, const char *what, int error) {
     say("%s: %s", what, ddx_error_text(error));
     recorder->status = EXIT_FAILED;
     recorder->done = true;
@@ -54,7 +54,7 @@ static void finish(struct recorder *recorder, struct recording *recording) {
 }
 
 /* The former ones that are on disk by now; or, waiting for it, all. */
-static void finish_former(struct recorder *recorder, bool wait) {
+static void recorder_finish_former(struct recorder *recorder, bool wait) {
     struct recording *recording;
 
     while ((recording = backlog_take(&recorder->backlog, wait)))
@@ -91,7 +91,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
 
     if ((unsigned)recorder->queue_frames > frames)
         say("-ring %ld: a quarter of the memory has room for %u frames like these", recorder->queue_frames, frames);
-    finish_former(recorder, false);
+    recorder_finish_former(recorder, false);
     bool room = backlog_has_room(&recorder->backlog, recorder->recording, bytes);
     recorder_end_file(recorder);
     if (!room || recorder->done)
@@ -121,7 +121,7 @@ static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo
 }
 
 /* Make sure that the present file fits this frame. False if it cannot be recorded. */
-static bool choose_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
+static bool recorder_choose_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     if (!recorder->recording || recorder->output.is_folder) {
         if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry))
             begin_file(recorder, view);
@@ -177,7 +177,7 @@ static uint64_t wanted_up_to(const void *decimate, uint64_t sequence) {
  * ones that a predecessor left when it died. Of an item that did not exist before, it accounts for all frames from the
  * first write on, whenever the store began to keep frames.
  */
-static void follow(struct recorder *recorder, const struct ddx_frame *frame) {
+static void recorder_follow(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
 
     if (frame && !ddxvideo_view_any(recorder->video, frame->data, &view))
@@ -225,7 +225,7 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
         count_missed(recorder, frame->missed, number);
     ddx_stats_in(recorder->book, 1, frame->sequence);
     ddx_stats_write(recorder->book); /* before it can be on the disk: what is found there was in */
-    if (!choose_file(recorder, view)) {
+    if (!recorder_choose_file(recorder, view)) {
         ddx_stats_lost(recorder->book, LOST_WRITE, 1);
     } else {
         bool full = !put_into_queue(recorder, view, frame);
@@ -303,13 +303,13 @@ static void refuse_layout(struct recorder *recorder, int format) {
     recorder->done = true;
 }
 
-static void handle(struct recorder *recorder, const struct ddx_frame *frame) {
+static void recorder_handle(struct recorder *recorder, const struct ddx_frame *frame) {
     struct ddxvideo_picture view;
 
     recorder->seen = true;
     int error = recorder->done ? 0 : ddxvideo_view_any(recorder->video, frame->data, &view);
     if (error == -EPROTOTYPE)
-        fail(recorder, recorder->name, error);
+        recorder_fail(recorder, recorder->name, error);
     if (!error && !recorder->done && !y4m_has(view.geometry.format))
         refuse_layout(recorder, view.geometry.format);
     if (!error && !recorder->done)
@@ -404,19 +404,19 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
     int error = ddx_store_acquire(recorder->video, &frame, timeout, DDX_IN_ORDER);
 
     if (!recorder->follows && (!error || error == -ETIMEDOUT))
-        follow(recorder, error ? NULL : &frame);
+        recorder_follow(recorder, error ? NULL : &frame);
     if (error == -ETIMEDOUT || (error == -EBUSY && keep_fewer(recorder)))
         return false;
     if (error) {
         if (!recorder->done)
-            fail(recorder, recorder->name, error);
+            recorder_fail(recorder, recorder->name, error);
         return false;
     }
     bool wanted = frame.time <= not_after;
     if (!recorder->seen)
         keep_more(recorder); /* before it is recorded: a program that sees the recording may rely on the number kept */
     if (wanted)
-        handle(recorder, &frame);
+        recorder_handle(recorder, &frame);
     ddx_store_release(recorder->video);
     return wanted;
 }
@@ -435,7 +435,7 @@ static void record(struct recorder *recorder) {
         tell_waiting(recorder);
         commands_tick(recorder);
         program_tick(recorder->book);
-        finish_former(recorder, false);
+        recorder_finish_former(recorder, false);
         if (recorder->recording && recording_error(recorder->recording))
             recorder->done = true;
     }
@@ -445,7 +445,7 @@ static void record(struct recorder *recorder) {
         continue;
     ddx_stats_skipped(recorder->book, preroll_clear(&recorder->preroll));
     recorder_end_file(recorder);
-    finish_former(recorder, true);
+    recorder_finish_former(recorder, true);
 }
 
 /* ---- Start and end ---- */
