@@ -6,6 +6,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "recorder_file.h"
+#include "recorder_frames.h"
+
 struct order {
     const char *name;
     int64_t minimum, maximum;

@@ -9,7 +9,7 @@
 #ifndef DDXVIDEO_COMMANDS_H
 #define DDXVIDEO_COMMANDS_H
 
-#include "recorder.h"
+#include "recorder_state.h"
 
 #define PRE_ROLL_MAX 600 /* s */
 
