@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "form.h"
+#include "fields.h"
 
 #define NESTING_MAX 8
 #define FIELDS_MAX 200

@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fields.h"
+
 struct walk {
     const struct form_fields *fields;
     struct form *form;

@@ -63,30 +63,4 @@ unsigned form_list_extents(char *text, struct ddx_extent *extents, unsigned room
 void form_pack(const struct form *form, const void *value, unsigned char *message);
 void form_unpack(const struct form *form, const unsigned char *message, void *value);
 
-/* ---- Between form.c, schema.c and declaration.c ---- */
-
-/* As struct ddx_field, of which it is a copy; names are short. */
-struct form_field {
-    char name[DDX_NAME_MAX + 1];
-    enum ddx_kind kind;
-    uint32_t bytes, count, bound; /* elements in use; as declared */
-    uint32_t children;
-    uint64_t offset;
-    bool extent;
-};
-
-struct form_fields {
-    struct form_field *field;
-    unsigned count;
-};
-
-/* The text of a C declaration, a list of its extents; to free(). NULL: no memory. */
-char *form_declaration(const struct form_fields *fields);
-char *form_extents(const struct form_fields *fields);
-/* The reverse; fields->field is to free(), offsets are 0. -EINVAL, -ENOMEM. */
-int form_parse(const char *declaration, const char *extents, struct form_fields *fields);
-/* A ros2msg schema, and its name; to free(). NULL: no memory. */
-char *form_schema(const struct form_fields *fields, const char *type);
-char *form_schema_name(const char *type);
-
 #endif

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "form.h"
+#include "fields.h"
 
 #define NAME_ROOM 160
 #define PACKAGE "ddx"
