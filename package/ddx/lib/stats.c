@@ -46,53 +46,6 @@ DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons)
     return book;
 }
 
-/* The value that a former program left in the item. Its own handle, so that the reader's share is given back at
- * once. */
-static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
-    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
-
-    if (!item)
-        return -errno;
-    int error = ddx_store_read(item, former, NULL, 0, DDX_CURRENT);
-    ddx_store_done_item(item);
-    return error;
-}
-
-/* -EEXIST if the living writer of the item keeps counters there; else why the item can hold none. */
-static int refused_by(DDX_STORE_ID *id, const char *name) {
-    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, "DDX_STATS", (int)sizeof(DDX_STATS));
-    int error = item ? -EEXIST : -errno;
-
-    ddx_store_done_item(item);
-    return error;
-}
-
-int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
-    char name[DDX_NAME_MAX + 1];
-    size_t length = strlen(book->instance);
-
-    memcpy(name, book->instance, length);
-    memcpy(name + length, DDX_STATS_SUFFIX, sizeof(DDX_STATS_SUFFIX));
-
-    /* First the writer's role, then the value: no other program can change it in between. */
-    struct ddx_item_spec spec = {.name = name, .type = "DDX_STATS", .size = sizeof(DDX_STATS)};
-    DDX_STORE_ITEM *item;
-    int error = ddx_store_create(id, &spec, &item);
-    if (error)
-        return error == -EEXIST ? refused_by(id, name) : error;
-    DDX_STATS former;
-    int unread = read_former(id, name, &former);
-
-    pthread_mutex_lock(&book->lock);
-    if (source && strlen(source) < sizeof(book->stats.source))
-        strcpy(book->stats.source, source);
-    if (!unread)
-        ddx_stats_take_over(book, &former);
-    book->item = item;
-    pthread_mutex_unlock(&book->lock);
-    return ddx_stats_write(book);
-}
-
 void ddx_stats_latency_until(DDX_STATS_BOOK *book, uint32_t until) {
     pthread_mutex_lock(&book->lock);
     book->stats.latency_until = until;

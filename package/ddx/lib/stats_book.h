@@ -23,7 +23,4 @@ struct ddx_stats_book {
 void ddx_stats_histogram_add(DDX_STATS *stats, uint64_t frames, int64_t latency);
 void ddx_stats_histogram_merge(DDX_STATS *stats, const DDX_STATS *former);
 
-/* stats_takeover.c: continue the totals of `former`, whose contents are not trusted. */
-void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former);
-
 #endif

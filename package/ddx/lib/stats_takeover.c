@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* A restarted program continues the totals of the one before, so that in = out + lost holds across restarts. */
+#include <errno.h>
 #include <string.h>
 
 #include "stats_book.h"
@@ -18,7 +19,8 @@ static unsigned reason_named(struct ddx_stats_book *book, const char *name) {
     return stats->reasons++;
 }
 
-void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
+/* Continue the totals of `former`, whose contents are not trusted. */
+static void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
     DDX_STATS *stats = &book->stats;
 
     if (former->version != DDX_STATS_VERSION)
@@ -58,6 +60,53 @@ void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *former) {
         stats->sequence = former->sequence;
         stats->follows = former->follows;
     }
+}
+
+/* The value that a former program left in the item. Its own handle, so that the reader's share is given back at
+ * once. */
+static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
+
+    if (!item)
+        return -errno;
+    int error = ddx_store_read(item, former, NULL, 0, DDX_CURRENT);
+    ddx_store_done_item(item);
+    return error;
+}
+
+/* -EEXIST if the living writer of the item keeps counters there; else why the item can hold none. */
+static int refused_by(DDX_STORE_ID *id, const char *name) {
+    DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, "DDX_STATS", (int)sizeof(DDX_STATS));
+    int error = item ? -EEXIST : -errno;
+
+    ddx_store_done_item(item);
+    return error;
+}
+
+int ddx_stats_attach(DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
+    char name[DDX_NAME_MAX + 1];
+    size_t length = strlen(book->instance);
+
+    memcpy(name, book->instance, length);
+    memcpy(name + length, DDX_STATS_SUFFIX, sizeof(DDX_STATS_SUFFIX));
+
+    /* First the writer's role, then the value: no other program can change it in between. */
+    struct ddx_item_spec spec = {.name = name, .type = "DDX_STATS", .size = sizeof(DDX_STATS)};
+    DDX_STORE_ITEM *item;
+    int error = ddx_store_create(id, &spec, &item);
+    if (error)
+        return error == -EEXIST ? refused_by(id, name) : error;
+    DDX_STATS former;
+    int unread = read_former(id, name, &former);
+
+    pthread_mutex_lock(&book->lock);
+    if (source && strlen(source) < sizeof(book->stats.source))
+        strcpy(book->stats.source, source);
+    if (!unread)
+        ddx_stats_take_over(book, &former);
+    book->item = item;
+    pthread_mutex_unlock(&book->lock);
+    return ddx_stats_write(book);
 }
 
 void ddx_stats_published(DDX_STATS_BOOK *book, uint64_t written) {
