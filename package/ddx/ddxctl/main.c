@@ -69,14 +69,6 @@ static size_t find_command(const char *word) {
     return command;
 }
 
-int complain(const char *item, int error) {
-    if (item)
-        fprintf(stderr, "ddxctl: %s: %s\n", item, ddx_error_text(error));
-    else
-        fprintf(stderr, "ddxctl: %s\n", ddx_error_text(error));
-    return 1;
-}
-
 static int bad_usage(const char *word, const char *problem) {
     fprintf(stderr, "ddxctl: %s: %s; see ddxctl -help\n", word, problem);
     return 2;

@@ -1,0 +1,13 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Errors of the store, for people. */
+#include <stdio.h>
+
+#include "ddxctl.h"
+
+int complain(const char *item, int error) {
+    if (item)
+        fprintf(stderr, "ddxctl: %s: %s\n", item, ddx_error_text(error));
+    else
+        fprintf(stderr, "ddxctl: %s\n", ddx_error_text(error));
+    return 1;
+}
