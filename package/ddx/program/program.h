@@ -9,7 +9,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-enum { EXIT_OK = 0, EXIT_FAILED = 1, EXIT_USAGE = 2 };
+#include "exit_status.h"
+#include "signals.h"
 
 /* One line to stderr: "<program>: <message>". */
 __attribute__((format(printf, 1, 2))) void say(const char *format, ...);
@@ -51,24 +52,6 @@ struct program {
  * the signals. Ends the program after -help and -version (exit 0) and after bad usage (one line, exit 2).
  */
 void program_start(struct program *program, int argc, char **argv);
-
-/* TERM or INT came: finish, within five seconds. A program still running then is ended, with exit 0. */
-bool program_stopping(void);
-
-/* That was more than three seconds ago: no more waiting for another program. From any thread. */
-bool program_has_no_patience(void);
-
-/* Where the counters go: standard output, unless it is wanted for something else. */
-void program_report_to(FILE *file);
-
-/* Print the counters' JSON line. */
-void program_report(DDX_STATS_BOOK *book);
-
-/* USR1 came. */
-bool program_report_wanted(void);
-
-/* For program_start(). */
-void signals_catch(void);
 
 /* Prints the JSON line if USR1 came, and writes the book into the store at least once a second. Call it often. */
 void program_tick(DDX_STATS_BOOK *book);

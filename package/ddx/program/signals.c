@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* TERM, INT and USR1. After TERM the program ends within five seconds, whatever it waits for. */
+#include "signals.h"
+
 #include <signal.h>
 #include <stdlib.h>
 #include <time.h>
 #include <unistd.h>
 
-#include "program.h"
+#include "exit_status.h"
 
 #define TICK_NS 100000000
 #define PATIENCE_TICKS 35 /* with a pipe without reader, and the like */
