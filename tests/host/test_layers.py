@@ -29,7 +29,7 @@ C_LAYERS = {
         {"reader", "reader_take", "writer"},
         {"direct"},
         {"info", "item", "keeper"},
-        {"request", "stats", "stats_book", "stats_histogram", "stats_json", "stats_takeover"},
+        {"exchange", "request", "stats", "stats_book", "stats_histogram", "stats_json", "stats_takeover"},
         {"remote"},
     ],
     "package/ddx/store": [

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "ddx_request.h"
+#include "exchange.h"
 #include "futex.h"
 #include "item.h"
 #include "type.h"
@@ -13,6 +13,17 @@
 #define CATALOG "catalog"
 #define OPEN_STEP 20000000 /* ns between two attempts to find a machine */
 #define ASK 5.0            /* s that the catalog may take to answer */
+
+/* As ddx_store_lookup_item(), of an item that this machine has itself. */
+static DDX_STORE_ITEM *find_here(DDX_STORE_ID *id, const char *name, const char *type, int size) {
+    DDX_STORE_ITEM *item = NULL;
+    int error = ddx_local_lookup(id, name, type, size, &item);
+
+    if (!error)
+        return item;
+    errno = -error;
+    return NULL;
+}
 
 /* Ask for "carol:gps", or with "carol:" whether there is such a machine. 0 or -errno. */
 static int ask(const DDX_STORE_ID *id, const char *name, double timeout) {
@@ -26,7 +37,7 @@ static int ask(const DDX_STORE_ID *id, const char *name, double timeout) {
         changes[count] = (struct ddx_change){pieces[count], 1};
         count++;
     }
-    return ddx_request(&here, CATALOG, changes, count, timeout, text);
+    return ddx_request_by(find_here, &here, CATALOG, changes, count, timeout, text);
 }
 
 static int wait_for_machine(const DDX_STORE_ID *id, const char *host, int64_t deadline) {
