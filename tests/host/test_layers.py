@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What tools, library and store are made of looks downwards only: no circles, and no tool's part knows a command."""
+"""What tools and packages are made of looks downwards only: no circles, and no tool's part knows a command."""
 import ast
 import graphlib
 import pathlib
@@ -9,43 +9,12 @@ import pytest
 
 from parts.common import TOP
 
+from .layers import TABLES, layers
+
 PARTS = TOP / "tools/parts"
 # From below; those of one line do not know each other.
 LAYERS = [{"common"}, {"defects", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
           {"bench", "flash", "release", "testing"}]
-
-# The same for folders in C, but for their public headers; those of one line may know each other, not in a circle.
-C_LAYERS = {
-    "package/ddx/lib": [
-        {"clock", "error", "expression", "fault", "hot"},
-        {"layout", "type", "type_parse", "type_problem"},
-        {"futex", "lock", "memory", "ring", "trust", "wire"},
-        {"queue"},
-        {"handle"},
-        {"connection", "term", "window"},
-        {"reader_role", "writer_readers", "writer_role"},
-        {"reoffer"},
-        {"receive"},
-        {"reader", "reader_take", "writer"},
-        {"direct"},
-        {"info", "item", "keeper"},
-        {"exchange", "request", "stats", "stats_book", "stats_histogram", "stats_json", "stats_takeover"},
-        {"remote"},
-    ],
-    "package/ddx/store": [
-        {"heap", "holder", "log"},
-        {"checkpoint"},
-        {"files", "listen"},
-        {"state"},
-        {"epoch", "items", "memfd_name", "link", "retired"},
-        {"leftover"},
-        {"budget", "descriptors", "notify", "process"},
-        {"adopt", "claim", "readers"},
-        {"request", "session"},
-        {"resume", "worker"},
-        {"main"},
-    ],
-}
 
 
 def topic(path: pathlib.Path) -> str:
@@ -85,6 +54,28 @@ def test_upwards_is_found(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatc
     assert wrong(spoilt) == {"build", "guest", "flash"}
 
 
+def bare(path: pathlib.Path) -> str:
+    """A source without comments and texts."""
+    return re.sub(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', "", path.read_text(), flags=re.DOTALL)
+
+
+def defined(text: str) -> set[str]:
+    """The functions of a file that other files can call."""
+    return set(re.findall(r"^(?!static\b)\w[\w *]*?\b(\w+)\([^;{}]*\) ?\{", text, re.MULTILINE))
+
+
+def calls(folder: pathlib.Path) -> dict[str, set[str]]:
+    """The modules of a folder, and those whose functions each of them calls or hands on."""
+    texts = {path.stem: bare(path) for path in folder.glob("*.c")}
+    owners: dict[str, set[str]] = {}
+    for name, text in texts.items():
+        for function in defined(text):
+            owners.setdefault(function, set()).add(name)
+    used = {name: set(re.findall(r"(?<![.>])\b[a-z]\w+", text)) & owners.keys() for name, text in texts.items()}
+    return {name: {owner for function in functions if name not in owners[function] for owner in owners[function]}
+            for name, functions in used.items()}
+
+
 def includes(folder: pathlib.Path) -> dict[str, set[str]]:
     """The modules of a folder, each a .c file, a .h file or both, and what others there each of them includes."""
     files = sorted(folder.glob("*.[ch]"))
@@ -95,38 +86,100 @@ def includes(folder: pathlib.Path) -> dict[str, set[str]]:
     return found
 
 
-def complaints(folder: pathlib.Path, layers: list[set[str]]) -> list[str]:
-    modules = includes(folder)
-    level = {name: number for number, layer in enumerate(layers) for name in layer}
-    found = [f"{name}: not in one of the layers, or not there" for name in modules.keys() ^ level.keys()]
-    found += [f"{name} includes {other}" for name, others in modules.items() for other in others
-              if level.get(name, 0) < level.get(other, 0)]
-    beside = {name: {other for other in others if level.get(name) == level.get(other)}
-              for name, others in modules.items()}
+def circle(known: dict[str, set[str]]) -> list[str]:
     try:
-        graphlib.TopologicalSorter(beside).prepare()
+        graphlib.TopologicalSorter(known).prepare()
     except graphlib.CycleError as error:
-        found.append("circle: " + " ".join(sorted(set(error.args[1]))))
-    return sorted(found)
+        return ["circle: " + " ".join(sorted(set(error.args[1])))]
+    return []
 
 
-@pytest.mark.parametrize("folder", C_LAYERS)
+def complaints(folder: pathlib.Path, table: list[set[str]]) -> list[str]:
+    called, included = calls(folder), includes(folder)
+    level = {name: number for number, layer in enumerate(table) for name in layer}
+    found = [f"{name}: not in one of the layers, or not there" for name in included.keys() ^ level.keys()]
+    for verb, known in [("includes", included), ("calls", called)]:
+        found += [f"{name} {verb} {other}" for name, others in known.items() for other in others
+                  if level.get(name, 0) < level.get(other, 0)]
+    beside = {name: {other for other in included[name] | called.get(name, set()) if level.get(name) == level.get(other)}
+              for name in included}
+    return sorted(found + circle(beside))
+
+
+def c_folders(top: pathlib.Path) -> list[str]:
+    """Folders of several modules: only there can be circles."""
+    folders = sorted({path.parent for path in top.glob("package/**/*.[ch]")})
+    return [str(folder.relative_to(top)) for folder in folders if len(includes(folder)) > 1]
+
+
+def test_each_folder_has_its_layers() -> None:
+    assert c_folders(TOP) == sorted(TABLES)
+
+
+@pytest.mark.parametrize("folder", TABLES)
 def test_c_downwards(folder: str) -> None:
-    assert complaints(TOP / folder, C_LAYERS[folder]) == []
+    assert complaints(TOP / folder, layers(folder)) == []
 
 
 def test_c_upwards_is_found(tmp_path: pathlib.Path) -> None:
-    layers = [{"low", "below"}, {"middle"}, {"high", "beside"}]
+    table = [{"low", "below"}, {"middle"}, {"high", "beside"}]
     for name in ["low.h", "below.h", "middle.h", "high.h", "beside.h"]:
         (tmp_path / name).write_text("")
     (tmp_path / "middle.c").write_text('#include "middle.h"\n#include "low.h"\n#include "../far/high.h"\n')
     (tmp_path / "high.c").write_text('#include "high.h"\n#include "beside.h"\n')
-    assert complaints(tmp_path, layers) == []
+    assert complaints(tmp_path, table) == []
     (tmp_path / "low.c").write_text('#include <stdio.h>\n#include "middle.h"\n')
     (tmp_path / "beside.c").write_text('#include "high.h"\n')
     (tmp_path / "stray.h").write_text("")
-    assert complaints(tmp_path, layers) == ["circle: beside high", "low includes middle",
-                                            "stray: not in one of the layers, or not there"]
+    assert complaints(tmp_path, table) == ["circle: beside high", "low includes middle",
+                                           "stray: not in one of the layers, or not there"]
+
+
+def test_a_call_upwards_is_found(tmp_path: pathlib.Path) -> None:
+    """Where a header has functions of several files, no include shows that one of them calls another."""
+    (tmp_path / "state.h").write_text("int low(void);\nstruct state *high(int count);\nint right(void);\n")
+    (tmp_path / "low.c").write_text('#include "state.h"\nint low(void) {\n    return 0;\n}\n')
+    (tmp_path / "high.c").write_text('#include "state.h"\nstatic int own(void) {\n    return low();\n}\n'
+                                     "struct state *high(int count) {\n    return count ? 0 : state(own);\n}\n")
+    (tmp_path / "right.c").write_text("int right(void) {\n    return 0;\n}\n")
+    table = [{"state"}, {"low"}, {"high", "right"}]
+    assert complaints(tmp_path, table) == []
+    (tmp_path / "low.c").write_text("int low(void) {\n    /* right */ return start->right + start(high);\n}\n")
+    (tmp_path / "right.c").write_text("int right(void) {\n    return *high(1);\n}\n")
+    assert complaints(tmp_path, table) == ["low calls high"]
+    (tmp_path / "high.c").write_text("struct state *high(int count) {\n    return right();\n}\n")
+    assert complaints(tmp_path, table) == ["circle: high right", "low calls high"]
+
+
+def between(top: pathlib.Path) -> dict[str, set[str]]:
+    """The folders, and from which others each of them includes; a name that several folders have says nothing."""
+    files = sorted(top.glob("package/**/*.[ch]"))
+    homes: dict[str, set[pathlib.Path]] = {}
+    for path in files:
+        homes.setdefault(path.name, set()).add(path.parent)
+    found: dict[str, set[str]] = {}
+    for path in files:
+        for name in re.findall(r'^ *# *include ["<](\w+\.h)[">]', path.read_text(), re.MULTILINE):
+            home = homes.get(name, set())
+            if len(home) == 1 and path.parent not in home:
+                found.setdefault(str(path.parent.relative_to(top)), set()).add(str(min(home).relative_to(top)))
+    return found
+
+
+def test_folders_know_each_other_in_one_direction() -> None:
+    known = between(TOP)
+    assert "package/ddxvideo/save/pool" in known["package/ddxvideo/save"]
+    assert circle(known) == []
+
+
+def test_a_circle_of_folders_is_found(tmp_path: pathlib.Path) -> None:
+    for name, text in [("save/pool/pool.h", ""), ("save/pool/pool.c", '#include "pool.h"\n'), ("save/segment.h", ""),
+                       ("save/segment.c", '#include "pool.h"\n#include <stdio.h>\n')]:
+        (tmp_path / "package" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "package" / name).write_text(text)
+    assert circle(between(tmp_path)) == []
+    (tmp_path / "package/save/pool/pool.h").write_text("#include <segment.h>\n")
+    assert circle(between(tmp_path)) == ["circle: package/save package/save/pool"]
 
 
 # What only one folder knows; others use that folder's header.
