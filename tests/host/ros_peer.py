@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A node of ROS 2, with the Python of tools/parts/image/peers.py:
     ros_peer.py listen TOPIC PACKAGE/msg/TYPE     prints each message as a line of JSON; bytes as SHA-256
-    ros_peer.py talk TOPIC PACKAGE/msg/TYPE       publishes each line of JSON of standard input, once it has a reader
+    ros_peer.py talk TOPIC PACKAGE/msg/TYPE       publishes each line of JSON of standard input while it has a reader;
+                                                  prints how many readers it has found so far
     ros_peer.py find TOPIC                        type of the topic, and its hash, as ROS finds them
 """
 from __future__ import annotations
@@ -47,12 +48,16 @@ def listen(node: Any, topic: str, kind: Any) -> None:
 
 
 def talk(node: Any, topic: str, kind: Any) -> None:
-    publisher = node.create_publisher(kind, topic, QOS)
+    found = [0]
+    events = importlib.import_module("rclpy.event_handler").PublisherEventCallbacks(
+        matched=lambda matched: found.append(matched.total_count))
+    publisher = node.create_publisher(kind, topic, QOS, event_callbacks=events)
     for line in sys.stdin:
-        while not publisher.get_subscription_count():
+        rclpy.spin_once(node, timeout_sec=0)
+        while not publisher.get_subscription_count() or not found[-1]:
             rclpy.spin_once(node, timeout_sec=0.02)
         publisher.publish(fill(kind(), json.loads(line)))
-        print("sent", flush=True)
+        print(found[-1], flush=True)
 
 
 def find(node: Any, topic: str) -> None:

@@ -314,7 +314,7 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
 
 
 @pytest.mark.parametrize("text,told", [
-    ("items imu\n", "exports.conf:1: items: a line begins with item, except, interface, peer, domain"),
+    ("items imu\n", "exports.conf:1: items: a line begins with item, except, accept, interface, peer, domain"),
     ("item\n", "exports.conf:1: after item, one word is needed"),
     ("# fine\nitem imu rate=fast\n", "exports.conf:2: rate=fast: a number above 0, up to 1000"),
     ("item imu every=2\n",
@@ -326,13 +326,20 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
     ("item imu topic=imu\n", "exports.conf:1: topic=imu: /NAME is needed, or /NAME/NAME"),
     ("item imu topic=/imu topic=/x\n", "exports.conf:1: topic=/x: once in a line only"),
     ("except imu latched\n", "exports.conf:1: latched: after except PATTERN, nothing more is allowed"),
+    ("accept /cmd_vel\n", "exports.conf:1: accept TOPIC as ITEM type=MESSAGE is needed"),
+    ("accept /cmd_vel as cmd\n", "exports.conf:1: accept TOPIC as ITEM type=MESSAGE is needed"),
+    ("accept /cmd_vel in cmd type=std_msgs/Int8\n", "exports.conf:1: accept TOPIC as ITEM type=MESSAGE is needed"),
+    ("accept cmd as cmd type=std_msgs/Int8\n", "exports.conf:1: cmd: /NAME is needed, or /NAME/NAME"),
+    ("accept /cmd as a:b type=std_msgs/Int8\n", "exports.conf:1: a:b: the name of an item of this machine is needed"),
+    ("accept /cmd as cmd type=std_msgs/Int\n", "exports.conf:1: type=std_msgs/Int: none of the messages"),
     ("bandwidth 5\n", "exports.conf:1: bandwidth 5: bytes a second are needed, from 1K to 1024M"),
     ("bandwidth 2000M\n", "exports.conf:1: bandwidth 2000M: bytes a second"),
     ("bandwidth 1M 2M\n", "exports.conf:1: after bandwidth, one word is needed"),
     ("domain 233\n", "exports.conf:1: domain 233: a whole number from 0 to 232"),
     ("\x1b]0;x\x07\n", "exports.conf:1: ?]0;x?: a line begins with"),
     ("bandwidth 1M\nitem b as=std_msgs/Float64 topic=/b/c\n"
-     "item a rate=0.5 latched\nexcept b\nitem *\npeer 10.0.0.1\nmulticast no\n", None),
+     "item a rate=0.5 latched\nexcept b\nitem *\n"
+     "accept /c as c type=std_msgs/msg/Int8\npeer 10.0.0.1\nmulticast no\n", None),
 ])
 def test_rules(tmp_path: pathlib.Path, text: str, told: str | None) -> None:
     (tmp_path / "exports.conf").write_text(text)

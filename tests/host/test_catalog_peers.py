@@ -106,11 +106,14 @@ def client(robot: Machine, *words: str) -> Process:
     return process
 
 
-def put(writer: Process, value: dict[str, Any]) -> None:
+def put(writer: Process, value: dict[str, Any]) -> str:
+    """The writer's answer."""
     assert writer.stdin and writer.stdout
     writer.stdin.write(json.dumps(value) + "\n")
     writer.stdin.flush()
-    assert writer.stdout.readline()
+    answer = writer.stdout.readline()
+    assert answer
+    return answer
 
 
 # Hash of a type, by its definition alone: TYPE, then the name and the text of each message.
@@ -229,3 +232,41 @@ def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
     assert "over radio, use ddxvideosend" in robot.desk.errors(robot.catalog)
     wait_until(lambda: bool(robot.counters()["out"] == 30))
     assert lost(robot.counters()) == 0
+
+
+TWIST = f"struct {{ {VECTOR} linear; {VECTOR} angular; }}"
+
+
+def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
+    """An item that a program of the robot has declared. Once both ends know each other, each value arrives once, in
+    order; before that, DDS promises nothing, and ROS sends until the first value has arrived."""
+    robot = begin("accept /cmd_vel as cmd type=geometry_msgs/msg/Twist\nitem cmd\n")
+    values(robot, "cmd", "TWIST", TWIST).communicate("")
+    reader, node = client(robot, "values_client.py", "cmd"), laptop.ros("talk", "/cmd_vel", "geometry_msgs/msg/Twist")
+    wait_until(lambda: robot.desk.readers("cmd") == 1)
+    sent = 0
+
+    def twist(number: int) -> dict[str, Any]:
+        return {"linear": {"x": number / 4, "y": 0.0, "z": -1.0}, "angular": {"x": 0.0, "y": 0.5, "z": number / 2}}
+
+    def send() -> int:
+        nonlocal sent
+        sent += 1
+        return int(put(node, twist(sent)))
+
+    def arrives() -> bool:
+        send()
+        return robot.desk.sequence("cmd") > 0
+
+    wait_until(arrives)
+    looked = robot.desk.sequence("catalog.machines")  # written each second; items are looked at more often
+    wait_until(lambda: robot.desk.sequence("catalog.machines") >= looked + 2)
+    for _ in range(20):
+        assert send() == 1  # the catalog reads by the reader that it had first
+    seen = [json.loads(read(reader, 1)[0])]
+    first = int(seen[0]["linear"]["x"] * 4)
+    count = sent - first + 1
+    wait_until(lambda: bool(robot.counters()["out"] == count))
+    seen += map(json.loads, read(reader, count - 1))
+    assert seen == [twist(number) for number in range(first, sent + 1)]
+    assert robot.counters()["in"] == robot.desk.sequence("cmd") == count and lost(robot.counters()) == 0

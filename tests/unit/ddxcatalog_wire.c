@@ -153,6 +153,49 @@ static void test_items_that_are_like_a_message(void) {
     check_fit("geometry_msgs/msg/Pose", "struct { " VECTOR "position; " QUATERNION "}", 0, "");
 }
 
+/* A message of any other length is none. */
+static void test_a_message_is_read_whole_or_not(void) {
+    static const struct envelope envelope = {.machine = "robot", .wall = INT64_C(1700000000000000005)};
+    static const char *const cases[][2] = {
+        {"sensor_msgs/msg/NavSatStatus", "struct { int8_t status; uint16_t service; }"},
+        {"std_msgs/msg/Int8", "int8_t"},
+        {"sensor_msgs/msg/Range", "struct { uint8_t radiation_type; float field_of_view; float min_range; "
+                                  "float max_range; float range; float variance; }"}};
+
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        unsigned char value[64], back[64] = {0}, message[128], exact[128];
+        struct standard *standard;
+        struct form *form;
+        char why[STANDARD_WHY];
+
+        CHECK_EQUAL(form_of_text("ITEM", cases[i][1], "", &form), 0);
+        if (form->leaf_count == 1) /* a plain number is no struct with a field `data` */
+            CHECK_EQUAL(standard_open(cases[i][0], form, &standard, why), -EINVAL);
+        CHECK_EQUAL(standard_open(cases[i][0], form->leaf_count == 1 ? NULL : form, &standard, why), 0);
+        for (size_t k = 0; k < form->leaf_count; k++) /* of a text, the item has no layout: that of the message */
+            form->leaves[k].item = form->leaves[k].message;
+        for (size_t k = 0; k < sizeof value; k++)
+            value[k] = (unsigned char)(k + 1);
+        size_t size = standard_write(standard, form, &envelope, value, message);
+        CHECK(size <= standard_size(standard, form, envelope.machine));
+        for (size_t length = 0; length < sizeof message; length++) {
+            unsigned char *copy = memcpy(exact + sizeof exact - length, message, length < size ? length : size);
+
+            CHECK_EQUAL(standard_check(standard, form, copy, length), length >= size && length < size + 4);
+        }
+        standard_read(standard, form, message, back);
+        for (size_t k = 0; k < form->leaf_count; k++)
+            CHECK(!memcmp(back + form->leaves[k].item, value + form->leaves[k].item, form->leaves[k].bytes));
+        message[1] = 0; /* big endian */
+        CHECK(!standard_check(standard, form, message, size));
+        message[1] = 1;
+        message[FORM_HEADER + 11] = 0xff; /* length of the name, or nothing */
+        CHECK(!standard->has_header || !standard_check(standard, form, message, size));
+        standard_close(standard);
+        form_free(form);
+    }
+}
+
 static void test_topics(void) {
     static const char *const good[] = {"/imu", "/imu/data", "/_a/b_c2", "/A"};
     static const char *const bad[] = {"", "/", "imu", "/imu/", "//imu", "/2", "/a__b", "/a-b", "/a b", "/a\n"};
@@ -306,6 +349,7 @@ int main(void) {
     test_the_hash_of_an_item();
     test_the_hashes_of_the_messages_that_are_known();
     test_items_that_are_like_a_message();
+    test_a_message_is_read_whole_or_not();
     test_topics();
     test_names();
     test_the_bucket();

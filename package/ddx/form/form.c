@@ -196,6 +196,11 @@ void form_free(struct form *form) {
     free(form);
 }
 
+bool form_same(const struct form *a, const struct form *b) {
+    return a->item_size == b->item_size && a->message_size == b->message_size && !strcmp(a->type, b->type) &&
+           !strcmp(a->declaration, b->declaration) && !strcmp(a->extents, b->extents);
+}
+
 void form_pack(const struct form *form, const void *value, unsigned char *message) {
     static const unsigned char header[FORM_HEADER] = {0, 1, 0, 0}; /* CDR, little endian */
     size_t at = FORM_HEADER;

@@ -56,6 +56,9 @@ int form_of_text(const char *type, const char *declaration, const char *extents,
 
 void form_free(struct form *form);
 
+/* Whether both have the same type, declaration, extents and sizes. */
+bool form_same(const struct form *a, const struct form *b);
+
 /* form->extents, or such a text, as the store takes it; `text` is cut into pieces. Their number, at most `room`. */
 unsigned form_list_extents(char *text, struct ddx_extent *extents, unsigned room);
 

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "accept.h"
 #include "clock.h"
 #include "directory.h"
 #include "export.h"
@@ -94,6 +95,7 @@ static void look(struct catalog *catalog) {
     if (ddx_time_now() >= catalog->settled)
         exports_look(catalog->exports, items, count);
     mirrors_look(catalog->mirrors, items, count);
+    accepts_look(catalog->accepts, items, count);
     free(items);
 }
 
@@ -137,14 +139,17 @@ static int run_in_network(struct catalog *catalog) {
     catalog->exports = exports_open(catalog);
     catalog->directory = directory_open(catalog);
     catalog->mirrors = mirrors_open(catalog);
+    catalog->accepts = accepts_open(catalog);
     catalog->table = table_open(catalog);
     catalog->clock = clock_open(catalog);
-    if (!error && catalog->exports && catalog->directory && catalog->mirrors && catalog->table && catalog->clock)
+    if (!error && catalog->exports && catalog->directory && catalog->mirrors && catalog->accepts && catalog->table &&
+        catalog->clock)
         serve(catalog, requests);
     else
         say("%s", ddx_error_text(error ? error : -ENOMEM));
     clock_close(catalog->clock);
     table_close(catalog->table);
+    accepts_close(catalog->accepts);
     mirrors_close(catalog->mirrors);
     directory_close(catalog->directory);
     exports_close(catalog->exports);

@@ -30,7 +30,7 @@ static int keep_text(const struct config_file *line, const char *word, const cha
     return *place ? 0 : config_wrong(line, "no memory");
 }
 
-static int read_as(const struct config_file *line, const char *word, const char *type, struct config_rule *rule) {
+static int read_as(const struct config_file *line, const char *word, const char *type, char **place) {
     struct standard *standard;
     char why[STANDARD_WHY];
     int error = standard_open(type, NULL, &standard, why);
@@ -38,13 +38,13 @@ static int read_as(const struct config_file *line, const char *word, const char 
     if (error)
         return config_wrong(line, "%s: none of the messages that are known; docs/catalog.md has these", word);
     standard_close(standard);
-    return keep_text(line, word, type, &rule->as);
+    return keep_text(line, word, type, place);
 }
 
-static int read_topic(const struct config_file *line, const char *word, const char *topic, struct config_rule *rule) {
+static int read_topic(const struct config_file *line, const char *word, const char *topic, char **place) {
     if (!name_is_topic(topic))
         return config_wrong(line, "%s: /NAME is needed, or /NAME/NAME, of letters, digits and '_'", word);
-    return keep_text(line, word, topic, &rule->topic);
+    return keep_text(line, word, topic, place);
 }
 
 static int read_choice(const struct config_file *line, const char *word, struct config_rule *rule) {
@@ -55,9 +55,9 @@ static int read_choice(const struct config_file *line, const char *word, struct 
     if ((text = config_value(word, "rate")))
         return read_rate(line, word, text, rule);
     if ((text = config_value(word, "as")))
-        return read_as(line, word, text, rule);
+        return read_as(line, word, text, &rule->as);
     if ((text = config_value(word, "topic")))
-        return read_topic(line, word, text, rule);
+        return read_topic(line, word, text, &rule->topic);
     if (strcmp(word, "latched"))
         return config_wrong(line, "%s: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE with "
                             "topic=TOPIC are allowed", word);
@@ -96,6 +96,35 @@ static int read_rule(const struct config_file *line, char **words, struct config
         free_rule(&rule);
     else
         config->rules[config->rule_count++] = rule;
+    return error;
+}
+
+static void free_accept(const struct config_accept *accept) {
+    free(accept->topic);
+    free(accept->item);
+    free(accept->as);
+}
+
+/* "accept /cmd_vel as cmd type=geometry_msgs/msg/Twist" */
+static int read_accept(const struct config_file *line, char **words, struct config *config) {
+    struct config_accept accept = {.topic = NULL};
+    const char *type = words[2] && words[3] && words[4] ? config_value(words[4], "type") : NULL;
+
+    if (!type || words[5] || strcmp(words[2], "as"))
+        return config_wrong(line, "accept TOPIC as ITEM type=MESSAGE is needed, such as type=geometry_msgs/msg/Twist");
+    if (strlen(words[3]) > DDX_NAME_MAX || strpbrk(words[3], ":/*?["))
+        return config_wrong(line, "%.80s: the name of an item of this machine is needed", words[3]);
+    if (config->accept_count == CONFIG_ACCEPTS_MAX)
+        return config_wrong(line, "more than %d lines of accept", CONFIG_ACCEPTS_MAX);
+    int error = read_topic(line, words[1], words[1], &accept.topic);
+    if (!error)
+        error = read_as(line, words[4], type, &accept.as);
+    if (!error)
+        error = keep_text(line, words[3], words[3], &accept.item);
+    if (error)
+        free_accept(&accept);
+    else
+        config->accepts[config->accept_count++] = accept;
     return error;
 }
 
@@ -147,20 +176,21 @@ static int read_bandwidth(const struct config_file *line, char **words, struct c
 static const struct {
     const char *word;
     int (*read)(const struct config_file *line, char **words, struct config *config);
-} readers[] = {{"item", read_rule}, {"except", read_rule},       {"interface", read_interface},
-               {"peer", read_peer}, {"domain", read_domain}, {"multicast", read_multicast},
-               {"bandwidth", read_bandwidth}};
+    bool more; /* than one word may follow */
+} readers[] = {{"item", read_rule, true},           {"except", read_rule, true},     {"accept", read_accept, true},
+               {"interface", read_interface, false}, {"peer", read_peer, false},      {"domain", read_domain, false},
+               {"multicast", read_multicast, false}, {"bandwidth", read_bandwidth, false}};
 
 static int read_words(const struct config_file *line, char **words, void *argument) {
     struct config *config = argument;
 
     for (size_t i = 0; i < sizeof readers / sizeof *readers; i++)
         if (!strcmp(words[0], readers[i].word))
-            return words[1] && (!words[2] || readers[i].read == read_rule)
+            return words[1] && (!words[2] || readers[i].more)
                        ? readers[i].read(line, words, config)
                        : config_wrong(line, "after %s, one word is needed", words[0]);
-    return config_wrong(line, "%s: a line begins with item, except, interface, peer, domain, multicast or bandwidth",
-                 words[0]);
+    return config_wrong(line, "%s: a line begins with item, except, accept, interface, peer, domain, multicast or "
+                        "bandwidth", words[0]);
 }
 
 int config_read(const char *path, struct config *config, char *error) {
@@ -178,6 +208,8 @@ int config_read(const char *path, struct config *config, char *error) {
 void config_free(struct config *config) {
     for (unsigned i = 0; i < config->rule_count; i++)
         free_rule(&config->rules[i]);
+    for (unsigned i = 0; i < config->accept_count; i++)
+        free_accept(&config->accepts[i]);
     for (unsigned i = 0; i < config->peer_count; i++)
         free((char *)config->network.peers[i]);
     free((char *)config->network.interface);

@@ -9,6 +9,7 @@
 #include <stdbool.h>
 
 #define CONFIG_RULES_MAX 256
+#define CONFIG_ACCEPTS_MAX 32
 
 struct config_rule {
     char *pattern;
@@ -18,10 +19,16 @@ struct config_rule {
     int64_t period;     /* ns from one value to the next at least; 0: every value is sent */
 };
 
+/* Programs of other machines may write this item, by messages of ROS's on this topic. */
+struct config_accept {
+    char *topic, *item, *as;
+};
+
 struct config {
     struct network_options network; /* its texts are the config's */
     struct config_rule rules[CONFIG_RULES_MAX];
-    unsigned rule_count, peer_count;
+    struct config_accept accepts[CONFIG_ACCEPTS_MAX];
+    unsigned rule_count, peer_count, accept_count;
     uint64_t bandwidth; /* bytes a second; 0: no limit */
 };
 

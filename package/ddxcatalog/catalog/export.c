@@ -143,17 +143,12 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
     exports->count++;
 }
 
-static bool same_form(const struct form *a, const struct form *b) {
-    return a && b && !strcmp(a->type, b->type) && !strcmp(a->declaration, b->declaration) &&
-           !strcmp(a->extents, b->extents) && a->item_size == b->item_size;
-}
-
 /* Whether it still is what was announced. */
 static bool still_is(struct export *export, const struct ddx_item_info *info) {
     if (info->epoch == export->info.epoch && info->size == export->info.size && !strcmp(info->type, export->info.type))
         return true;
     struct form *form = form_now(export->catalog, export->name);
-    bool same = same_form(form, export->form);
+    bool same = form && export->form && form_same(form, export->form);
     form_free(form);
     export->info = *info;
     return same;

@@ -38,6 +38,7 @@ struct catalog {
     struct exports *exports;
     struct directory *directory;
     struct mirrors *mirrors;
+    struct accepts *accepts;
     struct clock *clock;
     struct table *table;
 };

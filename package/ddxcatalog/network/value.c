@@ -87,6 +87,8 @@ int network_reader_open(struct network *network, const char *topic, const struct
     dds_qos_t *qos = qos_of(description, size, UNREAD);
     int error = reader && qos ? 0 : -ENOMEM;
 
+    if (qos) /* of two items on one topic, one is not the other's source */
+        dds_qset_ignorelocal(qos, DDS_IGNORELOCAL_PARTICIPANT);
     if (!error) {
         reader->topic = network_topic(network, topic, description, 0);
         reader->reader = reader->topic < 0 ? reader->topic

@@ -259,3 +259,46 @@ size_t standard_write(const struct standard *standard, const struct form *form, 
         at = put_header(envelope->machine, wall, message, at);
     return standard->is_picture ? picture_write(form, value, message, at) : put_fields(form, value, message, at);
 }
+
+/* Where the fields begin; 0: the header does not fit. */
+static size_t fields_at(const struct standard *standard, const unsigned char *message, size_t size) {
+    uint32_t little;
+
+    if (!standard->has_header)
+        return FORM_HEADER;
+    if (size < FORM_HEADER + FIXED)
+        return 0;
+    memcpy(&little, message + FORM_HEADER + FIXED - sizeof little, sizeof little);
+    uint32_t length = le32toh(little);
+    return length && length <= size - FORM_HEADER - FIXED ? FORM_HEADER + FIXED + length : 0;
+}
+
+static size_t next(size_t at, size_t bytes) {
+    return (at - FORM_HEADER + bytes - 1) / bytes * bytes + FORM_HEADER;
+}
+
+bool standard_check(const struct standard *standard, const struct form *form, const unsigned char *message,
+                    size_t size) {
+    if (standard->is_picture || size < FORM_HEADER || message[0] || message[1] != 1) /* CDR, little endian */
+        return false;
+    size_t at = fields_at(standard, message, size);
+    if (!at)
+        return false;
+    for (unsigned i = 0; i < form->leaf_count; i++)
+        at = next(at, form->leaves[i].bytes) + (size_t)form->leaves[i].bytes * form->leaves[i].count;
+    return size >= at && size - at < 4; /* DDS pads messages to four bytes */
+}
+
+void standard_read(const struct standard *standard, const struct form *form, const unsigned char *message,
+                   void *value) {
+    size_t at = fields_at(standard, message, SIZE_MAX);
+
+    for (unsigned i = 0; i < form->leaf_count; i++) {
+        const struct form_leaf *leaf = &form->leaves[i];
+        size_t bytes = (size_t)leaf->bytes * leaf->count;
+
+        at = next(at, leaf->bytes);
+        memcpy((unsigned char *)value + leaf->item, message + at, bytes);
+        at += bytes;
+    }
+}

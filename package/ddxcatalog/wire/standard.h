@@ -35,4 +35,12 @@ size_t standard_size(const struct standard *standard, const struct form *form, c
 size_t standard_write(const struct standard *standard, const struct form *form, const struct envelope *envelope,
                       const void *value, unsigned char *message);
 
+/* Whether this is a message of the form's values: it has their number of bytes. */
+bool standard_check(const struct standard *standard, const struct form *form, const unsigned char *message,
+                    size_t size);
+
+/* Read such a message. Padding of the value stays as it is. */
+void standard_read(const struct standard *standard, const struct form *form, const unsigned char *message,
+                   void *value);
+
 #endif

@@ -10,11 +10,6 @@
 
 #define BATCH 256 /* values of one item before the next one's turn */
 
-static bool same_form(const struct form *a, const struct form *b) {
-    return a->message_size == b->message_size && !strcmp(a->type, b->type) &&
-           !strcmp(a->declaration, b->declaration) && !strcmp(a->extents, b->extents);
-}
-
 /* The channel for values as they are laid out now. 0 or -errno. */
 static int choose_channel(struct item *item) {
     uint32_t layout = ddx_store_layout(item->handle);
@@ -26,7 +21,7 @@ static int choose_channel(struct item *item) {
     if (error)
         return error;
     struct channel *channel = item->channels;
-    while (channel && !same_form(channel->form, form))
+    while (channel && !form_same(channel->form, form))
         channel = channel->next;
     if (channel) {
         form_free(form);
