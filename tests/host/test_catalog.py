@@ -63,6 +63,10 @@ class Machine:
         shown = self.desk.run("ddxctl", "show", "catalog.machines", "--json").stdout
         return dict(json.loads(shown)["value"]) if shown else {"name": "", "machine": []}
 
+    def shown(self) -> dict[str, Any]:
+        text = self.desk.run("ddxctl", "catalog", "--json").stdout
+        return dict(json.loads(text)) if text else {"machines": [], "items": [], "refused": 0}
+
     def time(self, item: str) -> int:
         """Of the newest value, ns."""
         return int(json.loads(self.desk.run("ddxctl", "show", item, "--json").stdout)["time_ns"])
@@ -129,6 +133,27 @@ def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machi
     for one in machines:
         counters = one.counters()
         assert counters["in"] == counters["out"] + lost(counters) and lost(counters) == 0
+
+
+def test_what_ddxctl_shows(machines: tuple[Machine, Machine]) -> None:
+    robot, laptop = machines
+    write(robot.start("write", "sensor"), 1)
+    read(laptop.start("read", "robot", "sensor"), 1)
+
+    def readers(machine: Machine, item: str) -> list[int]:
+        return [one["readers"] for one in machine.shown()["items"] if one["name"] == item and one["heard"]]
+
+    wait_until(lambda: readers(robot, "sensor") == readers(laptop, "robot:sensor") == [1])
+    shown = laptop.shown()
+    assert (shown["name"], shown["same"], shown["more"]) == ("laptop", 0, 0)
+    assert [(one["name"], one["heard"]) for one in shown["machines"]] == [("robot", True)]
+    text = laptop.desk.run("ddxctl", "catalog").stdout
+    assert re.search("^robot +heard +[0-9]+ ", text, re.M) and re.search("^robot:sensor +SENSOR +heard +1$", text, re.M)
+
+
+def test_where_no_catalog_runs(desk: Desk) -> None:
+    shown = desk.run("ddxctl", "catalog")
+    assert shown.returncode == 1 and "no catalog runs here" in shown.stderr
 
 
 def test_nothing_is_sent_without_a_reader(machines: tuple[Machine, Machine], link: Link) -> None:
@@ -206,6 +231,8 @@ def test_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
     write(writer, 5)
     shown = laptop.desk.run("ddxctl", "show", "robot:sensor")
     assert shown.returncode == 0
+    wait_until(lambda: [one["heard"] for one in laptop.shown()["machines"]] == [False])
+    assert re.search("^robot +away +[0-9]+ ", laptop.desk.run("ddxctl", "catalog").stdout, re.M)
     link.lose(NOTHING)
     back = time.monotonic()
     assert read(reader, 1)[0].startswith("06000000")

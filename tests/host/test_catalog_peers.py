@@ -25,7 +25,7 @@ uint64 sequence
 int64 monotonic_ns
 int32 number
 uint8[5] name
-ddx/msg/SENSORPart[2] part
+ddx/SENSORPart[2] part
 float32 f
 uint8 last
 """
@@ -155,11 +155,30 @@ def test_a_tool_of_dds_finds_the_type_and_reads_the_values(begin: Begin, laptop:
         assert field in shown
 
 
-def test_ros_finds_the_type_and_its_hash(begin: Begin, laptop: Laptop) -> None:
-    write(begin("").start("write", "sensor"), 1)
-    found = json.loads(read(laptop.ros("find", "/robot/sensor"), 1)[0])
-    assert found == ["ddx/msg/SENSOR", hash_of(laptop, "ddx/msg/SENSOR", "ddx/msg/SENSORPart", PART, "ddx/msg/SENSOR",
-                                               MESSAGE)]
+# The same by the .msg files of a package, which ROS's own parser must take as well.
+ROSIDL = """
+import pathlib, sys
+from rosidl_adapter.parser import parse_message_file
+for path in pathlib.Path(sys.argv[1]).glob("*.msg"):
+    parse_message_file("ddx", str(path))
+"""
+
+
+def test_ros_finds_the_type_and_its_hash(begin: Begin, laptop: Laptop, tmp_path: pathlib.Path) -> None:
+    """The hash is that of the package that `ddxctl rosmsgs` writes."""
+    robot = begin("")
+    write(robot.start("write", "sensor"), 1)
+    node = laptop.ros("find", "/robot/sensor")
+    done = robot.desk.run("ddxctl", "rosmsgs", "types")
+    assert (done.returncode, done.stderr) == (0, "")
+    package = robot.desk.folder / "types/ddx"
+    assert {path.name for path in package.iterdir()} == {"CMakeLists.txt", "msg", "package.xml"}
+    files = {path.stem: path.read_text() for path in (package / "msg").glob("*.msg")}
+    assert (files["SENSOR"], files["SENSORPart"]) == (MESSAGE, PART)
+    subprocess.run([laptop.others / "bin/python", "-c", ROSIDL, package / "msg"], check=True, timeout=60)
+    words = [word for name, text in files.items() for word in (f"ddx/msg/{name}", text)]
+    found = json.loads(read(node, 1)[0])
+    assert found == ["ddx/msg/SENSOR", hash_of(laptop, "ddx/msg/SENSOR", *words)]
 
 
 VECTOR = "struct { double x; double y; double z; }"

@@ -39,7 +39,12 @@ static bool is_type(const char *name) {
 }
 
 static bool is_topic(const char *topic) {
-    return !strncmp(topic, "rt/", 3) && strnlen(topic, NAME_TOPIC) < NAME_TOPIC;
+    size_t length = strnlen(topic, NAME_TOPIC);
+
+    for (size_t i = 0; i < length; i++)
+        if (!isalnum((unsigned char)topic[i]) && !strchr("/_", topic[i]))
+            return false;
+    return !strncmp(topic, "rt/", 3) && length < NAME_TOPIC;
 }
 
 static void free_remote(struct remote *remote) {
@@ -152,7 +157,10 @@ static void gone(struct directory *directory, const struct network_record *recor
 void directory_take(struct directory *directory, const struct network_record *record, enum network_change change) {
     const struct machine *old;
 
-    if (!record->item || record->machine == own(directory)->id)
+    bool forged = !record->item || record->machine == own(directory)->id; /* one's own are not taken off the network */
+    if (forged && change == NETWORK_THERE)
+        refuse(directory);
+    if (forged)
         return;
     if (change == NETWORK_THERE)
         there(directory, record);
@@ -177,6 +185,15 @@ int directory_find(const struct directory *directory, const char *name, const st
             return 0;
         }
     return colon[1] ? -ENOENT : 0;
+}
+
+void directory_each(struct directory *directory, directory_each_take *take, void *argument) {
+    for (const struct remote *remote = directory->first; remote; remote = remote->next)
+        take(argument, machines_find(&directory->machines, remote->machine), remote);
+}
+
+uint64_t directory_refused(const struct directory *directory) {
+    return directory->refused;
 }
 
 struct machines *directory_machines(struct directory *directory) {

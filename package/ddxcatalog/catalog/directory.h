@@ -29,6 +29,13 @@ void directory_take(struct directory *directory, const struct network_record *re
 /* Which machines there are: the directory's. */
 struct machines *directory_machines(struct directory *directory);
 
+/* Calls `take` for each item of other machines. */
+typedef void directory_each_take(void *argument, const struct machine *machine, const struct remote *remote);
+void directory_each(struct directory *directory, directory_each_take *take, void *argument);
+
+/* How many records there were that no catalog sends, or for which there was no room. */
+uint64_t directory_refused(const struct directory *directory);
+
 /*
  * "carol:gps". *found is valid until the next directory_take(); NULL for "carol:", the machine. -EHOSTUNREACH: no such
  * machine, or it is away; -ENOENT: it has no such item; -EINVAL: no such name.

@@ -206,6 +206,12 @@ void exports_look(struct exports *exports, const struct ddx_item_info *items, un
     }
 }
 
+void exports_each(const struct exports *exports, exports_take *take, void *argument) {
+    for (const struct export *export = exports->first; export; export = export->next)
+        if (export->announced)
+            take(argument, export->name, export->form->type, outlet_readers(export->own) + outlet_readers(export->as));
+}
+
 struct exports *exports_open(struct catalog *catalog) {
     struct exports *exports = calloc(1, sizeof *exports);
 

@@ -11,6 +11,7 @@ struct outlet {
     uint64_t sent; /* messages, the newest of which has this number */
     struct network_event event;
     struct sender *sender;
+    unsigned readers;
 };
 
 /* Readers have come or gone. */
@@ -18,6 +19,7 @@ static void follow_readers(void *argument) {
     struct outlet *outlet = argument;
     unsigned came, readers = network_writer_readers(outlet->source.writer, &came);
 
+    outlet->readers = readers;
     if (outlet->sender && (!readers || sender_ended(outlet->sender))) {
         sender_stop(outlet->sender);
         outlet->sender = NULL;
@@ -69,6 +71,10 @@ void outlet_close(struct outlet *outlet) {
     network_writer_close(outlet->source.writer);
     standard_close(outlet->source.standard);
     free(outlet);
+}
+
+unsigned outlet_readers(const struct outlet *outlet) {
+    return outlet ? outlet->readers : 0;
 }
 
 void outlet_look(struct outlet *outlet) {

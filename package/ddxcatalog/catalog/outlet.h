@@ -16,6 +16,9 @@ int outlet_open(struct catalog *catalog, const char *topic, const struct sender_
 /* NULL is allowed. */
 void outlet_close(struct outlet *outlet);
 
+/* How many there are now. NULL is allowed. */
+unsigned outlet_readers(const struct outlet *outlet);
+
 /* See whether the thread has ended by itself. NULL is allowed. */
 void outlet_look(struct outlet *outlet);
 

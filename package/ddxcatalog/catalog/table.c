@@ -1,48 +1,73 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "table.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <table_items.h>
 
-#define ITEM "catalog"
-#define SUFFIX ".machines"
+#include "directory.h"
+#include "export.h"
 
-/* No padding: a 32-bit program reads the same. */
-DDX_STORE_TYPE(
-    CATALOG_MACHINES, struct {
-        char name[40]; /* of this machine, as others call it; "" when no catalog runs */
-        char host[40]; /* its host name */
-        uint32_t same; /* other machines that have this host name */
-        uint32_t count;
-        struct {
-            char name[40]; /* as it is called here */
-            char host[40];
-            uint64_t id;
-            int64_t offset; /* its CLOCK_MONOTONIC minus that of this machine, ns */
-            int64_t bound;  /* how far off that may be, ns; -1: not known yet */
-            uint32_t heard; /* 0: it is away */
-            uint32_t items;
-        } machine[32]; /* NETWORK_MACHINES */
-    });
+#define PROGRAM "catalog"
 
 _Static_assert(sizeof ((CATALOG_MACHINES *)0)->machine / sizeof *((CATALOG_MACHINES *)0)->machine == NETWORK_MACHINES,
                "a line for each machine");
 
 struct table {
     struct catalog *catalog;
-    DDX_STORE_ITEM *item;
+    DDX_STORE_ITEM *machines, *items;
+    CATALOG_ITEMS written, value; /* what was written, and what is to be */
 };
 
+static void create(struct table *table, const char *suffix, const char *type, size_t size, DDX_STORE_ITEM **item) {
+    char name[DDX_NAME_MAX + 1];
+
+    snprintf(name, sizeof name, "%s%s", PROGRAM, suffix);
+    const struct ddx_item_spec spec = {.name = name, .type = type, .size = size};
+    program_does_without(PROGRAM, suffix, ddx_store_create(table->catalog->id, &spec, item));
+}
+
 struct table *table_open(struct catalog *catalog) {
-    static const struct ddx_item_spec spec = {.name = ITEM SUFFIX, .type = "CATALOG_MACHINES",
-                                              .size = sizeof(CATALOG_MACHINES)};
     struct table *table = calloc(1, sizeof *table);
 
     if (!table)
         return NULL;
     table->catalog = catalog;
-    program_does_without(ITEM, SUFFIX, ddx_store_create(catalog->id, &spec, &table->item));
+    create(table, TABLE_MACHINES + strlen(PROGRAM), "CATALOG_MACHINES", sizeof(CATALOG_MACHINES), &table->machines);
+    create(table, TABLE_ITEMS + strlen(PROGRAM), "CATALOG_ITEMS", sizeof(CATALOG_ITEMS), &table->items);
     return table;
+}
+
+static void add_item(struct table *table, const char *machine, const char *name, const char *type, bool heard,
+                     unsigned readers) {
+    CATALOG_ITEMS *value = &table->value;
+
+    if (value->known++ >= TABLE_ITEMS_MAX)
+        return;
+    unsigned i = value->count++;
+    snprintf(value->item[i].name, sizeof value->item[i].name, "%s%s%s", machine, *machine ? ":" : "", name);
+    snprintf(value->item[i].type, sizeof value->item[i].type, "%s", type);
+    value->item[i].heard = heard;
+    value->item[i].readers = readers;
+}
+
+static void add_own(void *argument, const char *name, const char *type, unsigned readers) {
+    add_item(argument, "", name, type, true, readers);
+}
+
+static void add_remote(void *argument, const struct machine *machine, const struct remote *remote) {
+    add_item(argument, machine->name, remote->item, remote->form->type, !machine->away && !remote->away, 0);
+}
+
+static void write_items(struct table *table) {
+    memset(&table->value, 0, sizeof table->value);
+    exports_each(table->catalog->exports, add_own, table);
+    directory_each(table->catalog->directory, add_remote, table);
+    if (!table->items || !memcmp(&table->value, &table->written, sizeof table->value))
+        return;
+    if (!ddx_store_write(table->items, &table->value, NULL))
+        table->written = table->value;
 }
 
 void table_write(struct table *table, const struct machines *machines) {
@@ -55,6 +80,7 @@ void table_write(struct table *table, const struct machines *machines) {
     strcpy(value.host, own->host);
     value.same = machines_of_host(machines, own);
     value.count = machines->count;
+    value.refused = directory_refused(table->catalog->directory);
     for (unsigned i = 0; i < machines->count; i++) {
         const struct machine *machine = &machines->list[i];
 
@@ -66,8 +92,9 @@ void table_write(struct table *table, const struct machines *machines) {
         value.machine[i].heard = !machine->away;
         value.machine[i].items = machine->items;
     }
-    if (table->item)
-        ddx_store_write(table->item, &value, NULL);
+    if (table->machines)
+        ddx_store_write(table->machines, &value, NULL);
+    write_items(table);
 }
 
 void table_close(struct table *table) {
@@ -76,8 +103,12 @@ void table_close(struct table *table) {
     if (!table)
         return;
     memset(&value, 0, sizeof value);
-    if (table->item)
-        ddx_store_write(table->item, &value, NULL);
-    ddx_store_done_item(table->item);
+    memset(&table->value, 0, sizeof table->value);
+    if (table->machines)
+        ddx_store_write(table->machines, &value, NULL);
+    if (table->items)
+        ddx_store_write(table->items, &table->value, NULL);
+    ddx_store_done_item(table->machines);
+    ddx_store_done_item(table->items);
     free(table);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Item catalog.machines: what this machine is called, and which others there are. */
+/* Items catalog.machines, what this machine is called, and which others there are; and catalog.items, theirs. */
 #ifndef DDXCATALOG_TABLE_H
 #define DDXCATALOG_TABLE_H
 

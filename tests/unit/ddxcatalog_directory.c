@@ -1,0 +1,139 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Records from the network that no catalog sends: none of them is taken, all of them are counted. */
+#include "check.h"
+#include "directory.h"
+
+#include <errno.h>
+
+#define LONGEST 70000
+
+static struct catalog catalog = {.identity = {.id = 7, .host = "laptop", .name = "laptop"}};
+
+static char none[] = "", robot[] = "robot";
+
+static struct network_record machine_of(uint64_t id, char *name) {
+    return (struct network_record){.machine = id, .item = none, .name = name, .host = name, .boot = none, .type = none,
+                                   .declaration = none, .extents = none, .topic = none};
+}
+
+static struct network_record item_of(uint64_t id, char *item) {
+    static char type[] = "GPS", declaration[] = "struct { double x; }", topic[] = "rt/robot/gps";
+    struct network_record record = machine_of(id, robot);
+
+    record.item = item;
+    record.type = type;
+    record.declaration = declaration;
+    record.topic = topic;
+    return record;
+}
+
+static void there(struct directory *directory, struct network_record record, unsigned refused) {
+    uint64_t before = directory_refused(directory);
+
+    directory_take(directory, &record, NETWORK_THERE);
+    CHECK_EQUAL(directory_refused(directory) - before, refused);
+}
+
+static void test_names(struct directory *directory) {
+    static const char *const bad[] = {"a/b", "a:b", "a b", "a\nb", "\x1b]0;x\x07", "\xff", "a\x7f"};
+    const struct remote *remote;
+    char item[DDX_NAME_MAX + 2];
+
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        strcpy(item, bad[i]);
+        there(directory, item_of(1, item), 1);
+        struct network_record record = machine_of(9, item);
+        there(directory, record, 1);
+    }
+    memset(item, 'a', sizeof item);
+    item[DDX_NAME_MAX + 1] = 0;
+    there(directory, item_of(1, item), 1);
+    item[DDX_NAME_MAX] = 0;
+    there(directory, item_of(1, item), 0);
+    CHECK_EQUAL(directory_find(directory, "robot:a/b", &remote), -ENOENT);
+    CHECK_EQUAL(directory_machines(directory)->count, 1);
+}
+
+static void test_texts(struct directory *directory) {
+    static const char *const bad[] = {"", "struct {", "struct { double x[0]; }", "struct { void x; }", "double x;",
+                                      "struct { double x[99999999999]; }",
+                                      "struct { struct { int8_t x; } y[1000000]; }"};
+    static char text[LONGEST + 1], gps[] = "gps", wrong[] = "y=1";
+    struct network_record record;
+
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        record = item_of(1, gps);
+        record.declaration = strcpy(text, bad[i]);
+        there(directory, record, 1);
+    }
+    memset(text, ' ', LONGEST); /* what is right, but too long */
+    memcpy(text, "struct { double x; }", 20);
+    record = item_of(1, gps);
+    record.declaration = text;
+    there(directory, record, 1);
+    record = item_of(1, gps);
+    record.type = text;
+    there(directory, record, 1);
+    record = item_of(1, gps);
+    record.topic = text;
+    there(directory, record, 1);
+    record = item_of(1, gps);
+    record.extents = wrong;
+    there(directory, record, 1);
+    record.topic = NULL;
+    there(directory, record, 1);
+    static const char *const topics[] = {"", "rt", "gps", "rt/gps\n", "rt/g ps", "rt/\xff", "dds/gps"};
+    for (size_t i = 0; i < sizeof topics / sizeof *topics; i++) {
+        record = item_of(1, gps);
+        record.topic = strcpy(text, topics[i]);
+        there(directory, record, 1);
+    }
+}
+
+static void test_too_many(struct directory *directory) {
+    static char name[] = "machine0000";
+    char item[16];
+
+    for (unsigned i = 0; i < 10000; i++) { /* one more was taken above */
+        snprintf(item, sizeof item, "i%u", i);
+        there(directory, item_of(1, item), i >= ITEMS_MAX - 1);
+    }
+    for (unsigned i = 0; i < 1000; i++) {
+        snprintf(name, sizeof name, "machine%u", i);
+        there(directory, machine_of(100 + i, name), i >= NETWORK_MACHINES - 1);
+    }
+    CHECK_EQUAL(directory_machines(directory)->count, NETWORK_MACHINES);
+    CHECK_EQUAL(machines_find(directory_machines(directory), 1)->items, ITEMS_MAX);
+}
+
+/* This machine's own records, those of a machine that is not known, and changes of nothing. */
+static void test_forged_ids(struct directory *directory) {
+    static char gps[] = "gps";
+    struct network_record record = item_of(3, gps);
+
+    there(directory, record, 1);
+    there(directory, machine_of(7, robot), 1);
+    there(directory, item_of(7, gps), 1);
+    record.item = NULL;
+    there(directory, record, 1);
+    record = item_of(3, gps);
+    directory_take(directory, &record, NETWORK_GONE);
+    directory_take(directory, &record, NETWORK_AWAY);
+    record = machine_of(3, robot);
+    directory_take(directory, &record, NETWORK_GONE);
+    record = machine_of(7, robot);
+    directory_take(directory, &record, NETWORK_GONE);
+    CHECK_EQUAL(directory_machines(directory)->count, 1);
+}
+
+int main(void) {
+    struct directory *directory = directory_open(&catalog);
+
+    there(directory, machine_of(1, robot), 0);
+    test_forged_ids(directory);
+    test_names(directory);
+    test_texts(directory);
+    test_too_many(directory);
+    directory_close(directory);
+    return 0;
+}
