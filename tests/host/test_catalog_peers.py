@@ -289,3 +289,19 @@ def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
     seen += map(json.loads, read(reader, count - 1))
     assert seen == [twist(number) for number in range(first, sent + 1)]
     assert robot.counters()["in"] == robot.desk.sequence("cmd") == count and lost(robot.counters()) == 0
+
+
+def test_ros_reads_an_item_of_any_type(begin: Begin, laptop: Laptop) -> None:
+    """With the package that `ddxctl rosmsgs` writes."""
+    writer = begin("").start("write", "sensor")
+    write(writer, 1)
+    package = str(peers.ros_package("ddx", {"SENSOR": MESSAGE, "SENSORPart": PART}))
+    laptop.environment |= {"PYTHONPATH": package, "LD_LIBRARY_PATH": package}
+    node = laptop.ros("listen", "/robot/sensor", "ddx/msg/SENSOR")
+    for number in range(1, 21):
+        message = json.loads(read(node, 1)[0])
+        assert message["header"]["frame_id"] == "robot" and message["sequence"] == number == message["number"]
+        assert (message["name"], message["last"]) == (list(b"abcde"), number)
+        assert message["part"] == [{"x": 1.5 * number + i, "a": [number + 10 * i + k for k in range(3)]}
+                                   for i in range(2)]
+        write(writer, 1)
