@@ -305,3 +305,21 @@ def test_ros_reads_an_item_of_any_type(begin: Begin, laptop: Laptop) -> None:
         assert message["part"] == [{"x": 1.5 * number + i, "a": [number + 10 * i + k for k in range(3)]}
                                    for i in range(2)]
         write(writer, 1)
+
+
+def test_records_that_no_catalog_sends(begin: Begin, laptop: Laptop) -> None:
+    """They are left out and counted; the limits of machines and items hold, and the catalog goes on."""
+    robot = begin("")
+    hostile = laptop.start("python", HERE / "hostile_catalog.py")
+    assert read(hostile, 1) == ["32\n"] and hostile.stdin
+    wait_until(lambda: len(robot.shown()["machines"]) == 32)
+    hostile.stdin.write("\n")
+    hostile.stdin.flush()
+    refused = int(read(hostile, 1)[0]) - 256
+    wait_until(lambda: bool(robot.shown()["refused"] == refused))
+    shown = robot.shown()
+    assert sorted(one["items"] for one in shown["machines"]) == [0] * 31 + [256]
+    assert all(re.fullmatch("m1:i[0-9]+", one["name"]) for one in shown["items"] if ":" in one["name"])
+    assert robot.catalog.poll() is None
+    write(robot.start("write", "sensor"), 1)
+    assert json.loads(read(laptop.ros("find", "/robot/sensor"), 1)[0])[0] == "ddx/msg/SENSOR"
