@@ -82,7 +82,7 @@ static void test_texts(struct directory *directory) {
     there(directory, record, 1);
     record.topic = NULL;
     there(directory, record, 1);
-    static const char *const topics[] = {"", "rt", "gps", "rt/gps\n", "rt/g ps", "rt/\xff", "dds/gps"};
+    static const char *const topics[] = {"", "rt", "gps", "rt/gps\n", "rt/g ps", "rt/\xff", "dds/gps", "rt/g__ps"};
     for (size_t i = 0; i < sizeof topics / sizeof *topics; i++) {
         record = item_of(1, gps);
         record.topic = strcpy(text, topics[i]);

@@ -221,6 +221,10 @@ static void test_names(void) {
     CHECK(!strcmp(topic, "rt/robot_1/video_frame"));
     name_topic("9", "__x..y", topic);
     CHECK(!strcmp(topic, "rt/n9/n_x_y"));
+    name_number("rt/n9/a_b", 2, topic);
+    CHECK(!strcmp(topic, "rt/n9/a_b_2"));
+    name_number("rt/n9/n_", 13, topic);
+    CHECK(!strcmp(topic, "rt/n9/n_13") && name_is_topic(topic + 2));
     name_type("ddx/SENSORWheel", type);
     CHECK(!strcmp(type, "ddx::msg::dds_::SENSORWheel_"));
     CHECK(name_is_machine("carol") && name_is_machine("r2-d2"));

@@ -39,12 +39,7 @@ static bool is_type(const char *name) {
 }
 
 static bool is_topic(const char *topic) {
-    size_t length = strnlen(topic, NAME_TOPIC);
-
-    for (size_t i = 0; i < length; i++)
-        if (!isalnum((unsigned char)topic[i]) && !strchr("/_", topic[i]))
-            return false;
-    return !strncmp(topic, "rt/", 3) && length < NAME_TOPIC;
+    return !strncmp(topic, "rt", 2) && name_is_topic(topic + 2);
 }
 
 static void free_remote(struct remote *remote) {

@@ -114,7 +114,7 @@ static void choose_topic(const struct exports *exports, struct export *export) {
     name_topic(exports->catalog->identity.name, export->name, name);
     strcpy(export->topic, name);
     for (unsigned number = 2; has_topic(exports, export->topic); number++)
-        snprintf(export->topic, NAME_TOPIC, "%.*s_%u", NAME_TOPIC - 12, name, number);
+        name_number(name, number, export->topic);
 }
 
 static void add(struct exports *exports, const struct ddx_item_info *info, const struct config_rule *rule) {

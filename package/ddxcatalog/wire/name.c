@@ -49,6 +49,14 @@ void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]) {
     add_part(topic, item);
 }
 
+void name_number(const char *topic, unsigned number, char numbered[NAME_TOPIC]) {
+    int length = (int)strnlen(topic, NAME_TOPIC - 12);
+
+    while (topic[length - 1] == '_') /* ROS has no topics with two underscores in a row */
+        length--;
+    snprintf(numbered, NAME_TOPIC, "%.*s_%u", length, topic, number);
+}
+
 bool name_meets(const char *machine, const char *other) {
     char topics[2][NAME_TOPIC];
 

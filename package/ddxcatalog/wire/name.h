@@ -25,6 +25,9 @@ void name_distinguish(const char *machine, uint64_t id, char name[NAME_MACHINE])
 /* "carol", "video.frame": "rt/carol/video_frame". */
 void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]);
 
+/* "rt/carol/a_b", 2: "rt/carol/a_b_2"; of "rt/carol/a_" as of "rt/carol/a": "rt/carol/a_2". */
+void name_number(const char *topic, unsigned number, char numbered[NAME_TOPIC]);
+
 /* "ddx/SENSOR": "ddx::msg::dds_::SENSOR_". */
 void name_type(const char *type, char name[NAME_TYPE]);
 
