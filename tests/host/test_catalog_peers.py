@@ -90,7 +90,7 @@ def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Itera
 
     yield begin
     for machine in started:
-        machine.desk.end()
+        machine.end()
 
 
 def values(robot: Machine, *words: str) -> Process:
