@@ -58,10 +58,15 @@ TABLES = {
     "package/ddxcatalog/catalog": """
         config identity
         machines state
-        directory sender table
+        directory sender
         clock outlet
-        export mirror
+        accept export mirror
+        table
         catalog
+    """,
+    "package/ddxcatalog/ctl": """
+        table_items
+        catalog rosmsgs
     """,
     "package/ddxcatalog/network": """
         network
