@@ -24,7 +24,8 @@ def programs() -> set[str]:
             build = folder if (folder / "meson.build").exists() else table.parent
             found |= set(re.findall(r"\bexecutable\('([\w-]+)'", (build / "meson.build").read_text()))
             found |= set(re.findall(r"rename: '(ddxvideocalib)'", (build / "meson.build").read_text()))
-    return {name for name in found - NOT_ON_A_DESK if "test" not in name and name not in ("encode", "view")}
+    return {name for name in found - NOT_ON_A_DESK if "test" not in name and not name.startswith("ctl-")
+            and name not in ("encode", "view")}
 
 
 def calls() -> set[str]:
