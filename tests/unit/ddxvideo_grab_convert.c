@@ -68,7 +68,7 @@ static struct result convert(const struct pixels *from, const void *data, int wi
     return convert_to(DDX_VIDEO_420, from, data, width, height, stack);
 }
 
-/* What FFmpeg makes of the same bytes; false if there is no such program. */
+/* What FFmpeg makes of the same bytes, of raw ones by way of RGB; false if there is no such program. */
 static bool ask_ffmpeg(const char *format, const void *data, size_t size, int width, int height, int to_width,
                        int to_height, const char *to, unsigned char *out, size_t out_size) {
     char command[512], *name = scratch_path("picture");
@@ -76,8 +76,8 @@ static bool ask_ffmpeg(const char *format, const void *data, size_t size, int wi
     CHECK(file && fwrite(data, 1, size, file) == size && !fclose(file));
     snprintf(command, sizeof(command),
              "ffmpeg -v error -nostdin -filter_threads 1 -f rawvideo -pix_fmt %s -s %dx%d -i %s "
-             "-vf scale=%d:%d:flags=bilinear+accurate_rnd -pix_fmt %s -f rawvideo - 2>&1",
-             format, width, height, name, to_width, to_height, to);
+             "-vf %sscale=%d:%d:flags=bilinear+accurate_rnd -pix_fmt %s -f rawvideo - 2>&1",
+             format, width, height, name, strncmp(format, "bayer", 5) ? "" : "format=rgb24,", to_width, to_height, to);
     FILE *pipe = popen(command, "r");
     size_t got = pipe ? fread(out, 1, out_size, pipe) : 0;
     int status = pipe ? pclose(pipe) : -1;

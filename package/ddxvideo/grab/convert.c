@@ -91,6 +91,23 @@ static int open_scaler(struct converter *converter, enum AVPixelFormat source, e
     return sws_init_context(sws, NULL, NULL) < 0 ? -ENOMEM : 0;
 }
 
+/*
+ * Raw pictures of a sensor become RGB in a step of their own. libswscale's direct way to 4:2:0 takes chroma of each
+ * second row in FFmpeg 5.1 and the mean of both rows in 7.1, but a picture must not depend on the image.
+ */
+static int open_bayer(struct converter *converter) {
+    int width = converter->from.width, height = converter->from.height;
+
+    if (!(av_pix_fmt_desc_get(converter->libav)->flags & AV_PIX_FMT_FLAG_BAYER))
+        return 0;
+    converter->bayer = sws_getContext(width, height, converter->libav, width, height, AV_PIX_FMT_RGB24,
+                                      SWS_BILINEAR | SWS_ACCURATE_RND, NULL, NULL, NULL);
+    if (!converter->bayer)
+        return -ENOMEM;
+    converter->libav = AV_PIX_FMT_RGB24;
+    return picture_make(&converter->coloured, video_layout_of(DDX_VIDEO_RGB24), width, height);
+}
+
 static void forget(struct converter *converter) {
     sws_freeContext(converter->sws);
     converter->sws = NULL;
@@ -169,8 +186,11 @@ int converter_open(struct converter *converter, const struct pixels *from, int r
     converter->libav = deep ? converter->format->deep : converter->format->libav;
     if (converter->format->unpack && !deep && !(converter->unpacked = malloc(unpack_size(from) + VECTOR)))
         return -ENOMEM;
-    if (!converter->format->compressed)
-        return prepare(converter, converter->libav);
+    if (!converter->format->compressed) {
+        int error = open_bayer(converter);
+
+        return error ? error : prepare(converter, converter->libav);
+    }
     converter->jpeg = jpeg_open();
     return converter->jpeg ? 0 : -ENOMEM;
 }
@@ -178,6 +198,8 @@ int converter_open(struct converter *converter, const struct pixels *from, int r
 void converter_close(struct converter *converter) {
     jpeg_close(converter->jpeg);
     forget(converter);
+    sws_freeContext(converter->bayer);
+    picture_free(&converter->coloured);
     free(converter->unpacked);
     memset(converter, 0, sizeof *converter);
 }
@@ -221,25 +243,37 @@ static void convert_part(struct converter *converter, const struct planes *from,
         run_rows(converter, converter->after, converter->width, to_rows, scaled, *to);
 }
 
+/* A picture as it lies in the camera's buffer, its samples brought into an order that libswscale reads. */
+static int find_samples(struct converter *converter, const void *data, size_t used, struct planes *planes) {
+    size_t offset[3];
+
+    if (used < pixels_planes(&converter->from, offset, planes->stride))
+        return -EBADMSG;
+    if (converter->unpacked)
+        unpack_run(&converter->from, data, converter->unpacked, planes->data, planes->stride);
+    else
+        for (int i = 0; i < converter->format->planes; i++)
+            planes->data[i] = (unsigned char *)(uintptr_t)data + offset[i];
+    if (converter->bayer) {
+        struct planes raw = *planes;
+
+        *planes = planes_of(&converter->coloured);
+        sws_scale(converter->bayer, (const uint8_t *const *)raw.data, raw.stride, 0, converter->from.height,
+                  planes->data, planes->stride);
+    }
+    return 0;
+}
+
 /* The planes of what the camera gave: format and rows of chroma for each, where they lie. */
 static int find_planes(struct converter *converter, const void *data, size_t used, struct planes *planes,
                        enum AVPixelFormat *format, int *chroma_rows) {
     const struct pixels *pixels = &converter->from;
     const AVFrame *frame;
-    size_t offset[3];
 
     if (!converter->jpeg) {
         *format = converter->libav;
         *chroma_rows = pixels->height / converter->format->chroma_row_step;
-        if (used < pixels_planes(pixels, offset, planes->stride))
-            return -EBADMSG;
-        if (converter->unpacked) {
-            unpack_run(pixels, data, converter->unpacked, planes->data, planes->stride);
-            return 0;
-        }
-        for (int i = 0; i < converter->format->planes; i++)
-            planes->data[i] = (unsigned char *)(uintptr_t)data + offset[i];
-        return 0;
+        return find_samples(converter, data, used, planes);
     }
     int error = jpeg_decode(converter->jpeg, data, used, &frame);
     if (error || frame->width != pixels->width || frame->height != pixels->height)

@@ -23,17 +23,19 @@ struct converter {
     bool stack; /* the two fields one above the other instead of row by row */
     /* private: */
     const struct pixels_format *format;
-    enum AVPixelFormat libav;    /* of the camera's pictures, after unpack_run() */
+    enum AVPixelFormat libav;    /* of the camera's pictures, after unpack_run() and `bayer` */
     enum AVPixelFormat prepared; /* the format that what follows is for; AV_PIX_FMT_NONE: for none */
     unsigned parts;              /* 2: field by field, so that fields never mix */
     struct direct direct;
-    direct_row *before;      /* from the camera's rows to the layout's; NULL: libswscale does it */
-    direct_row *after;       /* from the scaled picture's rows to the layout's; NULL: it has been scaled in place */
-    struct SwsContext *sws;  /* of one part; NULL where `before` does all */
-    struct picture taken;    /* by `before`, to be scaled */
-    struct picture scaled;   /* libswscale may write rows beyond their end: not for the store */
-    struct jpeg *jpeg;       /* for compressed pictures */
-    unsigned char *unpacked; /* by unpack_run(), where that is needed */
+    direct_row *before;       /* from the camera's rows to the layout's; NULL: libswscale does it */
+    direct_row *after;        /* from the scaled picture's rows to the layout's; NULL: it has been scaled in place */
+    struct SwsContext *sws;   /* of one part; NULL where `before` does all */
+    struct picture taken;     /* by `before`, to be scaled */
+    struct picture scaled;    /* libswscale may write rows beyond their end: not for the store */
+    struct jpeg *jpeg;        /* for compressed pictures */
+    unsigned char *unpacked;  /* by unpack_run(), where that is needed */
+    struct SwsContext *bayer; /* raw pictures of a sensor to RGB; NULL: these are none */
+    struct picture coloured;  /* by `bayer` */
 };
 
 /*
