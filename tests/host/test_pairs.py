@@ -105,6 +105,25 @@ def test_frames_of_shuffled_times(cameras: Cameras) -> None:
     assert steps == [(left - pairs[0][1]) * PERIOD * 1000000 for _, left in pairs]
 
 
+def test_a_few_frames_without_a_partner_are_no_line(cameras: Cameras) -> None:
+    """Each one waits for 0.28 s, so that the last pair is more than a second ago. Five are no reason for a line, since
+    a machine that is late loses as many; the sixth is one. A pair begins the count again."""
+    number = pairs = 0
+    for lonely, lines in ((5, 0), (6, 1)):
+        while cameras.settled()["out"] == 2 * pairs:  # its second frame may come too late
+            number += 1
+            cameras.write_pair(number * PERIOD, number)
+        pairs += 1
+        lost = cameras.settled()["lost"]["pair"]
+        for frame in range(1, lonely + 1):
+            number += 1
+            cameras.write("left", number * PERIOD, number)
+            assert cameras.settled()["lost"]["pair"] == lost + frame
+        wait_until(lambda: cameras.said().count("no frames of the same time") >= lines)
+        assert cameras.said().count("no frames of the same time") == lines
+    assert "pairs again after" not in cameras.said()
+
+
 def test_one_camera_is_gone(cameras: Cameras) -> None:
     """Its partner's frames are counted as they come, and pairs are made again as soon as it is back."""
     cameras.write_pair(0, 1)

@@ -9,7 +9,8 @@
 #define WINDOW (20 * MS)  /* where the frame rate is unknown */
 #define LONELY (200 * MS) /* and two frame periods: so long a frame waits for the other camera */
 #define STRANGE SECOND    /* times that differ by more than this: neither frame is waited for */
-#define PATIENCE SECOND   /* until a line says that there are no pairs */
+#define PATIENCE SECOND   /* without a pair, and at least SEVERAL frames, until a line says so */
+#define SEVERAL 6         /* frames given up: a machine that is slow, or was held up, gives up fewer in a row */
 
 bool source_open(struct source *source, DDX_STORE_ID *id) {
     source->items = source->name[1] ? 2 : 1;
@@ -47,7 +48,7 @@ void source_close(struct source *source) {
 static void give_up(struct source *source, struct source_item *item) {
     ddx_stats_lost(source->book, LOST_PAIR, 1);
     release(item);
-    source->lonely = true;
+    source->lonely++;
 }
 
 void source_end(struct source *source) {
@@ -127,7 +128,7 @@ static void tell(struct source *source, bool pair) {
     if (pair) {
         source->last_pair = now;
         source->said = false;
-    } else if (source->lonely && !source->said && now - source->last_pair > PATIENCE) {
+    } else if (source->lonely >= SEVERAL && !source->said && now - source->last_pair > PATIENCE) {
         say("%s, %s: no frames of the same time, waiting for them", source->name[0], source->name[1]);
         source->said = true;
     }
@@ -196,7 +197,7 @@ int source_take(struct source *source, double wait, struct pair *pair, const cha
 
     if (error)
         return error;
-    source->lonely = false;
+    source->lonely = 0;
     describe(source, pair);
     return 0;
 }

@@ -35,7 +35,7 @@ struct source {
     /* Its own, 0 at first: */
     struct source_item item[2];
     int items;
-    bool lonely;       /* the last frame was given up because none belongs to it */
+    unsigned lonely;   /* frames given up since the last pair because none belongs to them */
     bool said;         /* that there are no pairs */
     int64_t last_pair; /* when there was one, or when it began */
 };
