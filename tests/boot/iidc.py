@@ -123,6 +123,13 @@ def end(guest: Guest, file: str) -> None:
     guest.wait_until(f"! [ -d /proc/{pid} ]", pause=0.05)
 
 
+def in_kernel(number: object) -> str:
+    """The kernel's folder of the camera at this port, from 1 on. No camera may be plugged in there before the folder is
+    gone: vhci_hcd leaves a port enabled when its camera is gone, so that the kernel takes the next camera for the same
+    one. It then takes back transfers of which that one does not know, and waits for the answer without end."""
+    return f"/sys/devices/platform/vhci_hcd.0/usb*/*-{number}"
+
+
 @dataclasses.dataclass
 class Camera:
     """One that is plugged in until it is ended."""
@@ -146,8 +153,9 @@ class Camera:
             self.guest.wait_until(f"[ $(grep -cx 'done {word}' /tmp/iidc{self.port}) -gt {before} ]", pause=0.02)
 
     def unplug(self) -> str:
-        """What it says at its end."""
+        """Until the kernel has noticed. What it says at its end."""
         end(self.guest, f"/tmp/iidc{self.port}.pid")
+        self.guest.wait_until(f"! [ -e {in_kernel(self.port + 1)} ]", pause=0.05)
         return self.guest.sh(f"tail -n 1 /tmp/iidc{self.port}")
 
 

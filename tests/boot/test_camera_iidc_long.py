@@ -23,7 +23,7 @@ REPLUGS, SIDE_BY_SIDE = 1000, 2
 WARM_UP, CHUNK = 20, 20  # of each camera
 GROWN = 4096  # KiB
 SANITIZED = "sanitized1394"
-# PORT GUID NAME COUNT: each time until the first frame is there, and until the program has noticed the end.
+# PORT GUID NAME COUNT: each time until the first frame is there, and until program and kernel have noticed the end.
 LOOP = f"""n=0
 while [ $n -lt $4 ]; do
     back=$(grep -c {FRAMES_COME} /tmp/said.$3) gone=$(grep -c unplugged /tmp/said.$3)
@@ -32,6 +32,7 @@ while [ $n -lt $4 ]; do
     kill $!
     wait $!
     until [ $(grep -c unplugged /tmp/said.$3) -gt $gone ]; do sleep 0.05; done
+    while [ -e {iidc.in_kernel("$(($1 + 1))")} ]; do sleep 0.05; done
     n=$((n + 1))
 done
 """
@@ -108,7 +109,7 @@ def start(guest: Guest, name: str, guid: str, program: str) -> None:
 def memory(guest: Guest, name: str) -> tuple[int, int]:
     """KiB in use, and open files, while the camera is unplugged: the least of some looks, since the program looks for
     the camera now and then."""
-    look = "grep VmRSS /proc/$pid/status; ls /proc/$pid/fd | wc -l"
+    look = "grep VmRSS /proc/$pid/status; (set -- /proc/$pid/fd/*; echo $#)"
     found = guest.sh(f"read -r pid < /tmp/run.{name}.pid; for i in 1 2 3 4 5; do {look}; sleep 0.2; done").splitlines()
     return min(int(line.split()[1]) for line in found[0::2]), min(int(line) for line in found[1::2])
 
