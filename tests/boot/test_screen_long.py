@@ -45,10 +45,10 @@ def test_virtio(virtio: Guest) -> None:
 
 def test_an_hour_without_growth(virtio: Guest, pytestconfig: pytest.Config,
                                 record_property: Callable[[str, object], None]) -> None:
-    """After the first quarter, memory and open files stay the same; newer frames are shown at each look. At five frames
+    """After the first quarter, memory and open files stay the same; newer frames are shown at each look. At few frames
     a second, which an emulated processor shows in time."""
     virtio.sh(f"kill $(cat /tmp/{ITEM}.pid)")
-    load(virtio, "/test/clip.y4m -loop -rate 0.2")
+    load(virtio, "/test/clip.y4m -loop -rate 0.1")
     shown = start(virtio)
     look = f"pid=$(pidof {PLAY}) && grep RssAnon /proc/$pid/status && ls /proc/$pid/fd | wc -l"
     looks: list[tuple[int, int]] = []  # KiB of memory, open files
