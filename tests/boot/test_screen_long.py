@@ -45,8 +45,8 @@ def test_virtio(virtio: Guest) -> None:
 
 def test_an_hour_without_growth(virtio: Guest, pytestconfig: pytest.Config,
                                 record_property: Callable[[str, object], None]) -> None:
-    """After the first quarter, memory and open files stay the same; newer frames are shown at each look. At few frames
-    a second, which an emulated processor shows in time."""
+    """After the first quarter, memory and open files do not grow; newer frames are shown at each look. At few frames a
+    second, which an emulated processor shows in time. The least number of files in a quarter counts."""
     virtio.sh(f"kill $(cat /tmp/{ITEM}.pid)")
     load(virtio, "/test/clip.y4m -loop -rate 0.1")
     shown = start(virtio)
@@ -58,10 +58,10 @@ def test_an_hour_without_growth(virtio: Guest, pytestconfig: pytest.Config,
         words = virtio.sh(look).split()
         looks.append((int(words[1]), int(words[-1])))
         time.sleep(LOOK)
-    settled = looks[len(looks) // 4:]
-    record_property("KiB, files", [settled[0], settled[-1]])
-    assert max(kib for kib, _ in settled) - settled[0][0] <= GROWTH
-    assert {files for _, files in settled} == {settled[0][1]}
+    quarter = len(looks) // 4
+    record_property("KiB, files", [looks[quarter], looks[-1]])
+    assert max(kib for kib, _ in looks[quarter:]) - looks[quarter][0] <= GROWTH
+    assert min(files for _, files in looks[-quarter:]) <= min(files for _, files in looks[quarter:2 * quarter])
 
 
 def test_a_monitor_that_is_unplugged(virtio: Guest) -> None:

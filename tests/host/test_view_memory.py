@@ -68,7 +68,8 @@ def test_memory_before_frames(tmp_path: pathlib.Path, display: Display, side: in
 @pytest.mark.long
 def test_an_hour_without_growth(desk: Desk, display: Display, pytestconfig: pytest.Config,
                                 record_property: Callable[[str, object], None]) -> None:
-    """After the first quarter, memory and open files stay the same; the window shows newer frames at each look."""
+    """After the first quarter, memory and open files do not grow; the window shows newer frames at each look. A file
+    may be open for a moment, so the least of a quarter counts."""
     window = Window(desk, display, "-history", HISTORY)
     clip = make_clip(desk.folder / "clip.y4m", FRAMES)
     source = desk.start("ddxvideoload", clip, "-loop")
@@ -80,10 +81,10 @@ def test_an_hour_without_growth(desk: Desk, display: Display, pytestconfig: pyte
         assert frame > last
         looks.append((frame, anonymous(window), len(os.listdir(f"/proc/{window.process.pid}/fd"))))
         time.sleep(LOOK)
-    settled = looks[len(looks) // 4:]
-    record_property("frame, memory, files", [settled[0], settled[-1]])
-    assert max(look[1] for look in settled) - settled[0][1] <= GROWTH
-    assert {look[2] for look in settled} == {settled[0][2]}
+    quarter = len(looks) // 4
+    record_property("frame, memory, files", [looks[quarter], looks[-1]])
+    assert max(look[1] for look in looks[quarter:]) - looks[quarter][1] <= GROWTH
+    assert min(look[2] for look in looks[-quarter:]) <= min(look[2] for look in looks[quarter:2 * quarter])
     source.terminate()
     window.close()
     assert result(window.process)[0] == 0
