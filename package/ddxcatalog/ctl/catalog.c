@@ -22,8 +22,12 @@ static int failed(const char *what) {
     return 1;
 }
 
-/* Readers that an item of another machine has here. */
-static unsigned readers_here(const struct ddx_item_info *all, unsigned count, const char *name) {
+/* Readers of line `line`: here, of an item of another machine; on other machines, of one of this machine. */
+static unsigned readers_of(uint32_t line, const struct ddx_item_info *all, unsigned count) {
+    const char *name = items.item[line].name;
+
+    if (!strchr(name, ':'))
+        return items.item[line].readers;
     for (unsigned i = 0; i < count; i++)
         if (!strcmp(all[i].name, name))
             return all[i].readers;
@@ -52,9 +56,7 @@ static void print_items(const struct ddx_item_info *all, unsigned count) {
     printf("%-40s %-20s %6s %7s\n", "ITEM", "TYPE", "STATE", "READERS");
     for (uint32_t i = 0; i < items.count; i++)
         printf("%-40.104s %-20.64s %6s %7u\n", items.item[i].name, items.item[i].type,
-               items.item[i].heard ? "heard" : "away",
-               strchr(items.item[i].name, ':') ? readers_here(all, count, items.item[i].name)
-                                               : (unsigned)items.item[i].readers);
+               items.item[i].heard ? "heard" : "away", readers_of(i, all, count));
     if (items.known > items.count)
         printf("and %u more\n", (unsigned)(items.known - items.count));
 }
@@ -85,14 +87,11 @@ static void print_json(const struct ddx_item_info *all, unsigned count) {
     }
     fputs("],\"items\":[", stdout);
     for (uint32_t i = 0; i < items.count; i++) {
-        bool remote = strchr(items.item[i].name, ':');
-
         fputs(i ? ",{" : "{", stdout);
         print_text("name", items.item[i].name);
         putchar(',');
         print_text("type", items.item[i].type);
-        printf(",\"heard\":%s,\"readers\":%u}", items.item[i].heard ? "true" : "false",
-               remote ? readers_here(all, count, items.item[i].name) : (unsigned)items.item[i].readers);
+        printf(",\"heard\":%s,\"readers\":%u}", items.item[i].heard ? "true" : "false", readers_of(i, all, count));
     }
     printf("],\"more\":%u}\n", (unsigned)(items.known - items.count));
 }

@@ -220,10 +220,8 @@ static size_t put(unsigned char *message, size_t at, uint32_t number) {
 }
 
 /* Each number is aligned by its own size, counted from behind CDR's header. */
-static size_t aligned(unsigned char *message, size_t at, size_t bytes) {
-    for (; (at - FORM_HEADER) % bytes; at++)
-        message[at] = 0;
-    return at;
+static size_t aligned(size_t at, size_t bytes) {
+    return (at - FORM_HEADER + bytes - 1) / bytes * bytes + FORM_HEADER;
 }
 
 static size_t put_header(const char *machine, int64_t wall, unsigned char *message, size_t at) {
@@ -239,11 +237,11 @@ static size_t put_header(const char *machine, int64_t wall, unsigned char *messa
 static size_t put_fields(const struct form *form, const void *value, unsigned char *message, size_t at) {
     for (unsigned i = 0; i < form->leaf_count; i++) {
         const struct form_leaf *leaf = &form->leaves[i];
-        size_t bytes = (size_t)leaf->bytes * leaf->count;
+        size_t bytes = (size_t)leaf->bytes * leaf->count, begin = aligned(at, leaf->bytes);
 
-        at = aligned(message, at, leaf->bytes);
-        memcpy(message + at, (const unsigned char *)value + leaf->item, bytes);
-        at += bytes;
+        memset(message + at, 0, begin - at);
+        memcpy(message + begin, (const unsigned char *)value + leaf->item, bytes);
+        at = begin + bytes;
     }
     return at;
 }
@@ -273,10 +271,6 @@ static size_t fields_at(const struct standard *standard, const unsigned char *me
     return length && length <= size - FORM_HEADER - FIXED ? FORM_HEADER + FIXED + length : 0;
 }
 
-static size_t next(size_t at, size_t bytes) {
-    return (at - FORM_HEADER + bytes - 1) / bytes * bytes + FORM_HEADER;
-}
-
 bool standard_check(const struct standard *standard, const struct form *form, const unsigned char *message,
                     size_t size) {
     if (standard->is_picture || size < FORM_HEADER || message[0] || message[1] != 1) /* CDR, little endian */
@@ -285,7 +279,7 @@ bool standard_check(const struct standard *standard, const struct form *form, co
     if (!at)
         return false;
     for (unsigned i = 0; i < form->leaf_count; i++)
-        at = next(at, form->leaves[i].bytes) + (size_t)form->leaves[i].bytes * form->leaves[i].count;
+        at = aligned(at, form->leaves[i].bytes) + (size_t)form->leaves[i].bytes * form->leaves[i].count;
     return size >= at && size - at < 4; /* DDS pads messages to four bytes */
 }
 
@@ -297,7 +291,7 @@ void standard_read(const struct standard *standard, const struct form *form, con
         const struct form_leaf *leaf = &form->leaves[i];
         size_t bytes = (size_t)leaf->bytes * leaf->count;
 
-        at = next(at, leaf->bytes);
+        at = aligned(at, leaf->bytes);
         memcpy((unsigned char *)value + leaf->item, message + at, bytes);
         at += bytes;
     }
