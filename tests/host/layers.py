@@ -56,7 +56,7 @@ TABLES = {
         main
     """,
     "package/ddxcatalog/catalog": """
-        config identity
+        config identity item
         machines state
         directory sender
         clock outlet

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "item.h"
+
 struct accepted {
     struct catalog *catalog;
     const struct config_accept *rule;
@@ -29,10 +31,9 @@ static int write_value(struct accepted *accepted, const unsigned char *message, 
     int error = standard_check(accepted->standard, accepted->form, message, size) ? 0 : -EBADMSG;
 
     if (!error)
-        error = ddx_store_loan(accepted->item, &data);
+        error = item_loan(accepted->item, accepted->form, &data);
     if (error)
         return error;
-    memset(data, 0, accepted->form->item_size); /* padding, so that equal values have equal bytes */
     standard_read(accepted->standard, accepted->form, message, data);
     return ddx_store_publish(accepted->item, NULL);
 }
@@ -101,13 +102,8 @@ static bool still_fits(const struct accepted *accepted) {
     return same;
 }
 
-static bool is_unchanged(const struct accepted *accepted, const struct ddx_item_info *info) {
-    return info->epoch == accepted->info.epoch && info->size == accepted->info.size &&
-           !strcmp(info->type, accepted->info.type);
-}
-
 static void look_at(struct accepted *accepted, const struct ddx_item_info *info) {
-    if (accepted->tried && is_unchanged(accepted, info))
+    if (accepted->tried && item_is_unchanged(info, &accepted->info))
         return;
     if (still_fits(accepted)) { /* the first message already makes this program the item's writer */
         accepted->info = *info;

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "item.h"
 #include "outlet.h"
 
 struct export {
@@ -145,7 +146,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
 
 /* Whether it still is what was announced. */
 static bool still_is(struct export *export, const struct ddx_item_info *info) {
-    if (info->epoch == export->info.epoch && info->size == export->info.size && !strcmp(info->type, export->info.type))
+    if (item_is_unchanged(info, &export->info))
         return true;
     struct form *form = form_now(export->catalog, export->name);
     bool same = form && export->form && form_same(form, export->form);

@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "clock.h"
+#include "item.h"
 
 #define UNREAD_NS INT64_C(5000000000) /* without a reader for so long, a mirror is closed */
 
@@ -34,11 +35,10 @@ struct mirrors {
 static int write_value(struct mirror *mirror, const unsigned char *fields, int64_t time) {
     int64_t local = clock_local(mirror->catalog, mirror->machine, time);
     void *data;
-    int error = ddx_store_loan(mirror->item, &data);
+    int error = item_loan(mirror->item, mirror->form, &data);
 
     if (error)
         return error;
-    memset(data, 0, mirror->form->item_size); /* padding, so that equal values have equal bytes */
     form_unpack(mirror->form, fields - FORM_HEADER, data);
     return ddx_store_publish(mirror->item, local ? &local : NULL); /* else the time of arrival */
 }
