@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "check.h"
+#include "image.h"
 #include "paint.h"
 #include "text.h"
 
@@ -164,6 +165,34 @@ static void test_colours(void) {
     CHECK(pixel.y == 81 && pixel.u == 90 && pixel.v == 240);
 }
 
+/* A picture whose chroma changes from sample to sample has the colours of a snapshot (libswscale) at its own size. */
+static void test_snapshot(void) {
+    enum { WIDTH = 96, HEIGHT = 64, CHROMA = WIDTH / 2 };
+    static unsigned char y[WIDTH * HEIGHT], u[CHROMA * HEIGHT / 2], v[CHROMA * HEIGHT / 2];
+    struct ddxvideo_picture picture = {
+        .geometry = {.width = WIDTH, .height = HEIGHT, .fields = 1, .format = DDX_VIDEO_420},
+        .plane = {y, u, v},
+        .stride = {WIDTH, CHROMA, CHROMA}};
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        y[i] = (unsigned char)(90 + i % WIDTH);
+    for (int i = 0; i < CHROMA * HEIGHT / 2; i++) {
+        u[i] = (unsigned char)(90 + 2 * (i % CHROMA));
+        v[i] = (unsigned char)(70 + 3 * (i / CHROMA));
+    }
+    AVFrame *image = image_new(WIDTH, HEIGHT);
+    CHECK_EQUAL(image_draw(image, &picture, 0, 0, WIDTH, HEIGHT), 0);
+    struct layout layout = layout_of(WIDTH, HEIGHT, 1, WIDTH, HEIGHT);
+    struct canvas canvas = canvas_new(WIDTH, HEIGHT, WIDTH);
+    paint(&canvas, &picture, &layout);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        for (int channel = 0; channel < 3; channel++) {
+            int taken = image->data[0][i / WIDTH * image->linesize[0] + i % WIDTH * 3 + channel];
+            CHECK(abs((int)(canvas.pixel[i] >> (16 - 8 * channel) & 255) - taken) <= 1);
+        }
+    canvas_free(&canvas);
+    av_frame_free(&image);
+}
+
 static void test_text(void) {
     uint32_t seen['~' + 1][TEXT_CELL_WIDTH * TEXT_CELL_HEIGHT];
     for (int c = ' '; c <= '~'; c++) {
@@ -200,6 +229,7 @@ int main(void) {
     test_sizes();
     test_exact();
     test_colours();
+    test_snapshot();
     test_text();
     test_part();
     return 0;

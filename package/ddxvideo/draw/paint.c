@@ -7,7 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define VECTOR 32 /* pixels: a scaler fills rows up to a multiple of that */
+#define VECTOR 32       /* pixels: a scaler fills rows up to a multiple of that */
+#define CHROMA_SCALE 16 /* of chroma between samples */
 
 /* One field of a picture. */
 struct field {
@@ -44,21 +45,51 @@ struct matrix {
 static const struct matrix limited = {16, 76309, 104597, 25675, 53279, 132201};
 static const struct matrix whole = {0, 65536, 91881, 22554, 46802, 116130};
 
+/* u and v in sixteenths, as colour_at() computes them. */
 static uint32_t colour(const struct matrix *matrix, int y, int u, int v) {
-    int luma = (y - matrix->offset) * matrix->gain + 32768;
-    int red = clip((luma + matrix->red * (v - 128)) >> 16);
-    int green = clip((luma - matrix->green_u * (u - 128) - matrix->green_v * (v - 128)) >> 16);
-    int blue = clip((luma + matrix->blue * (u - 128)) >> 16);
+    int luma = ((y - matrix->offset) * matrix->gain + 32768) * CHROMA_SCALE;
+    int from_u = u - 128 * CHROMA_SCALE, from_v = v - 128 * CHROMA_SCALE;
+    int red = clip((luma + matrix->red * from_v) >> 20);
+    int green = clip((luma - matrix->green_u * from_u - matrix->green_v * from_v) >> 20);
+    int blue = clip((luma + matrix->blue * from_u) >> 20);
 
     return (uint32_t)(red << 16 | green << 8 | blue);
 }
 
+/* A pixel's own row of chroma samples and the nearest other one, of both planes. */
+struct chroma {
+    const uint8_t *u, *v, *other_u, *other_v;
+    int last; /* column */
+};
+
+static struct chroma chroma_of(const struct field *field, int row) {
+    int own = row / 2, last = (field->height - 1) / 2;
+    int other = row % 2 ? (own < last ? own + 1 : last) : (own > 0 ? own - 1 : 0);
+
+    return (struct chroma){
+        field->plane[1] + (ptrdiff_t)own * field->stride[1], field->plane[2] + (ptrdiff_t)own * field->stride[2],
+        field->plane[1] + (ptrdiff_t)other * field->stride[1], field->plane[2] + (ptrdiff_t)other * field->stride[2],
+        (field->width - 1) / 2};
+}
+
+/* The pixel at `column`: a sample is in the middle of four pixels, so its weight is 3/4 in either direction. This keeps
+   pixels within 1 of those of a snapshot, which libswscale makes with the same positions. */
+static uint32_t colour_at(const struct matrix *matrix, const struct chroma *row, int column, int y) {
+    int own = column / 2;
+    int other = column % 2 ? (own < row->last ? own + 1 : own) : (own > 0 ? own - 1 : 0);
+    int u = 9 * row->u[own] + 3 * (row->u[other] + row->other_u[own]) + row->other_u[other];
+    int v = 9 * row->v[own] + 3 * (row->v[other] + row->other_v[own]) + row->other_v[other];
+
+    return colour(matrix, y, u, v);
+}
+
 struct paint_pixel paint_look(const struct ddxvideo_picture *picture, int number, int column, int row) {
     struct field field = field_of(picture, number);
+    struct chroma chroma = chroma_of(&field, row);
     struct paint_pixel pixel = {.y = field.plane[0][row * (ptrdiff_t)field.stride[0] + column],
-                                .u = field.plane[1][row / 2 * (ptrdiff_t)field.stride[1] + column / 2],
-                                .v = field.plane[2][row / 2 * (ptrdiff_t)field.stride[2] + column / 2]};
-    uint32_t shown = colour(field.full ? &whole : &limited, pixel.y, pixel.u, pixel.v);
+                                .u = chroma.u[column / 2],
+                                .v = chroma.v[column / 2]};
+    uint32_t shown = colour_at(field.full ? &whole : &limited, &chroma, column, pixel.y);
 
     pixel.red = (int)(shown >> 16);
     pixel.green = (int)(shown >> 8 & 255);
@@ -86,13 +117,12 @@ static void copy(const struct canvas *canvas, const struct field *field, const s
         }
         former = row;
         const uint8_t *luma = field->plane[0] + (ptrdiff_t)row * field->stride[0];
-        const uint8_t *u = field->plane[1] + (ptrdiff_t)(row / 2) * field->stride[1];
-        const uint8_t *v = field->plane[2] + (ptrdiff_t)(row / 2) * field->stride[2];
+        const struct chroma chroma = chroma_of(field, row);
         /* The column of a pixel without a division for each: column = at / place->width, counted along. */
         int64_t at = (int64_t)(left - place->x) * field->width;
         int column = (int)(at / place->width), rest = (int)(at % place->width);
         for (int x = left; x < right; x++) {
-            to[x] = colour(matrix, luma[column], u[column / 2], v[column / 2]);
+            to[x] = colour_at(matrix, &chroma, column, luma[column]);
             for (rest += field->width; rest >= place->width; rest -= place->width)
                 column++;
         }
