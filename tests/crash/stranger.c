@@ -74,7 +74,7 @@ static int forge(const struct ddx_layout *layout, uint32_t epoch, const char *wh
              what ? what : "control");
     if (!right && seteuid(65534)) /* without the right to change the user, a wrong name serves instead */
         *name = '.';
-    int file = ddx_memory_create(name, ddx_page_round(what ? sizeof(FRAME) : sizeof(struct ddx_control)));
+    int file = ddx_memory_create(name, ddx_page_round(what ? sizeof(FRAME) : sizeof(struct ddx_control)), NULL);
     if (seteuid(getuid()) || file < 0)
         fail("a file cannot be made");
     if (what)
@@ -141,7 +141,7 @@ static void own_files(void) {
     store_kill();
     store_begin(NULL);
     AWAIT((fd = ddx_connect(DDX_STORE_PORT)) >= 0, "the store does not begin");
-    int file[2] = {forge(layout, 7, NULL, false), ddx_memory_create("frames notice", ddx_page_round(1))};
+    int file[2] = {forge(layout, 7, NULL, false), ddx_memory_create("frames notice", ddx_page_round(1), NULL)};
     struct ddx_message message = {.operation = DDX_OFFER, .epoch = 7, .flags = DDX_FLAG_WRITER, .type = "FRAME"};
     strcpy(message.name, stream_name[0]);
     ddx_send(fd, &message, layout, file, 2);

@@ -11,6 +11,7 @@
 #include <time.h>
 
 #include "../../package/ddx/store/epoch.h"
+#include "../../package/ddx/store/holder.h"
 #include "../../package/ddx/store/checkpoint.h"
 #include "check.h"
 
@@ -19,6 +20,10 @@
 #define TURNS 80
 #define BROKEN_TURNS 8000 /* with a defect a few of a hundred are torn, and sometimes none of 80 */
 #define STEP 16u /* words between those that change from frame to frame: all cache lines, every other one */
+
+/* In place of the holder. */
+void holder_beat(void) {
+}
 
 static struct epoch *from;
 static atomic_bool over;

@@ -61,19 +61,36 @@ void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs) {
         last->room = end - last->place;
 }
 
-int ddx_memory_create(const char *name, uint64_t bytes) {
+/* A worker that was stopped in the middle of it begins that step again. */
+static int allocate(int fd, uint64_t bytes, void (*step)(void)) {
+    for (uint64_t at = 0; at < bytes;) {
+        uint64_t next = bytes - at < DDX_MEMORY_STEP ? bytes - at : DDX_MEMORY_STEP;
+
+        if (fallocate(fd, 0, (off_t)at, (off_t)next)) {
+            if (errno == EINTR)
+                continue;
+            return -errno;
+        }
+        at += next;
+        if (step)
+            step();
+    }
+    return 0;
+}
+
+int ddx_memory_create(const char *name, uint64_t bytes, void (*step)(void)) {
     int fd = memfd_create(name, MFD_CLOEXEC | MFD_ALLOW_SEALING);
 
     if (fd < 0)
         return -errno;
     /* Allocate now: what was promised must not be missing when a frame is written. */
-    if (fallocate(fd, 0, 0, (off_t)bytes) || fcntl(fd, F_ADD_SEALS, FIXED_SIZE)) {
-        int error = errno;
-
-        close(fd);
-        return -error;
-    }
-    return fd;
+    int result = allocate(fd, bytes, step);
+    if (!result && fcntl(fd, F_ADD_SEALS, FIXED_SIZE))
+        result = -errno;
+    if (!result)
+        return fd;
+    close(fd);
+    return result;
 }
 
 int ddx_memory_freeze(int fd) {

@@ -28,8 +28,13 @@ void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs);
 
 uint64_t ddx_page_round(uint64_t bytes);
 
-/* A memory file of `bytes` bytes, all of them backed by memory, of a fixed size. Descriptor, -ENOSPC, -ENOMEM. */
-int ddx_memory_create(const char *name, uint64_t bytes);
+#define DDX_MEMORY_STEP ((uint64_t)16 << 20) /* bytes that are cleared or copied at once: some milliseconds */
+
+/*
+ * A memory file of `bytes` bytes, all of them backed by memory, of a fixed size. Descriptor, -ENOSPC, -ENOMEM.
+ * `step` (NULL: none) is called after each DDX_MEMORY_STEP: the kernel clears every page, and a large file takes long.
+ */
+int ddx_memory_create(const char *name, uint64_t bytes, void (*step)(void));
 
 /* Forbid any further writable mapping; those that exist stay. */
 int ddx_memory_freeze(int fd);

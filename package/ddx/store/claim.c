@@ -38,7 +38,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
 }
 
 static int new_notice(struct item *item) {
-    int fd = ddx_memory_create(memfd_name_of(item->name, "notice"), ddx_page_round(1));
+    int fd = ddx_memory_create(memfd_name_of(item->name, "notice"), ddx_page_round(1), NULL);
     int result = fd < 0 ? fd : item_set_notice(item, fd);
 
     if (!result)

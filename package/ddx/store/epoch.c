@@ -5,6 +5,7 @@
 
 #include "epoch.h"
 #include "files.h"
+#include "holder.h"
 #include "checkpoint.h"
 #include "memfd_name.h"
 
@@ -36,7 +37,7 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
 
 int epoch_create_control(struct epoch *epoch, const char *name) {
     epoch->control_fd =
-        ddx_memory_create(memfd_name_of_slot(name, epoch, DDX_NO_SLOT), ddx_page_round(sizeof(struct ddx_control)));
+        ddx_memory_create(memfd_name_of_slot(name, epoch, DDX_NO_SLOT), ddx_page_round(sizeof(struct ddx_control)), NULL);
     if (epoch->control_fd < 0)
         return epoch->control_fd;
     epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), true);
@@ -57,7 +58,7 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     for (unsigned i = 0; i < DDX_SLOTS_MAX && count; i++) {
         if (epoch->slot_fd[i] >= 0)
             continue;
-        int fd = ddx_memory_create(memfd_name_of_slot(name, epoch, i), epoch->runs.file_bytes);
+        int fd = ddx_memory_create(memfd_name_of_slot(name, epoch, i), epoch->runs.file_bytes, holder_beat);
         if (fd < 0)
             break;
         epoch->slot_fd[i] = fd;
@@ -91,7 +92,10 @@ static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *fr
 
     if (!old)
         return false;
-    memcpy(to, old, bytes);
+    for (size_t at = 0; at < bytes; at += DDX_MEMORY_STEP) {
+        memcpy((char *)to + at, (char *)old + at, bytes - at < DDX_MEMORY_STEP ? bytes - at : DDX_MEMORY_STEP);
+        holder_beat();
+    }
     munmap(old, bytes);
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wtsan" /* cannot see fences, nor other processes */

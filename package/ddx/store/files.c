@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "../lib/fault.h"
+#include "holder.h"
 #include "checkpoint.h"
 
 #define OTHERS 64 /* descriptors that were open when the store began, at most */
@@ -82,8 +83,10 @@ void file_close(int fd) {
 void files_commit(void) {
     checkpoint_commit();
     DDX_PASS(STORE_COMMITTED);
-    while (closing_count)
-        close(closing[--closing_count]);
+    while (closing_count) {
+        close(closing[--closing_count]); /* the kernel frees the memory at once, and it may be a lot */
+        holder_beat();
+    }
 }
 
 /* Calls `what` for each open descriptor but that of the look itself. */

@@ -82,7 +82,7 @@ static int attach(struct client *client, unsigned keep) {
             notify_reader(item, client);
         return 0;
     }
-    int fd = ddx_memory_create(memfd_name_of(item->name, "pin"), ddx_page_round(1));
+    int fd = ddx_memory_create(memfd_name_of(item->name, "pin"), ddx_page_round(1), NULL);
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
 }
 
