@@ -88,9 +88,10 @@ static int make_files(struct item *item, struct epoch *epoch, unsigned slots) {
     descriptors_for_item(item, slots + BESIDE);
     int result = epoch_create_control(epoch, item->name);
     if (!result)
-        result = epoch_add_slots(epoch, item->name, slots);
+        result = epoch_add_slots(epoch, item->name, epoch_slots_a_turn(epoch, slots));
     if (result)
         return result;
+    epoch->wanted = slots;
     DDX_PASS(STORE_PREPARED);
     result = new_notice(item);
     DDX_PASS(STORE_NOTICE);
@@ -177,6 +178,33 @@ static void go_live_if_ready(struct item *item) {
 static void give_up(struct client *client, int status) {
     client_reply(client, DDX_DONE, status);
     writer_left(client);
+}
+
+static void make_more(struct item *item) {
+    struct epoch *epoch = item->pending;
+    unsigned count = epoch_slots_a_turn(epoch, epoch->wanted - epoch->slots);
+
+    descriptors_for_item(item, epoch->wanted - epoch->slots);
+    if (epoch_add_slots(epoch, item->name, count)) {
+        give_up(item->writer, -ENOSPC);
+        return;
+    }
+    notify_slots(item, epoch, item->writer);
+}
+
+bool writers_go_on(struct store *store) {
+    bool any = false;
+
+    for (struct client *client = store->clients; client; client = client->next) {
+        struct item *item = client->item;
+
+        if (client->gone || !item || item->writer != client || !item->pending ||
+            item->pending->slots >= item->pending->wanted)
+            continue;
+        make_more(item);
+        any = true;
+    }
+    return any;
 }
 
 /*

@@ -5,6 +5,8 @@
 
 #include "state.h"
 
+/* More files of the claims that are being prepared, some of each. Whether there was anything to do. */
+bool writers_go_on(struct store *store);
 void writer_claim(struct client *client, const struct ddx_layout *layout);
 void writer_ready(struct client *client, const struct ddx_message *message);
 void writer_taken(struct client *client, const struct ddx_message *message);

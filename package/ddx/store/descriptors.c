@@ -21,7 +21,7 @@ static unsigned count_free(unsigned wanted) {
     return count;
 }
 
-void descriptors_for_item(struct item *item, unsigned count) {
+bool descriptors_for_item(struct item *item, unsigned count) {
     const struct store *store = item->store;
     unsigned wanted = count < WANTED_MAX ? count : WANTED_MAX, found;
     struct item *victim;
@@ -29,6 +29,7 @@ void descriptors_for_item(struct item *item, unsigned count) {
     while ((found = count_free(wanted)) < wanted && found + leftover_files(store, item) >= wanted &&
            (victim = leftover_first(store, item, INT_MAX, NULL)))
         leftover_drop(victim, NEEDED, item->name);
+    return found >= wanted;
 }
 
 bool descriptors_below(struct store *store, int number) {

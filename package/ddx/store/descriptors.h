@@ -5,8 +5,11 @@
 
 #include "state.h"
 
-/* Free that number of descriptors for the item, if dropping other items is sufficient; otherwise no item is dropped. */
-void descriptors_for_item(struct item *item, unsigned count);
+/*
+ * Free that number of descriptors for the item, if dropping other items is sufficient; otherwise no item is dropped,
+ * and the result is false.
+ */
+bool descriptors_for_item(struct item *item, unsigned count);
 
 /* The same for one descriptor of a smaller number than this. False: none could be had. */
 bool descriptors_below(struct store *store, int number);

@@ -36,8 +36,8 @@ struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number) {
 }
 
 int epoch_create_control(struct epoch *epoch, const char *name) {
-    epoch->control_fd =
-        ddx_memory_create(memfd_name_of_slot(name, epoch, DDX_NO_SLOT), ddx_page_round(sizeof(struct ddx_control)), NULL);
+    epoch->control_fd = ddx_memory_create(memfd_name_of_slot(name, epoch, DDX_NO_SLOT),
+                                          ddx_page_round(sizeof(struct ddx_control)), NULL);
     if (epoch->control_fd < 0)
         return epoch->control_fd;
     epoch->control = ddx_memory_map(epoch->control_fd, sizeof(struct ddx_control), true);
@@ -67,9 +67,9 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     }
     if (!count)
         return 0;
-    /* All or none. New ones lie behind those that the writer uses. */
+    /* All or none. The writer knows nothing of new ones. */
     for (unsigned i = DDX_SLOTS_MAX; i-- > 0 && epoch->slots > before;)
-        if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i]) {
+        if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i] && !epoch->slot_told[i]) {
             file_close(epoch->slot_fd[i]);
             epoch->slot_fd[i] = -1;
             epoch->slots--;
@@ -77,7 +77,19 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     return -ENOSPC;
 }
 
+unsigned epoch_slots_a_turn(const struct epoch *epoch, unsigned count) {
+    uint64_t fit = epoch->runs.file_bytes ? DDX_MEMORY_STEP / epoch->runs.file_bytes : count;
+
+    return count <= fit ? count : fit ? (unsigned)fit : 1;
+}
+
+unsigned epoch_slots_planned(const struct epoch *epoch) {
+    return epoch->slots > epoch->wanted ? epoch->slots : epoch->wanted;
+}
+
 bool epoch_ready(const struct epoch *epoch) {
+    if (epoch->slots < epoch->wanted)
+        return false;
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
         if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i])
             return false;

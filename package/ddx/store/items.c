@@ -104,7 +104,7 @@ static uint64_t control_bytes(void) {
 }
 
 static uint64_t epoch_bytes(const struct epoch *epoch) {
-    return epoch ? control_bytes() + epoch->slots * epoch->runs.file_bytes : 0;
+    return epoch ? control_bytes() + epoch_slots_planned(epoch) * epoch->runs.file_bytes : 0;
 }
 
 uint64_t item_bytes(const struct item *item) {

@@ -20,22 +20,38 @@
 #define PATIENCE 4000000000 /* that a reader waits at most; it gives up after five seconds itself */
 #define AGAIN 50000000      /* between attempts to tell a writer of a reader that it could not see */
 
-int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
-    struct epoch *epoch = item->pending ? item->pending : item->epoch;
-    unsigned wanted = 2 + item->kept + keep;
+/* NULL: it was never written, and the size of its frames is unknown. */
+static struct epoch *newest_epoch(const struct item *item) {
+    return item->pending ? item->pending : item->epoch;
+}
+
+/* Slots to be made for `keep` frames more; -EBUSY: there is no room for them. */
+static int slots_to_add(struct item *item, unsigned keep, unsigned pages) {
+    const struct epoch *epoch = newest_epoch(item);
+    unsigned wanted = 2 + item->kept + keep, more = 0;
+    uint64_t cost = pages * ddx_page_round(1);
 
     if (wanted > DDX_SLOTS_MAX || item->readers + pages > DDX_READERS_MAX)
         return -EBUSY;
-    if (!epoch) /* never written: the size of its frames is unknown */
-        return budget_allows(item, item_reserved(item) + pages * ddx_page_round(1)) ? 0 : -EBUSY;
-    unsigned more = item->writer && wanted > epoch->slots ? wanted - epoch->slots : 0;
-    uint64_t cost = (more + keep) * epoch->runs.file_bytes + pages * ddx_page_round(1);
-    if (!budget_allows(item, item_reserved(item) + cost))
-        return -EBUSY;
-    descriptors_for_item(item, more + pages);
+    if (epoch) {
+        unsigned planned = epoch_slots_planned(epoch);
+
+        more = item->writer && wanted > planned ? wanted - planned : 0;
+        cost += (more + keep) * epoch->runs.file_bytes;
+    }
+    return budget_allows(item, item_reserved(item) + cost) ? (int)more : -EBUSY;
+}
+
+int reader_add_slots(struct item *item, unsigned keep, unsigned pages) {
+    struct epoch *epoch = newest_epoch(item);
+    int more = slots_to_add(item, keep, pages);
+
+    if (more < 0 || !epoch)
+        return more;
+    bool enough = descriptors_for_item(item, (unsigned)more + pages);
     if (!more)
         return 0;
-    if (epoch_add_slots(epoch, item->name, more))
+    if (!enough || epoch_add_slots(epoch, item->name, (unsigned)more))
         return -EBUSY;
     DDX_PASS(STORE_ROOM);
     notify_slots(item, epoch, item->writer);
@@ -63,8 +79,8 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     return 0;
 }
 
-static int attach(struct client *client, unsigned keep) {
-    struct item *item = client->item;
+static int may_attach(const struct client *client, unsigned keep) {
+    const struct item *item = client->item;
 
     if (keep < 1 || keep > DDX_READERS_MAX)
         return -EINVAL;
@@ -72,7 +88,32 @@ static int attach(struct client *client, unsigned keep) {
      * look at the new pins. Nor while another one gets ready to replace it: until then its frames are the item's. */
     if (item->epoch && (!item->writer || item->pending) && ddx_memory_held(item->epoch->control_fd))
         return -EAGAIN;
-    int result = reader_add_slots(item, keep, client->id ? 0 : 1);
+    return 0;
+}
+
+bool reader_must_wait(struct client *client, unsigned keep) {
+    struct item *item = client->item;
+    struct epoch *epoch = item && item->writer && !client->asked ? newest_epoch(item) : NULL;
+
+    if (!epoch || may_attach(client, keep))
+        return false;
+    int more = slots_to_add(item, keep, client->id ? 0 : 1);
+    unsigned now = more > 0 ? epoch_slots_a_turn(epoch, (unsigned)more) : 0;
+    if (more <= (int)now)
+        return false;
+    /* For all of them: no item is dropped, and no file made, for a request that is refused in the end. */
+    if (!descriptors_for_item(item, (unsigned)more + !client->id) || epoch_add_slots(epoch, item->name, now))
+        return false; /* it is refused */
+    notify_slots(item, epoch, item->writer);
+    return true;
+}
+
+static int attach(struct client *client, unsigned keep) {
+    struct item *item = client->item;
+    int result = may_attach(client, keep);
+
+    if (!result)
+        result = reader_add_slots(item, keep, client->id ? 0 : 1);
     if (result)
         return result;
     if (client->id) {

@@ -5,6 +5,11 @@
 
 #include "state.h"
 
+/*
+ * Whether the request has to be looked at in the next turn, too, before it is handled: it is for more new memory than
+ * one turn makes, and some was made now.
+ */
+bool reader_must_wait(struct client *client, unsigned keep);
 void reader_attach(struct client *client, unsigned keep);
 /* Its writer checks its pins, or (-errno) does not; the reader is notified if it has asked. */
 void reader_taken(struct client *client, int status);

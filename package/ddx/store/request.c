@@ -100,6 +100,10 @@ bool request_counts(const struct ddx_packet *packet) {
     }
 }
 
+bool request_must_wait(struct client *client, const struct ddx_packet *packet) {
+    return packet->message.operation == DDX_ATTACH && reader_must_wait(client, packet->message.frames);
+}
+
 void request_handle(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 

@@ -179,15 +179,37 @@ static void reap(const struct client *asking) {
             detach(client);
 }
 
-/* Its process pays for what comes of it. */
-static void handle(struct client *client, struct ddx_packet *packet) {
+/* Its process pays for what comes of it. False: it stays, for the next turn. */
+static bool handle(struct client *client, struct ddx_packet *packet) {
     struct process *process = client->process;
 
     budget_make_room(client->store, process);
     checkpoint_charge(&process->account, CHECKPOINT_SHARE);
-    request_handle(client, packet);
+    bool waits = request_must_wait(client, packet);
+    if (!waits)
+        request_handle(client, packet);
     checkpoint_charge(NULL, 0);
     process_report(process);
+    return !waits;
+}
+
+/* A worker may have done this, and died before it took it off. */
+static bool is_handled(struct client *client, struct ddx_packet *packet) {
+    uint64_t number = packet->message.number;
+
+    if (number && number <= client->handled)
+        return true;
+    holder_serving(client->socket);
+    if (request_counts(packet))
+        reap(client);
+    bool done = handle(client, packet);
+    if (done) {
+        client->handled = number ? number : client->handled;
+        DDX_PASS(STORE_HANDLED);
+    }
+    files_commit();
+    holder_serving(-1);
+    return done;
 }
 
 void client_receive(struct client *client, unsigned most) {
@@ -208,18 +230,10 @@ void client_receive(struct client *client, unsigned most) {
         }
         holder_beat(); /* a turn with many messages is no sign of a worker that hangs */
         process_heard(client->process, turn);
-        /* A worker may have done this, and died before it took it off. */
-        if (!packet.message.number || packet.message.number > client->handled) {
-            holder_serving(client->socket);
-            if (request_counts(&packet))
-                reap(client);
-            handle(client, &packet);
-            client->handled = packet.message.number ? packet.message.number : client->handled;
-            DDX_PASS(STORE_HANDLED);
-            files_commit();
-            holder_serving(-1);
-        }
+        bool done = is_handled(client, &packet);
         ddx_packet_close(&packet);
+        if (!done)
+            return;
         ddx_discard(client->socket);
         DDX_PASS(STORE_DISCARDED);
         /* The complaining client gets its reply first. */

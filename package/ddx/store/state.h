@@ -27,6 +27,7 @@ struct epoch {
     struct ddx_control *control;
     bool control_ready; /* the writer has mapped and sealed it: readers may have it */
     unsigned slots;
+    unsigned wanted; /* slots before it begins: more than there are while the worker makes them, some in each turn */
     int slot_fd[DDX_SLOTS_MAX];     /* -1: does not exist */
     bool slot_told[DDX_SLOTS_MAX];  /* the writer knows of it */
     bool slot_ready[DDX_SLOTS_MAX]; /* and has mapped and sealed it */

@@ -10,6 +10,7 @@
 
 #include "../lib/fault.h"
 #include "budget.h"
+#include "claim.h"
 #include "files.h"
 #include "holder.h"
 #include "checkpoint.h"
@@ -117,9 +118,11 @@ static void count_time(struct store *store, bool calm) {
  * How long to sleep: until the next check of the clock, of crowded queues, of waiting clients, or the next report of
  * liveness.
  */
-static struct timespec patience(const struct store *store, bool young, bool waits) {
+static struct timespec patience(const struct store *store, bool young, bool waits, bool busy) {
     bool grace = young && !store->open;
 
+    if (busy)
+        return (struct timespec){0, 0};
     if (young)
         return (struct timespec){0, grace && store->listened >= GRACE ? 0 : TICK};
     return (struct timespec){0, waits ? DDX_QUEUE_PAUSE * 1000000 : BEAT};
@@ -134,12 +137,13 @@ static void hear(struct store *store, const struct pollfd *list) {
 static void turn(struct store *store, const sigset_t *waiting) {
     bool young = store->settings->restarted && !store->settled;
     nfds_t count;
-    bool waits = false;
+    bool waits = false, busy = writers_go_on(store);
     struct pollfd *list = poll_list(store, &count, &waits);
-    struct timespec timeout = patience(store, young, waits);
+    struct timespec timeout = patience(store, young, waits, busy);
     int ready = list ? ppoll(list, count, &timeout, waiting) : -1;
 
     holder_beat();
+    waits |= busy;
     if (ready < 0 || (!ready && !young && !waits))
         return;
     if (young)
