@@ -16,7 +16,7 @@
 #include "picture_convert.h"
 #include "video_layout.h"
 
-#define QUALITY 3 /* of JPEG: 1 is the best, 31 the smallest */
+#define QUALITY 3 /* of JPEG: from 1, the best, to 31, the smallest file */
 #define BLACK_LEVEL 0
 #define SCALE_FLAGS (SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INT)
 
@@ -76,7 +76,7 @@ static int draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, i
     return rows == height ? 0 : -EIO;
 }
 
-/* Grey as RGB: libswscale has no grey that is not of the full range. */
+/* Grey as RGB: libswscale knows grey of full range only. */
 static int draw_grey(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height) {
     const struct picture_kind kind = picture_kind_of(&picture->geometry);
     struct ddxvideo_picture rgb = {.geometry = picture->geometry};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures of the store to RGB, and to files: PPM, PNG, JPEG. */
+/* Converts pictures of the store to RGB, and writes them into files: PPM, PNG, JPEG. */
 #ifndef DDXVIDEO_IMAGE_H
 #define DDXVIDEO_IMAGE_H
 
@@ -17,7 +17,7 @@ AVFrame *image_new(int width, int height);
 /* Draw a picture of the store into a part of an image, scaled to fill it. 0, or -errno. */
 int image_draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, int y, int width, int height);
 
-/* Write the image as a file, which is whole or not there. 0, or -errno. */
+/* Write the image into a file, whole or not at all. 0, or -errno. */
 int image_save(const AVFrame *image, enum image_format format, const char *path);
 
 #endif

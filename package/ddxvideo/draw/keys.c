@@ -15,7 +15,7 @@
 #define BEYOND_UNICODE 0x110000
 #define MS INT64_C(1000000)
 
-/* A program that loses the foreground just now gets an error, and is not stopped. */
+/* A program that loses the foreground at this moment gets an error, and is not stopped. */
 static sigset_t hold_signals(void) {
     sigset_t set, before;
 
@@ -48,7 +48,7 @@ void keys_close(struct keys *keys) {
     *keys = (struct keys){.wanted = false};
 }
 
-/* A shell that had the foreground meanwhile may have set a mode of its own. */
+/* The shell may have set a mode of its own while it had the foreground. */
 static void take_over(struct keys *keys) {
     struct termios mode;
 
@@ -56,7 +56,7 @@ static void take_over(struct keys *keys) {
         return;
     keys->before = mode;
     keys->raw = true;
-    mode.c_lflag &= ~(tcflag_t)(ICANON | ECHO); /* ISIG stays: Ctrl-C and Ctrl-Z do what they do in each program */
+    mode.c_lflag &= ~(tcflag_t)(ICANON | ECHO); /* ISIG stays, so Ctrl-C and Ctrl-Z work as in each program */
     mode.c_cc[VMIN] = 1;
     mode.c_cc[VTIME] = 0;
     set_mode(&mode);
@@ -128,7 +128,7 @@ static int sequence(const struct keys *keys, int *key) {
     return at + 1;
 }
 
-/* Characters beyond ASCII are no keys here. */
+/* Characters beyond ASCII are ignored. */
 static bool is_key(int key) {
     return (key > 0 && key < DELETE) || key >= BEYOND_UNICODE;
 }

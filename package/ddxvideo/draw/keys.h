@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Keys of the terminal on standard input, one by one, without touching a terminal in whose background we are. */
+/* Reads keys from the terminal on standard input. A terminal in whose background the program is stays untouched. */
 #ifndef DDXVIDEO_KEYS_H
 #define DDXVIDEO_KEYS_H
 
@@ -7,16 +7,16 @@
 #include <stdint.h>
 #include <termios.h>
 
-#define KEYS_ESCAPE_MS 50 /* what follows an escape character within this time belongs to it */
+#define KEYS_ESCAPE_MS 50 /* characters within this time after an escape character belong to it */
 
 /* All 0 at first. */
 struct keys {
     bool wanted;           /* standard input is the terminal of our session */
-    bool raw;              /* it is in our mode now, and was in this one: */
+    bool raw;              /* the terminal is in our mode now; its former mode: */
     struct termios before;
-    unsigned char byte[32]; /* read, and not a key yet */
+    unsigned char byte[32]; /* bytes that were read, but are no complete key yet */
     int count;
-    int64_t read; /* when, ns of CLOCK_MONOTONIC */
+    int64_t read; /* when they were read, ns of CLOCK_MONOTONIC */
 };
 
 enum keys_state { KEYS_NONE, KEYS_LISTEN, KEYS_GONE };
@@ -24,13 +24,13 @@ enum keys_state { KEYS_NONE, KEYS_LISTEN, KEYS_GONE };
 void keys_open(struct keys *keys);
 void keys_close(struct keys *keys);
 
-/* Before each wait: whether standard input is to be waited for. Takes the terminal over in the foreground. */
+/* Call before each wait: whether to wait for standard input, too. In the foreground, takes over the terminal. */
 enum keys_state keys_ready(struct keys *keys);
 
 /* Standard input is readable. False: the terminal is gone. */
 bool keys_read(struct keys *keys);
 
-/* The next key, as of surface.h; 0: none yet. Never waits. `now` is CLOCK_MONOTONIC. */
+/* The next key, numbered as in surface.h; 0: none yet. Never waits. `now` is CLOCK_MONOTONIC. */
 int keys_next(struct keys *keys, int64_t now);
 
 #endif

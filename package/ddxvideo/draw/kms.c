@@ -56,7 +56,7 @@ static const drmModeModeInfo *mode_of(const drmModeConnector *connector, const s
     return found;
 }
 
-/* The part of the card that drives the connector, or could. 0: none. */
+/* The part of the card that drives the connector, or is able to. 0: none. */
 static uint32_t crtc_of(int card, const drmModeRes *resources, const drmModeConnector *connector) {
     uint32_t found = 0;
 
@@ -94,7 +94,7 @@ static const char *choose_mode(struct kms *kms, const drmModeRes *resources, con
     return kms->crtc ? NULL : because("%s: the graphics card has no free part for it", name);
 }
 
-/* The output that is wanted; else the first with a monitor. Each monitor is asked for its modes. */
+/* The requested output, or the first with a monitor. Asks each monitor for its modes. */
 static const char *choose_output(struct kms *kms, const drmModeRes *resources, const struct screen_choice *choice) {
     const char *wrong = choice->output ? because("no output %s", choice->output) : because("no monitor");
     bool found = false;
@@ -194,7 +194,7 @@ const char *kms_open(struct kms *kms, const struct screen_choice *choice) {
     return wrong ? wrong : "no screen: no driver has made /dev/dri/card0";
 }
 
-/* The kernel does this as well, but lets the screen go dark first. */
+/* The kernel does this as well, but switches the screen off first. */
 static void show_before(struct kms *kms) {
     drmModeCrtc *before = kms->before;
 

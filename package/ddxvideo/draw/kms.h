@@ -21,31 +21,31 @@ struct kms {
     int card; /* file descriptor; -1: closed */
     uint32_t connector, crtc;
     drmModeModeInfo mode;
-    drmModeCrtc *before; /* what was shown before us; NULL: not known */
+    drmModeCrtc *before; /* the mode before ours; NULL: not known */
     struct kms_buffer buffer[2];
     int hidden;    /* the buffer that is not shown */
     bool lit;      /* the mode is set, and one buffer is shown */
-    bool flipping; /* the other buffer is asked for, and may not be shown yet */
+    bool flipping; /* a flip to the other buffer was requested, and is not confirmed yet */
     char name[64]; /* of output and mode */
 };
 
 /*
- * All functions return NULL, or what went wrong as a static text, valid until the next call. After a failure of
+ * All functions return NULL, or the reason of a failure as a static text, valid until the next call. After a failure of
  * kms_open() nothing is open.
  */
 const char *kms_open(struct kms *kms, const struct screen_choice *choice);
 void kms_close(struct kms *kms);
 
-/* Take note of a flip that is done, when the card's descriptor is readable. */
+/* Call when the card's descriptor is readable: marks a flip as done. */
 void kms_read(struct kms *kms);
 
-/* Until the hidden buffer is hidden indeed: at most one refresh. */
+/* Waits until the hidden buffer is no longer on the screen: at most one refresh. */
 const char *kms_wait(struct kms *kms);
 
 /* Show the hidden buffer from the next refresh on; the other one becomes the hidden one. */
 const char *kms_flip(struct kms *kms);
 
-/* Whether the monitor is there, as far as the kernel knows without asking it. */
+/* Whether the kernel knows of the monitor; the monitor itself is not asked. */
 bool kms_connected(const struct kms *kms);
 
 #endif

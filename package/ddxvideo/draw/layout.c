@@ -8,7 +8,7 @@ void layout_square(const struct ddxvideo_geometry *geometry, double *width, doub
     *height = (double)geometry->height / geometry->fields;
     if (geometry->aspect_num > 0 && geometry->aspect_den > 0)
         *width *= (double)geometry->aspect_num / geometry->aspect_den;
-    if (*width > DDX_VIDEO_SIDE * 16.0) /* an aspect that no camera has */
+    if (*width > DDX_VIDEO_SIDE * 16.0) /* beyond the aspect of any camera */
         *width = DDX_VIDEO_SIDE * 16.0;
 }
 
@@ -16,7 +16,7 @@ static double smaller(double a, double b) {
     return a < b ? a : b;
 }
 
-/* How many side by side make them largest; of equals the fewest, stacked. */
+/* The number of fields side by side that makes them largest; of several such numbers the smallest. */
 static int columns_of(int count, double wide, double high, int width, int height) {
     double best = 0;
     int columns = 1;
@@ -87,7 +87,7 @@ void layout_zoom_at(const struct layout *layout, struct layout_view *view, doubl
         *view = (struct layout_view){1, 0, 0};
         return;
     }
-    /* The middle of the pixel at the point stays where it is: from its edge, rounding may lead to the next one. */
+    /* Keeps the middle of the pixel in its place: with its edge, rounding could lead to the next pixel. */
     view->x = x + 0.5 - (x + 0.5 - view->x) * zoom / view->zoom;
     view->y = y + 0.5 - (y + 0.5 - view->y) * zoom / view->zoom;
     view->zoom = zoom;

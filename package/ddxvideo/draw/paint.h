@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures of the store onto a canvas. */
+/* Paints pictures of the store onto a canvas. */
 #ifndef DDXVIDEO_PAINT_H
 #define DDXVIDEO_PAINT_H
 
@@ -10,10 +10,10 @@
 
 struct SwsContext;
 
-/* What stays from picture to picture: the caller's, all 0 at first, until paint_close(). */
+/* State from picture to picture: the caller's, all 0 at first, until paint_close(). */
 struct painter {
     struct SwsContext *scaler[DDX_VIDEO_FIELDS];
-    uint32_t *rows; /* where a scaler writes that would write beyond the canvas */
+    uint32_t *rows; /* the target of a scaler that would write beyond the canvas */
     size_t size;    /* bytes of it */
 };
 
@@ -26,7 +26,7 @@ int paint_fields(struct painter *painter, const struct canvas *canvas, const str
                  const struct layout *layout, uint32_t background);
 void paint_close(struct painter *painter);
 
-/* One pixel of a picture: what it consists of, and how it is shown. Coordinates within the field. */
+/* One pixel of a picture: its samples, and its colour on the screen. Coordinates within the field. */
 struct paint_pixel {
     int y, u, v;
     int red, green, blue;
@@ -36,10 +36,10 @@ struct paint_pixel paint_look(const struct ddxvideo_picture *picture, int field,
 /* The part of a rectangle that lies on the canvas; the result may be empty (width or height 0). */
 struct canvas paint_part(const struct canvas *canvas, int x, int y, int width, int height);
 
-/* All of one colour. */
+/* Fill the rectangle with one colour. */
 void paint_all(const struct canvas *canvas, uint32_t colour);
 
-/* Half as bright and without colour: what is shown is not what is now. */
+/* Half as bright and without colour, for a picture that is not current. */
 void paint_grey(const struct canvas *canvas);
 
 #endif

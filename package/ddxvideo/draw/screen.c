@@ -14,7 +14,7 @@
 #include "kms.h"
 
 #define MS INT64_C(1000000)
-#define LOOK (1000 * MS) /* between looks at whether the monitor is there */
+#define LOOK (1000 * MS) /* between checks for the monitor */
 
 struct screen {
     struct surface surface;
@@ -58,7 +58,7 @@ static const char *screen_show(struct surface *surface) {
 
 /* ---- Events ---- */
 
-/* What has happened already, without waiting. */
+/* The next event that has already happened; does not wait. */
 static bool next(struct screen *screen, struct surface_event *event) {
     uint64_t count;
     int key = keys_next(&screen->keys, ddx_time_now());
@@ -67,7 +67,7 @@ static bool next(struct screen *screen, struct surface_event *event) {
     return key || read(screen->waker, &count, sizeof count) == sizeof count;
 }
 
-/* Part of a wait; false: the terminal is gone. */
+/* A part of the wait. False: the terminal is gone. */
 static bool wait_once(struct screen *screen, int timeout) {
     enum keys_state state = keys_ready(&screen->keys);
     struct pollfd entry[] = {{.fd = screen->waker, .events = POLLIN},
@@ -106,7 +106,7 @@ static void screen_wake(struct surface *surface) {
     const uint64_t one = 1;
 
     if (write(((struct screen *)surface)->waker, &one, sizeof one) < 0) {
-        /* the counter is full, and wakes anyway */
+        /* the counter is full, which wakes the reader as well */
     }
 }
 

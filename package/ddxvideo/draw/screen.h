@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A whole screen as a surface, without X: two buffers and page flips of the kernel's DRM. No picture is torn. */
+/* A whole screen as a surface, without X: two buffers and page flips of the kernel's DRM, so no picture is torn. */
 #ifndef DDXVIDEO_SCREEN_H
 #define DDXVIDEO_SCREEN_H
 
@@ -7,10 +7,10 @@
 #include "surface.h"
 
 /*
- * A screen that no other program uses; the text console is back after surface_close(), and after the program's death.
- * Drivers may need some 100 ms to ask the monitors. The caller's, until surface_close(). NULL, and the reason in *error
- * as a static text, valid until the next call: no screen, no monitor, no such output or mode, in use, no permission. A
- * caller may try again at any time. One at a time.
+ * Open a screen that no other program uses. The text console returns after surface_close(), and after the program's
+ * death. Drivers may need some 100 ms to ask the monitors. The screen is the caller's until surface_close(); a program
+ * has one at a time. NULL, with the reason in *error as a static text, valid until the next call: no screen, no
+ * monitor, no such output or mode, in use, no permission. A caller may try again at any time.
  *
  * An error of surface_lock() or surface_show() means that the screen is lost (its monitor was unplugged, say): close
  * the surface, and open another one.

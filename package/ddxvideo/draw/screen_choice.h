@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which screen, and how. */
+/* Which screen to use, and its mode. */
 #ifndef DDXVIDEO_SCREEN_CHOICE_H
 #define DDXVIDEO_SCREEN_CHOICE_H
 
@@ -8,7 +8,7 @@
 struct screen_choice {
     const char *output; /* a connector's name, such as "HDMI-A-1"; NULL: the first with a monitor */
     int width, height;  /* of the mode, pixels; 0: the mode that the monitor prefers */
-    bool keys;          /* events for the keys of the terminal on standard input */
+    bool keys;          /* report keys of the terminal on standard input as events */
 };
 
 #endif

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What programs draw on: a window (window.h) or, without X, a whole screen. Each back end has a struct of its own that
- * begins with a struct surface.
+ * Programs draw on a surface: a window (window.h) or, without X, a whole screen. Each back end has a struct of its own
+ * that begins with a struct surface.
  *
- * A surface belongs to one thread; only surface_wake() may be called from any thread. Nothing here waits but
- * surface_event(), for at most the time that it is given, and surface_lock() of a screen, for at most one refresh.
+ * A surface belongs to one thread; only surface_wake() may be called from any thread. Two functions wait:
+ * surface_event() for at most the given time, and surface_lock() of a screen for at most one refresh.
  */
 #ifndef DDXVIDEO_SURFACE_H
 #define DDXVIDEO_SURFACE_H
@@ -24,12 +24,12 @@ enum surface_event_kind {
     SURFACE_POINTER, /* x, y; held: a button is down */
     SURFACE_BUTTON,  /* x, y; held: it went down, else up */
     SURFACE_WHEEL,   /* x, y; steps: above 0 away from the user */
-    SURFACE_RESIZE,  /* the size is another one, or what was shown is gone: draw again */
+    SURFACE_RESIZE,  /* the size has changed, or the content was lost: draw again */
     SURFACE_WAKE,    /* surface_wake() was called */
     SURFACE_CLOSE
 };
 
-/* Keys are Unicode characters as the keyboard's layout gives them ('?', '.'), and these. */
+/* Keys are Unicode characters by the keyboard's layout ('?', '.'), and these. */
 enum surface_key {
     SURFACE_ESCAPE = 27,
     SURFACE_LEFT = 0x110000, /* beyond Unicode */
@@ -66,19 +66,19 @@ static inline void surface_size(struct surface *surface, int *width, int *height
 }
 
 /*
- * Pixels to draw the next picture in, all of them: their content is undefined. Valid until surface_show(), which has to
- * follow. NULL, or what went wrong, as a static text: then nothing is locked.
+ * Give the pixels for the next picture. Their content is undefined, so all of them must be drawn. They are valid until
+ * surface_show(), which must follow. Returns NULL, or the reason of a failure as a static text; then nothing is locked.
  */
 static inline const char *surface_lock(struct surface *surface, struct canvas *canvas) {
     return surface->lock(surface, canvas);
 }
 
-/* Show what was drawn. NULL, or what went wrong. */
+/* Show the drawn picture. Returns NULL, or the reason of a failure. */
 static inline const char *surface_show(struct surface *surface) {
     return surface->show(surface);
 }
 
-/* The next event, waited for at most `timeout` ms; 0 does not wait. False if there is none. */
+/* Wait at most `timeout` ms for the next event; 0 does not wait. False if there is none. */
 static inline bool surface_event(struct surface *surface, struct surface_event *event, int timeout) {
     return surface->event(surface, event, timeout);
 }
@@ -88,12 +88,12 @@ static inline void surface_wake(struct surface *surface) {
     surface->wake(surface);
 }
 
-/* Ask for this size, and let a window be seen that is not seen yet. A screen stays as it is. */
+/* Request this size, and show a window that is still hidden. A screen stays as it is. */
 static inline void surface_resize(struct surface *surface, int width, int height) {
     surface->resize(surface, width, height);
 }
 
-/* Take the full screen with a window, or give it back. A screen stays as it is. */
+/* Give a window the full screen, or end that. A screen stays as it is. */
 static inline void surface_full(struct surface *surface, bool full) {
     surface->full(surface, full);
 }

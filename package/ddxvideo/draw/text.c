@@ -12,7 +12,7 @@
 #define GLYPH_WIDTH 5
 #define GLYPH_HEIGHT 9 /* the last two below the line */
 
-/* The font as it looks: ASCII from the blank on, 16 characters in each band. */
+/* The font as a picture: ASCII from the blank on, 16 characters in each band. */
 /* clang-format off */
 static const char *const font[BANDS][GLYPH_HEIGHT] = {{
     "..... ..#.. .#.#. .#.#. ..#.. ##..# .##.. ..#.. ...#. .#... ..... ..... ..... ..... ..... ....# ",

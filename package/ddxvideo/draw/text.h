@@ -10,16 +10,16 @@
 #define TEXT_CELL_WIDTH 6 /* pixels of the canvas, times the scale */
 #define TEXT_CELL_HEIGHT 10
 
-/* How large a text is legible on a canvas of this height: 1, 2, 3 ... */
+/* The scale at which text is legible on a canvas of this height: 1, 2, 3 ... */
 int text_scale(int height);
 
 /*
- * Write text from the left; what does not fit is cut off. A character that is not printable ASCII is '?'. A line feed
- * begins a new line. The background stays.
+ * Write text from the left, and cut off the rest where it does not fit. A character that is not printable ASCII is
+ * written as '?'. A line feed begins a new line. The background stays.
  */
 void text_write(const struct canvas *canvas, int x, int y, int scale, uint32_t colour, const char *text);
 
-/* Append to a text in `size` bytes of memory; what does not fit is cut off. */
+/* Append to a text in `size` bytes of memory; the rest is cut off where it does not fit. */
 __attribute__((format(printf, 3, 4))) void text_append(char *text, size_t size, const char *format, ...);
 
 #endif

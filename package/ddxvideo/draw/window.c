@@ -12,7 +12,7 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
-/* Looked up when a window is wanted, so that a machine without a screen needs neither SDL2 nor what SDL2 needs. */
+/* Loaded when a window is requested, so that a machine without a screen needs neither SDL2 nor SDL2's libraries. */
 /* clang-format off */
 #define FUNCTIONS(X)                                                                                              \
     X(Init) X(Quit) X(GetError) X(SetHint) X(PollEvent) X(WaitEventTimeout) X(GetWindowWMInfo) X(CreateWindow)    \
@@ -20,9 +20,9 @@
     X(GetWindowSurface) X(UpdateWindowSurface) X(LockSurface) X(UnlockSurface) X(ConvertPixels)
 /* clang-format on */
 #define LIBRARY "libSDL2-2.0.so.0"
-#define WIDTH 352 /* until the caller says how large */
+#define WIDTH 352 /* until the caller's first surface_resize() */
 #define HEIGHT 288
-#define SLICE 5 /* ms, where it is not known what to wait for */
+#define SLICE 5 /* ms, where no descriptor to wait for is known */
 
 struct window {
     struct surface surface;
@@ -32,9 +32,9 @@ struct window {
     SDL_Window *window;
     bool seen;
     int wake;       /* an eventfd */
-    int connection; /* to the X server; -1: it is none */
+    int connection; /* connection to the X server; -1: there is none */
     SDL_Surface *target; /* locked */
-    uint32_t *pixel;     /* drawn in, where the window's own pixels are of another kind; else NULL */
+    uint32_t *pixel;     /* for drawing, if the window's own pixels have another format; otherwise NULL */
 };
 
 static bool load(struct window *window) {
@@ -91,7 +91,7 @@ static const char *window_show(struct surface *surface) {
 
 /* ---- Events ---- */
 
-/* Keys without a character; 0: none that means anything here. */
+/* Keys without a character; 0: all others. */
 static int special(SDL_Keycode code) {
     switch (code) {
     case SDLK_ESCAPE: return SURFACE_ESCAPE;
@@ -109,12 +109,12 @@ static int wheel_steps(const SDL_MouseWheelEvent *wheel) {
     return wheel->direction == SDL_MOUSEWHEEL_FLIPPED ? -wheel->y : wheel->y;
 }
 
-/* False: it is none of ours. */
+/* False: no event of surface.h. */
 static bool translate(const SDL_Event *from, struct surface_event *to) {
     *to = (struct surface_event){.kind = SURFACE_KEY};
     switch (from->type) {
     case SDL_QUIT: to->kind = SURFACE_CLOSE; return true;
-    case SDL_TEXTINPUT: /* keys with a character, as the layout gives it */
+    case SDL_TEXTINPUT: /* keys with a character, by the keyboard's layout */
         to->key = (unsigned char)from->text.text[0];
         return to->key < 0x80;
     case SDL_KEYDOWN: to->key = special(from->key.keysym.sym); return to->key != 0;
@@ -137,7 +137,7 @@ static bool translate(const SDL_Event *from, struct surface_event *to) {
     }
 }
 
-/* False: there is none now. */
+/* False: no event has come. */
 static bool take_event(struct window *window, struct surface_event *event) {
     eventfd_t count;
     SDL_Event from;
@@ -149,7 +149,7 @@ static bool take_event(struct window *window, struct surface_event *event) {
     return !eventfd_read(window->wake, &count);
 }
 
-/* Of the window system, or a wake; `timeout`: ms. */
+/* Wait for the window system or for surface_wake(); `timeout`: ms. */
 static void wait_for_event(struct window *window, int timeout) {
     struct pollfd wanted[2] = {{.fd = window->wake, .events = POLLIN}, {.fd = window->connection, .events = POLLIN}};
 
@@ -172,8 +172,8 @@ static bool window_event(struct surface *surface, struct surface_event *event, i
 }
 
 /*
- * Not by an event of SDL: from another thread, SDL sends that through a second connection to the X server, which ends
- * the program when the server does not know the window yet, or not any more.
+ * Without an event of SDL: from another thread, SDL sends an event through a second connection to the X server, and
+ * the program exits if the server does not know the window yet, or no longer knows it.
  */
 static void window_wake(struct surface *surface) {
     eventfd_write(((struct window *)surface)->wake, 1);
@@ -185,7 +185,7 @@ static void window_resize(struct surface *surface, int width, int height) {
     struct window *window = (struct window *)surface;
 
     window->SetWindowSize(window->window, width, height);
-    if (!window->seen) /* it was placed for another size */
+    if (!window->seen) /* its place was chosen for another size */
         window->SetWindowPosition(window->window, SDL_WINDOWPOS_CENTERED, SDL_WINDOWPOS_CENTERED);
     window->seen = true;
     window->ShowWindow(window->window);
@@ -212,7 +212,7 @@ static void window_close(struct surface *surface) {
     free(window);
 }
 
-/* What poll() waits for; -1: not known. */
+/* The descriptor for poll(); -1: not known. */
 static int connection_of(struct window *window) {
     SDL_SysWMinfo info;
 
@@ -242,7 +242,7 @@ struct surface *window_open(const char *title, const char **error) {
         free(window);
         return NULL;
     }
-    /* Pictures are drawn in memory; a graphics processor would only make the start slow. */
+    /* Pictures are drawn in memory; a graphics processor would only slow down the start. */
     window->SetHint(SDL_HINT_FRAMEBUFFER_ACCELERATION, "0");
     window->SetHint(SDL_HINT_NO_SIGNAL_HANDLERS, "1");
     window->SetHint(SDL_HINT_VIDEO_ALLOW_SCREENSAVER, "1");
