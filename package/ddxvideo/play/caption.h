@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What stands below the picture: which frame it is, and what is missing. */
+/* The text below the picture: the frame, and what is missing. */
 #ifndef DDXVIDEO_PLAY_CAPTION_H
 #define DDXVIDEO_PLAY_CAPTION_H
 
@@ -8,21 +8,21 @@
 
 struct caption_facts {
     const char *name; /* of the item */
-    bool shown;       /* there is a picture: */
+    bool shown;       /* a picture is on display: */
     int frame;        /* its number */
     double rate;      /* frames a second, 0 if unknown */
     int64_t age;      /* of the picture, ns since its capture */
     struct watch_view writer;
-    const char *missing; /* NULL: nothing */
-    int64_t since;       /* ns that it has been missing */
-    bool stale;          /* the picture is not what is now */
+    const char *missing; /* missing now; NULL: nothing */
+    int64_t since;       /* ns since it is missing */
+    bool stale;          /* the picture is old */
 };
 
 struct caption {
-    char line[2][128]; /* an empty one is left out */
+    char line[2][128]; /* an empty line is left out */
 };
 
-/* `wanted`: the first line, too; the second one is always there while something is missing. */
+/* Write the lines. `wanted`: the first one, too. The second one is written whenever something is missing. */
 struct caption caption_make(const struct caption_facts *facts, bool wanted);
 
 void caption_draw(const struct caption *caption, const struct canvas *canvas);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The screen, as often as there is one: what keeps it from being used is said once, and it is tried again. */
+/* Opens the screen again and again; each reason why it cannot be used is reported once. */
 #ifndef DDXVIDEO_PLAY_MONITOR_H
 #define DDXVIDEO_PLAY_MONITOR_H
 
@@ -11,14 +11,14 @@
 struct monitor {
     struct screen_choice choice;
     struct surface *surface; /* NULL: none now */
-    int64_t tried;           /* when, ns of CLOCK_MONOTONIC */
-    char said[256];          /* why there is none */
+    int64_t tried;           /* time of the last attempt, ns of CLOCK_MONOTONIC */
+    char said[256];          /* reason of the last failure */
 };
 
-/* Whether there is a screen now; tries to open one, twice a second at most. */
+/* Whether a screen is open; tries to open one, at most twice a second. */
 bool monitor_ready(struct monitor *monitor);
 
-/* The screen is lost for this reason. */
+/* Close the screen, which was lost for this reason. */
 void monitor_lose(struct monitor *monitor, const char *reason);
 
 void monitor_close(struct monitor *monitor);

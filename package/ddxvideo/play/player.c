@@ -5,9 +5,9 @@
 #include <string.h>
 
 #define NS INT64_C(1000000000)
-#define WAIT 0.1          /* s for the next frame; also between looks at whether to stop */
-#define PATIENCE NS       /* without a frame, or three frames' time: then it is missing */
-#define RATE_SPAN NS      /* frames are counted for so long */
+#define WAIT 0.1          /* s, of a wait for the next frame; also between checks for a stop */
+#define PATIENCE NS       /* frames are missing after this time, or after three periods */
+#define RATE_SPAN NS      /* the rate is counted over this time */
 #define BACKGROUND 0x000000
 
 enum { LOST_SCREEN, LOST_BAD };
@@ -25,7 +25,7 @@ static int64_t patience_of(const struct player *player) {
     return player->rate > 0 && player->rate < 3 ? (int64_t)(3 * (double)NS / player->rate) : PATIENCE;
 }
 
-/* While frames come, only the store can be missing: they do without it. What it said of the writer may be older. */
+/* While frames come, only the store can be missing: frames do not need it. Its report on the writer may be older. */
 static void find_missing(const struct player *player, struct caption_facts *facts, int64_t now) {
     enum watch_state state = facts->writer.state;
     int64_t silence = now - player->written;
@@ -54,7 +54,7 @@ static struct caption_facts facts_of(struct player *player, const struct ddxvide
 
 /* ---- Drawing ---- */
 
-/* The picture, NULL for none, into pixels that are locked. 0, or -errno. */
+/* Draws the picture (NULL: none) into locked pixels. 0, or -errno. */
 static int draw(struct player *player, const struct canvas *canvas, const struct ddxvideo_picture *picture) {
     const struct caption_facts facts = facts_of(player, picture);
     struct layout layout;
@@ -77,7 +77,7 @@ static const struct ddxvideo_picture *still_of(const struct player *player) {
     return player->still.bytes ? &player->still.picture : NULL;
 }
 
-/* The last picture that was kept, again, where what is missing has changed. */
+/* Draws the kept picture again when the message below it has changed. */
 static void draw_still(struct player *player) {
     const struct ddxvideo_picture *picture = still_of(player);
     const struct caption_facts facts = facts_of(player, picture);
@@ -109,7 +109,7 @@ static void count_rate(struct player *player) {
     player->counted = player->written;
 }
 
-/* A frame is taken for the first time; what came and went between it and the one before was not wanted. */
+/* Counts a frame at its first use; the frames between it and the previous one were skipped. */
 static void count_in(struct player *player, const struct ddx_frame *frame, bool fresh) {
     int64_t now = ddx_time_now();
 
@@ -131,7 +131,7 @@ static void count_out(struct player *player, int error, const char *wrong, const
         ddx_stats_out(player->book, 1, ddx_time_now() - frame->time);
 }
 
-/* A reason why frames cannot be had, said once. */
+/* Reports, once, why frames cannot be read. */
 static void note(struct player *player, int error) {
     const char *text = error && error != -ETIMEDOUT && error != -ECONNREFUSED ? as_420_error(error) : NULL;
 
@@ -140,7 +140,7 @@ static void note(struct player *player, int error) {
     player->trouble = text;
 }
 
-/* The picture of a frame that is held, in 4:2:0: valid until the next call, or the frame's release. 0, or -errno. */
+/* The picture of a held frame in 4:2:0, valid until the next call or the frame's release. 0, or -errno. */
 static int view(struct player *player, const struct ddx_frame *frame, struct ddxvideo_picture *picture) {
     const struct ddxvideo_picture *shown = picture;
     int error = ddxvideo_view_any(player->item, frame->data, picture);
@@ -151,7 +151,7 @@ static int view(struct player *player, const struct ddx_frame *frame, struct ddx
     return error;
 }
 
-/* Draw a frame that is held into pixels that are locked. 0, or -errno. */
+/* Draws a held frame into locked pixels. 0, or -errno. */
 static int draw_held(struct player *player, const struct canvas *canvas, const struct ddx_frame *frame) {
     struct ddxvideo_picture picture;
     int error = view(player, frame, &picture);
@@ -167,8 +167,8 @@ static int draw_held(struct player *player, const struct canvas *canvas, const s
 }
 
 /*
- * The newest frame, or what was kept; `fresh`: it was written just now. It is taken only when the screen is ready for
- * it, since a newer one may come until then.
+ * Shows the newest frame, or the kept picture; `fresh`: the frame was just written. The frame is taken when the screen
+ * is ready, since a newer one may come until then.
  */
 static void show_newest(struct player *player, bool fresh) {
     struct canvas canvas;
@@ -194,7 +194,7 @@ static void show_newest(struct player *player, bool fresh) {
         monitor_lose(&player->monitor, wrong);
 }
 
-/* The next frame lets us wait, and may never come: the store may go, and take this one along. */
+/* Keeps a copy when the next frame is late: if the store exits, the frame is lost with it. */
 static void keep(struct player *player) {
     struct ddxvideo_picture picture;
     struct ddx_frame frame;
@@ -211,7 +211,7 @@ static void keep(struct player *player) {
 
 /* ---- The loop ---- */
 
-/* False: it cannot go on. */
+/* False: the program cannot continue. */
 static bool connect_store(struct player *player) {
     if (!player->id) {
         player->id = ddx_store_open(NULL, (int)player->program.port, 0);
@@ -226,7 +226,7 @@ static bool connect_store(struct player *player) {
     return true;
 }
 
-/* Wait for the next frame, or a moment. False: none came. */
+/* Waits a moment for the next frame. False: none came. */
 static bool wait_for_frame(struct player *player) {
     struct ddx_frame frame;
     int error = player->item ? ddx_store_acquire(player->item, &frame, WAIT, DDX_NEXT) : -ECONNREFUSED;
@@ -237,7 +237,7 @@ static bool wait_for_frame(struct player *player) {
     }
     if (error != -ETIMEDOUT) {
         note(player, error);
-        if (error != -ECONNREFUSED) { /* it may be another one, with another type, next time */
+        if (error != -ECONNREFUSED) { /* an item of the same name may have another type later */
             ddx_store_done_item(player->item);
             player->item = NULL;
         }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The newest frame of a video item, on the screen. */
+/* Shows the newest frame of a video item on the screen. */
 #ifndef DDXVIDEO_PLAY_PLAYER_H
 #define DDXVIDEO_PLAY_PLAYER_H
 
@@ -11,7 +11,7 @@
 #include "program.h"
 #include "still.h"
 
-/* As main() sets it; the rest is 0 at first. */
+/* Set by main(); all others are 0 at first. */
 struct player {
     struct program program;
     const char *name;
@@ -22,22 +22,22 @@ struct player {
 
     struct watch watch;
     DDX_STATS_BOOK *book;
-    DDX_STORE_ID *id; /* NULL: no store was there yet */
+    DDX_STORE_ID *id; /* NULL: no store yet */
     DDX_STORE_ITEM *item;
     struct painter painter;
     struct as_420 as;
-    struct still still;  /* the newest picture, as soon as the next one does not come at once */
-    bool kept;           /* it is that of `sequence` */
+    struct still still;  /* the newest picture, kept when the next one is late */
+    bool kept;           /* the kept picture is that of `sequence` */
     uint64_t sequence;   /* of the newest picture; 0: none yet */
-    int64_t written;     /* when, ns; before the first one: when the player began */
-    uint64_t first;      /* sequence that the rate is counted from, and when that was written */
+    int64_t written;     /* its time, ns; before the first picture: the start of the player */
+    uint64_t first;      /* the first sequence for the rate, and the time of its write */
     int64_t counted;
     double rate;
-    const char *trouble; /* why no picture can be had though there is one; NULL: none */
+    const char *trouble; /* why the item's picture cannot be shown; NULL: it can */
     struct caption shown; /* on the screen */
 };
 
-/* Until told to stop; the exit status. */
+/* Run until a stop is requested. Returns the exit status. */
 int player_run(struct player *player);
 
 #endif

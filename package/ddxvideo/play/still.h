@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A copy of a picture, for the time when the store has it no longer. */
+/* A copy of a picture, which lasts longer than the frame in the store. */
 #ifndef DDXVIDEO_PLAY_STILL_H
 #define DDXVIDEO_PLAY_STILL_H
 

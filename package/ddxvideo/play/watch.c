@@ -8,7 +8,7 @@
 
 #include "program.h"
 
-#define PAUSE INT64_C(400000000) /* ns between two looks */
+#define PAUSE INT64_C(400000000) /* ns between two checks */
 #define NS INT64_C(1000000000)
 
 static const struct ddx_item_info *find(const struct ddx_item_info *items, unsigned count, const char *name) {
@@ -18,7 +18,7 @@ static const struct ddx_item_info *find(const struct ddx_item_info *items, unsig
     return NULL;
 }
 
-/* The counters that the item's writer keeps: of the same process. */
+/* Finds the counters of the item's writer: those of the same process. */
 static const struct ddx_item_info *find_counters(const struct ddx_item_info *items, unsigned count, int32_t pid) {
     for (unsigned i = 0; i < count; i++)
         if (!strcmp(items[i].type, "DDX_STATS") && items[i].writer_pid == pid)
@@ -69,7 +69,7 @@ static struct watch_view ask(struct watch *watch) {
     return view;
 }
 
-/* False: told to stop. */
+/* False: a stop is requested. */
 static bool pause_then(struct watch *watch, struct watch_view view) {
     int64_t until = ddx_time_now() + PAUSE;
     struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};

@@ -9,11 +9,11 @@
 
 /* ---- A frame ---- */
 
-/* A frame of a file that cannot be read leaves the window empty, and the status says why. */
+/* If a file's frame cannot be read, the window is empty, and the status has the reason. */
 static void show(struct view *view, int64_t position) {
     struct shot *shot = view->source->take(view->source, position);
 
-    if (!shot && view->source->live) /* just now it made room for another one */
+    if (!shot && view->source->live) /* a newer frame has just taken its memory */
         return;
     shot_drop(view->shot);
     view->shot = shot;
@@ -22,7 +22,7 @@ static void show(struct view *view, int64_t position) {
     view->dirty = true;
 }
 
-/* A file goes on from the frame that is shown. */
+/* A file continues from the frame on display. */
 static void begin_to_play(struct view *view) {
     view->begun = ddx_time_now();
     view->base = view->source->time(view->source, view->position);
@@ -35,7 +35,7 @@ static bool is_working(struct view *view) {
     return state.working;
 }
 
-/* A position, or the nearest that there is. */
+/* A position, or the nearest existing one. */
 static void go(struct view *view, int64_t position) {
     int64_t oldest, newest, former = view->position;
 
@@ -43,7 +43,7 @@ static void go(struct view *view, int64_t position) {
     if (newest < oldest)
         return;
     int64_t to = position < oldest ? oldest : position > newest ? newest : position;
-    if (position > newest && is_working(view)) /* more of a large file becomes known bit by bit */
+    if (position > newest && is_working(view)) /* a large file is searched in steps */
         view->wanted = position;
     if (to == former)
         return;
@@ -79,13 +79,13 @@ void control_step(struct view *view, int frames) {
     view->source->range(view->source, &oldest, &newest);
     if (before < 0)
         return;
-    if (frames > 0 || before > oldest) /* also one that was dropped since is the oldest */
+    if (frames > 0 || before > oldest) /* a frame that was dropped since also counts as the oldest */
         go(view, before + frames);
     if (view->position == before && view->wanted < 0)
         view_say(view, frames < 0 ? "this is the oldest frame" : "this is the newest frame");
 }
 
-/* The frame that was shown so much earlier or later, by the times of the frames. */
+/* The frame at this distance in time, by the times of the frames. */
 void control_seconds(struct view *view, int seconds) {
     int64_t oldest, newest, to = view->position;
 
@@ -121,7 +121,7 @@ static bool is_shown(const struct ddx_item_info *item) {
     return !strcmp(item->type, "DDX_VIDEO") && item->sequence;
 }
 
-/* The item after this one, in the order of their names, around the end. NULL: there is no other. */
+/* The next item in the order of names; the first follows the last. NULL: there is no other. */
 static const char *other_item(const struct ddx_item_info *items, unsigned count, const char *name, int direction) {
     unsigned at = 0;
 
@@ -156,7 +156,7 @@ static void open_item(struct view *view, const char *name) {
     set_paused(view, false);
 }
 
-/* All items around the present one, which is marked, for as long as a message. */
+/* Shows the items around the current one, which is marked, for as long as a message. */
 static void list_items(struct view *view, const struct ddx_item_info *items, unsigned count) {
     unsigned shown = 0, at = 0, number = 0;
 
@@ -203,12 +203,12 @@ void control_item(struct view *view, int direction) {
 
 /* ---- Time ---- */
 
-/* When a frame of the file is to be shown. */
+/* The time at which to show a frame of the file. */
 static int64_t due(struct view *view, int64_t position) {
     return view->begun + view->source->time(view->source, position) - view->base;
 }
 
-/* The newest frame that is due; those before it that were not shown in time are passed over. */
+/* The newest frame that is due; earlier frames that were not shown in time are skipped. */
 static void play_file(struct view *view, int64_t newest) {
     int64_t to = view->position, now = ddx_time_now();
 

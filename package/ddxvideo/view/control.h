@@ -1,20 +1,20 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which frame is shown: what keys do about it, and what time does. */
+/* Chooses the frame to show, by keys and by time. */
 #ifndef DDXVIDEO_CONTROL_H
 #define DDXVIDEO_CONTROL_H
 
 #include "view.h"
 
 void control_pause(struct view *view);
-/* Pauses, and goes this many frames forward or back. */
+/* Pause, and step by this number of frames, forward or back. */
 void control_step(struct view *view, int frames);
 void control_seconds(struct view *view, int seconds);
 void control_oldest(struct view *view);
 void control_newest(struct view *view);
-/* The next (1) or previous (-1) video item of the store. */
+/* Open the next (1) or previous (-1) video item of the store. */
 void control_item(struct view *view, int direction);
 
-/* Show what is to be shown now. */
+/* Show the frame that is due now. */
 void control_advance(struct view *view);
 
 /* ms until the next frame of a file is due; at most `most`. */

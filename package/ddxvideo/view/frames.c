@@ -36,7 +36,7 @@ static char *join(const char *folder, const char *name) {
     return asprintf(&path, "%s/%s", folder, name) < 0 ? NULL : path;
 }
 
-/* The files of the recording that this one belongs to, in their order. */
+/* The files of this file's recording, in order. */
 static int add_recording(struct frames *frames, const char *path, const struct folder *folder,
                          const struct found *chosen) {
     unsigned number = chosen->number;
@@ -70,7 +70,7 @@ static bool find_recording(struct frames *frames, const char *path, int *error) 
     snprintf(name_copy, sizeof name_copy, "%s", path);
     const char *where = dirname(folder_copy), *name = basename(name_copy);
     snprintf(pool, sizeof pool, "%s/" POOL_FOLDER, where);
-    if (access(pool, R_OK | X_OK)) /* no recorder's folder: other files in it are none of our business */
+    if (access(pool, R_OK | X_OK)) /* not a recorder's folder: ignore other files in it */
         return false;
     const struct found *chosen = NULL;
     if (!folder_open(&folder, where))
@@ -108,7 +108,7 @@ void frames_close(struct frames *frames) {
     free(frames->entry);
 }
 
-/* A part, or a piece of one. */
+/* Reads a part, or some of it. */
 static int work_once(struct frames *frames) {
     struct frames_part *part = &frames->part[frames->next];
     int more = part->index && !frames->scan ? frames_index_read(frames, part) : -EBADMSG;

@@ -12,8 +12,8 @@
 #include "index.h"
 
 #define NS INT64_C(1000000000)
-#define USUAL_RATE 25 /* of a file that does not say it */
-#define LINES 256     /* FRAME lines that are read in one go */
+#define USUAL_RATE 25 /* if the file has no rate */
+#define LINES 256     /* FRAME lines that are read in one step */
 #define FIRST_ROOM 1024
 
 size_t frames_header(int fd, struct y4m_header *header, char *error) {
@@ -65,17 +65,17 @@ static void say_short(struct frames *frames, const struct frames_part *part, uin
 
 /* ---- By its index ---- */
 
-/* Frames that are missing before this one; the first one of a part may have lost more than its index says. */
+/* Frames that are missing before this one; before the first of a part there may be more than its index has. */
 static uint32_t missing_before(struct frames *frames, const struct frames_part *part, const struct index_entry *entry,
                                bool first) {
     uint64_t missing = (uint64_t)entry->lost_store + entry->lost_ring, gap = 0;
     uint64_t step = entry->sequence > frames->sequence ? entry->sequence - frames->sequence : 1;
 
-    if (first && frames->count && !part->follows) /* files between them may have been deleted */
+    if (first && frames->count && !part->follows) /* files between these two may have been deleted */
         gap = step / frames->step - (step >= frames->step);
     if (first)
         missing += frames->cut;
-    else /* a recorder may take one of several frames */
+    else /* a recorder may skip frames on request */
         frames->step = step / (missing + 1) ? step / (missing + 1) : 1;
     frames->sequence = entry->sequence;
     return small(gap > missing ? gap : missing);
@@ -88,7 +88,7 @@ static int take_index(struct frames *frames, struct frames_part *part, const str
     int error = 0;
 
     if (header->state >= INDEX_FINISHED && header->frames < count)
-        all = count = header->frames; /* what follows them is of an older recording of that number */
+        all = count = header->frames; /* the entries after these belong to an older recording with that number */
     part->wall_offset = header->wall ? header->wall - header->start : 0;
     for (uint32_t i = 0; i < count && !error; i++) {
         const struct index_entry *from = &index->entry[i];
@@ -154,14 +154,14 @@ static int scan_begin(struct frames *frames, const struct frames_part *part) {
     scan->fd = open(part->path, O_RDONLY | O_CLOEXEC);
     frames->scan = scan;
     if (scan->fd < 0 || fstat(scan->fd, &status))
-        return 0; /* nothing to be read: the next file */
+        return 0; /* nothing more to read: the next file */
     scan->at = frames_header(scan->fd, &header, error);
     scan->bytes = scan->at ? (uint64_t)status.st_size : 0;
     for (int plane = 0; plane < 4 && scan->at; plane++)
         scan->picture += y4m_plane_bytes(&header, plane);
     scan->geometry = header.geometry;
     scan->first = frames->count;
-    posix_fadvise(scan->fd, 0, 0, POSIX_FADV_RANDOM); /* the lines, not the pictures between them */
+    posix_fadvise(scan->fd, 0, 0, POSIX_FADV_RANDOM); /* read the lines, not the pictures between them */
     return 0;
 }
 
@@ -179,7 +179,7 @@ static int64_t steady(const struct ddxvideo_geometry *geometry, int64_t number) 
                  : number * NS / USUAL_RATE;
 }
 
-/* The frame whose line is at the present place; the line's length, 0 if there is none. */
+/* Takes the frame whose line is at the current position. The line's length, 0 if there is none. */
 static size_t scan_frame(struct frames *frames, struct frames_part *part, struct frames_entry *entry) {
     struct frames_scan *scan = frames->scan;
     char line[Y4M_FRAME_LINE_MAX + 1], error[Y4M_ERROR_MAX];

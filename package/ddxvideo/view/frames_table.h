@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What is known of the frames of a file, or of all files of a recording. */
+/* The frames that are known so far, of a file or of all files of a recording. */
 #ifndef DDXVIDEO_FRAMES_TABLE_H
 #define DDXVIDEO_FRAMES_TABLE_H
 
@@ -18,8 +18,8 @@ struct frames_entry {
 struct frames_part {
     char *path;
     char *index;         /* path of its index, or NULL */
-    bool follows;        /* directly on the part before it */
-    int64_t wall_offset; /* of the times of its frames; 0: they are not known */
+    bool follows;        /* follows the part before it without a gap */
+    int64_t wall_offset; /* of the frames' times; 0: not known */
 };
 
 struct frames {
@@ -28,13 +28,13 @@ struct frames {
     struct frames_part *part;
     unsigned parts;
     char name[64];  /* of the item that was recorded, or of the file */
-    char text[120]; /* what is wrong, "" if nothing is */
+    char text[120]; /* the first error, "" if there is none */
     uint64_t lost;
     bool complete;
     /* private: */
     int64_t room;
-    unsigned next;   /* part to be read */
-    uint32_t cut;    /* frames that the part before has lost at its end */
+    unsigned next;   /* the part to read */
+    uint32_t cut;    /* frames that the previous part has lost at its end */
     uint64_t sequence, step; /* of the last frame in the store */
     struct frames_scan *scan;
 };

@@ -38,7 +38,7 @@ void history_close(struct history *history) {
     pthread_mutex_destroy(&history->lock);
 }
 
-/* For a picture of `bytes` bytes; `least` pictures stay. */
+/* Makes room for a picture of `bytes` bytes; at least `least` pictures stay. */
 static void make_room(struct history *history, size_t bytes, int64_t least) {
     while (history->next - history->oldest > least && (history->next - history->oldest >= history->capacity ||
                                                        history->bytes + bytes > history->limit))
@@ -121,7 +121,7 @@ uint64_t history_lost(struct history *history) {
 }
 
 double history_rate(struct history *history, int64_t now) {
-    int64_t last = 0, first = 0; /* captures: what waited somewhere comes all at once */
+    int64_t last = 0, first = 0; /* times of capture, since frames that waited on their way arrive all at once */
     int count = 0;
 
     pthread_mutex_lock(&history->lock);

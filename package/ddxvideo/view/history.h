@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The last pictures of a live source, up to a number of frames and of bytes: the oldest ones make room. Positions count
- * all pictures that were added, from 0. One thread adds, another one looks.
+ * The last pictures of a live source, up to a number of frames and of bytes; then the oldest pictures are dropped.
+ * Positions count all added pictures, from 0. One thread adds pictures, another one reads them.
  */
 #ifndef DDXVIDEO_HISTORY_H
 #define DDXVIDEO_HISTORY_H
@@ -19,7 +19,7 @@ struct history {
     struct shot **ring; /* the picture of a position is at position % capacity */
     int64_t oldest, next;
     uint64_t bytes, lost, pending;
-    /* The newest pictures that came, whether they are kept or not: a position is at position % HISTORY_CAME. */
+    /* The newest pictures, dropped ones included: a position is at position % HISTORY_CAME. */
     struct {
         int64_t arrival, captured;
     } came[HISTORY_CAME];
@@ -30,38 +30,38 @@ bool history_open(struct history *history, unsigned capacity, uint64_t limit);
 void history_close(struct history *history);
 
 /*
- * A copy of a picture, for history_add(). The oldest ones make room before, so that the copy has their memory; the
- * newest one stays. NULL: no memory.
+ * Copy a picture for history_add(). The oldest pictures are dropped first, so that the copy gets their memory; the
+ * newest picture stays. NULL: no memory.
  */
 struct shot *history_copy(struct history *history, const struct ddxvideo_picture *picture);
 
-/* Takes the reference. A picture that alone is larger than the limit is kept, alone. */
+/* Takes the reference. If one picture alone is larger than the limit, only that picture is kept. */
 void history_add(struct history *history, struct shot *shot);
 
-/* Frames that came to nothing, though no frame follows them yet. */
+/* Report frames that were lost, before another frame has come. */
 void history_lose(struct history *history, uint64_t frames);
 
-/* Frames that have come to nothing since the newest picture: part of what is missing before the next one. */
+/* Frames that were lost since the newest picture. They count as missing before the next one. */
 void history_pend(struct history *history, uint64_t frames);
 
-/* Add the disparities of a frame, by its number, if it is still there. Takes the memory, of malloc(). */
+/* Add the disparities of a frame, by its number, if it is still kept. Takes the memory, which is from malloc(). */
 void history_depth(struct history *history, int frame, struct shot_depth *depth);
 
-/* Which positions there are: none while newest is below oldest. */
+/* The kept positions. There are none while newest is below oldest. */
 void history_range(struct history *history, int64_t *oldest, int64_t *newest);
 
-/* The picture at a position; NULL if it is not there. */
+/* The picture at a position; NULL if it is not kept. */
 struct shot *history_take(struct history *history, int64_t position);
 
-/* When it was captured, ns; 0 if it is not there. */
+/* The time of capture, ns; 0 if the picture is not kept. */
 int64_t history_time(struct history *history, int64_t position);
 
-/* Frames missing so far: those before each picture, those that pend, and what history_lose() was called with. */
+/* All missing frames so far: before each picture, since the newest one, and those of history_lose(). */
 uint64_t history_lost(struct history *history);
 
 /*
- * Pictures that came within the last second, a second, whether they are kept or not; 0 once a second has passed without
- * any. Of the last HISTORY_CAME ones, where more came.
+ * The rate, from the pictures of the last second, dropped ones included; 0 if none has come for a second. If more than
+ * HISTORY_CAME came, only the last HISTORY_CAME of them count.
  */
 double history_rate(struct history *history, int64_t now);
 

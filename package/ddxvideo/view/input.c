@@ -7,7 +7,7 @@
 #include "control.h"
 #include "save.h"
 
-#define WHEEL 1.25 /* how much a step of the wheel enlarges */
+#define WHEEL 1.25 /* factor of one step of the wheel */
 
 struct key {
     int key;
@@ -122,7 +122,7 @@ static double between(double value, double least, double most) {
     return value < least ? least : value > most ? most : value;
 }
 
-/* The middle of the window stays on the pictures. */
+/* The middle of the window must stay within the pictures. */
 static void keep_in_sight(struct view *view) {
     view->zoom.x = between(view->zoom.x, view->area_width / 2.0 - view->area_width * view->zoom.zoom,
                            view->area_width / 2.0);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the live sources share: a history, and a thread that fills it. */
+/* The common part of live sources: a history, and a thread that fills it. */
 #ifndef DDXVIDEO_LIVE_H
 #define DDXVIDEO_LIVE_H
 
@@ -17,12 +17,12 @@ struct live {
     char text[120];
 };
 
-/* Fill in what they share. False: no memory. */
+/* Fill in the common part. False: no memory. */
 bool live_open(struct live *live, const char *name, const struct source_limits *limits, struct surface *surface);
 /* The thread has ended. */
 void live_close(struct live *live);
 
-/* From the thread: a picture came, now if its arrival is 0; what is missing now ("": nothing). */
+/* Called by the thread: a picture came (arrival 0: now); the viewer waits for this ("": for nothing). */
 void live_add(struct live *live, struct shot *shot);
 void live_say(struct live *live, const char *text);
 

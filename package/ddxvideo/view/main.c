@@ -52,7 +52,7 @@ static struct surface *open_surface(const char *title) {
     return surface;
 }
 
-/* NULL: *status is the program's. With `check`, only the settings are judged. */
+/* NULL: *status is the exit status. With `check`, only the settings are checked. */
 static struct source *open_source(const struct options *options, bool check, const struct source_limits *limits,
                                   struct surface *surface, int *status) {
     struct source *source = NULL;

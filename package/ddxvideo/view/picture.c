@@ -13,13 +13,13 @@
 #define ITEMS_COLOUR 0x2c1040
 #define GAP_COLOUR 0xa01818
 #define WHITE 0xf0f0f0
-#define LINE 52        /* characters that a line needs */
+#define LINE 52        /* characters that a line must hold */
 #define PAD 3          /* around a line of text, times the scale */
-#define LEAST_WIDTH 640 /* of a window: the status needs that */
-#define MOST_WIDTH 1280 /* so that it fits on most screens */
+#define LEAST_WIDTH 640 /* of a window: the least for the status */
+#define MOST_WIDTH 1280 /* fits on most screens */
 #define MOST_HEIGHT 900
 
-/* Of the text: as large as its lines fit in. */
+/* The text's scale: the largest at which its lines fit. */
 static int scale_of(int width, int height) {
     int scale = text_scale(height), most = width / (LINE * TEXT_CELL_WIDTH);
 
@@ -58,7 +58,7 @@ static int width_of(const char *text, int letters, int scale) {
     return (int)strlen(text) * TEXT_CELL_WIDTH * letters + 2 * PAD * scale;
 }
 
-/* Text on a ground of its own, in smaller letters where it is too long; how wide that is. */
+/* Draws text on a background of its own, smaller if it is too long. Returns the width. */
 static int write_on(const struct canvas *canvas, int x, int y, int scale, uint32_t ground, uint32_t ink,
                     const char *text) {
     int letters = scale;
@@ -79,7 +79,7 @@ static void draw_status(const struct canvas *canvas, const struct status *status
 
     paint_all(&bar, status->colour);
     x = write_on(&bar, 0, 0, scale, status->ink, status->colour, status->label);
-    if (*status->gap) /* before the name, which may be long */
+    if (*status->gap) /* before the name, which can be long */
         x += write_on(&bar, x, 0, scale, GAP_COLOUR, WHITE, status->gap);
     write_on(&bar, x, 0, scale, status->colour, status->ink, status->name);
     write_on(&bar, 0, line, scale, status->colour, status->ink, status->facts);
@@ -110,7 +110,7 @@ static void draw_list(const struct canvas *canvas, int scale, uint32_t colour, c
 
 /* ---- All ---- */
 
-/* The fields, as zoomed. */
+/* Draws the fields, zoomed. */
 static bool draw_fields(struct view *view, const struct canvas *area, struct layout *layout) {
     layout_fields(&view->fitted, &view->shot->picture.geometry, view->field, view->fit, area->width, area->height);
     *layout = view->fitted;

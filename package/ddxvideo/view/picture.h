@@ -5,13 +5,13 @@
 
 #include "view.h"
 
-/* Draw all of it. False after a line: the surface is gone. */
+/* Draw everything. False, after a line, if the surface is gone. */
 bool picture_draw(struct view *view);
 
-/* As picture_draw(), on a canvas. */
+/* The same, on a canvas. */
 void picture_paint(struct view *view, const struct canvas *canvas);
 
-/* The size of a window in which a picture of this kind is shown well, with the status below it. */
+/* The size of a window for a picture of this kind, with the status below it. */
 void picture_size(const struct ddxvideo_geometry *geometry, int *width, int *height);
 
 #endif

@@ -11,9 +11,9 @@
 struct range {
     DDX_STORE_ID *id;
     char name[DDX_NAME_MAX + 16];
-    size_t length; /* of the item's name in it */
+    size_t length; /* of a message with the item's name */
     DDX_STORE_ITEM *disparity, *stereo;
-    bool begun; /* a value has come: what was written before it has been seen */
+    bool begun; /* a value has come, so earlier writes were seen */
     int64_t looked;
 };
 
@@ -61,7 +61,7 @@ static bool is_there(struct range *range) {
     return range->stereo;
 }
 
-/* ---- Fields of the items, by their names, whatever their exact types are ---- */
+/* ---- Fields of the items, by name, of any numeric type ---- */
 
 static double number(const DDX_STORE_ITEM *item, const void *data, const char *name) {
     const struct ddx_field *field = ddx_store_field_named(item, name);
@@ -79,7 +79,7 @@ static double number(const DDX_STORE_ITEM *item, const void *data, const char *n
     return real + (double)single + whole;
 }
 
-/* The disparities of a frame, without f and T. NULL if they are none. */
+/* The disparities of a frame, without f and T. NULL if the item has none. */
 static struct shot_depth *copy(const DDX_STORE_ITEM *item, const void *data) {
     double width = number(item, data, "width"), height = number(item, data, "height");
     const struct ddx_field *samples = ddx_store_field_named(item, "y");

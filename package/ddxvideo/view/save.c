@@ -11,7 +11,7 @@
 
 #define NAMES 1000 /* of one frame */
 
-/* A name that no file has. */
+/* A name that no file has yet. */
 static void choose_name(const struct view *view, char *path, size_t size) {
     const char *name = view->source->name;
     int frame = view->shot->picture.stamp.frame;

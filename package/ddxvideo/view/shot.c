@@ -22,7 +22,7 @@ void shot_pool_close(struct shot_pool *pool) {
     pthread_mutex_destroy(&pool->lock);
 }
 
-/* The spare one, if it has this size; else the pool is to have one more. */
+/* The spare shot, if it has this size; otherwise a new one, which the pool then counts. */
 static struct shot *take_spare(struct shot_pool *pool, size_t size) {
     struct shot *shot = NULL;
 

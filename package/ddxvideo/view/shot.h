@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A picture in memory of the viewer's own, with what belongs to it. References to a shot are counted: each shot_ref(),
- * and each function that returns a shot, needs a shot_drop(). The content of a shot does not change once other threads
- * can see it, but for `depth`, which history_depth() adds.
+ * A picture in memory of the viewer's own, with its number, times and disparities. References to a shot are counted:
+ * each shot_ref(), and each function that returns a shot, needs a shot_drop(). When other threads can see a shot, its
+ * content does not change any more, except that history_depth() adds `depth`.
  */
 #ifndef DDXVIDEO_SHOT_H
 #define DDXVIDEO_SHOT_H
@@ -12,7 +12,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 
-/* Disparities of one field: of the range from a stereo pair. */
+/* Disparities of one field, for the range from a stereo pair. */
 struct shot_depth {
     int width, height;
     double focal, base; /* metres = focal * base / disparity */
@@ -33,8 +33,8 @@ struct shot {
 };
 
 /*
- * Memory of the last shot that was dropped, for the next one: fresh pages would cost as much as the copy. It is kept
- * only while all shots of the pool, this one included, have no more than `limit` bytes.
+ * The memory of the last dropped shot is used for the next one, since new pages would cost as much as the copy. It is
+ * kept only while all shots of the pool, this one included, have at most `limit` bytes.
  */
 struct shot_pool {
     pthread_mutex_t lock;
@@ -43,7 +43,7 @@ struct shot_pool {
 };
 
 void shot_pool_open(struct shot_pool *pool, uint64_t limit);
-/* All its shots have been dropped before. */
+/* Call after all its shots were dropped. */
 void shot_pool_close(struct shot_pool *pool);
 
 /* A shot with `size` bytes of memory, and one reference. NULL: no memory. */

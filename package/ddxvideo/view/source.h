@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Where pictures come from: a video item, a stream, a file. Each kind has a struct of its own that begins with a struct
- * source. Pictures have positions that rise by one. All functions are for the main thread, and none of them waits, but
- * for a read of the disk.
+ * A source gives pictures: a video item, a stream, a file. Each kind has a struct of its own that begins with a struct
+ * source. Pictures have positions that rise by one. All functions are for the main thread, and none of them waits,
+ * except for a read of the disk.
  */
 #ifndef DDXVIDEO_SOURCE_H
 #define DDXVIDEO_SOURCE_H
@@ -12,15 +12,15 @@
 struct surface;
 
 struct source_state {
-    bool failed;    /* nothing will come any more, and nothing ever came: a line has been printed */
-    bool working;   /* more positions become known by source_work() */
+    bool failed;    /* no picture ever came, and none will come: a line has been printed */
+    bool working;   /* source_work() can find more positions */
     uint64_t lost;  /* frames */
-    double rate;    /* a second; 0: not known */
-    char text[120]; /* what is missing; "" if nothing is */
+    double rate;    /* frames a second; 0: not known */
+    char text[120]; /* what the source waits for; "": nothing */
 };
 
 struct source {
-    bool live; /* pictures come by themselves */
+    bool live; /* pictures come without a request */
     char name[64];
     void (*range)(struct source *source, int64_t *oldest, int64_t *newest);
     struct shot *(*take)(struct source *source, int64_t position);
@@ -30,19 +30,19 @@ struct source {
     void (*close)(struct source *source);
 };
 
-/* What live sources need. */
+/* Needed by live sources. */
 struct source_limits {
     unsigned frames;
     uint64_t bytes;
 };
 
 /*
- * The video item `name` of the store at this port, also one that does not exist yet. `surface` is woken by each
- * picture. NULL: no memory.
+ * Open the video item `name` of the store at this port, which need not exist yet. Each picture wakes `surface`. NULL:
+ * no memory.
  */
 struct source *source_item(const char *name, int port, const struct source_limits *limits, struct surface *surface);
 
-/* What source_stream() needs: the options of decode. */
+/* Settings for source_stream(): options of decode. */
 struct source_stream {
     long port;
     const char *group, *interface, *key;
@@ -50,11 +50,11 @@ struct source_stream {
     int store; /* port */
 };
 
-/* NULL: a setting is wrong, after a line. With `check`, settings are judged and nothing is begun: still NULL, then. */
+/* NULL, after a line: a setting is wrong. With `check`, settings are only checked, and the result is NULL, too. */
 struct source *source_stream(const struct source_stream *settings, bool check, const struct source_limits *limits,
                              struct surface *surface, int *status);
 
-/* A Y4M file, or all files of its recording. NULL after a line: *status is the program's. */
+/* Open a Y4M file, or all files of its recording. NULL, after a line: *status is the exit status. */
 struct source *source_file(const char *path, int *status);
 
 #endif

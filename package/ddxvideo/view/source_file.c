@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A Y4M file, or the files of a recording: each picture is one read, wherever it lies. */
+/* A Y4M file, or the files of a recording. Each picture is one read, at any position. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -19,11 +19,11 @@ struct file_source {
     struct source source;
     struct frames frames;
     struct shot_pool pool;
-    /* the file that was read from last */
+    /* the file of the last read */
     int fd; /* -1: none */
     unsigned part;
     struct y4m_header header;
-    struct picture_converter *converter; /* NULL: its planes are as those of the store */
+    struct picture_converter *converter; /* NULL: its planes are like the store's */
     char wrong[Y4M_ERROR_MAX];       /* why the last picture could not be read, or "" */
 };
 
@@ -70,7 +70,7 @@ static void file_close(struct source *source) {
 
 /* ---- Pictures ---- */
 
-/* Open a part, and understand its header. False, and a text in `wrong`. */
+/* Opens a part, and reads its header. False, with a text in `wrong`. */
 static bool open_part(struct file_source *from, unsigned part) {
     const char *path = from->frames.part[part].path;
     struct stat status;
@@ -82,7 +82,7 @@ static bool open_part(struct file_source *from, unsigned part) {
     picture_converter_free(from->converter);
     from->converter = NULL;
     from->part = part;
-    from->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY); /* a pipe must not be waited for */
+    from->fd = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY); /* do not wait for a pipe */
     if (from->fd < 0 || fstat(from->fd, &status))
         snprintf(from->wrong, sizeof from->wrong, "cannot be opened: %s", strerror(errno));
     else if (!S_ISREG(status.st_mode))
@@ -99,7 +99,7 @@ static bool open_part(struct file_source *from, unsigned part) {
     return false;
 }
 
-/* The planes out of what was read. False: it is no frame. */
+/* Takes the planes from the bytes of a read. False: not a frame. */
 static bool find_planes(struct file_source *from, struct shot *shot, size_t bytes, unsigned char *converted) {
     const unsigned char *end = memchr(shot->memory, '\n', bytes < Y4M_FRAME_LINE_MAX ? bytes : Y4M_FRAME_LINE_MAX);
     size_t picture = 0;
@@ -157,7 +157,7 @@ static struct shot *file_take(struct source *source, int64_t position) {
 
 /* ---- Start ---- */
 
-/* False after a line: nothing in it can be shown. */
+/* False, after a line: the file has no picture to show. */
 static bool begin(struct file_source *from, const char *path) {
     int error = frames_open(&from->frames, path);
 

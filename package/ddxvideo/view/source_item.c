@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A video item: a thread copies each frame out of the store as soon as it is written, and holds none. */
+/* A video item. A thread copies each frame out of the store as soon as it is written, and holds none. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,10 +10,10 @@
 #include "program.h"
 #include "range.h"
 
-#define LOOK 0.2                      /* s; how often to look whether to stop */
-#define AGAIN INT64_C(100000000)      /* ns until a store or an item is looked for again */
+#define LOOK 0.2                      /* s, between checks for a stop */
+#define AGAIN INT64_C(100000000)      /* ns, between searches for a store or an item */
 #define CHECK_STORE INT64_C(1000000000)
-#define KEEP 4 /* frames: a second copy may be late, and a frame is missing only then */
+#define KEEP 4 /* frames: a copy may be this late before a frame is missed */
 
 struct item_source {
     struct live live;
@@ -22,10 +22,10 @@ struct item_source {
     DDX_STORE_ITEM *item;
     struct range *range;
     struct as_420 as;
-    int tail;            /* which frame comes next */
+    int tail;            /* the frame to take next */
     bool begun;          /* a frame has come */
-    int64_t source_lost; /* of the frame before */
-    int64_t asked;       /* when the store was asked last whether it is there */
+    int64_t source_lost; /* of the previous frame */
+    int64_t asked;       /* time of the last check for the store */
     bool said_bad;
 };
 
@@ -61,12 +61,12 @@ static void let_go(struct item_source *from) {
     from->id = NULL;
 }
 
-/* False: another kind of item. An item that does not exist yet may become a video item. */
+/* False: not a video item. An item that does not exist yet may become one. */
 static bool is_video(const char *type) {
     return !*type || !strcmp(type, "DDX_VIDEO");
 }
 
-/* A handle on the item. It may be one that does not exist yet: then all of its frames come, from the first one on. */
+/* Opens a handle on the item, which need not exist yet: then its first frame is received, too. */
 static bool find(struct item_source *from) {
     struct ddx_item_info info;
 
@@ -84,7 +84,7 @@ static bool find(struct item_source *from) {
         return false;
     }
     from->tail = info.sequence ? DDX_CURRENT : DDX_IN_ORDER;
-    ddx_store_keep(from->item, KEEP); /* before the first read, which may find that there is no room */
+    ddx_store_keep(from->item, KEEP); /* before the first read, which may fail for lack of memory */
     from->range = range_open(from->id, from->live.source.name);
     if (*info.type)
         live_say(&from->live, "waiting for the first frame");
@@ -132,7 +132,7 @@ static void take(struct item_source *from, const struct ddx_frame *frame) {
         take_bad(from, error ? error : -ENOMEM);
         return;
     }
-    shot->arrival = from->begun ? 0 : frame->time; /* the first one may have been in the store for long */
+    shot->arrival = from->begun ? 0 : frame->time; /* the first frame may be old */
     shot->missing = missing_before(from, frame, picture.stamp.source_lost);
     if (!picture.stamp.time) /* an item with the paper's fields only */
         shot->picture.stamp.time = frame->time;
@@ -140,7 +140,7 @@ static void take(struct item_source *from, const struct ddx_frame *frame) {
     live_add(&from->live, shot);
 }
 
-/* Whether the store is still there: frames that do not come any more do not say so. */
+/* Checks that the store still runs: a lack of frames alone does not show its death. */
 static bool store_is_there(struct item_source *from) {
     struct ddx_item_info info;
     int64_t now = ddx_time_now();

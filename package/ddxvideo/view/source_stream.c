@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A stream: decode's receiver in a thread, whose every picture goes into the history. */
+/* A stream: decode's receiver runs in a thread, and each of its pictures goes into the history. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,12 +10,12 @@
 
 struct stream_source {
     struct live live;
-    int64_t source_lost; /* of the picture before */
+    int64_t source_lost; /* of the previous picture */
     bool begun;
     struct viewer viewer;
 };
 
-/* Frames that came to nothing, in the receiver and on the way to it, since the picture before. */
+/* Frames that were lost on the way or in the receiver since the previous picture. */
 static uint64_t missing_before(struct stream_source *from, int64_t source_lost) {
     int64_t more = from->begun ? source_lost - from->source_lost : 0;
 
@@ -43,8 +43,8 @@ static const char *take(void *to, const AVFrame *frame, AVRational rate, const s
 }
 
 /*
- * What came to nothing is seen before the next picture comes: with a bad link, that may be long. The book counts a
- * picture as one that came to nothing until it has been taken.
+ * Shows losses before the next picture comes, which may take long with a bad link. The counters have a picture as lost
+ * until it is taken.
  */
 static bool tick(void *to) {
     struct stream_source *from = to;
@@ -81,7 +81,7 @@ static void stream_close(struct source *source) {
     free(from);
 }
 
-/* The settings, judged: EXIT_OK, or EXIT_USAGE after a line. */
+/* Checks the settings. EXIT_OK, or EXIT_USAGE after a line. */
 static int judge(struct viewer *viewer, const struct source_stream *settings) {
     char text[NETWORK_ERROR_MAX + KEY_FILE_ERROR_MAX];
 

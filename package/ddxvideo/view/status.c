@@ -8,7 +8,7 @@
 #include "range.h"
 #include "text.h"
 
-/* At a glance: live is green, paused amber, and red is a picture that is not what is now. */
+/* Green: live. Amber: paused. Red: an old picture. */
 static const struct {
     const char *label;
     uint32_t colour, ink;
@@ -27,7 +27,7 @@ static int state_of(struct view *view) {
     return !view->source->live ? PLAYING : view_is_stalled(view) ? STALLED : LIVE;
 }
 
-/* The wall time of the capture, in the user's time zone; of a file that does not say it, how far in the file. */
+/* The wall time of the capture, in the user's time zone; without it, the position in the file. */
 static void add_time(char *text, struct view *view) {
     const struct ddxvideo_stamp *stamp = &view->shot->picture.stamp;
     int64_t time = stamp->time + stamp->wall_offset;
@@ -71,7 +71,7 @@ static void add_facts(char *text, struct view *view, const struct source_state *
         text_append(text, STATUS_MAX, "  %" PRId64 " newer", newest - view->position);
 }
 
-/* Of the pixel under the pointer. */
+/* Values of the pixel under the pointer. */
 static void add_pixel(char *text, struct view *view, const struct layout *layout) {
     int field, column, row;
 
@@ -115,6 +115,6 @@ void status_compose(struct status *status, struct view *view, const struct layou
     }
     if (view->shot && layout)
         add_pixel(status->rest, view, layout);
-    if (*source.text) /* it may be there for long: the pixel does not wait for that */
+    if (*source.text) /* the message may stay for long, and must not hide the pixel */
         text_append(status->rest, STATUS_MAX, "%s%s", *status->rest ? "  " : "", source.text);
 }

@@ -13,7 +13,7 @@ struct status {
     char name[STATUS_MAX], gap[80], facts[STATUS_MAX], rest[STATUS_MAX];
 };
 
-/* What they say now. `layout`: as drawn, zoomed; NULL if nothing is. */
+/* Write the lines. `layout`: as drawn, zoomed; NULL: nothing is drawn. */
 void status_compose(struct status *status, struct view *view, const struct layout *layout);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the viewer shows, and how it stands. */
+/* The viewer's state. */
 #ifndef DDXVIDEO_VIEW_H
 #define DDXVIDEO_VIEW_H
 
@@ -15,24 +15,24 @@ struct view {
     struct surface *surface;
     struct painter painter;
     struct source *source;
-    /* to open another item: 0, the source is none */
+    /* for opening another item; 0: the source is not an item */
     bool items;
     int store; /* port */
     struct source_limits limits;
-    /* what is shown */
+    /* on display: */
     struct shot *shot; /* NULL: nothing yet */
     int64_t position;  /* of the shot */
     bool paused;
-    int64_t wanted;      /* position that is wanted as soon as the source has it; -1: none */
-    int64_t not_kept;    /* frames between the shot and the one before, which the history has dropped */
-    int64_t begun, base; /* of a file that plays: when, and the time of the frame that was shown then */
-    /* how */
+    int64_t wanted;      /* position to show as soon as the source has it; -1: none */
+    int64_t not_kept;    /* frames between this shot and the previous one that the history has dropped */
+    int64_t begun, base; /* of a file that plays: a moment, and the time of the frame on display at that moment */
+    /* settings of the display: */
     int field; /* or LAYOUT_ALL */
     enum layout_fit fit;
     struct layout_view zoom;
     bool full, help;
-    struct layout fitted; /* as drawn last, before zooming; count 0: nothing was drawn */
-    int area_width, area_height; /* of the pictures, above the status */
+    struct layout fitted; /* of the last drawing, before zooming; count 0: nothing was drawn */
+    int area_width, area_height; /* of the pictures' area, above the status */
     /* pointer */
     int x, y;
     bool inside, dragging;
@@ -46,7 +46,7 @@ struct view {
     bool sized; /* the window has had the size of a picture */
     bool dirty, quit;
     int64_t drawn;
-    int status; /* the program's */
+    int status; /* exit status */
 };
 
 #define VIEW_MESSAGE (3 * VIEW_NS)
@@ -54,10 +54,10 @@ struct view {
 /* Show a message for VIEW_MESSAGE. */
 __attribute__((format(printf, 2, 3))) void view_say(struct view *view, const char *format, ...);
 
-/* The name of the source on the window's frame. */
+/* Show the source's name in the window's title. */
 void view_name(struct view *view);
 
-/* Whether a live source has given nothing for long. */
+/* Whether a live source has given no picture for long. */
 bool view_is_stalled(struct view *view);
 
 #endif

@@ -6,8 +6,8 @@
 #include "picture.h"
 #include "program.h"
 
-#define REFRESH (250 * VIEW_MS) /* of ages and counts, while no picture comes */
-#define LOOK 100                /* ms; how often to look whether to stop */
+#define REFRESH (250 * VIEW_MS) /* between updates of ages and counts while no picture comes */
+#define LOOK 100                /* ms, between checks for a stop */
 
 static bool has_size(struct surface *surface, int width, int height) {
     int is_width, is_height;
@@ -16,7 +16,7 @@ static bool has_size(struct surface *surface, int width, int height) {
     return is_width == width && is_height == height;
 }
 
-/* The window gets the first picture's size. One that has waited for it has the size of CIF, or the user's choice. */
+/* Gives the window the first picture's size. Until then it has the size of CIF, or the user's choice. */
 static void open_window(struct view *view, bool *open) {
     const struct ddxvideo_geometry cif = {.width = 352, .height = 288, .fields = 1};
     int width, height, former_width, former_height;
@@ -35,7 +35,7 @@ static void open_window(struct view *view, bool *open) {
     view->dirty = *open = true;
 }
 
-/* How long nothing changes by itself, ms. */
+/* Time until the display changes without an event, ms. */
 static int wait_for(struct view *view) {
     struct source_state state;
 
@@ -67,7 +67,7 @@ static void check_source(struct view *view) {
 
 int view_run(struct view *view) {
     bool open = false;
-    int64_t opened = ddx_time_now() + REFRESH; /* a first picture that comes soon gives the window its size */
+    int64_t opened = ddx_time_now() + REFRESH; /* if the first picture comes soon, the window appears with its size */
 
     while (!view->quit && !program_stopping()) {
         check_source(view);
