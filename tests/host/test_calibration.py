@@ -84,7 +84,7 @@ def test_no_file(tmp_path: pathlib.Path) -> None:
 
 @pytest.mark.parametrize("size, fields, text", [
     ((128, 32), 2, "stereo.yml: is for pictures of 128x32, and these are 64x16"),
-    (None, 2, "stereo.yml: is not for pictures of 64x16: its centres are beside them"),
+    (None, 2, "stereo.yml: is not for pictures of 64x16: its centres lie outside"),
     ((64, 32), 1, "video: has 1 fields, not the two of a stereo pair"),
     ((64, 16), 2, "pictures of 64x16 are too small for 80 disparities"),
 ], ids=["size", "centre", "fields", "disparities"])

@@ -163,7 +163,7 @@ def test_unequal_sizes(cameras: Cameras) -> None:
     cameras.write_pair(0, 1)
     cameras.write_pair(PERIOD, 2)
     assert cameras.settled()["lost"]["picture"] == 4
-    line = f"{SVS}: left has pictures of 64x16, right has 64x18: both have to be of one size\n"
+    line = f"{SVS}: left has pictures of 64x16, right has 64x18: both must have the same size\n"
     assert cameras.said().count(line) == 1
     status, counters = stop(cameras.process)
     check_sum(counters)

@@ -12,7 +12,7 @@
 #define FILE_MAX 65536
 #define VALUES_MAX 14 /* OpenCV's longest distortion; its last two are the tilt of the sensor */
 #define VALUE_MAX 1e6
-#define EXACT 1e-3 /* what single precision and rounding in the file leave */
+#define EXACT 1e-3 /* tolerance for single precision and rounding in the file */
 
 struct reading {
     const char *path;
@@ -46,7 +46,7 @@ static bool read_text(struct reading *reading) {
     return true;
 }
 
-/* What follows `key:` at the start of a line, or NULL. */
+/* The text after `key:` at the start of a line, or NULL. */
 static const char *value_of(const struct reading *reading, const char *key) {
     size_t length = strlen(key);
 
@@ -58,7 +58,7 @@ static const char *value_of(const struct reading *reading, const char *key) {
     return NULL;
 }
 
-/* Step over a word, and the blanks before it. */
+/* Skips blanks and the word after them. */
 static bool take(const char **at, const char *word) {
     size_t length = strlen(word);
 
@@ -81,7 +81,7 @@ static bool take_count(const char **at, const char *word, int *count) {
     return *count > 0;
 }
 
-/* 0: the matrix ends here, or has something else than a number; NaN and infinity are written `.Nan` and `.Inf`. */
+/* 0: the matrix ends here, or has no number here; NaN and infinity are written `.Nan` and `.Inf`. */
 static bool take_number(const char **at, double *number) {
     char *end;
 
@@ -168,7 +168,7 @@ static bool near(double a, double b) {
     return fabs(a - b) <= EXACT * (1 + fabs(a));
 }
 
-/* What both eyes have to have in common after rectification: the same rows. */
+/* After rectification both eyes must have the same rows. */
 static bool check_pair(const struct reading *reading, struct calibration *calibration) {
     const double *left = calibration->eye[LEFT].projection, *right = calibration->eye[RIGHT].projection;
 

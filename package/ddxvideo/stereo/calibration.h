@@ -8,17 +8,17 @@
 
 #include <stdbool.h>
 
-#define CALIBRATION_DISTORTION 12 /* k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4; those that the file does not have are 0 */
+#define CALIBRATION_DISTORTION 12 /* k1 k2 p1 p2 k3 k4 k5 k6 s1 s2 s3 s4; 0 if the file lacks one */
 #define CALIBRATION_ERROR_MAX 512
 
 enum eye { LEFT, RIGHT };
 
 struct calibration {
-    int width, height; /* of one camera's pictures; 0: the file does not say */
+    int width, height; /* of one camera's pictures; 0: not in the file */
     struct calibration_eye {
-        double camera[9], distortion[CALIBRATION_DISTORTION], rotation[9], projection[12]; /* rows first */
+        double camera[9], distortion[CALIBRATION_DISTORTION], rotation[9], projection[12]; /* row by row */
     } eye[2];
-    double baseline; /* between the cameras, above 0; in the unit of the file */
+    double baseline; /* distance between the cameras, above 0, in the file's unit */
 };
 
 /* False, with a line in `error`, if the file cannot be used. */

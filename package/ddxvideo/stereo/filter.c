@@ -4,13 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NEAR (2 * MATCHER_SUBPIXEL) /* neighbours that differ by at most this are of one patch */
+#define NEAR (2 * MATCHER_SUBPIXEL) /* neighbours that differ by at most this belong to one patch */
 #define NONE (-1)
 
 struct filter {
     int width, height, disparities, agreement, speckle;
     int16_t *seen;       /* of each pixel of the right picture: the disparity that the left one found, or NONE */
-    uint8_t *cost;       /* what that one cost */
+    uint8_t *cost;       /* the cost of that disparity */
     uint32_t *run[2];    /* of each pixel of this row and the last one: its run of similar neighbours */
     uint32_t *parent;    /* of each run: another one of the same patch, itself at the root */
     uint32_t *size;      /* of a root: pixels of the patch */
@@ -62,7 +62,7 @@ static int refined(const struct kernel_winner *winner, int disparities) {
     return at + (int)((unsigned)(half * (winner->before - winner->after + bend) + bend / 2) / (unsigned)bend) - half;
 }
 
-/* What the right picture sees: of the left pixels that fall on one of its pixels, the one with the least cost. */
+/* The right picture's view: of all left pixels that match one right pixel, the one with the least cost. */
 static void look_from_right(struct filter *filter, const struct kernel_winner *winner) {
     memset(filter->cost, 255, (size_t)filter->width);
     for (int x = 0; x < filter->width; x++)
@@ -118,7 +118,7 @@ static bool alike(uint16_t a, uint16_t b) {
     return a && b && abs(a - b) <= NEAR;
 }
 
-/* Where the run that begins at x ends: at the first pixel that is unlike the one before it. */
+/* The end of the run that begins at x: the first pixel that differs from its left neighbour. */
 static int run_end(const uint16_t *row, int x, int width) {
     do
         x++;
@@ -126,7 +126,7 @@ static int run_end(const uint16_t *row, int x, int width) {
     return x;
 }
 
-/* Give the runs of a row numbers from `next` on, and join those that lie below one another. */
+/* Numbers the runs of a row from `next` on, and joins runs that touch in neighbouring rows. */
 static uint32_t find_runs(struct filter *filter, const uint16_t *row, const uint16_t *above, const uint32_t *runs_above,
                           uint32_t *runs, uint32_t next) {
     for (int x = 0, end; x < filter->width; x = end, next++) {

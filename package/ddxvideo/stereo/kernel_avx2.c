@@ -45,7 +45,7 @@ static inline vector least_splat(vector v) {
     return _mm256_broadcastb_epi8(_mm_minpos_epu16(_mm_min_epu8(m, _mm_srli_epi16(m, 8))));
 }
 
-/* Of each half of a byte, looked up; then once more for what a full adder carries. */
+/* Looks up each half of a byte, and then the carries of a full adder. */
 static inline vector bits_of_halves(vector v) {
     const vector table = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4,
                                           0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* MMX as the first processors have it, without what came with SSE: no pminub, no pmovmskb. */
+/* MMX of the first processors, without the later additions of SSE: no pminub, no pmovmskb. */
 #include <mmintrin.h>
 #include <stdint.h>
 #include <string.h>

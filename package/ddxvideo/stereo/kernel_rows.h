@@ -3,19 +3,19 @@
  * The body of each variant. The file that includes it defines VARIANT, the type `vector` of LANES bytes, and of it:
  *   load store splat add sub both either xor least_of equal (255 or 0)
  *   add_sat, sub_sat       no more than 255, no less than 0
- *   shift_right(v, bits)   of larger words than bytes, as the case may be: the caller masks
+ *   shift_right(v, bits)   possibly of words larger than bytes: the caller masks
  *   enter(v, low)          one lane up; the lowest one is the highest of `low`
  *   leave(v, high)         one lane down; the highest one is the lowest of `high`
  *   least_splat(v)         the least lane, in all lanes
  *   lowest(v)              the lowest lane
  *   last_equal(bytes, count, byte), count_at_most(bytes, count, byte)
- *   done()                 what the processor needs after the last vector
+ *   done()                 to be called after the last vector
  */
 #include <string.h>
 
 #include "kernel.h"
 
-#define UNUSED (LANES > KERNEL_STEP) /* whether a row can have lanes that are no disparities */
+#define UNUSED (LANES > KERNEL_STEP) /* whether a row can have surplus lanes */
 #define INLINE static inline __attribute__((always_inline))
 
 /* How many bits of three planes are set: 24 at most. */
@@ -32,7 +32,7 @@ INLINE vector bits_set(vector a, vector b, vector c) {
 }
 #endif
 
-/* Costs of all disparities of the pixel x. Lanes below `row->unused` are no disparities: they cost more than any. */
+/* Costs of all disparities of the pixel x. Surplus lanes, below `row->unused`, cost more than any disparity. */
 INLINE void costs(const struct kernel_row *row, int x, uint8_t *to, int lanes) {
     const vector left[KERNEL_PLANES] = {splat(row->left[0][x]), splat(row->left[1][x]), splat(row->left[2][x])};
 
@@ -46,7 +46,7 @@ INLINE void costs(const struct kernel_row *row, int x, uint8_t *to, int lanes) {
     }
 }
 
-/* A pixel's costs along a path, from those of the pixel before it and its least. Both may be the same. */
+/* A pixel's costs along a path, from the previous pixel's costs and their least. Both arrays may be the same. */
 INLINE vector along(const uint8_t *from, vector least, const uint8_t *cost, uint8_t *to, int lanes) {
     vector limit = add(least, splat(KERNEL_LARGE)), before = splat(255), here = load(from), now_least = splat(255);
 
@@ -140,7 +140,7 @@ static void backward_row(const struct kernel_row *row, const uint8_t limit[256],
     done();
 }
 
-/* Where a lane of `pixel` is darker than the middle one. */
+/* Sets the lanes in which `pixel` is darker than the middle. */
 INLINE vector darker(vector middle, const uint8_t *pixel, uint8_t bit) {
     return sub(splat(bit), both(equal(sub_sat(middle, load(pixel)), splat(0)), splat(bit)));
 }

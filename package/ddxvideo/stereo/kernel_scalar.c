@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* For processors without any of the others' instructions; the other variants have to give its bits. */
+/* For processors without vector instructions; the other variants must give the same bits. */
 #include <stdint.h>
 
 #define VARIANT scalar

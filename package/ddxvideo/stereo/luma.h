@@ -10,15 +10,15 @@
 struct luma {
     const uint8_t *at;
     long stride;
-    uint8_t *made; /* for pictures that have no plane of it */
+    uint8_t *made; /* for pictures without a luminance plane */
     size_t size;
 };
 
-/* Of a whole picture; valid as long as the picture is, and until the next call. -ENOMEM. */
+/* The luminance of a picture, valid as long as the picture and until the next call. 0, -ENOMEM. */
 int luma_of(struct luma *luma, const struct ddxvideo_picture *picture);
 void luma_free(struct luma *luma);
 
-/* What each sample becomes in full range. */
+/* A table from samples to full range. */
 void luma_levels(int range, uint8_t level[256]);
 
 #endif

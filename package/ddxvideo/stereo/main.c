@@ -6,7 +6,7 @@
 #include "ranger.h"
 
 #define MS INT64_C(1000000)
-#define WAIT 0.1 /* s; a signal does not end a wait, so look up from time to time */
+#define WAIT 0.1 /* s; a signal does not end a wait, so waits are short */
 
 static const char *const reasons[] = {"late", "pair", "picture", "store", NULL};
 
@@ -23,7 +23,7 @@ static void fail(struct svs *svs, const char *item, int error) {
     svs->failed = true;
 }
 
-/* Both eyes must have one size; the first of a series of pairs that differ is reported. */
+/* Both eyes must have the same size; of a series of pairs that differ, the first is reported. */
 static bool fits(struct svs *svs) {
     const struct source *source = &svs->source;
     const struct ddxvideo_geometry *left = &source->item[LEFT].picture.geometry;
@@ -36,7 +36,7 @@ static bool fits(struct svs *svs) {
     if (!svs->ranger.refused && source->items == 1)
         say("%s: has %d fields, not the two of a stereo pair", source->name[0], left->fields);
     else if (!svs->ranger.refused)
-        say("%s has pictures of %dx%d, %s has %dx%d: both have to be of one size", source->name[0], left->width,
+        say("%s has pictures of %dx%d, %s has %dx%d: both must have the same size", source->name[0], left->width,
             left->height, source->name[1], right->width, right->height);
     svs->ranger.refused = true;
     return false;
@@ -81,7 +81,7 @@ static int run(struct svs *svs) {
         for (; !program_stopping() && !svs->failed; program_tick(svs->source.book))
             take(svs, WAIT);
         if (!svs->failed)
-            take(svs, 0); /* what was written before the program was told to stop */
+            take(svs, 0); /* frames that were written before the stop */
     } else if (svs->id && !program_stopping()) {
         svs->failed = true;
     }
@@ -96,13 +96,13 @@ static int run(struct svs *svs) {
     return svs->failed ? EXIT_FAILED : EXIT_OK;
 }
 
-/* The options as they are typed. */
+/* The options as text. */
 struct words {
     const char *from, *left, *right, *top;
     long disparities, window;
 };
 
-/* False after one line. */
+/* False, after one line, if they are wrong. */
 static bool understand(struct svs *svs, const struct words *words) {
     char error[CALIBRATION_ERROR_MAX];
 
@@ -149,16 +149,16 @@ int main(int argc, char **argv) {
     const struct option_entry options[] = {
         {"from", "ITEM", "video item with two stacked fields, one of each eye (default: video)", OPTION_NAME,
          &words.from, 0, 0},
-        {"left", "ITEM", "instead of -from: the left camera's video item", OPTION_NAME, &words.left, 0, 0},
-        {"right", "ITEM", "and the right one's", OPTION_NAME, &words.right, 0, 0},
-        {"calib", "FILE", "calibration: YAML of OpenCV, as ddxvideocalib makes it", OPTION_TEXT,
+        {"left", "ITEM", "the left camera's video item, instead of -from", OPTION_NAME, &words.left, 0, 0},
+        {"right", "ITEM", "the right camera's video item", OPTION_NAME, &words.right, 0, 0},
+        {"calib", "FILE", "calibration in OpenCV's YAML, as ddxvideocalib writes it", OPTION_TEXT,
          &svs.ranger.calibration_path, 0, 0},
         {"name", "ITEM", "the video item to write (default: range)", OPTION_NAME, &svs.ranger.name, 0,
          DDX_NAME_MAX - (long)sizeof ".disparity" + 1},
-        {"disparities", "N", "what is looked for: up to N - 1 pixels, a multiple of 16 (default: 64)", OPTION_NUMBER,
+        {"disparities", "N", "number of disparities, 0 to N - 1 pixels, a multiple of 16 (default: 64)", OPTION_NUMBER,
          &words.disparities, 16, 256},
         {"top", "left|right", "which eye the upper field of -from is (default: left)", OPTION_TEXT, &words.top, 0, 0},
-        {"window", "MS", "most between the times of a pair (default: half a frame period)", OPTION_NUMBER,
+        {"window", "MS", "maximum difference of times in a pair (default: half a frame period)", OPTION_NUMBER,
          &words.window, 1, 10000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
@@ -168,10 +168,10 @@ int main(int argc, char **argv) {
         .purpose = "Range from a stereo pair. Writes a video item of three fields (the right picture, the range\n"
                    "picture, in which near is bright and 0 is unknown, and the left picture, both rectified), item\n"
                    "`<name>.disparity` (GREY16, 1/16 pixel, 0 is unknown) and item `<name>.stereo`:\n"
-                   "distance = f * T / disparity. The newest pair is taken; one that comes while another is being\n"
-                   "matched takes its turn only if no newer one has come.",
-        .notes = "Frame number and time are the pair's, of two items the left one's. Counters, of the input's frames:\n"
-                 "lost.late = a newer one came first, lost.pair = the other camera has none of that time,\n"
+                   "distance = f * T / disparity. The newest pair is taken; a pair that comes while another one is\n"
+                   "matched is lost if a newer one comes first.",
+        .notes = "Frame number and time are the pair's; of two items, the left one's. Counters of the input's frames:\n"
+                 "lost.late = a newer frame came first, lost.pair = the other camera has no frame of that time,\n"
                  "lost.picture = does not fit the calibration or the other camera, lost.store = could not be written\n"
                  "into the store.",
         .options = options,

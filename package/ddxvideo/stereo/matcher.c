@@ -14,7 +14,7 @@ struct matcher {
     const struct kernel *kernel;
     uint8_t limit[256];
     int lanes;                              /* of a pixel */
-    long right_width;                       /* of a row of the right census, with what is beside the picture */
+    long right_width;                       /* of a row of the right census, with the bytes beside the picture */
     uint8_t unused[KERNEL_LANES];
     uint8_t *left, *right;                  /* census: three planes of a row, then the next row */
     uint8_t *cost, *vertical, *least, *sum; /* sum: of all rows */
@@ -31,7 +31,7 @@ static const struct kernel *kernel_chosen(const char *name) {
     return chosen;
 }
 
-/* The rows are read a vector at a time, which may go beyond their ends. */
+/* Rows are read in whole vectors, which may reach beyond their ends. */
 static uint8_t *bytes(size_t count) {
     size_t size = (count + 2 * KERNEL_ALIGN) / KERNEL_ALIGN * KERNEL_ALIGN;
     uint8_t *at = aligned_alloc(KERNEL_ALIGN, size);
@@ -107,7 +107,7 @@ const char *matcher_variant(const struct matcher *matcher) {
     return matcher->kernel->name;
 }
 
-/* Five rows around row y; those at the edge are there several times. */
+/* Five rows around row y; at the edge a row is repeated. */
 static void rows_around(const uint8_t *picture, long stride, int y, int height, const uint8_t *row[5]) {
     for (int i = 0; i < 5; i++) {
         int at = y + i - 2;

@@ -14,11 +14,11 @@
 
 struct matcher;
 
-/* NULL and errno: ENOMEM, EINVAL (settings), ENOSYS (the processor has no such variant). */
+/* NULL and errno: ENOMEM, EINVAL (settings), ENOSYS (the processor does not support the variant). */
 struct matcher *matcher_new(const struct matcher_settings *settings);
 void matcher_free(struct matcher *matcher);
 
-/* The name of the variant that it runs. */
+/* The name of the variant in use. */
 const char *matcher_variant(const struct matcher *matcher);
 
 /* Strides in bytes; disparities have no padding. */

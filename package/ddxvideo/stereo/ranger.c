@@ -46,7 +46,7 @@ static struct ddxvideo_geometry disparity_geometry(const struct ddxvideo_geometr
     return geometry;
 }
 
-/* What metres take: written once, and again for pictures of another size. */
+/* Writes the numbers that metres need: once, and again when the size of the pictures changes. */
 static int write_stereo(struct ranger *ranger, DDX_STORE_ID *id) {
     const double *projection = ranger->calibration.eye[LEFT].projection;
     const DDX_VIDEO_STEREO stereo = {.f = projection[0], .T = ranger->calibration.baseline, .cx = projection[2],
@@ -70,7 +70,7 @@ static int create_items(struct ranger *ranger, DDX_STORE_ID *id) {
 
 /* ---- Preparation, for pictures of this size ---- */
 
-/* False, after a line for the first one, if there is no range in such pictures. */
+/* False, after a line for the first such picture, if pictures of this size have no range. */
 static bool possible(struct ranger *ranger, const struct ddxvideo_geometry *eye) {
     const struct ddxvideo_geometry range = range_geometry(eye);
     const char *wrong = ddxvideo_geometry_error(&range);
@@ -84,9 +84,9 @@ static bool possible(struct ranger *ranger, const struct ddxvideo_geometry *eye)
         say("%s: is for pictures of %dx%d, and these are %dx%d", ranger->calibration_path, ranger->calibration.width,
             ranger->calibration.height, width, height);
     else if (!calibration_fits(&ranger->calibration, width, height))
-        say("%s: is not for pictures of %dx%d: its centres are beside them", ranger->calibration_path, width, height);
+        say("%s: is not for pictures of %dx%d: its centres lie outside", ranger->calibration_path, width, height);
     else if (wrong)
-        say("pictures of %dx%d: three of them are no picture of 4:2:0: %s", width, height, wrong);
+        say("pictures of %dx%d: three of them do not fit into a picture of 4:2:0: %s", width, height, wrong);
     else
         return true;
     ranger->refused = true;

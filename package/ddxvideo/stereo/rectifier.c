@@ -7,7 +7,7 @@
 #define PARTS 32 /* of a pixel, as in OpenCV's tables */
 #define OUTSIDE (-1)
 
-/* The pixel at the upper left of four, and the share of those to its right and below it, of PARTS. */
+/* The upper left of four pixels, and the shares of the pixels to its right and below it, of PARTS. */
 struct place {
     int16_t x, y;
     uint8_t right, below;
@@ -42,7 +42,7 @@ static void rays_of(const struct calibration *calibration, enum eye eye, double 
     invert(product, rays);
 }
 
-/* Where the camera sees the point (x, y) at distance 1, in its pixels. */
+/* The camera's pixel for the point (x, y) at distance 1. */
 static void see(const struct calibration_eye *eye, double x, double y, double *u, double *v) {
     const double *k = eye->distortion, *m = eye->camera;
     double xx = x * x, yy = y * y, r2 = xx + yy, xy = 2 * x * y;
@@ -61,7 +61,7 @@ static int16_t neighbour(double at, int count, uint8_t *share) {
     long parts = lrint(at * PARTS), first = parts / PARTS;
     if (parts < 0 || parts > (long)(count - 1) * PARTS)
         return OUTSIDE;
-    first -= first == count - 1; /* the last pixel is a second neighbour with the whole share */
+    first -= first == count - 1; /* the last pixel is the second neighbour, and has the whole share */
     *share = (uint8_t)(parts - first * PARTS);
     return (int16_t)first;
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * From a camera's picture to the one that an ideal camera would have made: without distortion, its rows those of the
- * other camera. A table says of each pixel where it is in the camera's picture, in 1/32 pixel.
+ * Converts a camera's picture into that of an ideal camera: without distortion, and with the other camera's rows. A
+ * table has the position of each pixel in the camera's picture, in 1/32 pixel.
  *
  * The right picture is projected with the left one's centre: a point at infinity has disparity 0 in each calibration.
  */
@@ -18,7 +18,7 @@ struct rectifier;
 struct rectifier *rectifier_new(const struct calibration *calibration, enum eye eye, int width, int height);
 void rectifier_free(struct rectifier *rectifier); /* NULL is allowed */
 
-/* Strides in bytes. `level`: what each sample becomes. What the camera did not see is 0. */
+/* Strides in bytes. `level`: a table for the samples. Points outside of the camera's picture become 0. */
 void rectifier_run(const struct rectifier *rectifier, const uint8_t *from, long from_stride, const uint8_t level[256],
                    uint8_t *to, long to_stride);
 

@@ -6,11 +6,11 @@
 
 #define MS INT64_C(1000000)
 #define SECOND (1000 * MS)
-#define WINDOW (20 * MS)  /* where the frame rate is unknown */
-#define LONELY (200 * MS) /* and two frame periods: so long a frame waits for the other camera */
-#define STRANGE SECOND    /* times that differ by more than this: neither frame is waited for */
-#define PATIENCE SECOND   /* without a pair, and at least SEVERAL frames, until a line says so */
-#define SEVERAL 6         /* frames given up: a machine that is slow, or was held up, gives up fewer in a row */
+#define WINDOW (20 * MS)  /* used if the frame rate is unknown */
+#define LONELY (200 * MS) /* plus two frame periods: a frame waits this long for the other camera */
+#define STRANGE SECOND    /* if times differ by more than this, neither frame waits */
+#define PATIENCE SECOND   /* after this time without a pair, and SEVERAL frames, a line reports it */
+#define SEVERAL 6         /* frames given up in a row: a slow machine gives up fewer */
 
 bool source_open(struct source *source, DDX_STORE_ID *id) {
     source->items = source->name[1] ? 2 : 1;
@@ -62,7 +62,7 @@ static void count(struct source *source, uint64_t frames, uint64_t missed, uint6
     ddx_stats_lost(source->book, source->lonely ? LOST_PAIR : LOST_LATE, missed);
 }
 
-/* After the first read, which may have given a frame: what was written since this program awaits the item counts. */
+/* Called after the first read, which may have given a frame: frames count from the moment that the item was awaited. */
 static void begin(struct source *source, struct source_item *item, const struct ddx_frame *frame) {
     uint64_t seen = ddx_store_seen(item->item), from = frame ? seen - frame->missed - 1 : seen;
     uint64_t before = item->awaited ? from : 0;
@@ -74,7 +74,7 @@ static void begin(struct source *source, struct source_item *item, const struct 
         count(source, before, before, from);
 }
 
-/* Hold the newest frame of an item that has not been seen yet. */
+/* Holds the newest unseen frame of an item. */
 static int take(struct source *source, struct source_item *item, double wait) {
     if (item->held)
         return 0;
@@ -102,7 +102,7 @@ static int64_t window_of(const struct ddxvideo_geometry *geometry) {
     return geometry->rate_num ? SECOND * geometry->rate_den / geometry->rate_num / 2 : WINDOW;
 }
 
-/* Whether both frames belong together; if not, at least one of them is given up. */
+/* Whether the frames are a pair; if not, at least one of them is given up. */
 static bool match(struct source *source) {
     struct source_item *left = &source->item[LEFT], *right = &source->item[RIGHT];
     int64_t apart = left->time - right->time;
@@ -118,7 +118,7 @@ static bool match(struct source *source) {
     return false;
 }
 
-/* One line when pairs stay away while one of the cameras gives frames, and one when they are back. */
+/* Reports in one line that there are no pairs although a camera gives frames, and in one line their return. */
 static void tell(struct source *source, bool pair) {
     int64_t now = ddx_time_now();
 
@@ -134,7 +134,7 @@ static void tell(struct source *source, bool pair) {
     }
 }
 
-/* A frame that has waited for the other camera long enough, by the frame rate. */
+/* Whether a frame has waited long enough for the other camera, by the frame rate. */
 static void give_up_old(struct source *source) {
     int64_t now = ddx_time_now();
 
@@ -146,7 +146,7 @@ static void give_up_old(struct source *source) {
     }
 }
 
-/* Hold a frame of each; -EAGAIN: not yet. Waits for one item only: for the right one if there is a left frame. */
+/* Holds a frame of each item; -EAGAIN: not yet. Waits for one item only: the right one if a left frame is held. */
 static int take_both(struct source *source, double wait, const char **at) {
     int wait_for = source->item[LEFT].held, error = 0;
 

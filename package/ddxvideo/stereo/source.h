@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Where pairs come from: one item with two stacked fields, or two items whose frames are paired by capture time.
+ * Gives pairs: from one item with two stacked fields, or from two items whose frames are paired by capture time.
  *
- * Of two frames that do not belong together, the older one is given up (lost.pair). A frame that waits for the other
- * camera is given up after 0.2 s and two periods, so that counters and messages go on while one camera is gone.
+ * Of two frames that are no pair, the older one is given up (lost.pair). A frame that waits for the other camera is
+ * given up after 0.2 s and two periods, so that counters and messages continue while one camera is gone.
  */
 #ifndef DDXVIDEO_STEREO_SOURCE_H
 #define DDXVIDEO_STEREO_SOURCE_H
@@ -13,7 +13,7 @@
 #include "calibration.h"
 #include "luma.h"
 
-/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
+/* Reasons for losses, in the order of the names in ddx_stats_open(). */
 enum { LOST_LATE, LOST_PAIR, LOST_PICTURE, LOST_STORE };
 
 struct source_item {
@@ -28,16 +28,16 @@ struct source_item {
 
 struct source {
     /* Set before source_open(): */
-    const char *name[2]; /* of the items, left and right; the second one NULL: the first has both fields */
-    enum eye top;        /* which eye the upper field of one item is */
-    int64_t window;      /* ns, between the times of a pair at most; 0: half a frame period */
+    const char *name[2]; /* of the items, left and right; second NULL: the first has both fields */
+    enum eye top;        /* the eye of a single item's upper field */
+    int64_t window;      /* maximum difference of times in a pair, ns; 0: half a frame period */
     DDX_STATS_BOOK *book;
-    /* Its own, 0 at first: */
+    /* Private, 0 at first: */
     struct source_item item[2];
     int items;
-    unsigned lonely;   /* frames given up since the last pair because none belongs to them */
-    bool said;         /* that there are no pairs */
-    int64_t last_pair; /* when there was one, or when it began */
+    unsigned lonely;   /* frames without a partner that were given up since the last pair */
+    bool said;         /* the lack of pairs was reported */
+    int64_t last_pair; /* time of the last pair, or of the start */
 };
 
 /* A pair, valid until source_give(). */
@@ -46,24 +46,24 @@ struct pair {
     long stride[2];
     struct ddxvideo_geometry geometry; /* of one eye's picture */
     struct ddxvideo_stamp stamp;
-    int64_t written; /* when the later one of its frames was written */
+    int64_t written; /* write time of its later frame */
     unsigned frames; /* of the input */
 };
 
-/* False, after a line, if an item cannot be read, or when told to stop. */
+/* False, after a line, if an item cannot be read; also if a stop is requested. */
 bool source_open(struct source *source, DDX_STORE_ID *id);
 
 /*
- * The next pair; waits `wait` seconds at most. Frames are counted as in, those that make no pair as lost;
- * the caller counts those of the pair. 0; -EAGAIN, there is no pair yet; or the store's error, which is final: *at is
- * the item's name.
+ * Wait at most `wait` seconds for the next pair. Counts frames as in, and frames without a partner as lost; the caller
+ * counts the pair's frames. 0; -EAGAIN: no pair yet; otherwise the store's error, which is final: *at is the item's
+ * name.
  */
 int source_take(struct source *source, double wait, struct pair *pair, const char **at);
 
-/* The pair is not looked at any more. */
+/* Release the pair. */
 void source_give(struct source *source);
 
-/* No more are taken: a frame that waits for another one is lost.pair. */
+/* Stop taking pairs: a frame that waits for its partner becomes lost.pair. */
 void source_end(struct source *source);
 
 void source_close(struct source *source);
