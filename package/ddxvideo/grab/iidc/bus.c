@@ -35,7 +35,7 @@ static int compare(const void *a, const void *b) {
     return first < second ? -1 : first > second;
 }
 
-/* All cameras, by their GUIDs; NULL: none can be looked for. `silent`: one is plugged in that is not among them. */
+/* All cameras, ordered by GUID; NULL: the search failed. `silent`: a plugged camera is not among them. */
 static dc1394camera_list_t *find_all(dc1394_t *library, bool *silent) {
     dc1394camera_list_t *list = NULL;
 
@@ -61,7 +61,7 @@ static bool choose(const dc1394camera_list_t *list, struct bus_wish *wish) {
 
 int bus_open(struct bus_wish *wish, dc1394_t **library, dc1394camera_t **device, char *why, size_t size) {
     *device = NULL;
-    *library = dc1394_new(); /* each time: it knows the buses of its own beginning only */
+    *library = dc1394_new(); /* opened for each search: it knows only the buses of that moment */
     bool silent = false;
     dc1394camera_list_t *list = *library ? find_all(*library, &silent) : NULL;
     bool there = list && choose(list, wish);
@@ -95,7 +95,7 @@ static uint64_t add(uint64_t sum, uint64_t value) {
     return sum;
 }
 
-/* `rights`: also whose they are, and since when. */
+/* `rights`: also their owners, and the times of the last change. */
 static uint64_t look_at_devices(bool rights) {
     uint64_t sum = UINT64_C(14695981039346656037);
     glob_t found;

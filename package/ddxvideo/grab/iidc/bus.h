@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The cameras on FireWire and USB: found, listed, opened. */
+/* Finds, lists and opens cameras on FireWire and USB. */
 #ifndef DDXVIDEO_BUS_H
 #define DDXVIDEO_BUS_H
 
@@ -8,9 +8,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Which camera is meant. */
+/* The requested camera. */
 struct bus_wish {
-    uint64_t guid; /* 0: not known yet, the one with this number by order of the GUIDs: */
+    uint64_t guid; /* 0: not known yet; then this number in the order of GUIDs counts: */
     unsigned number;
 };
 
@@ -18,20 +18,20 @@ struct bus_wish {
 bool bus_parse(const char *text, struct bus_wish *wish);
 
 /*
- * Look for the camera and open it. 0, -ENODEV: it is not there, -EBUSY: it is there, or may be; the reason in one line
- * at `why`. Afterwards the wish has its GUID, so that the same camera is looked for after it was unplugged.
+ * Look for the camera and open it. 0; -ENODEV: it is not there; -EBUSY: it is there, or may be; with the reason in one
+ * line at `why`. After success the wish has the GUID, so that the same camera is found after it was unplugged.
  */
 int bus_open(struct bus_wish *wish, dc1394_t **library, dc1394camera_t **device, char *why, size_t size);
 
 void bus_close(dc1394_t *library, dc1394camera_t *device);
 
-/* Changes when a device comes or goes, or is given to another user. */
+/* Changes when a device comes or goes, or gets another owner. */
 uint64_t bus_devices(void);
 
-/* Changes when a device comes or goes, but not when mdev sets the rights of one. */
+/* Changes when a device comes or goes, but not when mdev sets its rights. */
 uint64_t bus_files(void);
 
-/* Print all cameras and what they can do; the program's exit status. */
+/* Print all cameras with their modes and rates. Returns the exit status. */
 int bus_list(void);
 
 #endif

@@ -6,10 +6,10 @@
 #include <dc1394/dc1394.h>
 #include <stdbool.h>
 
-/* Switch it on, `wanted`, or off. Whether the frames have it now. */
+/* Switch it on (`wanted`) or off. Returns whether the frames have it now. */
 bool counter_switch(dc1394camera_t *device, bool wanted);
 
-/* Read it from a frame, and put pixels from two rows below in its place, which have the same colours. */
+/* Read it from a frame, and replace it by the pixels two rows below, which have the same colours. */
 uint32_t counter_take(dc1394video_frame_t *frame);
 
 #endif

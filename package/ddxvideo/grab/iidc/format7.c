@@ -10,7 +10,7 @@
 
 #define FRAME_INTERVAL_INQ 0x50 /* the library reads this as a whole number, but it is a float */
 #define COLOR_FILTER_ID 0x58
-#define BAYER_TILE_MAPPING 0x1040 /* the same as four letters, of Point Grey */
+#define BAYER_TILE_MAPPING 0x1040 /* as four letters, from Point Grey */
 #define PACKETS_PER_SECOND 8000
 
 static int choose_coding(dc1394camera_t *device, dc1394video_mode_t mode, dc1394color_coding_t wanted,
@@ -39,7 +39,7 @@ static int choose_coding(dc1394camera_t *device, dc1394video_mode_t mode, dc1394
     return -EINVAL;
 }
 
-/* What the sensor can do, for people: the library does not say what was wrong. */
+/* Reports the sensor's sizes, since the library does not report what was wrong. */
 static int refuse_roi(dc1394camera_t *device, dc1394video_mode_t mode, char *why, size_t size) {
     uint32_t width = 0, height = 0, unit_x = 0, unit_y = 0, at_x = 0, at_y = 0;
 
@@ -65,7 +65,7 @@ static bool roi_fits(dc1394camera_t *device, dc1394video_mode_t mode, const stru
            (!at_x || (uint32_t)wish->left % at_x == 0) && (!at_y || (uint32_t)wish->top % at_y == 0);
 }
 
-/* The smallest packets that are fast enough leave the bus to others. */
+/* Chooses the smallest packets that are fast enough, so that other cameras get bandwidth. */
 static int set_packets(dc1394camera_t *device, dc1394video_mode_t mode, dc1394color_coding_t coding, double rate) {
     uint32_t width, height, bits, unit = 0, greatest = 0;
 
@@ -126,7 +126,7 @@ int format7_bayer(dc1394camera_t *device, dc1394video_mode_t mode, dc1394color_f
         if (mode_parse_bayer(letters, bayer))
             return 0;
     }
-    /* Before version 1.31 there was no such register. */
+    /* IIDC has this register since version 1.31. */
     if (device->iidc_version < DC1394_IIDC_VERSION_1_31 ||
         dc1394_get_format7_register(device, mode, COLOR_FILTER_ID, &value) || value >> 24 >= DC1394_COLOR_FILTER_NUM)
         return -ENODATA;

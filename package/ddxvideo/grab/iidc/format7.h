@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* FORMAT7: any part of the picture, in one of several codings, as fast as the packets are large. */
+/* FORMAT7: any part of the picture, in one of several codings; the size of the packets sets the rate. */
 #ifndef DDXVIDEO_FORMAT7_H
 #define DDXVIDEO_FORMAT7_H
 
@@ -9,7 +9,7 @@
 int format7_set(dc1394camera_t *device, dc1394video_mode_t mode, const struct setup_wish *wish, bool firewire,
                 struct ddxvideo_geometry *geometry, char *why, size_t size);
 
-/* The sensor's pattern. -ENODATA: the camera does not say. */
+/* The sensor's Bayer pattern. -ENODATA: the camera does not report it. */
 int format7_bayer(dc1394camera_t *device, dc1394video_mode_t mode, dc1394color_filter_t *bayer);
 
 #endif

@@ -11,9 +11,9 @@
 #include "library_log.h"
 
 #define SECOND INT64_C(1000000000)
-#define AGAIN_NS (3 * SECOND)       /* before a camera is asked again while the buses are as they were */
-#define ANSWER_NS (SECOND * 9 / 10) /* libdc1394 waits a second for an answer */
-#define BUFFER_MEMORY (6 << 20)     /* of 16 MiB that the kernel has for all USB devices together */
+#define AGAIN_NS (3 * SECOND)       /* between attempts while the buses do not change */
+#define ANSWER_NS (SECOND * 9 / 10) /* libdc1394 waits one second for an answer */
+#define BUFFER_MEMORY (6 << 20)     /* of the kernel's 16 MiB for all USB devices */
 #define FEW_BUFFERS 3
 
 static struct iidc_camera *iidc_of(struct camera *camera) {
@@ -57,7 +57,7 @@ static int start(struct iidc_camera *iidc, char *why, size_t size) {
     return -EIO;
 }
 
-/* Begin to number the frames by their times, unless they come when something triggers them. */
+/* Starts to number the frames by their times, unless an external trigger starts them. */
 static void keep_pace(struct iidc_camera *iidc, int64_t period) {
     dc1394bool_t there = DC1394_FALSE;
     dc1394switch_t on = DC1394_OFF;
@@ -104,8 +104,8 @@ static int open_now(struct iidc_camera *iidc, char *why, size_t size) {
 }
 
 /*
- * The grabber tries often, but a camera that does not answer takes a second each time, and the others on the buses are
- * disturbed. So as long as no device came or went, the last reason stands for some seconds.
+ * The grabber tries often, but each attempt with a camera that does not answer takes a second and disturbs the other
+ * cameras on the buses. So while no device comes or goes, the last reason is repeated for some seconds.
  */
 static int iidc_open(struct camera *camera, char *why, size_t size) {
     struct iidc_camera *iidc = iidc_of(camera);
@@ -124,8 +124,8 @@ static int iidc_open(struct camera *camera, char *why, size_t size) {
 }
 
 /*
- * What to make of a failure: a camera that is unplugged or does not answer any more is gone, another one has lost its
- * stream. Access to an unplugged one fails at once.
+ * Interprets a failure: a camera that is unplugged or no longer answers is gone; any other camera has lost its stream.
+ * Access to an unplugged camera fails at once.
  */
 static int fate(struct iidc_camera *iidc) {
     dc1394switch_t on;
@@ -140,7 +140,7 @@ static int fate(struct iidc_camera *iidc) {
     return iidc->gone && iidc->unplugged ? -ENODEV : -EIO;
 }
 
-/* The number that the camera gave it, or the one that its time asks for. */
+/* The frame's number: by the camera's counter, or by the frame's time. */
 static uint32_t number_of(struct iidc_camera *iidc, dc1394video_frame_t *frame, bool damaged, int64_t time) {
     if (iidc->counts && !damaged)
         return iidc->pace.number = counter_take(frame);
@@ -161,7 +161,7 @@ static int iidc_take(struct camera *camera, int64_t now, struct camera_frame *fr
         return fate(iidc);
     if (!got)
         return -EAGAIN;
-    iidc->gone = false; /* it missed one access only */
+    iidc->gone = false; /* it has missed only one access */
     bool damaged = dc1394_capture_is_frame_corrupt(iidc->device, got) || got->total_bytes < got->image_bytes;
     int64_t time = wall_time(&iidc->wall, got->timestamp, now, ddxvideo_wall_offset());
     *frame = (struct camera_frame){.data = got->image,

@@ -6,7 +6,7 @@
 
 enum part { VALUE, AUTO, ONE_PUSH, ON, BLUE, RED, GREEN, MODE, SOURCE, POLARITY, PARTS = 16 };
 
-/* What has a value of its own, and what its register is called. */
+/* Features with a value, and their names. */
 static const struct part_name {
     enum part part;
     const char *suffix;
@@ -36,7 +36,7 @@ static bool has_mode(const dc1394feature_info_t *info, dc1394feature_mode_t mode
     return false;
 }
 
-/* Which parts a feature has. */
+/* The parts of a feature. */
 static bool has_part(const dc1394feature_info_t *info, enum part part) {
     bool balance = info->id == DC1394_FEATURE_WHITE_BALANCE, shading = info->id == DC1394_FEATURE_WHITE_SHADING;
     bool trigger = info->id == DC1394_FEATURE_TRIGGER;
@@ -68,13 +68,13 @@ static int value_of(const dc1394feature_info_t *info, enum part part) {
     case MODE: return (int)(info->trigger_mode - DC1394_TRIGGER_MODE_MIN);
     case SOURCE: return (int)(info->trigger_source - DC1394_TRIGGER_SOURCE_MIN);
     case POLARITY: return info->trigger_polarity != 0;
-    case VALUE: /* the library does not shift this one into place */
+    case VALUE: /* the library does not shift this value into place */
         return (int)(info->id == DC1394_FEATURE_TEMPERATURE ? info->target_value >> 12 : info->value);
     default: return 0;
     }
 }
 
-/* Numbers of a range; the others are switches, a button, and the trigger's modes and sources by their order. */
+/* Numbers in a range; other parts are switches, a button, and the trigger's modes and sources by their order. */
 static bool is_number(enum part part) {
     return part == VALUE || part == BLUE || part == RED || part == GREEN;
 }
@@ -115,7 +115,7 @@ void features_list(dc1394camera_t *device, struct controls *controls) {
             if (i < 0)
                 return;
             describe(controls, i, info);
-            controls->list.parameter[i].initial = controls->list.parameter[i].value; /* no register says it */
+            controls->list.parameter[i].initial = controls->list.parameter[i].value; /* no register has it */
         }
     }
 }
@@ -147,7 +147,7 @@ static dc1394error_t set_shading(dc1394camera_t *device, enum part part, uint32_
                                                          part == GREEN ? value : green, part == BLUE ? value : blue);
 }
 
-/* By hand, and by the number in the register instead of one with a unit. */
+/* Sets manual control, and register values instead of values with a unit. */
 static dc1394error_t set_number(dc1394camera_t *device, dc1394feature_t feature, enum part part, uint32_t value) {
     dc1394feature_info_t info = {.id = feature};
     dc1394error_t error = dc1394_feature_get(device, &info);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The camera's features as controls: `gain`; `gain_auto`; `gain_one_push`, a button; `gain_on`. A value that is set
- * ends the automatic.
+ * The camera's features as controls: `gain`; `gain_auto`; `gain_one_push`, a button; `gain_on`. Setting a value
+ * switches the automatic off.
  */
 #ifndef DDXVIDEO_IIDC_CONTROLS_H
 #define DDXVIDEO_IIDC_CONTROLS_H
@@ -13,13 +13,13 @@
 /* Fill the empty list. */
 void features_list(dc1394camera_t *device, struct controls *controls);
 
-/* Look at all of them again. */
+/* Read all values from the camera again. */
 void features_refresh(dc1394camera_t *device, struct controls *controls);
 
-/* 0, -EIO: the camera does not take it; -EINVAL: there is no such control. */
+/* 0; -EIO: the camera does not accept it; -EINVAL: no such control. */
 int features_set(dc1394camera_t *device, uint32_t id, int value);
 
-/* Whether it may change how fast the frames come. */
+/* Whether it can change the rate of the frames. */
 bool features_changes_rate(uint32_t id);
 
 #endif

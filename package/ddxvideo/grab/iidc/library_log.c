@@ -8,17 +8,17 @@
 
 #include "program.h"
 
-#define KNOWN 16 /* lines that are not said again */
+#define KNOWN 16 /* number of lines that are remembered, and not repeated */
 #define LENGTH 200
 
-/* The library has a thread of its own. */
+/* Also called from the library's own thread. */
 static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
 static char known[KNOWN][LENGTH];
 static unsigned known_count;
 static bool muted;
-static unsigned unsaid; /* since it was muted */
+static unsigned unsaid; /* lines since the library was muted */
 
-/* Numbers differ from line to line: buffers, devices. */
+/* Ignores numbers, which differ from line to line: buffers, devices. */
 static void without_numbers(char to[LENGTH], const char *from) {
     unsigned length = 0;
 

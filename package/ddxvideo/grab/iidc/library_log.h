@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What libdc1394 says, as lines of ours: each once, as long as the camera is away. */
+/* Prints libdc1394's messages as our lines: each once while the camera is away. */
 #ifndef DDXVIDEO_LIBRARY_LOG_H
 #define DDXVIDEO_LIBRARY_LOG_H
 
@@ -7,10 +7,10 @@
 
 void library_log_begin(void);
 
-/* Say nothing, or go on: where a failure is expected, or gets a line of ours. Returns how many lines were not said. */
+/* Mute, or continue: for failures that are expected or get a line of ours. Returns the number of omitted lines. */
 unsigned library_log_mute(bool mute);
 
-/* The camera is there: what was said so far is news when it is said again. */
+/* The camera is back: each message may be printed once more. */
 void library_log_forget(void);
 
 #endif

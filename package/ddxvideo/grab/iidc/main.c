@@ -12,12 +12,12 @@
 
 #define FASTEST 1000 /* -rate, frames per second */
 
-/* The options as they are typed. */
+/* The options as text. */
 struct words {
     const char *camera, *size, *mode, *format, *roi, *rate, *bayer, *layout;
 };
 
-/* "X,Y,WIDTH,HEIGHT"; even sides, as those of all pictures in the store are. */
+/* "X,Y,WIDTH,HEIGHT"; even sides, as of all 4:2:0 pictures in the store. */
 static bool parse_roi(const char *text, struct setup_wish *wish) {
     int end = 0;
     bool digits = strspn(text, "0123456789,") == strlen(text) && strlen(text) < sizeof "8192,8192,8192,8192";
@@ -35,7 +35,7 @@ static bool parse_rate(const char *text, double *rate) {
     return end != text && !*end && *rate > 0 && *rate <= FASTEST;
 }
 
-/* What only FORMAT7 has. False after one line. */
+/* Options of FORMAT7 only. False, after one line, if they are wrong. */
 static bool understand_format7(struct setup_wish *wish, const struct words *words) {
     if (words->format && !mode_parse_coding(words->format, &wish->coding)) {
         say("-format %s: one of %s is needed", words->format, CODING_NAMES);
@@ -56,7 +56,7 @@ static bool understand_format7(struct setup_wish *wish, const struct words *word
     return false;
 }
 
-/* False after one line. */
+/* False, after one line, if they are wrong. */
 static bool understand(struct iidc_camera *iidc, const struct words *words) {
     struct setup_wish *wish = &iidc->wish;
 

@@ -21,7 +21,7 @@ static const struct {
 #undef MODE
 };
 
-/* As people write it; which is taken first where -mode leaves it open: colour as it is, made of RGB, none. */
+/* Name, and order of choice without -mode: colour as in the store, colour made of RGB, no colour. */
 static const struct coding {
     const char *name;
     dc1394color_coding_t coding;
@@ -119,7 +119,7 @@ enum pixels_coding mode_pixels(dc1394color_coding_t coding, dc1394color_filter_t
 }
 
 void mode_rate(dc1394framerate_t rate, int *num, int *den) {
-    int eighths = 15 << (rate - DC1394_FRAMERATE_MIN); /* 1.875, and each twice the one before */
+    int eighths = 15 << (rate - DC1394_FRAMERATE_MIN); /* 1.875; each rate is twice the previous one */
 
     for (*den = 8; *den > 1 && eighths % 2 == 0; *den /= 2)
         eighths /= 2;

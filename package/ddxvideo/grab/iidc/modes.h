@@ -12,18 +12,18 @@
 #define CODING_NAMES "MONO8, MONO16, YUV411, YUV422, YUV444, RGB8, RGB16, RAW8, RAW16"
 #define BAYER_NAMES "RGGB, GBRG, GRBG, BGGR"
 
-/* In any case. False: no such name. */
+/* Upper or lower case. False: no such name. */
 bool mode_parse(const char *text, dc1394video_mode_t *mode);
 bool mode_parse_coding(const char *text, dc1394color_coding_t *coding);
 bool mode_parse_bayer(const char *text, dc1394color_filter_t *bayer);
 
 const char *mode_name(dc1394video_mode_t mode);
-const char *mode_coding_name(dc1394color_coding_t coding); /* NULL: one that is not known here */
+const char *mode_coding_name(dc1394color_coding_t coding); /* NULL: unknown */
 
-/* What -mode and -size can choose from by themselves: how well a coding serves, 0: not at all. */
+/* How well a coding suits without -mode; 0: not at all. */
 int mode_merit(dc1394color_coding_t coding);
 
-/* How a coding lies in memory. `bayer`: the sensor's first pixels; 0: it has no such pattern. */
+/* The pixel format of a coding in memory. `bayer`: the sensor's pattern; 0: none. */
 enum pixels_coding mode_pixels(dc1394color_coding_t coding, dc1394color_filter_t bayer);
 
 /* Frames per second, as a fraction. */

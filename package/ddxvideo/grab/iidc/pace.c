@@ -3,13 +3,13 @@
 
 #include <stdlib.h>
 
-#define PHASE_SHARE 8    /* a frame's delay moves the next one's expected time by this part of it */
-#define PERIOD_SHARE 128 /* and the period by this part: a camera's clock is not ours */
+#define PHASE_SHARE 8    /* a frame's delay moves the next frame's expected time by this fraction of it */
+#define PERIOD_SHARE 128 /* and the period by this fraction, since the camera has a clock of its own */
 #define CYCLES 64000     /* until they wrap */
 #define CYCLE_NS 125000
 #define WRAP_NS ((int64_t)CYCLES * CYCLE_NS)
 #define ODD_NS INT64_C(1000000000)
-#define ALIKE_SHARE 8    /* steps that differ by less than this part are alike */
+#define ALIKE_SHARE 8    /* steps that differ by less than this fraction are alike */
 
 void pace_restart(struct pace *pace, int64_t period) {
     *pace = (struct pace){.period = period, .number = pace->number};
@@ -27,11 +27,11 @@ static void learn(struct pace *pace, int64_t time) {
     }
 }
 
-/* How many periods have passed; the clock is corrected by the frame's delay. */
+/* The number of periods that have passed. Corrects the clock by the frame's delay. */
 static void count_by_clock(struct pace *pace, int64_t time) {
     int64_t steps = (time - pace->due + pace->period / 2) / pace->period;
 
-    if (steps < 1) /* it follows a delay */
+    if (steps < 1) /* the frame follows a delay */
         return;
     int64_t late = time - pace->due - steps * pace->period;
     pace->due += steps * pace->period + late / PHASE_SHARE;
@@ -56,7 +56,7 @@ uint32_t pace_number(struct pace *pace, int64_t time, bool more) {
     return pace->number;
 }
 
-/* The bus time since the last frame; `passed` is the same by the library's times. */
+/* The bus time since the last frame; `passed` is that time by the library's clock. */
 static int64_t bus_step(const struct pace *pace, uint32_t cycle, int64_t passed) {
     int64_t step = (int64_t)((cycle + CYCLES - pace->cycle) % CYCLES) * CYCLE_NS;
 

@@ -11,9 +11,9 @@
 
 #define FULL_DEPTH 16
 #define SAME_SAMPLES 100
-#define SMALLER (INT64_C(1) << 40) /* a picture that would have to be enlarged is farther away than any larger one */
+#define SMALLER (INT64_C(1) << 40) /* a picture that must be enlarged counts as farther away than any larger picture */
 
-/* How far a mode's picture is from the one that is wanted; without a wish the largest is the nearest. */
+/* Distance of a mode's picture from the requested size; without one, the largest is the nearest. */
 static int64_t distance(const struct setup_wish *wish, uint32_t width, uint32_t height) {
     int64_t area = (int64_t)width * height, wanted = (int64_t)wish->width * wish->height;
 
@@ -23,7 +23,7 @@ static int64_t distance(const struct setup_wish *wish, uint32_t width, uint32_t 
     return covers ? area - wanted : SMALLER - area;
 }
 
-/* Codings with the layout's own samples come first. */
+/* Prefers codings with the layout's own samples. */
 static int merit_of(dc1394camera_t *device, dc1394video_mode_t mode, const struct setup_wish *wish) {
     dc1394color_coding_t coding;
 
@@ -36,7 +36,7 @@ static int merit_of(dc1394camera_t *device, dc1394video_mode_t mode, const struc
     return mode_merit(coding) + (same ? SAME_SAMPLES : 0);
 }
 
-/* The mode whose pictures are nearest, in the coding that serves best; 0: there is no fixed mode. */
+/* The mode with the nearest pictures, in the best coding; 0: there is no fixed mode. */
 static dc1394video_mode_t nearest(dc1394camera_t *device, const dc1394video_modes_t *modes,
                                   const struct setup_wish *wish) {
     dc1394video_mode_t best = 0;
@@ -111,7 +111,7 @@ static int set_rate(dc1394camera_t *device, dc1394video_mode_t mode, const struc
     return dc1394_video_set_framerate(device, chosen) ? -EIO : 0;
 }
 
-/* The feature says it better, where a camera has it. */
+/* Reads the rate from the feature, which is more exact, if the camera has it. */
 static void take_true_rate(dc1394camera_t *device, struct ddxvideo_geometry *geometry) {
     dc1394feature_info_t rate = {.id = DC1394_FEATURE_FRAME_RATE};
     int num, den;
@@ -135,12 +135,12 @@ static int take_pixels(dc1394camera_t *device, dc1394video_mode_t mode, const st
     if (dc1394_get_color_coding_from_video_mode(device, mode, &coding) ||
         dc1394_get_image_size_from_video_mode(device, mode, &width, &height) ||
         dc1394_get_color_coding_bit_size(coding, &bits)) {
-        snprintf(why, size, "does not say what it sends");
+        snprintf(why, size, "does not report what it sends");
         return -EIO;
     }
     bool raw = coding == DC1394_COLOR_CODING_RAW8 || coding == DC1394_COLOR_CODING_RAW16;
     if (raw && !bayer && format7_bayer(device, mode, &bayer)) {
-        snprintf(why, size, "does not say its Bayer pattern; -bayer is needed");
+        snprintf(why, size, "does not report its Bayer pattern; -bayer is needed");
         return -EINVAL;
     }
     enum pixels_coding pixels = mode_pixels(coding, bayer);
@@ -178,7 +178,7 @@ int setup_camera(dc1394camera_t *device, const struct setup_wish *wish, struct s
         return error;
     dc1394_camera_get_platform_string(device, &platform);
     bool firewire = strcmp(platform, "usb") != 0;
-    if (firewire) /* some cameras begin with 100 */
+    if (firewire) /* some cameras start with 100 */
         dc1394_video_set_iso_speed(device, DC1394_ISO_SPEED_400);
     if (dc1394_video_set_mode(device, mode))
         error = -EIO;
@@ -188,7 +188,7 @@ int setup_camera(dc1394camera_t *device, const struct setup_wish *wish, struct s
         error = set_rate(device, mode, wish, &setup->geometry);
     if (error) {
         if (!*why)
-            snprintf(why, size, "does not take mode %s", mode_name(mode));
+            snprintf(why, size, "does not accept mode %s", mode_name(mode));
         return error;
     }
     take_true_rate(device, &setup->geometry);

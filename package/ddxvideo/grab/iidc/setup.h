@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the camera is to send: mode, coding, part of the picture, rate. */
+/* Sets the camera up: mode, coding, part of the picture, rate. */
 #ifndef DDXVIDEO_SETUP_H
 #define DDXVIDEO_SETUP_H
 
@@ -13,8 +13,8 @@ struct setup {
 };
 
 /*
- * Stop the camera and set it up. 0; -EINVAL: it cannot do what is asked; -EIO: it does not answer as it should; with
- * the reason in one line at `why`.
+ * Stop the camera and set it up. 0; -EINVAL: it cannot do this; -EIO: it does not answer as it should; with the reason
+ * in one line at `why`.
  */
 int setup_camera(dc1394camera_t *device, const struct setup_wish *wish, struct setup *setup, char *why, size_t size);
 

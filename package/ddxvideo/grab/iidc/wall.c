@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "wall.h"
 
-#define FUTURE_NS INT64_C(1000000) /* the two clocks are read one after the other */
+#define FUTURE_NS INT64_C(1000000) /* the two clocks are read one after the other, ns */
 
-/* How far from now, with the future farther than any past. */
+/* Distance from now; the future counts as farther than any past. */
 static int64_t distance(int64_t time, int64_t now) {
     return time <= now + FUTURE_NS ? now + FUTURE_NS - time : INT64_MAX;
 }
