@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxctl catalog: which machines there are, and which of their items. */
+/* ddxctl catalog: lists the other machines and their items. */
 #include <ddx.h>
 #include <errno.h>
 #include <stdbool.h>
@@ -12,7 +12,7 @@
 #define STORE_WAIT 1.0 /* s */
 
 static const char usage[] = "  catalog [--json]\n"
-                            "                other machines, their clocks and items, and what they read of this one\n";
+                            "                other machines, clocks and items, and readers of items of this machine\n";
 
 static CATALOG_MACHINES machines;
 static CATALOG_ITEMS items;
@@ -22,7 +22,7 @@ static int failed(const char *what) {
     return 1;
 }
 
-/* Readers of line `line`: here, of an item of another machine; on other machines, of one of this machine. */
+/* Readers of line `line`: on this machine for an item of another one, on other machines for an item of this one. */
 static unsigned readers_of(uint32_t line, const struct ddx_item_info *all, unsigned count) {
     const char *name = items.item[line].name;
 
@@ -38,7 +38,7 @@ static void print_machines(void) {
     printf("this machine is %s for others", machines.name);
     printf(machines.same ? ", since %u more have the host name %s\n" : "\n", (unsigned)machines.same, machines.host);
     if (machines.refused)
-        printf("%llu records of items and machines were not taken: no catalog sends such, or there are too many\n",
+        printf("%llu records of items and machines were refused: they are invalid, or there are too many\n",
                (unsigned long long)machines.refused);
     printf("%-32s %6s %6s  %s\n", "MACHINE", "STATE", "ITEMS", "CLOCK");
     for (uint32_t i = 0; i < machines.count; i++) {
@@ -61,7 +61,7 @@ static void print_items(const struct ddx_item_info *all, unsigned count) {
         printf("and %u more\n", (unsigned)(items.known - items.count));
 }
 
-/* The catalog has judged names and types: they hold no control characters. */
+/* The catalog has checked names and types: they have no control characters. */
 static void print_text(const char *name, const char *text) {
     printf("\"%s\":\"", name);
     for (; *text; text++)
@@ -121,7 +121,7 @@ static int show(DDX_STORE_ID *id, bool json) {
     if (error)
         return failed(ddx_error_text(error));
     if (machines.count > sizeof machines.machine / sizeof *machines.machine || items.count > TABLE_ITEMS_MAX)
-        return failed("what the catalog says of itself cannot be");
+        return failed("the items of the catalog are invalid");
     if (json) {
         print_json(all, count);
     } else {

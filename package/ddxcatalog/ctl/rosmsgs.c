@@ -43,14 +43,14 @@ __attribute__((format(printf, 1, 2))) static int failed(const char *format, ...)
     return 1;
 }
 
-/* A folder below, made if it is not there; -1 and errno. */
+/* Opens a folder below another, and creates it if necessary; -1 and errno. */
 static int open_folder(int below, const char *name) {
     if (mkdirat(below, name, 0777) && errno != EEXIST)
         return -1;
     return openat(below, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
 }
 
-/* As a new file, whole or not at all. */
+/* Writes a new file, whole or not at all. */
 static int write_file(int folder, const char *name, const char *text) {
     static const char temporary[] = ".new";
     int descriptor = openat(folder, temporary, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0666);
@@ -97,7 +97,7 @@ struct written {
     char *text;
 };
 
-/* Two items may have one type. Where two types have one name, the first one is written. */
+/* Two items may have the same type. Of two types with the same name, the first one is written. */
 static int put(struct written **all, int folder, const struct description_message *message, const char *item) {
     char name[FILE_NAME], *text = text_of(message);
     struct written *written = *all;
@@ -107,7 +107,7 @@ static int put(struct written **all, int folder, const struct description_messag
     if (text && written) {
         bool same = !strcmp(written->text, text);
         free(text);
-        return same ? 0 : failed("%s: its type %s is not that of another item; it is left out", item, message->type);
+        return same ? 0 : failed("%s: another item has another type %s; this one is left out", item, message->type);
     }
     if (!text || !(written = calloc(1, sizeof *written))) {
         free(text);
@@ -149,7 +149,7 @@ static int put_all(int folder, DDX_STORE_ID *id) {
     if (error)
         return failed("%s", ddx_error_text(error));
     for (unsigned i = 0; i < count; i++)
-        if (*items[i].type) /* else it is awaited only */
+        if (*items[i].type) /* otherwise it is only awaited */
             status |= put_item(&all, folder, id, items[i].name);
     free(items);
     while (all) {
@@ -179,7 +179,7 @@ int main(int argc, char **argv) {
         return 0;
     }
     if (argc != 2 || *argv[1] == '-') {
-        failed("needs the folder that the package is written into");
+        failed("name the folder for the package: ddxctl rosmsgs DIR");
         return 2;
     }
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, STORE_WAIT);

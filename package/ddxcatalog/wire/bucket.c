@@ -4,7 +4,7 @@
 #define NS INT64_C(1000000000)
 #define BURST 4       /* a quarter of a second's bytes may be sent at once */
 #define PACKET 1344   /* bytes of a message in a packet */
-#define OVERHEAD 100  /* bytes of a packet beside these */
+#define OVERHEAD 100  /* other bytes of a packet */
 
 void bucket_begin(struct bucket *bucket, uint64_t rate, int64_t now) {
     *bucket = (struct bucket){.rate = (int64_t)rate, .time = now};

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A message as ROS 2 and DDS describe it: structs of named fields. Made of the text of a ros2msg schema, which is what
- * form.h has for an item. The first message is the one that is sent; the others are those that it contains.
+ * The description of a message for ROS 2 and DDS: structs of named fields. It is made from the text of a ros2msg
+ * schema, which form.h has for an item. The first message is the one that is sent; it contains the others.
  */
 #ifndef DDXCATALOG_DESCRIPTION_H
 #define DDXCATALOG_DESCRIPTION_H
@@ -47,8 +47,8 @@ struct description {
 };
 
 /*
- * `type`: of the first message, "ddx/msg/SENSOR". Fields that come to the same name are told apart by a number. 0,
- * -EINVAL (no such text, or a message is missing), -ENOMEM. The result is the caller's, until description_free().
+ * `type`: of the first message, "ddx/msg/SENSOR". If several fields get the same name, a number is added. 0, -EINVAL
+ * (not such a text, or a message is missing), -ENOMEM. The result is the caller's, until description_free().
  */
 int description_parse(const char *type, const char *schema, struct description **result);
 

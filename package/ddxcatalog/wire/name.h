@@ -8,24 +8,24 @@
 
 #define NAME_TOPIC 160   /* bytes of "rt/carol/gps", with the 0 byte */
 #define NAME_TYPE 200    /* of "ddx::msg::dds_::GPS_" */
-#define NAME_MACHINE 33  /* of a machine's name: leaves room for items' names behind it */
+#define NAME_MACHINE 33  /* of a machine's name: leaves space for an item's name after it */
 
-/* Whether this can be a machine's name: letters, digits, '-' and '_', as in host names; at most NAME_MACHINE - 1. */
+/* Whether a machine can have this name: letters, digits, '-' and '_', as in host names; at most NAME_MACHINE - 1. */
 bool name_is_machine(const char *name);
 
-/* Whether ROS has such topics: "/imu/data"; at most NAME_TOPIC - 4 letters. */
+/* Whether ROS allows this topic: "/imu/data"; at most NAME_TOPIC - 4 letters. */
 bool name_is_topic(const char *topic);
 
-/* Whether topics of these two machines would be the same: "carol-1" and "carol_1". */
+/* Whether the topics of two machines would have the same names: "carol-1" and "carol_1". */
 bool name_meets(const char *machine, const char *other);
 
-/* "carol-3fa9", for one of two machines that are called carol. */
+/* "carol-3fa9", for one of two machines with the name carol. */
 void name_distinguish(const char *machine, uint64_t id, char name[NAME_MACHINE]);
 
 /* "carol", "video.frame": "rt/carol/video_frame". */
 void name_topic(const char *machine, const char *item, char topic[NAME_TOPIC]);
 
-/* "rt/carol/a_b", 2: "rt/carol/a_b_2"; of "rt/carol/a_" as of "rt/carol/a": "rt/carol/a_2". */
+/* "rt/carol/a_b", 2: "rt/carol/a_b_2"; for "rt/carol/a_" and "rt/carol/a" alike: "rt/carol/a_2". */
 void name_number(const char *topic, unsigned number, char numbered[NAME_TOPIC]);
 
 /* "ddx/SENSOR": "ddx::msg::dds_::SENSOR_". */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * How far the clock of another machine is from this one's: from four time stamps, as in NTP. Of the newest exchanges
- * the one with the least bound counts, which is half of its round trip and what the clocks may have drifted since.
+ * The difference between another machine's clock and this machine's, from four time stamps, as in NTP. Of the newest
+ * exchanges the one with the least bound counts: half of the round trip, plus the possible drift of the clocks since.
  */
 #ifndef DDXCATALOG_OFFSET_H
 #define DDXCATALOG_OFFSET_H
@@ -11,24 +11,24 @@
 
 #define OFFSET_SAMPLES 8
 
-/* Times are ns of CLOCK_MONOTONIC of the one or of the other machine. */
+/* Times are ns of CLOCK_MONOTONIC of either machine. */
 struct offset_sample {
     int64_t offset, bound, at;
 };
 
-/* Zeros: nothing is known. */
+/* All 0: no exchange yet. */
 struct offset {
     struct offset_sample sample[OFFSET_SAMPLES];
     unsigned count;
 };
 
 /*
- * An exchange: `sent` here, `received` there; answered there at `answered`, which came here at `now`. False: the stamps
- * cannot be.
+ * Add an exchange: `sent` here, `received` there; `answered` there, and the answer arrived here at `now`. False: these
+ * stamps are impossible.
  */
 bool offset_add(struct offset *offset, int64_t sent, int64_t received, int64_t answered, int64_t now);
 
-/* The other clock minus this one, and how far off that may be. False: nothing is known. */
+/* The other clock minus this clock, and the bound of the error. False: not known. */
 bool offset_get(const struct offset *offset, int64_t now, int64_t *apart, int64_t *bound);
 
 #endif

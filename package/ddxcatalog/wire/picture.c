@@ -4,7 +4,7 @@
 #include <endian.h>
 #include <string.h>
 
-#define FIXED 64      /* bytes that an Image has before its pixels, but for its header */
+#define FIXED 64      /* bytes of an Image before its pixels, without its header */
 #define SIDE 8192     /* as in ddxvideo.h */
 #define RANGE_FULL 2
 
@@ -53,7 +53,7 @@ static int64_t number_of(const struct form *form, const void *value, const char 
     return large;
 }
 
-/* A plane of that size; NULL: the item has fewer bytes. */
+/* A plane of this size; NULL: the item has fewer bytes. */
 static const unsigned char *plane_of(const struct form *form, const void *value, const char *name, size_t bytes) {
     const struct form_leaf *leaf = leaf_of(form, name);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* SHA-256 (FIPS 180-4) of short texts: ROS 2 tells types apart by it. */
+/* SHA-256 (FIPS 180-4) of short texts: ROS 2 distinguishes types by it. */
 #ifndef DDXCATALOG_SHA256_H
 #define DDXCATALOG_SHA256_H
 

@@ -68,7 +68,7 @@ static const struct message {
 };
 #define MESSAGES (sizeof messages / sizeof *messages)
 
-/* "sensor_msgs/msg/Imu" or "sensor_msgs/Imu". MESSAGES: not known. */
+/* The index of "sensor_msgs/msg/Imu" or "sensor_msgs/Imu"; MESSAGES if it is not in the list. */
 static size_t index_of(const char *type, size_t length) {
     size_t package = strcspn(type, "/"), skipped = !strncmp(type + package, "/msg/", 5) ? 4 : 0;
 
@@ -79,7 +79,7 @@ static size_t index_of(const char *type, size_t length) {
     return MESSAGES;
 }
 
-/* The message's fields, and those of the messages in it. */
+/* Writes the fields of the message, and of all messages in it. */
 static void write_schema(FILE *to, size_t index, bool written[MESSAGES]) {
     written[index] = true;
     fputs(messages[index].fields, to);
@@ -151,7 +151,7 @@ static bool same_field(const struct comparison *comparison, const struct descrip
                          description_find(comparison->given, given->type), path);
 }
 
-/* Without the first fields of the message that is wanted. */
+/* Skips the first fields of the wanted message. */
 static bool same_messages(const struct comparison *comparison, const struct description_message *wanted,
                           unsigned first, const struct description_message *given, const char *prefix) {
     for (unsigned i = 0; first + i < wanted->count && i < given->count; i++)
@@ -219,7 +219,7 @@ static size_t put(unsigned char *message, size_t at, uint32_t number) {
     return at + sizeof little;
 }
 
-/* Each number is aligned by its own size, counted from behind CDR's header. */
+/* Each number is aligned by its own size, from the end of CDR's header on. */
 static size_t aligned(size_t at, size_t bytes) {
     return (at - FORM_HEADER + bytes - 1) / bytes * bytes + FORM_HEADER;
 }
@@ -258,7 +258,7 @@ size_t standard_write(const struct standard *standard, const struct form *form, 
     return standard->is_picture ? picture_write(form, value, message, at) : put_fields(form, value, message, at);
 }
 
-/* Where the fields begin; 0: the header does not fit. */
+/* Where the fields begin; 0: the message is too short for its header. */
 static size_t fields_at(const struct standard *standard, const unsigned char *message, size_t size) {
     uint32_t little;
 

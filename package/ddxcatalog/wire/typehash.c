@@ -8,8 +8,8 @@
 
 #include "sha256.h"
 
-#define ARRAY 48     /* what an array of a kind has above the kind, */
-#define SEQUENCE 144 /* and a sequence */
+#define ARRAY 48     /* added to the number of a kind for an array of it, */
+#define SEQUENCE 144 /* and for a sequence */
 
 /* "ddx/SENSOR" is "ddx/msg/SENSOR". */
 static void write_type(FILE *to, const char *type) {
@@ -43,7 +43,7 @@ static int by_name(const void *a, const void *b) {
     return strcmp(((const struct description_message *)a)->type, ((const struct description_message *)b)->type);
 }
 
-/* The text that is hashed; the messages that are contained are sorted by name. To free(). */
+/* The text to hash; the contained messages are sorted by name. The caller frees it. */
 static char *text_of(const struct description *description, size_t *size) {
     unsigned others = description->count - 1;
     struct description_message *sorted = malloc((others + 1) * sizeof *sorted);

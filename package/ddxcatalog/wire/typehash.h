@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ROS 2's hash of a type (REP 2016), by which its tools notice that two programs mean different structs. */
+/* ROS 2's hash of a type (REP 2016), with which its tools notice that two programs use different structs. */
 #ifndef DDXCATALOG_TYPEHASH_H
 #define DDXCATALOG_TYPEHASH_H
 
