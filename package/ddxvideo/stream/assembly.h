@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Packets of one source, in their order, to encoded frames. */
+/* Puts encoded frames together from the packets of one source, in order. */
 #ifndef DDXVIDEO_ASSEMBLY_H
 #define DDXVIDEO_ASSEMBLY_H
 
@@ -8,7 +8,7 @@
 #include "rtp.h"
 
 struct assembly_frame {
-    const uint8_t *data; /* valid until the next call; CHUNK_PADDING zero bytes behind it */
+    const uint8_t *data; /* valid until the next call; CHUNK_PADDING zero bytes follow */
     size_t size;
     enum rtp_type type;
     bool first;      /* of its source */
@@ -20,16 +20,16 @@ struct assembly_frame {
     bool has_source; /* frame.capture, .sequence and .number as well */
     bool derived;    /* these are not from the frame's first packet, which is missing; see derive() */
     struct rtp_frame frame;
-    unsigned missing; /* whole frames between the one before and this one that never came */
+    unsigned missing; /* whole frames that were lost between the previous frame and this one */
 };
 
 struct assembly {
     struct chunk chunk;
-    struct assembly_frame frame; /* that is put together */
+    struct assembly_frame frame; /* the frame that is being put together */
     bool open;                   /* a packet of it has come */
-    bool fresh;                  /* no frame of this source was given out yet */
+    bool fresh;                  /* no frame of this source has been returned yet */
     uint16_t expected;           /* frame.count of the next frame */
-    struct {                     /* the last frame whose first packet came, for those whose first packet is missing */
+    struct {                     /* the last frame whose first packet came, for frames whose first packet is missing */
         bool there;
         uint32_t time; /* RTP's */
         struct rtp_frame frame;
@@ -42,16 +42,16 @@ struct assembly {
 void assembly_begin(struct assembly *assembly);
 void assembly_free(struct assembly *assembly);
 
-/* Whether the packet begins another frame than the one that is open, whose last packet is missing then. */
+/* Whether the packet begins another frame while one is open; then the open frame lacks its last packet. */
 bool assembly_is_next(const struct assembly *assembly, const struct rtp_packet *packet);
 
 /* Add a packet to the frame; `lost`: packets that are missing before it. False if its payload is malformed. */
 bool assembly_add(struct assembly *assembly, const struct rtp_packet *packet, unsigned lost, int64_t arrival);
 
-/* The frame is whole, or, with `cut`, its last packet is missing. False if none is open. */
+/* Finish the frame, which is whole, or with `cut` lacks its last packet. False if none is open. */
 bool assembly_close(struct assembly *assembly, bool cut, struct assembly_frame *frame);
 
-/* Number of the frame that the next packet belongs to, at least; of senders that count their frames. */
+/* The least number of the next packet's frame, for senders that count their frames. */
 uint16_t assembly_due(const struct assembly *assembly);
 
 #endif

@@ -24,7 +24,7 @@ static inline uint32_t get32(const uint8_t *from) {
     return (uint32_t)get16(from) << 16 | get16(from + 2);
 }
 
-/* Reads bits, the highest first; behind the end are zeros. */
+/* Reads bits, the highest first, and zeros after the end. */
 struct bits {
     const uint8_t *data;
     size_t size;

@@ -4,7 +4,7 @@
 #define SECOND INT64_C(1000000000)
 #define MICROSECOND INT64_C(1000)
 
-/* How long the rate takes for these bytes, rounded up: never more is sent than was paid for. */
+/* The time that these bytes take at the rate, rounded up, so that the rate is never exceeded. */
 static int64_t price(const struct budget *budget, size_t bytes) {
     return ((int64_t)bytes * 8 * SECOND + budget->rate - 1) / budget->rate;
 }

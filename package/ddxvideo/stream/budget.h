@@ -15,7 +15,7 @@ struct budget {
     int64_t rate;  /* bit/s */
     int64_t depth; /* ns of the rate that the bucket holds */
     int64_t now;   /* the newest time */
-    int64_t spent; /* the rate is used up to this time; what came since then is in the bucket */
+    int64_t spent; /* the rate is used up to this time; the bucket has the rest */
 };
 
 /* `rate` in bit/s, 1,000 to 1,000,000,000; `depth` in ns, at most 10 s; `share`: how full the bucket is, 0 to 1. */
@@ -28,8 +28,8 @@ int64_t budget_size(const struct budget *budget);
 /* Take these bytes, if the bucket holds them. */
 bool budget_take(struct budget *budget, int64_t now, size_t bytes);
 
-/* From when on budget_take() will succeed with that many bytes if nothing else is taken; INT64_MAX if they are more
- * than the full bucket holds. */
+/* The time from which budget_take() succeeds with this number of bytes if nothing else is taken; INT64_MAX if the full
+ * bucket holds less. */
 int64_t budget_ready(const struct budget *budget, size_t bytes);
 
 #endif

@@ -8,7 +8,7 @@
 #include <stdint.h>
 
 #define CHUNK_MAX (8u << 20) /* no frame of a stream for a wireless link is larger */
-#define CHUNK_PADDING 64     /* zero bytes behind the last one, which libavcodec may read */
+#define CHUNK_PADDING 64     /* zero bytes after the last one, which libavcodec may read */
 
 struct chunk {
     uint8_t *data;
@@ -19,7 +19,7 @@ struct chunk {
 /* Append; `data` NULL appends `size` bytes that the caller fills. False if it would grow too large, or no memory. */
 bool chunk_add(struct chunk *chunk, const void *data, size_t size);
 
-/* Zeros behind the end. The chunk has had at least one byte. */
+/* Write zeros after the end. The chunk must have had at least one byte. */
 void chunk_pad(struct chunk *chunk);
 
 void chunk_free(struct chunk *chunk);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which coefficients a repair packet has: sender and receiver compute them from its Repair_Key. */
+/* The coefficients of a repair packet: sender and receiver compute them from its Repair_Key. */
 #ifndef DDXVIDEO_COEFFICIENTS_H
 #define DDXVIDEO_COEFFICIENTS_H
 

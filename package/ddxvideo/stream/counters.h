@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Numbers beside the frames' book: a store item `<instance>.packets`, a struct with a uint64_t for each name. */
+/* Counters of packets: a store item `<instance>.packets`, a struct with a uint64_t for each name. */
 #ifndef DDXVIDEO_COUNTERS_H
 #define DDXVIDEO_COUNTERS_H
 
@@ -14,7 +14,7 @@ struct counters {
     DDX_STORE_ITEM *item; /* NULL without a store */
 };
 
-/* Begin to show the values; `id` may be NULL. Where the store refuses the item, they are only printed, after a line. */
+/* Publish the values; `id` may be NULL. If the store refuses the item, they are only printed, after a line. */
 void counters_open(struct counters *counters, DDX_STORE_ID *id);
 
 /* Write the values into the store. */

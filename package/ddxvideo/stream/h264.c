@@ -78,7 +78,7 @@ static size_t pack_fragment(struct h264_packer *packer, uint8_t *to) {
     return FU_HEADER + size;
 }
 
-/* As many whole NAL units as are not too much for one packet; at least the first one is not. */
+/* Puts whole NAL units into one packet, as long as they fit; the first one always does. */
 static size_t pack_whole(struct h264_packer *packer, uint8_t *to) {
     struct h264_nal first = packer->nal;
     size_t used = 1 + 2 + first.size; /* as STAP-A */
@@ -126,7 +126,7 @@ static bool append(struct chunk *frame, const uint8_t *nal, size_t size) {
     return false;
 }
 
-/* Leave out the NAL unit whose fragments have not all come. */
+/* Removes the NAL unit if fragments are missing. */
 static void give_up(struct h264_unpacker *unpacker, struct chunk *frame) {
     if (unpacker->in_fragments)
         frame->size = unpacker->begin;

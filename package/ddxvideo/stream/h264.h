@@ -17,21 +17,21 @@ struct h264_nal {
     size_t size;
 };
 
-/* The next NAL unit from *at on, which moves behind it. False at the end. */
+/* The next NAL unit from *at on; *at moves past it. False at the end. */
 bool h264_next_nal(const uint8_t **at, const uint8_t *end, struct h264_nal *nal);
 
 /* ---- Frame to payloads ---- */
 
 struct h264_packer {
-    const uint8_t *at, *end; /* what has not been looked at */
-    struct h264_nal nal;     /* the next one, or what is left of it when it is fragmented */
+    const uint8_t *at, *end; /* the unread part */
+    struct h264_nal nal;     /* the next unit, or its rest while it is fragmented */
     bool has_nal;
     uint8_t fragmented; /* the first byte of the NAL unit that is being fragmented, or 0 */
-    unsigned parts;     /* packets that the rest of it takes */
-    size_t less;        /* bytes that the next packet has less for its payload than others */
+    unsigned parts;     /* number of packets for its rest */
+    size_t less;        /* number of bytes by which the next packet's payload is smaller */
 };
 
-/* Begin with an encoded frame, which must stay as it is until all payloads were taken. */
+/* Begin with an encoded frame, which must not change until all payloads are taken. */
 void h264_pack(struct h264_packer *packer, const uint8_t *frame, size_t size);
 
 /* The next payload into to[RTP_ROOM]; its size, 0 when there is none left. *last: none follows. */
@@ -41,7 +41,7 @@ size_t h264_pack_next(struct h264_packer *packer, uint8_t *to, bool *last);
 
 struct h264_unpacker {
     bool in_fragments;
-    size_t begin; /* where the NAL unit that comes in fragments begins in the frame */
+    size_t begin; /* where the fragmented NAL unit begins in the frame */
 };
 
 /*
@@ -50,7 +50,7 @@ struct h264_unpacker {
  */
 bool h264_unpack(struct h264_unpacker *unpacker, struct chunk *frame, const uint8_t *payload, size_t size, bool gap);
 
-/* The frame has no more payloads: what is not whole is taken out. */
+/* The frame has no more payloads: remove an incomplete NAL unit. */
 void h264_unpack_end(struct h264_unpacker *unpacker, struct chunk *frame);
 
 #endif

@@ -32,7 +32,7 @@ static void count_repair(struct intake *intake) {
     intake->count[INTAKE_REPAIR_WRONG] = intake->wrong + intake->restore.wrong;
 }
 
-/* Another source, or another place in the count of this one: what waits for packets is not about them. */
+/* Another source, or a jump in this one's count: equations that wait belong to other packets. */
 static void begin_repair(struct intake *intake) {
     intake->restore.count[RESTORE_EXPIRED] += intake->restore.rows;
     for (unsigned i = 0; i < RESTORE_COUNTS; i++)
@@ -49,7 +49,7 @@ bool intake_put_repair(struct intake *intake, const uint8_t *data, size_t size) 
     return error != -EBADMSG && intake->followed;
 }
 
-/* A media packet went into the order, or was late. Where numbers were passed over, they are not waited for. */
+/* A media packet got its place, or was late. Skipped numbers are not waited for. */
 static void tell_restore(struct intake *intake, const struct rtp_packet *packet, const uint8_t *data, size_t size,
                          bool taken, uint16_t due) {
     int passed = (int16_t)(intake->reorder.next - due);
@@ -80,7 +80,7 @@ static void follow(struct intake *intake, const struct rtp_packet *packet, int64
     begin_repair(intake);
 }
 
-/* A packet of another source than the one that is followed: from now on that one is, if it has the right to. */
+/* A packet of another source, which is followed from now on if the conditions hold. */
 static void hear_other(struct intake *intake, const struct rtp_packet *packet, const uint8_t *data, size_t size,
                        int64_t now) {
     bool known = intake->queued && intake->other == packet->ssrc;
@@ -88,7 +88,7 @@ static void hear_other(struct intake *intake, const struct rtp_packet *packet, c
     intake->count[INTAKE_FOREIGN]++;
     if (!known) {
         if (intake->queued && intake->in_sequence && now - intake->other_heard < INTAKE_SILENCE)
-            return; /* one that shows itself at work is not given up for a stray packet */
+            return; /* a source that still sends is not replaced because of a stray packet */
         intake->queued = 0;
         intake->in_sequence = false;
         intake->other = packet->ssrc;
@@ -163,7 +163,7 @@ static void put_slot(struct intake *intake, struct reorder_slot *slot, bool rest
     put(intake, &packet, slot->data, slot->size, slot->arrival, restored);
 }
 
-/* A packet that was restored takes its place; it is what the sender's repair packets made of it. */
+/* Puts a restored packet into its place; its content is as credible as the repair packets. */
 static void put_restored(struct intake *intake, const uint8_t *data, size_t size, int64_t now) {
     struct rtp_packet packet;
 
@@ -188,7 +188,7 @@ static void switch_over(struct intake *intake) {
     intake->replaying = true;
 }
 
-/* What has a place in the order now: the datagram that had none, and what was restored. False if there is none. */
+/* Puts packets that have a place now: the datagram that had none, and restored packets. False if there is none. */
 static bool put_waiting(struct intake *intake, int64_t now) {
     const uint8_t *data;
     size_t size;
@@ -204,7 +204,7 @@ static bool put_waiting(struct intake *intake, int64_t now) {
     return true;
 }
 
-/* What waits for its turn, once all that came before it is out. False if nothing does. */
+/* Puts the waiting datagram, once all earlier packets are out. False if none waits. */
 static bool put_next(struct intake *intake) {
     if (intake->switching)
         switch_over(intake);
@@ -230,7 +230,7 @@ static bool is_out_of_window(const struct intake *intake) {
            rtp_after(intake->restore.floor, intake->reorder.next);
 }
 
-/* The packet that is due is given up, if waiting for it has no use. */
+/* Gives up the packet that is due if it can no longer arrive in time. */
 static bool give_up(struct intake *intake, int64_t now) {
     bool hopeless = intake->held.used || intake->switching || now >= intake_deadline(intake) ||
                     (is_repairing(intake) && is_out_of_window(intake));
@@ -251,7 +251,7 @@ int64_t intake_deadline(const struct intake *intake) {
 
 /* ---- Frames ---- */
 
-/* A packet is due. Whether it ends a frame, its own or, as the first one of the next, the one before. */
+/* Takes the packet that is due. Whether it completes a frame: its own, or the previous one, if it begins the next. */
 static bool take_packet(struct intake *intake, const struct reorder_slot *slot, unsigned lost,
                         struct assembly_frame *frame) {
     struct rtp_packet packet;
@@ -276,7 +276,7 @@ bool intake_take(struct intake *intake, int64_t now, struct assembly_frame *fram
                 return true;
         } else if (!put_waiting(intake, now) && !give_up(intake, now)) {
             if (intake->switching && assembly_close(&intake->assembly, true, frame))
-                return true; /* the end of what the former source sent */
+                return true; /* the end of the former source's last frame */
             if (!put_next(intake))
                 return false;
         }

@@ -20,7 +20,7 @@
 
 #define INTAKE_SILENCE INT64_C(400000000) /* ns */
 #define INTAKE_REPAIR INT64_C(1000000000) /* ns that a packet waits for a missing one that may be restored */
-#define INTAKE_QUEUE 64                   /* packets of a possible successor that are kept meanwhile */
+#define INTAKE_QUEUE 64                   /* kept packets of a possible successor */
 
 /*
  * What happened to the datagrams: received + restored = used + late + duplicate + foreign + garbage (+ those that still
@@ -31,20 +31,20 @@ enum intake_count {
     INTAKE_RECEIVED,
     INTAKE_BYTES,
     INTAKE_USED,      /* went into a frame */
-    INTAKE_LOST,      /* never came, or too late: numbers missing in the count */
-    INTAKE_LATE,      /* came when their place had been given up; they stay counted as lost */
+    INTAKE_LOST,      /* numbers missing in the count: lost or too late */
+    INTAKE_LATE,      /* came after they were given up; they stay counted as lost */
     INTAKE_DUPLICATE, /* came twice */
-    INTAKE_REORDERED, /* came after one that follows them, in time; they were used */
+    INTAKE_REORDERED, /* came after a later packet, but in time; they were used */
     INTAKE_FOREIGN,   /* other payload types, other sources */
-    INTAKE_GARBAGE,   /* no RTP, or a payload that cannot be */
+    INTAKE_GARBAGE,   /* not RTP, or an invalid payload */
     INTAKE_SOURCES,   /* sources followed so far */
-    INTAKE_RESTORED,  /* never came, or not yet, and restored from repair packets */
+    INTAKE_RESTORED,  /* missing, and restored from repair packets */
     INTAKE_REPAIR_RECEIVED,
     INTAKE_REPAIR_REFUSED,
     INTAKE_REPAIR_USELESS,
     INTAKE_REPAIR_EXPIRED,
     INTAKE_REPAIR_CORRUPT,
-    INTAKE_REPAIR_WRONG, /* restored packets that then came with other contents */
+    INTAKE_REPAIR_WRONG, /* restored packets that arrived later with other contents */
     INTAKE_COUNTS
 };
 #define INTAKE_NAMES                                                                                        \
@@ -63,19 +63,19 @@ struct intake {
     uint8_t window;  /* frames that its repair packets reach back, 0: it sends none; and its newest frame: */
     uint16_t newest;
     int64_t heard; /* when it was heard last */
-    /* another one that may become it: what it said since the source that is followed was heard last */
+    /* a possible successor: its packets since the followed source was heard last */
     uint32_t other;
     bool in_sequence; /* two of its packets follow each other */
     uint16_t other_sequence;
     int64_t other_heard;
     unsigned queued, taken;
     bool replaying; /* after the switch: they are taken one by one */
-    /* a datagram that has to wait until what is there was taken out */
+    /* a datagram that waits until the earlier packets are taken out */
     struct reorder_slot held;
-    bool held_restored; /* it did not come, it was restored */
+    bool held_restored; /* it was restored */
     bool switching;     /* the same, and then the other source is followed */
     struct assembly assembly;
-    uint64_t repaired[RESTORE_COUNTS], wrong; /* what `restore` had counted of former sources */
+    uint64_t repaired[RESTORE_COUNTS], wrong; /* counts of `restore` for former sources */
     /* last, since they are large: packets of the source that is followed, and of the other one */
     struct restore restore;
     struct reorder reorder;
@@ -95,13 +95,13 @@ bool intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t
 /* A datagram came to the port of repair packets. Likewise. True if it is a repair packet of the source followed. */
 bool intake_put_repair(struct intake *intake, const uint8_t *data, size_t size);
 
-/* The next frame, as far as there is one. */
+/* The next frame, if there is one. */
 bool intake_take(struct intake *intake, int64_t now, struct assembly_frame *frame);
 
-/* As intake_take(), when no datagram comes any more: none is waited for, and a frame without its end is given, too. */
+/* Like intake_take(), at the end: waits for no datagram, and also returns a frame without its last packet. */
 bool intake_take_last(struct intake *intake, struct assembly_frame *frame);
 
-/* When intake_take() may give a frame though no datagram comes; INT64_MAX if never. */
+/* When intake_take() can return a frame without a new datagram; INT64_MAX if never. */
 int64_t intake_deadline(const struct intake *intake);
 
 #endif

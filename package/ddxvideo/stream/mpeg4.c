@@ -6,7 +6,7 @@
 #include "bits.h"
 #include "rtp.h"
 
-enum { VOL_FIRST = 0x20, VOL_LAST = 0x2f, VOS = 0xb0, GOV = 0xb3, VOP = 0xb6 }; /* the byte behind 00 00 01 */
+enum { VOL_FIRST = 0x20, VOL_LAST = 0x2f, VOS = 0xb0, GOV = 0xb3, VOP = 0xb6 }; /* the byte after 00 00 01 */
 enum { STUDIO_FIRST = 0xe1, STUDIO_LAST = 0xe8 };                               /* profile_and_level_indication */
 enum { CODING_I, CODING_P };
 
@@ -20,7 +20,7 @@ static unsigned bits_for(unsigned values) {
     return bits;
 }
 
-/* A VOL header, behind its start code. ISO 14496-2, 6.2.3 */
+/* A VOL header, after its start code. ISO 14496-2, 6.2.3 */
 static struct mpeg4_vol parse_vol(const uint8_t *data, size_t size) {
     struct bits bits = {data, size, 0};
     struct mpeg4_vol vol = {0};
@@ -74,7 +74,7 @@ bool mpeg4_is_studio(const uint8_t *frame, size_t size) {
     return false;
 }
 
-/* A VOP header, behind its start code: how many zeros a resync marker of this VOP begins with. 6.2.5, 6.3.5.2 */
+/* A VOP header, after its start code: the number of zeros in this VOP's resync markers. 6.2.5, 6.3.5.2 */
 static unsigned vop_marker_bits(const uint8_t *data, size_t size, unsigned time_bits) {
     struct bits bits = {data, size, 0};
     unsigned coding = bits_get(&bits, 2);

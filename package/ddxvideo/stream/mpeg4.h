@@ -11,9 +11,9 @@
 
 struct mpeg4_packer {
     const uint8_t *at, *end;
-    unsigned time_bits;   /* of vop_time_increment: the last VOL header told */
+    unsigned time_bits;   /* of vop_time_increment, from the last VOL header */
     unsigned marker_bits; /* zeros of this frame's resync marker */
-    size_t less;          /* bytes that the next packet has less for its payload than others */
+    size_t less;          /* number of bytes by which the next packet's payload is smaller */
 };
 
 /* Begin with an encoded frame. The packer must have seen the stream's frames from the first one on, or start as 0. */
@@ -22,13 +22,13 @@ void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size);
 /* As h264_pack_next(). */
 size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, bool *last);
 
-/* What a stream says of its pictures before one of them is decoded. */
+/* A stream's data on its pictures, readable before one is decoded. */
 struct mpeg4_vol {
     unsigned width, height; /* 0: no rectangle */
     unsigned time_bits;     /* of vop_time_increment */
 };
 
-/* The next VOL header from *at on, which moves behind its start code. False at the end. */
+/* The next VOL header from *at on; *at moves past its start code. False at the end. */
 bool mpeg4_next_vol(const uint8_t **at, const uint8_t *end, struct mpeg4_vol *vol);
 
 /* Whether the frame begins a stream of a studio profile: 4:2:2 or more, with more than 8 bits. */

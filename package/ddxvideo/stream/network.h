@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Where streams are by default, and what sender and receiver need of addresses: IPv4 and IPv6, numbers only. */
+/* Default addresses of streams, and addresses for sender and receiver: IPv4 and IPv6, as numbers only. */
 #ifndef DDXVIDEO_NETWORK_H
 #define DDXVIDEO_NETWORK_H
 

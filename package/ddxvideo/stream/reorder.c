@@ -38,7 +38,7 @@ static bool is_remembered(const struct reorder *reorder, uint16_t sequence) {
     return reorder->seen[sequence % REORDER_MEMORY / 8] >> sequence % 8 & 1;
 }
 
-/* Go on to the next number; the present one came, or is given up. */
+/* Advances to the next number; the current one came, or is given up. */
 static void step(struct reorder *reorder, bool came) {
     uint8_t *byte = &reorder->seen[reorder->next % REORDER_MEMORY / 8], bit = (uint8_t)(1 << reorder->next % 8);
 
@@ -78,7 +78,7 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
         begin_at(reorder, sequence);
     else if (distance < 0)
         return is_remembered(reorder, sequence) ? REORDER_DUPLICATE : REORDER_LATE;
-    else if (distance >= REORDER_PACKETS) /* too far to wait for what is missing */
+    else if (distance >= REORDER_PACKETS) /* too far ahead to wait for the missing packets */
         while (reorder->next != sequence)
             step(reorder, false);
 

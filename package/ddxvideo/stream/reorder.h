@@ -20,7 +20,7 @@ struct reorder_slot {
     uint8_t data[RTP_DATAGRAM_MAX];
 };
 
-/* Keep a datagram. Built with AddressSanitizer, what is behind it in the slot may not be read. */
+/* Keep a datagram. With AddressSanitizer the rest of the slot must not be read. */
 void slot_fill(struct reorder_slot *slot, const uint8_t *data, size_t size, int64_t now);
 
 /* Before the slots' memory is used for something else. */
@@ -29,7 +29,7 @@ void slot_clear(struct reorder_slot *slots, unsigned count);
 struct reorder {
     bool begun;
     uint16_t next;        /* the sequence number that is due */
-    unsigned lost_before; /* given up before it, not told yet */
+    unsigned lost_before; /* packets given up before it, not reported yet */
     struct rtp_stranger stranger;
     unsigned waiting;
     uint8_t seen[REORDER_MEMORY / 8];          /* of the numbers before `next`: whether they came */
@@ -41,7 +41,7 @@ enum reorder_result {
     REORDER_OUT_OF_TURN, /* taken; a later one came before it */
     REORDER_DUPLICATE,
     REORDER_LATE, /* its place was given up, or it comes from far away */
-    REORDER_FULL  /* no place: give up a missing packet, or take one out, then put it again */
+    REORDER_FULL  /* no place: give up a missing packet, or take one out, then try again */
 };
 
 void reorder_init(struct reorder *reorder);
@@ -56,7 +56,7 @@ void reorder_take(struct reorder *reorder);
 /* The packet that is due is missing, and given up. False if it is there, or if no other packet waits. */
 bool reorder_give_up(struct reorder *reorder);
 
-/* When the first of the packets that wait came; INT64_MAX if none waits. */
+/* Arrival of the first waiting packet; INT64_MAX if none waits. */
 int64_t reorder_waits_since(const struct reorder *reorder);
 
 #endif

@@ -57,7 +57,7 @@ static bool is_possible(const struct report *report) {
 }
 
 static int parse_state(const uint8_t *data, size_t size, struct report *report) {
-    if (size < REPORT_SIZE || get32(data + 12) != MAGIC) /* an application of others */
+    if (size < REPORT_SIZE || get32(data + 12) != MAGIC) /* another program's application */
         return 0;
     if (report->has_state)
         return -EBADMSG;

@@ -50,7 +50,7 @@ static void drop_rows(struct restore *restore, enum restore_count why) {
         drop_row(restore, slot, why);
 }
 
-/* Whether a symbol is the media packet of this number. If so, what follows it is cut off. */
+/* Whether a symbol is the media packet of this number. If so, cuts off the bytes after it. */
 static bool is_packet(const struct restore *restore, struct symbol *symbol, uint16_t sequence) {
     const uint8_t *data;
     struct rtp_packet packet;
@@ -84,7 +84,7 @@ static void settle(struct restore *restore) {
     }
 }
 
-/* Take known packets and pivots of other rows out of the row that is being worked at. */
+/* Removes known packets and pivots of other rows from the current row. */
 static void reduce(struct restore *restore) {
     struct restore_slot *row = &restore->row;
 
@@ -100,7 +100,7 @@ static void reduce(struct restore *restore) {
     }
 }
 
-/* Make the reduced row one of the rows. False if it says nothing new. */
+/* Adds the reduced row to the rows. False if it has nothing new. */
 static bool insert(struct restore *restore) {
     struct restore_slot *row = &restore->row;
     uint16_t sequence = oldest(restore);
@@ -184,7 +184,7 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
     return true;
 }
 
-/* It came although it has been restored: the same packet, or the restored one was forged. */
+/* A restored packet arrived: it is the same, or the restored one was forged. */
 static void compare(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
     struct symbol *symbol = &restore->slot[slot].symbol;
 
@@ -242,7 +242,7 @@ int restore_source(struct restore *restore, const uint8_t *packet, size_t size) 
     return -EALREADY;
 }
 
-/* What is to be done with a repair packet: RESTORE_RECEIVED if it is an equation about missing packets. */
+/* The fate of a repair packet: RESTORE_RECEIVED if it is an equation for missing packets. */
 static enum restore_count judge(const struct restore *restore, const struct repair_packet *packet) {
     uint16_t last = (uint16_t)(packet->first + packet->count - 1);
     int ahead = (int16_t)(last - restore->came);
@@ -262,7 +262,7 @@ static enum restore_count judge(const struct restore *restore, const struct repa
         if (rtp_after(sequence, restore->newest) || !is_known(restore, slot))
             *(rtp_after(restore->floor, sequence) ? &given_up : &missing) += 1;
         else if (restore->slot[slot].symbol.size > packet->size)
-            return RESTORE_REFUSED; /* the sum is shorter than what was added */
+            return RESTORE_REFUSED; /* the sum is shorter than one of its parts */
     }
     return given_up ? RESTORE_EXPIRED : missing ? RESTORE_RECEIVED : RESTORE_USELESS;
 }

@@ -33,7 +33,7 @@ enum restore_count {
 /* What is known of a media packet. */
 enum restore_state {
     RESTORE_MISSING,
-    RESTORE_ROW, /* missing; an equation whose oldest missing packet it is is kept in its place */
+    RESTORE_ROW, /* missing; its place has the equation of which it is the oldest missing packet */
     RESTORE_CAME,
     RESTORE_READY, /* restored, waits for restore_take() */
     RESTORE_TAKEN
@@ -58,7 +58,7 @@ struct restore {
     uint64_t wrong; /* packets that were restored, and then came with other contents: the restored ones were forged */
     uint8_t state[REPAIR_PACKETS]; /* enum restore_state, by sequence number */
     struct restore_slot slot[REPAIR_PACKETS]; /* by sequence number */
-    struct restore_slot row; /* the equation that is being worked at */
+    struct restore_slot row; /* the current equation */
 };
 
 void restore_init(struct restore *restore, uint32_t media_ssrc);

@@ -11,7 +11,7 @@
 #define WORD 4
 #define ELEMENT (ROLLOVER_ID << 4 | (WORD - 2)) /* id, and bytes after this one less one */
 
-/* Where the extension's header is, or would be; 0 if this is no RTP packet. */
+/* The position of the extension's header, even if it is missing; 0 if this is not an RTP packet. */
 static size_t extension_of(const uint8_t *packet, size_t size) {
     if (size < FIXED || packet[0] >> 6 != 2)
         return 0;

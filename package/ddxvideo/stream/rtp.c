@@ -32,7 +32,7 @@ static int64_t ns_of(uint64_t ntp) {
     return seconds * (int64_t)NS + (int64_t)(((ntp & UINT32_MAX) * NS + (UINT64_C(1) << 31)) >> 32);
 }
 
-/* What the first packet of a frame says beyond the others, and two bytes of padding: 20 bytes. */
+/* Further data in the first packet of a frame, and two bytes of padding: 20 bytes. */
 static uint8_t *write_source(uint8_t *at, const struct rtp_frame *frame) {
     uint64_t ntp = ntp_of(frame->capture);
 
@@ -65,7 +65,7 @@ size_t rtp_write(uint8_t *to, const struct rtp_packet *packet) {
     return (size_t)(at - to);
 }
 
-/* The elements of the extension; what we do not know is skipped, what does not fit ends it. */
+/* Reads the elements of the extension; skips unknown ones, and stops at one that does not fit. */
 static void parse_elements(const uint8_t *at, const uint8_t *end, struct rtp_packet *packet) {
     bool captured = false, numbered = false;
 

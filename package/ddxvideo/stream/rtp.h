@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * RTP packets (RFC 3550), and what ours say of the frame they belong to, in a header extension (RFC 8285, one-byte
- * form): players that do not know it ignore it. All numbers are big endian.
+ * RTP packets (RFC 3550). Ours have data on their frame in a header extension (RFC 8285, one-byte form), which other
+ * players ignore. All numbers are big endian.
  *
  *   id 2, 3 bytes  urn:ddxvideo:frame: number of the frame in this stream (16 bits), from 0; whether the stream is
  *                  encrypted (1 bit); how many frames back the repair packets of this sender reach (7 bits), 0 if it
@@ -10,7 +10,7 @@
  *   id 3, 8 bytes  urn:ddxvideo:source: number of the write in the store (32 bits), number of the frame in its source's
  *                  count (32 bits)
  *
- * Every packet has id 2, so that each packet tells its frame: 8 bytes with the extension's own header. The first packet
+ * Every packet has id 2, so that each packet names its frame: 8 bytes with the extension's own header. The first packet
  * of a frame has all three: 28 bytes.
  */
 #ifndef DDXVIDEO_RTP_H
@@ -27,7 +27,7 @@
 #define RTP_WHOLE 800         /* bytes of an encoded frame, up to which it is one packet */
 #define RTP_CLOCK 90000       /* Hz, of time stamps of both codecs */
 
-/* Payload of a packet of ours, and how much less of it is in the first packet of a frame, so that all are equal. */
+/* Payload of our packets, and how much smaller the first packet's is, so that all packets have the same size. */
 #define RTP_ROOM (RTP_PACKET_MAX - RTP_HEADER_NEXT)
 #define RTP_FIRST_LESS (RTP_HEADER_MAX - RTP_HEADER_NEXT)
 
@@ -35,7 +35,7 @@
 #define RTP_FRAME_URI "urn:ddxvideo:frame"
 #define RTP_SOURCE_URI "urn:ddxvideo:source"
 
-/* Payload types, which also tell the codec. */
+/* Payload types, which also stand for the codec. */
 enum rtp_type { RTP_H264 = 96, RTP_MPEG4 = 97 };
 #define RTP_TS 33 /* MPEG-TS, RFC 2250: for other players */
 
@@ -67,13 +67,13 @@ static inline bool rtp_after(uint16_t a, uint16_t b) {
     return (int16_t)(a - b) > 0;
 }
 
-/* A sequence number from far away is believed when the next packet has the number after it. */
+/* A sequence number from far away is accepted when the next packet has the following number. */
 struct rtp_stranger {
     bool there;
     uint16_t next; /* the number that would confirm the last one from far away */
 };
 
-/* A number from far away came. Whether it is believed. */
+/* Whether a number from far away is accepted. */
 static inline bool rtp_is_confirmed(struct rtp_stranger *stranger, uint16_t sequence) {
     bool confirmed = stranger->there && stranger->next == sequence;
 

@@ -9,12 +9,12 @@
 #include "network.h"
 
 #define SAP_PORT 9875
-#define SAP_MAX 1400 /* bytes of a message of ours; the RFC wants less than 1024 where that is possible */
+#define SAP_MAX 1400 /* bytes of our messages; the RFC recommends less than 1024 */
 
 struct sap {
     bool deletion;
     uint16_t hash;                 /* with the origin, the name of this version of the announcement */
-    struct network_address origin; /* the announcing machine; its port means nothing */
+    struct network_address origin; /* the announcing machine; its port has no meaning */
     const uint8_t *text;           /* SDP, not terminated; of a deletion, its o= line, or nothing */
     size_t size;
 };
@@ -29,10 +29,10 @@ size_t sap_write(const struct sap *sap, uint8_t *to);
  */
 bool sap_parse(const uint8_t *data, size_t size, struct sap *sap);
 
-/* The hash of a description: another description has, very likely, another one. Never 0. */
+/* The hash of a description: two descriptions very likely have different ones. Never 0. */
 uint16_t sap_hash(const uint8_t *text, size_t size);
 
-/* Where streams of this group are announced: the group for announcements of the same scope, with SAP_PORT. */
+/* The address for announcements of this group's streams: the group of the same scope, with SAP_PORT. */
 void sap_group(const struct network_address *stream, struct network_address *group);
 
 #endif

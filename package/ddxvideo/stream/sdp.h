@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The .sdp file that tells a player where a stream is and what is in it. */
+/* The .sdp file for players: a stream's address and content. */
 #ifndef DDXVIDEO_SDP_H
 #define DDXVIDEO_SDP_H
 

@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#define LINE_ROOM 256 /* bytes of a line that are looked at */
+#define LINE_ROOM 256 /* bytes of a line that are read */
 
 /* What has been read so far. */
 struct reader {
@@ -75,7 +75,7 @@ static void take_line(struct reader *reader, char kind, const char *value) {
     }
 }
 
-/* The next line without its end, cut to the room; what is left of the text. */
+/* Takes the next line without its end, cut to the buffer's size. Returns the rest of the text. */
 static size_t next_line(const uint8_t *text, size_t size, char *line) {
     const uint8_t *end = memchr(text, '\n', size);
     size_t length = end ? (size_t)(end - text) : size, all = end ? length + 1 : length;

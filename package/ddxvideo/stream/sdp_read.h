@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What an announced description (SDP, RFC 4566) says of its first video stream. The text is not trusted. */
+/* Reads an announced description (SDP, RFC 4566): its first video stream. The text is not trusted. */
 #ifndef DDXVIDEO_SDP_READ_H
 #define DDXVIDEO_SDP_READ_H
 

@@ -38,7 +38,7 @@ struct secure {
     struct side out, in, reports_out, reports_in;
 };
 
-/* A packet on its way in. */
+/* A received packet. */
 struct incoming {
     uint8_t *data;
     size_t size;
@@ -140,7 +140,7 @@ void secure_close(struct secure *secure) {
     free(secure);
 }
 
-/* The peer that we send as. None is forgotten: an SSRC that came again would be encrypted with the same key stream. */
+/* The peer of our own SSRC. None is dropped: a repeated SSRC would be encrypted with the same key stream. */
 static int sending(struct secure *secure, struct side *side, uint32_t ssrc, struct peer **peer) {
     if ((*peer = find(side, ssrc)))
         return 0;
@@ -199,14 +199,14 @@ static srtp_err_status_t apply(struct incoming *packet, srtp_t session) {
     return status;
 }
 
-/* Whether a packet of a known source that was refused may be genuine by the counter that it has. */
+/* Whether the counter in a refused packet of a known source makes it possible that the packet is genuine. */
 static bool leads_forward(const struct incoming *packet, const struct peer *peer) {
     uint64_t index = (uint64_t)packet->counter << 16 | packet->sequence;
 
     return packet->told && index > peer->index && index != estimate(peer->index, packet->sequence);
 }
 
-/* Try the packet with a new state; if it is genuine, the state is kept, in the place of `peer` if there is one. */
+/* Tries the packet with a new state. If it is genuine, keeps the state, instead of `peer` if there is one. */
 static srtp_err_status_t introduce(struct secure *secure, struct side *side, struct incoming *packet,
                                    struct peer *peer) {
     srtp_t session = session_of(secure, packet->ssrc, packet->counter);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* In the place of secure.c where libsrtp2 was not found: there is no key to be had, so the other functions are never
- * called with one. */
+/* Replaces secure.c in a build without libsrtp2: no key can be read, so the other functions are never called with
+ * one. */
 #include <errno.h>
 #include <stdio.h>
 

@@ -19,13 +19,13 @@ struct answer {
     uint32_t ssrc; /* of this receiver */
     struct secure *secure; /* NULL: reports are not encrypted */
     uint64_t count[ANSWER_COUNTS];
-    /* how it stands */
-    bool known; /* the source is one of ours, and this is where it sends from: */
+    /* state: */
+    bool known; /* the source is one of ours, and sends from this address: */
     struct sockaddr_storage to;
     struct reporter reporter; /* of the source with this SSRC */
 };
 
-/* A media packet of the source that is followed came, neither late nor a duplicate. */
+/* A media packet of the followed source came, neither late nor a duplicate. */
 void answer_media(struct answer *answer, const uint8_t *data, size_t size, const struct sockaddr_storage *from,
                   int64_t now);
 
@@ -35,7 +35,7 @@ void answer_repair(struct answer *answer, const uint8_t *data, size_t size, int6
 /* Send the report that is due, if one is, through this socket. `refresh`: ask for a renewal of the picture with it. */
 void answer_send(struct answer *answer, int fd, const struct restore *restore, bool refresh, int64_t now);
 
-/* When a report is due though no packet comes; INT64_MAX if never. */
+/* When a report is due without a new packet; INT64_MAX if never. */
 int64_t answer_deadline(const struct answer *answer, const struct restore *restore);
 
 #endif

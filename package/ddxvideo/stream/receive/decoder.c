@@ -8,12 +8,12 @@
 
 _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads so far");
 
-/* libavcodec checks a size that it has rounded up, to at most so much more. */
+/* libavcodec checks a size that is rounded up by at most this. */
 #define ROUNDED (INT64_C(63) * 16384)
 /* Pixels of all pictures in use: at most PICTURES times the limit of one picture, or PICTURES_LEAST if that is more. */
 #define PICTURES 8
 #define PICTURES_LEAST (INT64_C(32) << 20)
-#define PICTURES_BESIDE 5 /* in use beside the reference frames */
+#define PICTURES_BESIDE 5 /* pictures in use, in addition to the reference frames */
 /* Frames that a renewal may take; after that, another one is asked for. */
 #define RENEWAL 50
 #define SEI 6            /* NAL unit type */
@@ -57,7 +57,7 @@ static enum AVPixelFormat choose_format(AVCodecContext *context, const enum AVPi
     return *formats;
 }
 
-/* With MPEG-4 it takes memory first. */
+/* With MPEG-4 libavcodec takes memory first, hence this check. */
 static bool take_mpeg4(struct decoder *decoder, const uint8_t *data, size_t size) {
     struct mpeg4_vol vol;
 
@@ -84,7 +84,7 @@ int decoder_open(struct decoder *decoder, enum rtp_type type, const struct decod
     decoder->packet = av_packet_alloc();
     if (!decoder->context || !decoder->picture || !decoder->next || !decoder->packet)
         return AVERROR(ENOMEM);
-    decoder->context->thread_count = 1; /* each thread more would keep a frame back */
+    decoder->context->thread_count = 1; /* each further thread would delay a frame */
     decoder->context->flags |= AV_CODEC_FLAG_LOW_DELAY;
     decoder->context->opaque = decoder;
     decoder->context->get_format = choose_format;
@@ -134,7 +134,7 @@ bool decoder_wants_renewal(const struct decoder *decoder) {
     return decoder->context && decoder->wanting && !decoder->refusal;
 }
 
-/* A frame is decoded: whether a renewal is still wanted after it. */
+/* After each decoded frame: whether a renewal is still needed. */
 static void follow_renewal(struct decoder *decoder, const uint8_t *data, size_t size) {
     if (renews(decoder->type, data, size)) {
         decoder->wanting = false;
@@ -144,7 +144,7 @@ static void follow_renewal(struct decoder *decoder, const uint8_t *data, size_t 
     }
 }
 
-/* The last picture that the frame gives, should there be several; NULL if none. */
+/* The frame's last picture, if it gives several; NULL if none. */
 static const AVFrame *decode(struct decoder *decoder, const uint8_t *data, size_t size) {
     AVFrame *picture = decoder->picture;
     bool found = false;
@@ -168,7 +168,7 @@ static bool is_whole(const struct decoder *decoder, const AVFrame *picture) {
     return !decoder->recovering || decoder->type == RTP_H264 || picture->pict_type == AV_PICTURE_TYPE_I;
 }
 
-/* Whether what libavcodec made of the frame can be shown; it is asked again, since others may have told otherwise. */
+/* Whether the decoded picture can be shown. Checked again, since the headers may have had other values. */
 static bool take_picture(struct decoder *decoder, const AVFrame *picture) {
     enum AVPixelFormat format = picture->format;
 
@@ -191,7 +191,7 @@ const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size
     if (picture && !(take_picture(decoder, picture) && is_whole(decoder, picture)))
         picture = NULL;
     follow_renewal(decoder, data, size);
-    if (decoder->refusal) /* what follows belongs to it, up to the next place where one can begin */
+    if (decoder->refusal) /* the following frames belong to it, up to the next point where a decoder can begin */
         decoder->joined = false;
     if (!picture) {
         decoder->refusal = decoder->refusal ? decoder->refusal : before;

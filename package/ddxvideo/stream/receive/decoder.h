@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Encoded frames to pictures, in one thread: each frame gives its picture at once. */
+/* Decodes frames in one thread: each frame gives its picture at once. */
 #ifndef DDXVIDEO_DECODER_H
 #define DDXVIDEO_DECODER_H
 
@@ -9,10 +9,10 @@
 #include "frame_420.h"
 #include "rtp.h"
 
-/* Larger pictures, and those of other formats, are not even begun: memory is not taken because the network says so. */
+/* Larger pictures and other formats are refused before memory is taken, so the network cannot exhaust the memory. */
 struct decoder_limits {
     int64_t pixels; /* of a picture */
-    bool even;      /* both sides have to be */
+    bool even;      /* both sides must be even */
 };
 
 /* Why the stream cannot be shown. */
@@ -30,13 +30,13 @@ struct decoder {
     AVPacket *packet;
     struct frame_420 converted;
     enum rtp_type type;
-    bool joined;     /* it has begun at a place where one can begin */
+    bool joined;     /* it has begun at a point where a decoder can begin */
     bool recovering; /* no whole picture since decoder_open() or decoder_lose() */
     bool wanting;    /* the sender should renew the picture */
     unsigned frames; /* while it recovers, since a renewal began */
     struct decoder_limits limits;
-    enum decoder_refusal refusal; /* why no picture was given lately */
-    int width, height;            /* that were refused */
+    enum decoder_refusal refusal; /* reason of the last refusal */
+    int width, height;            /* of the refused pictures */
 };
 
 /* For a new source. 0, or a negative AVERROR. */
@@ -59,7 +59,7 @@ const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size
 void decoder_lose(struct decoder *decoder);
 bool decoder_wants_renewal(const struct decoder *decoder);
 
-/* Pictures with missing parts are wanted, and the next ones as well, but a renewal would be good. */
+/* Continue with damaged pictures, but request a renewal. */
 void decoder_want_renewal(struct decoder *decoder);
 
 #endif

@@ -12,7 +12,7 @@
 struct display {
     struct surface *surface;
     struct painter painter;
-    AVFrame *picture; /* what is shown; a size of 0: nothing yet */
+    AVFrame *picture; /* the picture on display; a size of 0: none yet */
 };
 
 struct display *display_open(const char *title, const char **error) {

@@ -8,11 +8,11 @@
 
 struct display;
 
-/* NULL, and what is missing in *error. */
+/* NULL, with the reason in *error. */
 struct display *display_open(const char *title, const char **error);
 void display_close(struct display *display);
 
-/* Show a picture; NULL, or what went wrong. */
+/* Show a picture. NULL, or the reason of a failure. */
 const char *display_show(struct display *display, const AVFrame *picture);
 
 /* False if the window was closed, or Escape or q was pressed. Call it often. */

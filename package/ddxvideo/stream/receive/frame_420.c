@@ -49,7 +49,7 @@ static bool set_up(struct frame_420 *to, const AVFrame *picture) {
     return to->frame && to->converter;
 }
 
-/* The frame that was converted before may be on its way to the screen. */
+/* The previous converted frame may still be in use by the screen. */
 static bool renew_frame(struct frame_420 *to, const AVFrame *picture) {
     av_frame_unref(to->frame);
     to->frame->format = result_of(picture->format);

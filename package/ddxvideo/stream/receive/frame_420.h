@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Decoded pictures as 8-bit 4:2:0, which is what the item and the window take. */
+/* Converts decoded pictures to 8-bit 4:2:0, for the item and the window. */
 #ifndef DDXVIDEO_FRAME_420_H
 #define DDXVIDEO_FRAME_420_H
 

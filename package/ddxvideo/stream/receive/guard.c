@@ -8,7 +8,7 @@
 #include "bits.h"
 #include "rtp.h"
 
-#define CSRC 12 /* where the first one of an RTP packet is */
+#define CSRC 12 /* position of the first CSRC of an RTP packet */
 
 /* ---- Sources ---- */
 
@@ -42,7 +42,7 @@ static bool is_shown(const struct guard *guard, uint32_t ssrc) {
     return guard->shows && guard->shown == ssrc;
 }
 
-/* A packet of a stream that is shown is forged, and says nothing about that stream. */
+/* A refused packet of a stream on display is forged, and has no effect on that stream. */
 static void refuse(struct guard *guard, const struct rtp_packet *packet) {
     if (is_shown(guard, packet->ssrc))
         return;
@@ -78,7 +78,7 @@ static bool unlock_media(struct guard *guard, uint8_t *data, size_t *size) {
 
 /* ---- Without a key ---- */
 
-/* Whether a media packet can be read. What is no packet at all is for the intake to count. */
+/* Whether a media packet can be read. Invalid packets pass, since the intake counts them. */
 static bool pass_media(struct guard *guard, const uint8_t *data, size_t size) {
     struct rtp_packet packet;
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Which datagrams are let through to the intake. With a key: packets that the key authenticates, decrypted. Without a
- * key: packets that are not encrypted (rtp.h, frame.encrypted), because an encrypted payload would only be garbage for
- * the decoder. All others are refused and counted, and one line for each source says why nothing of it is shown.
- * A stream that is shown keeps its repair packets, whatever forged packets with its SSRC claim.
+ * Passes datagrams on to the intake. With a key: packets that the key authenticates, decrypted. Without a key: packets
+ * that are not encrypted (rtp.h, frame.encrypted), because an encrypted payload would only be garbage for the decoder.
+ * All others are refused and counted, and one line for each source has the reason. A stream on display keeps its repair
+ * packets, whatever forged packets with its SSRC claim.
  *
  * No sockets, no clock. Nothing blocks. Fixed memory.
  */
@@ -32,8 +32,8 @@ enum guard_count {
 struct guard_source {
     uint32_t ssrc;
     uint64_t used; /* when, by the count of `struct guard`; 0: free */
-    bool good;     /* the key is that of this source */
-    bool encrypted; /* so says its newest packet that was refused */
+    bool good;     /* the key fits this source */
+    bool encrypted; /* by its newest refused packet */
     bool said;
     unsigned refused; /* packets */
 };
@@ -42,16 +42,16 @@ struct guard {
     const char *path;      /* of the key file, or NULL */
     struct secure *secure; /* the key, or NULL */
     uint64_t count[GUARD_COUNTS];
-    bool shows; /* a stream is shown: */
+    bool shows; /* a stream is on display: */
     uint32_t shown;
-    /* how it stands */
+    /* state: */
     uint64_t used;
     bool has_said;
-    int64_t said; /* when the last line was given */
+    int64_t said; /* time of the last line */
     struct guard_source source[GUARD_SOURCES];
 };
 
-/* The stream with this SSRC is shown: packets of it have been let through, and the intake follows it. */
+/* Mark the stream with this SSRC as on display: its packets were passed on, and the intake follows it. */
 void guard_show(struct guard *guard, uint32_t ssrc);
 
 /*

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Where packets come from: a multicast group, and senders that send to these ports directly. */
+/* Receives packets of a multicast group, and packets that are sent to these ports directly. */
 #ifndef DDXVIDEO_INLET_H
 #define DDXVIDEO_INLET_H
 
@@ -12,14 +12,14 @@ enum inlet_port { INLET_MEDIA, INLET_REPAIR, INLET_PORTS };
 struct inlet {
     const char *group; /* address, or NULL for none */
     long port;
-    const char *interface; /* name or number; NULL: as the routing table says */
-    /* how it stands */
+    const char *interface; /* name or number; NULL: by the routing table */
+    /* state: */
     struct network_address address;
     int fd[INLET_PORTS]; /* -1: not open */
     bool joined;
 };
 
-/* Understand the settings; NULL, or what is wrong with them, in text[NETWORK_ERROR_MAX]. */
+/* Check the settings. NULL, or the error in text[NETWORK_ERROR_MAX]. */
 const char *inlet_parse(struct inlet *inlet, char *text);
 
 /* 0 or -errno: the port of media packets; that of repair packets. */
@@ -27,12 +27,12 @@ int inlet_open(struct inlet *inlet);
 int inlet_open_repair(struct inlet *inlet);
 void inlet_close(struct inlet *inlet);
 
-/* Join the group unless that is done: to be tried again while there is no network. 0 or -errno. */
+/* Join the group, if not done yet. Try again while there is no network. 0 or -errno. */
 int inlet_join(struct inlet *inlet);
 
 /*
- * A datagram, without waiting: its size, which may be more than `size`, and its sender, as sendto() takes it for the
- * same socket; -1 if there is none.
+ * Take a datagram, without waiting: its size, which may be more than `size`, and its sender, for sendto() on the same
+ * socket; -1 if there is none.
  */
 ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size,
                    struct sockaddr_storage *from);

@@ -17,9 +17,9 @@
 
 #define NS INT64_C(1000000000)
 #define LOOK_UP 100 /* ms; a signal may come just before a wait */
-#define ENTRIES 100 /* what is announced beyond that is not listed */
+#define ENTRIES 100 /* further announcements are not listed */
 #define DATAGRAM 4096
-#define BATCH 1024 /* datagrams before the next look at the time */
+#define BATCH 1024 /* datagrams between two checks of the time */
 
 /* RFC 2974, 3: the groups of all scopes. */
 static const char *const groups[] = {"239.255.255.255", "239.195.255.255", "224.2.127.254", "224.0.0.255",
@@ -86,13 +86,13 @@ static void print(struct list *list) {
         say("no stream is announced here; a sender to single receivers, or with -sap no, announces none");
 }
 
-/* At once: so a person sees that something is going on, and a program that nothing is missed from now on. */
+/* Printed at once: a person sees that the program works, a program that no announcement is missed from now on. */
 static void print_head(void) {
     printf("%-24s %5s  %-8s %5s  %s\n", "address", "port", "codec", "age", "name");
     fflush(stdout);
 }
 
-/* The number of groups joined; *error is that of the last one that was not. */
+/* Joins the groups. Returns the number of successes; *error has the last failure. */
 static unsigned join_all(int fd, const char *interface, int *error) {
     unsigned joined = 0;
 

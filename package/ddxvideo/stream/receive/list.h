@@ -5,7 +5,7 @@
 
 /*
  * Listens for LIST_SECONDS, or until told to stop, and prints a line for each stream. `interface`: NULL as the routing
- * table says. Returns the program's exit status: failed if the announcements' port or groups are not to be had.
+ * table says. Returns the exit status: failed if the announcements' port or groups are not available.
  */
 #define LIST_SECONDS 6 /* our senders announce each 5 s */
 int list_run(const char *interface);

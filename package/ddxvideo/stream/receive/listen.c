@@ -25,7 +25,7 @@ static int bind_both(int fd, uint16_t port) {
     const struct sockaddr_in6 any = {.sin6_family = AF_INET6, .sin6_port = htons(port)};
 
     set(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
-    set(fd, IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0); /* not what others on this machine joined */
+    set(fd, IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0); /* no groups that only other programs have joined */
     return bind(fd, (const struct sockaddr *)&any, sizeof any);
 }
 
@@ -38,7 +38,7 @@ int listen_open(uint16_t port) {
         fd = socket(AF_INET, kind, 0);
     if (fd < 0)
         return -errno;
-    set(fd, SOL_SOCKET, SO_REUSEADDR, 1); /* several may look at one stream */
+    set(fd, SOL_SOCKET, SO_REUSEADDR, 1); /* several programs may show one stream */
     set(fd, SOL_SOCKET, SO_RCVBUF, BUFFER);
     set(fd, IPPROTO_IP, IP_MULTICAST_ALL, 0);
     if (!(ipv6 ? bind_both(fd, port) : bind_ipv4(fd, port)))

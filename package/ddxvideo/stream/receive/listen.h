@@ -6,14 +6,14 @@
 #include "network.h"
 
 /*
- * Opens a port of all addresses of this machine; several programs may have it. By IPv4 alone where the kernel has no
- * IPv6. The socket never blocks, and gets only those multicast packets whose group it has joined. The socket, which the
+ * Opens a port of all addresses of this machine; several programs may open it. Only IPv4 if the kernel has no IPv6. The
+ * socket never blocks, and receives only multicast packets of groups that it has joined. Returns the socket, which the
  * caller closes, or -errno.
  */
 int listen_open(uint16_t port);
 
 /*
- * Joins a group at an interface (name or number; NULL: as the address or the routing table says). 0 or -errno; -ENODEV
+ * Joins a group at an interface (name or number; NULL: by the address or the routing table). 0 or -errno; -ENODEV
  * while the interface is missing.
  */
 int listen_join(int fd, struct network_address *group, const char *interface);

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* decode: shows what ddxvideosend sends. */
+/* decode: shows streams of ddxvideosend. */
 #include <string.h>
 
 #include "list.h"
 #include "viewer.h"
 
-/* False, with a line, if there is no key in the file that is named. */
+/* False, after a line, if the named file has no key. */
 static bool read_key(struct guard *guard) {
     char text[KEY_FILE_ERROR_MAX];
 
@@ -27,17 +27,17 @@ int main(int argc, char **argv) {
          &viewer.inlet.group, 0, 0},
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
          &viewer.inlet.interface, 0, 0},
-        {"key", "FILE", "show streams that are encrypted with the key in this file, and no others", OPTION_TEXT,
+        {"key", "FILE", "show only streams that are encrypted with the key in this file", OPTION_TEXT,
          &viewer.guard.path, 0, 0},
         {"headless", NULL, "no window", OPTION_FLAG, &viewer.headless, 0, 0},
         {"name", "ITEM", "write the pictures into the store as well, as this video item", OPTION_NAME,
          &viewer.output.name, 0, 0},
         {"record", "FILE", "record the stream as it comes, as .avi or .mkv", OPTION_TEXT, &viewer.movie.path, 0, 0},
-        {"print", NULL, "a line for each frame shown: its number, its latency", OPTION_FLAG, &viewer.print, 0, 0},
+        {"print", NULL, "print number and latency of each frame shown", OPTION_FLAG, &viewer.print, 0, 0},
         {"conceal", NULL, "show damaged frames at once", OPTION_FLAG, &viewer.conceal, 0, 0},
         {"silent", NULL, "send no reports, on a machine that must not transmit", OPTION_FLAG, &viewer.answer.silent, 0,
          0},
-        {"reorder", "MS", "wait so long for a packet that others overtook, where nothing repairs (default: 20)",
+        {"reorder", "MS", "time to wait for a packet that others overtook, without repair (default: 20)",
          OPTION_NUMBER, &viewer.patience, 0, 1000},
         {"list", NULL, "print the streams that are announced in the network, after 6 seconds", OPTION_FLAG, &list, 0,
          0},
@@ -52,7 +52,7 @@ int main(int argc, char **argv) {
                    "marks in the picture, until the sender renews it. A restarted sender is followed. The sender\n"
                    "is sent reports on what is missing.",
         .notes =
-            "The latency is from the capture to the picture; between two machines it is as right as their clocks\n"
+            "The latency is from the capture to the picture; between two machines it is as exact as their clocks\n"
             "agree. Counters: lost.network = packets of the frame were lost, lost.join = before the first frame that\n"
             "can be shown, lost.refresh = refers to lost frames, lost.decode = nothing in it can be shown,\n"
             "lost.newer = a newer frame took its place on the screen. Packets: item `<instance>.packets`.\n"

@@ -23,7 +23,7 @@ bool movie_is_possible(const char *path) {
     return !strcasecmp(extension(path), "avi") || !strcasecmp(extension(path), "mkv");
 }
 
-/* What a player needs to begin: parameter sets, or the headers before the first picture. */
+/* The data that a player begins with: parameter sets, or the headers before the first picture. */
 static bool find_parameters(struct chunk *found, const struct assembly_frame *frame) {
     static const uint8_t start_code[] = {0, 0, 0, 1};
     struct h264_nal nal;
@@ -69,7 +69,7 @@ static int set_stream(struct movie *movie, const struct assembly_frame *frame, c
     parameters->sample_aspect_ratio = decoder->sample_aspect_ratio;
     movie->type = frame->type;
     stream->avg_frame_rate = rate;
-    stream->time_base = av_inv_q(rate); /* AVI's; Matroska takes its own */
+    stream->time_base = av_inv_q(rate); /* for AVI; Matroska chooses its own */
     return set_parameters(parameters, frame);
 }
 
@@ -85,7 +85,7 @@ static int begin(struct movie *movie, const struct assembly_frame *frame, const 
     if (error < 0)
         return error;
     movie->last = -1;
-    movie->file->flags |= AVFMT_FLAG_FLUSH_PACKETS; /* what was received is in the file, whatever happens then */
+    movie->file->flags |= AVFMT_FLAG_FLUSH_PACKETS; /* so that the file has everything received, even after a crash */
     error = avformat_write_header(movie->file, NULL);
     movie->begun = error >= 0;
     return error < 0 ? error : 0;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The stream as it came into an AVI or Matroska file, without decoding it. */
+/* Writes the stream into an AVI or Matroska file, without decoding it. */
 #ifndef DDXVIDEO_MOVIE_H
 #define DDXVIDEO_MOVIE_H
 

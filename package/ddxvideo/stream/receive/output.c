@@ -5,7 +5,7 @@
 #include <string.h>
 
 struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate) {
-    bool known = ddxvideo_rate_known(rate.num, rate.den); /* the sender may say anything */
+    bool known = ddxvideo_rate_known(rate.num, rate.den); /* the sender's values are not trusted */
     AVRational aspect = picture->sample_aspect_ratio;
     bool has_aspect = aspect.num > 0 && aspect.den > 0;
 
@@ -22,7 +22,7 @@ struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate
         .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
 }
 
-#define CREATE_AGAIN 500000000 /* ns; a store that hangs blocks its clients for seconds */
+#define CREATE_AGAIN 500000000 /* ns, between attempts, since a store that hangs blocks its clients for seconds */
 
 bool output_is_refused(int error) {
     return error && error != -ECONNREFUSED && error != -ENOBUFS && error != -EMFILE;

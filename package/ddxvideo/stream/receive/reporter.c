@@ -20,7 +20,7 @@ void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc
     budget_init(&reporter->budget, RATE, BUCKET, 1, now);
 }
 
-/* ---- What came ---- */
+/* ---- Arrivals ---- */
 
 static void rotate(struct reporter *reporter, int64_t now) {
     for (unsigned turns = 0; now - reporter->slot_begin >= SLOT && turns < REPORTER_SLOTS; turns++) {
@@ -83,7 +83,7 @@ void reporter_repair(struct reporter *reporter, int64_t now, uint16_t sequence) 
     arrive(reporter, &reporter->repair, now, sequence);
 }
 
-/* ---- What is reported ---- */
+/* ---- Reports ---- */
 
 static uint8_t loss_of(const struct reporter *reporter) {
     unsigned expected = 0, received = 0;

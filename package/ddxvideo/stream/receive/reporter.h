@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * When a receiver reports to the sender, and what. No sockets, no clock: time is a parameter (CLOCK_MONOTONIC, ns).
+ * Decides when a receiver reports to the sender, and makes the reports. No sockets, no clock: time is a parameter
+ * (CLOCK_MONOTONIC, ns).
  *
  * - After packets came; once for all that come together.
  * - Once again REPORTER_REPEAT after that, as far as reports are left: without it a lost report looks like a lost
@@ -37,9 +38,9 @@ struct reporter {
     struct budget budget;
     struct reporter_stream media, repair;
     int64_t arrived;  /* when the newest packet came */
-    int64_t reported; /* when the last report went */
+    int64_t reported; /* time of the last report */
     bool fresh;       /* packets came since then */
-    bool again;       /* that report is to be repeated once */
+    bool again;       /* repeat that report once */
     bool open;        /* the newest media packet is not the last one of its frame */
     /* the next frame */
     uint32_t time;       /* RTP's, of the newest frame */

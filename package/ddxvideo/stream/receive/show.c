@@ -6,7 +6,7 @@
 
 #define SAID_STORE 31 /* a bit beside those of enum decoder_refusal */
 
-/* When the frame was captured, on this machine's monotonic clock; the wall clocks of both have to agree. */
+/* The frame's capture by this machine's monotonic clock; the wall clocks of both machines must agree. */
 static struct ddxvideo_stamp stamp_of(const struct viewer *viewer, const struct assembly_frame *frame) {
     int64_t wall_offset = ddxvideo_wall_offset();
     struct ddxvideo_stamp stamp = {.time = frame->arrival, .wall_offset = wall_offset};
@@ -71,7 +71,7 @@ static void count_shown(struct viewer *viewer, const struct ddxvideo_stamp *stam
     fflush(stdout);
 }
 
-/* The picture that waits for the screen is not shown there. */
+/* Counts the picture that waits for the screen as not shown there. */
 static void pass_over(struct viewer *viewer, enum viewer_loss why) {
     if (viewer->newest.waits && !viewer->newest.counted)
         ddx_stats_lost(viewer->book, why, 1);
@@ -79,7 +79,7 @@ static void pass_over(struct viewer *viewer, enum viewer_loss why) {
     av_frame_unref(viewer->newest.picture);
 }
 
-/* `counted`: the picture is in the item, which is what counts. */
+/* `counted`: the picture is counted already, since it is in the item. */
 static void keep_for_screen(struct viewer *viewer, const struct ddxvideo_stamp *stamp, const AVFrame *picture,
                             bool damaged, bool counted) {
     struct newest *newest = &viewer->newest;

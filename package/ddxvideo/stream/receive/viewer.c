@@ -15,7 +15,7 @@ static const char *const names[] = {INTAKE_NAMES, GUARD_NAMES, ANSWER_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
-#define IDLE (100 * MS)                   /* look up at least so often, */
+#define IDLE (100 * MS)                   /* longest wait, */
 #define WINDOW (10 * MS)                  /* with a window */
 #define PIXELS_MAX (INT64_C(4096) * 4096) /* of a picture that no store has to hold */
 #define BATCH 64                          /* packets of each port: floods do not keep decode from its other work */
@@ -64,7 +64,7 @@ static void begin_source(struct viewer *viewer, const struct assembly_frame *fra
     say("receiving %s, SSRC %08" PRIx32, frame->type == RTP_H264 ? "H.264" : "MPEG-4", viewer->intake.ssrc);
 }
 
-/* The frame's picture; NULL if it gives none, or none that is wanted. */
+/* The frame's picture; NULL if it gives none, or only an unwanted one. */
 static const AVFrame *decode(struct viewer *viewer, const struct assembly_frame *frame, bool *damaged) {
     struct decoder *decoder = &viewer->decoder;
 
@@ -191,7 +191,7 @@ static void report(struct viewer *viewer) {
                 decoder_wants_renewal(&viewer->decoder), ddx_time_now());
 }
 
-/* Packets that give no frame: the counters show them, too, and a line says why they are refused. */
+/* Counts packets that give no frame, and reports in a line why they are refused. */
 static void tell_refused(struct viewer *viewer) {
     char text[GUARD_TEXT_MAX];
     int64_t now = ddx_time_now();
@@ -217,7 +217,7 @@ static void view(struct viewer *viewer) {
             viewer->done = true;
         program_tick(viewer->book);
     }
-    /* What was there before we were told to stop; also what waits for a packet that comes no more. */
+    /* At a stop: shows frames that had arrived, and frames that wait for a missing packet. */
     read_packets(viewer, ALL);
     struct assembly_frame frame;
     while (intake_take_last(&viewer->intake, &frame))
@@ -227,7 +227,7 @@ static void view(struct viewer *viewer) {
 
 /* ---- Start and end ---- */
 
-/* An item needs four frames of memory: one that is read, one that is written, and as much for a change of writer. */
+/* An item needs memory of four frames: one for a reader, one for the writer, and the same for a change of writer. */
 static void find_limits(struct viewer *viewer) {
     struct ddx_item_info *items;
     struct ddx_store_info store;
@@ -242,7 +242,7 @@ static void find_limits(struct viewer *viewer) {
         viewer->limits.pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE;
 }
 
-/* A store shows our counters, and takes the pictures if that is wanted; only then it has to be there. */
+/* The store is for our counters, and for the pictures if requested; only then it is required. */
 static bool attach(struct viewer *viewer) {
     if (viewer->output.name)
         viewer->id = program_connect(&viewer->program);
@@ -310,7 +310,7 @@ int viewer_run(struct viewer *viewer) {
     }
     viewer->answer.ssrc = (uint32_t)program_random();
     viewer->answer.secure = viewer->guard.secure;
-    av_log_set_level(AV_LOG_FATAL); /* what arrives may be anything */
+    av_log_set_level(AV_LOG_FATAL); /* the input is not trusted */
     viewer->counters = (struct counters){.instance = viewer->program.instance,
                                          .names = names,
                                          .values = viewer->packets,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a viewer is to do, and how it stands. */
+/* A viewer's settings and state. */
 #ifndef DDXVIDEO_VIEWER_STATE_H
 #define DDXVIDEO_VIEWER_STATE_H
 
@@ -29,19 +29,19 @@ struct newest {
 };
 
 /*
- * Where pictures go, besides the item. With `each`, all of them do: else, of those that come at once, the newest one
- * does.
+ * The target of pictures besides the item. With `each` it gets all pictures, otherwise only the newest of several that
+ * come at once.
  */
 struct viewer_screen {
     const char *(*show)(void *to, const AVFrame *picture, AVRational rate, const struct ddxvideo_stamp *stamp);
-    bool (*tick)(void *to); /* called often (with `each`, at least ten times a second): false to stop. NULL: nothing to
-                               be done */
+    bool (*tick)(void *to); /* called often (with `each`, at least ten times a second): false to stop. NULL: not
+                               needed */
     void *to;
     bool each;
 };
 
 struct viewer {
-    /* what to do */
+    /* settings: */
     struct program program;
     struct inlet inlet;
     long patience; /* ms that a packet waits for one before it */
@@ -51,7 +51,7 @@ struct viewer {
     const char *record; /* file, or NULL */
     struct output_item output;
     struct guard guard;
-    /* how it stands */
+    /* state: */
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;

@@ -17,13 +17,13 @@ void announce_describe(struct announce *announce, unsigned which, uint32_t sessi
     announce->due = 0;
 }
 
-/* Where announcements go, and from where. */
+/* Target and source address of announcements. */
 struct way {
     struct post *post;
     struct network_address group, own;
 };
 
-/* False if there is no group, or no way to it now. */
+/* False if there is no group, or no route to it now. */
 static bool find_way(struct post *post, struct way *way) {
     const struct outlet *outlet = post->outlet;
 
@@ -61,7 +61,7 @@ struct message {
     char text[SDP_MAX + 256];
 };
 
-/* The hash of the text is what names this version. */
+/* The hash of the text identifies this version. */
 static struct sap compose(struct message *message, const struct announce_stream *stream,
                           const struct network_address *own) {
     char host[NETWORK_TEXT_MAX];

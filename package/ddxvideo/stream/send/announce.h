@@ -23,14 +23,14 @@
 struct announce_stream {
     uint32_t session, version; /* of the o= line */
     char body[SDP_MAX];        /* the description from its s= line on; empty: none */
-    bool announced;            /* as follows: */
+    bool announced;            /* made from it: */
     struct network_address origin;
     uint16_t hash;
     char line[160]; /* its o= line */
 };
 
 struct announce {
-    bool off; /* set it for streams that are not for everyone */
+    bool off; /* set for encrypted streams */
     int64_t due;
     struct announce_stream stream[ANNOUNCE_STREAMS];
 };

@@ -4,7 +4,7 @@
 #include <errno.h>
 
 #define RUN_ALONE 1.5 /* mean length of runs up to which losses count as independent */
-#define MORE 1.5      /* packets that are added for each one that runs are longer */
+#define MORE 1.5      /* additional packets for each packet of longer runs */
 #define MOST_MORE 4
 #define MANY 4
 #define LOSS_MOST 0.5 /* for which packets are added */

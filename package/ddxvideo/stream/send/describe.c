@@ -9,7 +9,7 @@
 
 #include "sdp.h"
 
-/* Where the description belongs, in path[PATH_MAX]: in the file that is named, or in the folder. 0 or -ENAMETOOLONG. */
+/* The description's path in path[PATH_MAX]: the named file, or one in the folder. 0 or -ENAMETOOLONG. */
 static int sdp_path(const struct sender *sender, char *path) {
     size_t length = strlen(sender->sdp);
     const char *name = sender->program.instance;
@@ -31,7 +31,7 @@ static struct sdp description(const struct sender *sender, const struct encoded 
                         .rate = geometry->rate_num ? (double)geometry->rate_num / geometry->rate_den : 0};
 }
 
-/* Pictures are sent all the same where the description cannot be written. */
+/* Pictures are sent even if the description cannot be written. */
 static void save_sdp(struct sender *sender, const struct encoded *encoded) {
     struct sdp sdp = description(sender, encoded, sender->program.instance);
     char path[PATH_MAX], crypto[SECURE_SDP_MAX];
@@ -48,7 +48,7 @@ static void save_sdp(struct sender *sender, const struct encoded *encoded) {
         say("-sdp %s: no description for players: %s", sender->sdp, strerror(-error));
 }
 
-/* The name has the machine's, since a player shows the streams of all robots in one list. */
+/* The name begins with the machine's name, since players list the streams of all robots together. */
 static void announce_sdp(struct sender *sender, const struct encoded *encoded) {
     char host[HOST_NAME_MAX + 1] = "", name[HOST_NAME_MAX + DDX_NAME_MAX + 20], text[SDP_MAX];
 

@@ -18,7 +18,7 @@
 #define BUFFER_LEAST 1.0
 #define BUFFER_MOST 2.5
 #define BUFFER_STEP 0.25
-#define FALL 0.85     /* of the present level: a wish that falls */
+#define FALL 0.85     /* fraction of the level below which a wish counts as lower */
 #define FORGET 0.3    /* of the distance from the level to a lower wish, a frame */
 #define RATE_MAX 1e6  /* kbit/s */
 #define QP_STEP 20    /* from frame to frame; x264's 4 need several frames after a change */

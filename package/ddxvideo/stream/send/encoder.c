@@ -13,9 +13,9 @@ static void choose_rate(const struct ddxvideo_geometry *geometry, int *num, int 
     *den = 1;
     if (geometry->rate_num > 0 && geometry->rate_den > 0)
         av_reduce(num, den, geometry->rate_num, geometry->rate_den, RATE_MAX);
-    if (!*num || !*den) /* less than one in 18 hours, or more than the codecs can say */
+    if (!*num || !*den) /* less than one in 18 hours, or more than the codecs can express */
         *num = *den = 1;
-    if (*den / *num > SLOWEST) { /* slower, and what a frame may take would go beyond the codecs' numbers */
+    if (*den / *num > SLOWEST) { /* at slower rates a frame's size would exceed the codecs' numbers */
         *num = 1;
         *den = SLOWEST;
     }

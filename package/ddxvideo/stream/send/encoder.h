@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures to H.264 or MPEG-4 without delay: each picture gives its frame at once. */
+/* Encodes pictures as H.264 or MPEG-4 without delay: each picture gives its frame at once. */
 #ifndef DDXVIDEO_ENCODER_H
 #define DDXVIDEO_ENCODER_H
 
@@ -15,7 +15,7 @@ struct encoder_settings {
 
 struct encoder {
     enum rtp_type type;
-    struct ddxvideo_geometry geometry; /* of the pictures that it takes */
+    struct ddxvideo_geometry geometry; /* of the input pictures */
     /* private: */
     int64_t count; /* pictures so far */
     bool key;      /* MPEG-4: the next frame is to be a key frame */

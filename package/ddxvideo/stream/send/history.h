@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* When the last packets of an RTP stream were sent. Fixed memory, no clock. Numbers are extended sequence numbers. */
+/* Send times of an RTP stream's last packets. Fixed memory, no clock. Numbers are extended sequence numbers. */
 #ifndef DDXVIDEO_HISTORY_H
 #define DDXVIDEO_HISTORY_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxvideosend: a video item of the store to the network. */
+/* ddxvideosend: sends a video item of the store over the network. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 
 #define RATIO_MAX 4
 
-/* What is wrong with -ts, or NULL. */
+/* The error in -ts, or NULL. */
 static const char *check_ts(const struct sender *sender) {
     long port = sender->ts.port, stream = sender->outlet.port;
 
@@ -19,7 +19,7 @@ static const char *check_ts(const struct sender *sender) {
         return "an even number is needed";
     if (port >= stream && port < stream + NETWORK_PORTS)
         return "this port is reserved for the stream itself";
-    return ts_is_possible() ? NULL : "this takes a ddxvideosend with libavformat, and its format mpegts";
+    return ts_is_possible() ? NULL : "a ddxvideosend with libavformat and its format mpegts is needed";
 }
 
 static bool parse_repair(struct sender *sender, const char *text) {
@@ -30,7 +30,7 @@ static bool parse_repair(struct sender *sender, const char *text) {
     return !sender->repairs || (end != text && !*end && sender->ratio >= 0 && sender->ratio <= RATIO_MAX);
 }
 
-/* False, with a line, if there is no key in the file that is named. */
+/* False, after a line, if the named file has no key. */
 static bool read_key(struct sender *sender) {
     char text[KEY_FILE_ERROR_MAX];
 
@@ -53,7 +53,7 @@ int main(int argc, char **argv) {
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
-        {"wire", "KBIT", "kbit/s of all that a receiver is sent, IP headers included (default: 400)",
+        {"wire", "KBIT", "kbit/s sent to each receiver, IP headers included (default: 400)",
          OPTION_NUMBER, &sender.wire, 50, 100000},
         {"bitrate", "KBIT", "kbit/s of encoded video, at most (default: what -wire leaves)", OPTION_NUMBER,
          &sender.bitrate, 16, 100000},
@@ -66,7 +66,7 @@ int main(int argc, char **argv) {
          &sender.outlet.group, 0, 0},
         {"to", "ADDRESS,...", "single receivers, as well as the group: 10.0.0.2, 10.0.0.2:8000, [fd00::2]:8000",
          OPTION_TEXT, &sender.outlet.to, 0, 0},
-        {"ttl", "HOPS", "how many routers a multicast packet may pass, and one (default: 1)", OPTION_NUMBER,
+        {"ttl", "HOPS", "routers that a multicast packet may pass, plus one (default: 1)", OPTION_NUMBER,
          &sender.outlet.ttl, 0, 255},
         {"interface", "NAME", "network interface for the group (default: by the routing table)", OPTION_TEXT,
          &sender.outlet.interface, 0, 0},
@@ -84,12 +84,12 @@ int main(int argc, char **argv) {
     sender.program = (struct program){
         .name = "ddxvideosend",
         .purpose = "Sends a video item of the store over the network, as H.264 or MPEG-4 in RTP; `decode` shows it.\n"
-                   "Nothing is kept back: a frame is encoded and sent as soon as it is written, and one that comes\n"
-                   "while another is being encoded takes its turn only if no newer one has come.",
-        .notes = "PORT is for RTP; the three behind it are reserved for this stream (reports, repair packets), so a\n"
+                   "Frames are not delayed: each is encoded and sent as soon as it is written. A frame that comes\n"
+                   "while another one is being encoded is lost if a newer one comes first.",
+        .notes = "PORT is for RTP; the next three are reserved for this stream (reports, repair packets), so a\n"
                  "second stream goes to PORT + 4. Counters: lost.store = a newer frame came before it was read,\n"
                  "lost.encode = the encoder failed, lost.network = no receiver was sent the whole frame,\n"
-                 "lost.rate = -wire had nothing left for it. Packets and why they did not go out: item\n"
+                 "lost.rate = -wire had nothing left for it. Packets, and why some were not sent: item\n"
                  "`<instance>.packets`.",
         .options = options,
     };

@@ -62,8 +62,8 @@ static bool is_local(const struct network_address *address) {
 }
 
 /*
- * Another sender of this machine may have the port, and a player of this machine may need it for itself: then the
- * system chooses one. Receivers answer to the port that packets come from, whichever it is.
+ * If another sender of this machine has the port, or a player of this machine may need it, the system chooses one.
+ * Receivers answer to the port from which packets come.
  */
 static int bind_for_reports(struct outlet *outlet, int fd, bool ipv6) {
     set(fd, SOL_SOCKET, SO_REUSEADDR, outlet->group != NULL); /* players of a group share ports */
@@ -146,7 +146,7 @@ static enum outlet_loss reason(int error) {
     case ENETDOWN:
     case ENODEV:
     case EADDRNOTAVAIL:
-    case EINVAL: /* a packet for elsewhere, from an interface without an address */
+    case EINVAL: /* a packet for another network, from an interface without an address */
     case EPERM: return OUTLET_ROUTE;
     default: return OUTLET_OTHER;
     }
@@ -186,7 +186,7 @@ bool outlet_origin(const struct outlet *outlet, const struct network_address *to
         return false;
     if (outlet->interface)
         choose_interface(fd, network_is_ipv6(to), outlet->interface);
-    /* Nothing is sent: the kernel only looks for the way. */
+    /* Sends nothing: the kernel only looks up the route. */
     bool found = !connect(fd, &to->any, network_size(to)) && !getsockname(fd, (struct sockaddr *)&name, &size) &&
                  network_from(own, &name) && !network_is_any(own);
     close(fd);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Where packets go: a multicast group, and single receivers as well. Reports of receivers come back to the port that
- * packets come from: PORT + 1. Neither sending nor reading waits.
+ * Sends packets to a multicast group and to single receivers. Receivers report to the port from which packets come,
+ * PORT + 1. Neither sending nor reading waits.
  */
 #ifndef DDXVIDEO_OUTLET_H
 #define DDXVIDEO_OUTLET_H
@@ -18,35 +18,35 @@
 /* One socket for each kind of address. */
 enum { OUTLET_IPV4, OUTLET_IPV6, OUTLET_SOCKETS };
 
-/* Which port of a receiver, counted from the first one of the stream. */
+/* A port of a receiver, counted from the stream's first port. */
 enum outlet_port { OUTLET_MEDIA = 0, OUTLET_REPAIR = 2 };
 
-/* Why a packet did not go out. */
+/* Reasons why a packet was not sent. */
 enum outlet_loss { OUTLET_BUSY, OUTLET_ROUTE, OUTLET_OTHER, OUTLET_LOSSES };
 
 struct outlet {
     const char *group; /* address, or NULL for no group */
     long port;
     long ttl;
-    const char *interface; /* name or number; NULL: as the routing table says */
+    const char *interface; /* name or number; NULL: by the routing table */
     const char *to;        /* "address,..." as network_parse() reads them, or NULL */
-    /* how it stands */
+    /* state: */
     int fd[OUTLET_SOCKETS]; /* -1: no receiver needs it */
     bool elsewhere;         /* reports come to a port that the system chose, not to PORT + 1 */
     struct network_address receiver[OUTLET_RECEIVERS];
     unsigned receivers;
     uint64_t packets, bytes, lost[OUTLET_LOSSES]; /* over all receivers */
-    int error;                                    /* errno of the last one that did not go out */
+    int error;                                    /* errno of the last packet that was not sent */
 };
 
-/* Understand the settings; NULL, or what is wrong with them, in text[NETWORK_ERROR_MAX]. */
+/* Check the settings. NULL, or the error in text[NETWORK_ERROR_MAX]. */
 const char *outlet_parse(struct outlet *outlet, char *text);
 
-/* Opens the sockets that the receivers need. NULL, or what failed, in text. Close it in any case. */
+/* Open the sockets for the receivers. NULL, or the error in text. Close it in each case. */
 const char *outlet_open(struct outlet *outlet, char *text);
 void outlet_close(struct outlet *outlet);
 
-/* To all receivers. Returns a bit for each one that did not get it. */
+/* Send to all receivers. Returns a bit for each receiver for which that failed. */
 unsigned outlet_send(struct outlet *outlet, enum outlet_port port, const uint8_t *packet, size_t size);
 
 /*
@@ -55,10 +55,10 @@ unsigned outlet_send(struct outlet *outlet, enum outlet_port port, const uint8_t
  */
 ssize_t outlet_read(struct outlet *outlet, void *data, size_t size, uint64_t *address);
 
-/* To an address of the same kind as a receiver's; the counters are left alone. Whether the kernel took it. */
+/* Send to an address of the same kind as a receiver's, without counting. Whether the kernel accepted it. */
 bool outlet_send_to(const struct outlet *outlet, const struct network_address *to, const uint8_t *data, size_t size);
 
-/* This machine's address in packets to `to`; false where there is no way, or no address, at the moment. */
+/* This machine's address in packets to `to`; false if there is no route, or no address, at the moment. */
 bool outlet_origin(const struct outlet *outlet, const struct network_address *to, struct network_address *own);
 
 #endif

@@ -12,7 +12,7 @@
 
 #define NS INT64_C(1000000000)
 #define IDLE (NS / 5)  /* the longest wait without packets or reports */
-#define BATCH 64       /* datagrams read in one go: a flood does not keep packets from going out */
+#define BATCH 64       /* datagrams read in one turn, so that a flood does not stop packets from being sent */
 #define REPORT_DATAGRAM 1500
 #define MARKER 0x80    /* of the second byte of an RTP packet: the last one of its frame */
 
@@ -36,7 +36,7 @@ static void end_frame(struct post *post) {
     post->open--;
 }
 
-/* To all receivers, the same bytes; a bit for each one that did not get it. */
+/* Sends the same bytes to all receivers; a bit for each receiver for which that failed. */
 static unsigned send_packet(struct post *post, enum outlet_port to, uint8_t *packet, size_t size) {
     int error = post->secure ? secure_protect(post->secure, packet, &size) : 0;
 
@@ -71,7 +71,7 @@ static void read_reports(struct post *post) {
     ssize_t came;
 
     for (int i = 0; i < BATCH && (came = outlet_read(post->outlet, data, REPORT_DATAGRAM, &address)) >= 0; i++) {
-        size_t size = came > REPORT_DATAGRAM ? 0 : (size_t)came; /* cut off: no report, as an empty one */
+        size_t size = came > REPORT_DATAGRAM ? 0 : (size_t)came; /* cut off: not a report, like an empty datagram */
 
         if (size && post->secure && secure_unprotect_report(post->secure, data, &size))
             size = 0;
@@ -193,7 +193,7 @@ void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t
     pthread_mutex_unlock(&post->lock);
 }
 
-/* Whether frames wait that may still go out. */
+/* Whether frames wait that can still be sent. */
 static bool waits(struct post *post) {
     pthread_mutex_lock(&post->lock);
     bool open = post->open > 0;

@@ -12,12 +12,12 @@
 #include "outlet.h"
 #include "secure.h"
 
-#define POST_FRAMES 64 /* frames handed over whose outcome is not known yet */
+#define POST_FRAMES 64 /* frames whose outcome is not known yet */
 
-/* What became of frames since the last look. */
+/* Outcomes of frames since the last call. */
 struct post_outcome {
     unsigned sent;   /* at least one receiver was sent all packets of the frame */
-    unsigned lost;   /* no receiver was */
+    unsigned lost;   /* no receiver was sent all packets */
     int64_t latency; /* ns from the write to the last packet, of the last frame sent */
 };
 
@@ -26,7 +26,7 @@ struct post {
     struct secure *secure; /* NULL: not encrypted */
     pthread_t thread;
     pthread_mutex_t lock; /* of all below */
-    int wake;             /* eventfd: something was handed over */
+    int wake;             /* eventfd: a frame or packet was handed over */
     bool running, stopping;
     struct dispatch dispatch;
     unsigned missed;      /* receivers that lack a packet of the frame that is being sent */
@@ -46,7 +46,7 @@ int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
 /* Another frame interval, ns. */
 void post_set_interval(struct post *post, int64_t interval);
 
-/* Bytes that the next frame may have; 0: leave it out, since the former frames are not out yet. */
+/* Bytes that the next frame may have; 0: skip it, since former frames are not sent yet. */
 size_t post_allowance(struct post *post);
 
 /* A receiver needs a picture to begin with. At most once a second. */
@@ -62,14 +62,14 @@ bool post_frame(struct post *post, uint16_t frame, int64_t written, const struct
 /* Whether another packet of this stream may go out, `size` bytes with IP and UDP headers; see dispatch_other(). */
 bool post_other(struct post *post, size_t size);
 
-/* What became of frames since the last call; each frame that post_frame() took appears once. */
+/* Outcomes of frames since the last call; each frame that post_frame() accepted appears once. */
 struct post_outcome post_collect(struct post *post);
 
 /* A copy of the counters of dispatch.h, of the reports (feedback.h) and of the outlet. */
 void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
                  struct outlet *outlet);
 
-/* Send what waits, for one frame interval at most, and stop the thread. What is left then is lost, and counted. */
+/* Send waiting packets, for at most one frame interval, and stop the thread. The rest is lost, and counted. */
 void post_stop(struct post *post);
 
 #endif

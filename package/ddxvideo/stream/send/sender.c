@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The path of a frame: out of the store, through the encoder, in packets to the network. Nothing is kept. */
+/* The path of a frame: from the store through the encoder, as packets to the network. No frame is delayed. */
 #include "sender.h"
 
 #include <errno.h>
@@ -17,10 +17,10 @@ static const char *const names[SENDER_COUNTS] = {
     "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost",
     "others",  "others_lost", "wire_kbit", "repair_percent"};
 
-#define WAITING INT64_C(1000000000) /* ns until the sender says that it waits for the item */
+#define WAITING INT64_C(1000000000) /* ns until the sender reports that it waits for the item */
 #define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
 #define SECOND INT64_C(1000000000)
-#define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
+#define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so waits are short */
 
 static void fail(struct sender *sender, const char *what, const char *why) {
     say("%s: %s", what, why);
@@ -43,7 +43,7 @@ static bool send_frame(struct sender *sender, const struct encoded *encoded, con
                                                 .window = sender->repairs ? REPAIR_FRAMES : 0,
                                                 .count = sender->count}};
 
-    sender->count++; /* also where it does not fit: the receiver has to know that a frame is missing */
+    sender->count++; /* even if it does not fit: the receiver must notice the missing frame */
     return packets_make(&sender->packets, encoded, packet) &&
            post_frame(&sender->post, packet.frame.count, frame->time, sender->packets.packet, sender->packets.count);
 }
@@ -100,7 +100,7 @@ static void tell_network(struct sender *sender, bool good) {
     sender->failing = !good;
 }
 
-/* What became of the frames that were handed over. */
+/* Counts the outcomes of frames that were handed over. */
 static void settle(struct sender *sender) {
     struct post_outcome outcome = post_collect(&sender->post);
 
@@ -130,7 +130,7 @@ static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry
         now->rate_num == geometry->rate_num && now->rate_den == geometry->rate_den)
         return true;
     sender->described = false;
-    /* MPEG-4's encoder makes frames for this rate, and keeps to a lower one in part only. */
+    /* MPEG-4's encoder makes frames for this rate, and follows a lower one only partly. */
     long bitrate = sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
     const struct encoder_settings settings = {.type = sender->type, .bitrate = bitrate * 1000, .fast = sender->fast};
     encoder_close(&sender->encoder);
@@ -145,7 +145,7 @@ static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry
     return false;
 }
 
-/* The stream goes on without it. */
+/* The stream continues without it. */
 static void begin_ts(struct sender *sender) {
     int error = ts_open(&sender->ts, &sender->post, sender->type, sender->program.instance);
 
@@ -156,8 +156,8 @@ static void begin_ts(struct sender *sender) {
 }
 
 /*
- * After the first read, which may have given a frame: what was written since it began is ours to send, and all of an
- * item that was not there when the sender came. What no sender sent since a forerunner died is counted.
+ * Called after the first read, which may have given a frame. Frames count from the start of that read on, or all of
+ * them if the item did not exist when the sender started. Frames since the death of a former sender count as well.
  */
 static void follow(struct sender *sender, const struct ddx_frame *frame) {
     uint64_t seen = ddx_store_seen(sender->video);
@@ -172,7 +172,7 @@ static void follow(struct sender *sender, const struct ddx_frame *frame) {
     }
 }
 
-/* Say once that there is no such item, when that lasts. */
+/* Reports once that there is no such item, if that lasts. */
 static void tell_waiting(struct sender *sender) {
     if (sender->said_waiting || encoder_is_open(&sender->encoder) || ddx_time_now() - sender->begin < WAITING)
         return;
@@ -180,7 +180,7 @@ static void tell_waiting(struct sender *sender) {
     program_say_awaited(sender->video, sender->name);
 }
 
-/* Started again, it would fail again: the exit status is that of bad input. */
+/* A new start would fail again: the exit status is that of bad input. */
 static void refuse_size(struct sender *sender, const struct ddxvideo_geometry *geometry) {
     say("%s: pictures of %dx%d cannot be sent; 2x2 is the least", sender->name, geometry->width, geometry->height);
     sender->status = EXIT_USAGE;
@@ -256,7 +256,7 @@ static void send_all(struct sender *sender) {
         announce_tick(&sender->announce, &sender->post, ddx_time_now());
         program_tick(sender->book);
     }
-    /* What was published before we were told to stop: the newest is sent, and those before it are counted. */
+    /* Frames published before the stop: the newest is sent, the others are counted. */
     if (!sender->done)
         take_frame(sender, 0);
     announce_end(&sender->announce, &sender->post);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a sender is to do, and how it stands. */
+/* A sender's settings and state. */
 #ifndef DDXVIDEO_SENDER_STATE_H
 #define DDXVIDEO_SENDER_STATE_H
 
@@ -14,7 +14,7 @@
 
 #define SENDER_COUNTS 17
 
-/* What goes out now: of the last whole second, and where the next one began. */
+/* The current rate: of the last whole second, and the start of the next one. */
 struct sender_rate {
     uint64_t kbit;    /* per second, IP and UDP headers included */
     uint64_t percent; /* repair packets for each 100 media packets */
@@ -23,7 +23,7 @@ struct sender_rate {
 };
 
 struct sender {
-    /* what to do */
+    /* settings: */
     struct program program;
     const char *name; /* of the video item */
     enum rtp_type type;
@@ -38,7 +38,7 @@ struct sender {
     const char *sdp; /* file, or folder with a slash at its end, or NULL */
     const char *key; /* file, or NULL */
     struct secure *secure; /* its key, or NULL */
-    /* how it stands */
+    /* state: */
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
     struct counters counters;
@@ -47,15 +47,15 @@ struct sender {
     struct as_420 as_420;
     struct encoder encoder;
     bool described; /* the description is of this encoder's stream */
-    size_t wanted;  /* bytes that the last frame was to have */
+    size_t wanted;  /* requested bytes of the last frame */
     struct packets packets;
     struct post post;
-    struct outlet sent; /* the outlet's counters, as they were last */
-    bool awaited; /* the item was not there when the sender came: all that is written to it is ours to send */
-    bool follows; /* what is written now is ours to send */
+    struct outlet sent; /* the outlet's counters at the last check */
+    bool awaited; /* the item did not exist when the sender started: all of its frames count */
+    bool follows; /* frames count from now on */
     bool said_waiting;
     int64_t begin; /* of the wait for the item */
-    bool failing;   /* packets do not go out, said so */
+    bool failing;   /* reported that packets are not sent */
     uint32_t ssrc, time_offset;
     uint16_t count; /* frames handed over */
     int status;

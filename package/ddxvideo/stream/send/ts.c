@@ -42,7 +42,7 @@ static int send_packet(void *opaque, BYTES *data, int size) {
     return size;
 }
 
-/* Two receivers at one address have one port now. */
+/* Two receivers at one address share a port here. */
 static void take_receivers(struct ts *ts, const struct outlet *outlet) {
     struct outlet *to = &ts->outlet;
 
@@ -85,7 +85,7 @@ static int begin(struct ts *ts, const char *name) {
     ts->muxer->flags |= AVFMT_FLAG_FLUSH_PACKETS | AVFMT_FLAG_CUSTOM_IO;
     ts->muxer->max_delay = 0;
     int error = avformat_write_header(ts->muxer, &options);
-    if (error >= 0 && av_dict_count(options)) /* a player would wait longer than we promise */
+    if (error >= 0 && av_dict_count(options)) /* otherwise a player waits longer than the documentation says */
         error = AVERROR_OPTION_NOT_FOUND;
     av_dict_free(&options);
     return error < 0 ? error : 0;
@@ -120,7 +120,7 @@ void ts_close(struct ts *ts) {
     av_packet_free(&ts->packet);
 }
 
-/* Times rise: two frames of one moment differ. */
+/* Times rise: two frames of the same moment get different times. */
 static int64_t next_time(struct ts *ts, int64_t time) {
     if (ts->last < 0)
         ts->first = time;

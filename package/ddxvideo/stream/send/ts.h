@@ -16,10 +16,10 @@ struct AVFormatContext;
 struct AVPacket;
 
 struct ts {
-    long port; /* what to do; 0: nothing */
+    long port; /* settings; 0: off */
     uint32_t ssrc;
     uint16_t sequence;
-    /* how it stands */
+    /* state: */
     enum rtp_type type;
     struct post *post;    /* the stream's */
     struct outlet outlet; /* the sender's sockets, which stay the sender's */
@@ -30,7 +30,7 @@ struct ts {
     uint64_t lost;       /* packets that a receiver was not sent: the kernel or the budget refused them */
 };
 
-/* Whether this program, and the FFmpeg beside it, can do that. */
+/* Whether this program and its FFmpeg support MPEG-TS. */
 bool ts_is_possible(void);
 
 /* `post`: of the stream, started. `name`: what players show. 0, or a negative AVERROR. Close it in any case. */

@@ -7,16 +7,16 @@
 #include "montage.h"
 #include "program.h"
 
-#define TIMEOUT 5.0 /* s that a first frame may take */
+#define TIMEOUT 5.0 /* s to wait for a first frame */
 
 struct snap {
     struct program program;
     const char *name, *path;
     bool montage;
-    /* the pictures; their frames are held, so that they can be drawn where they lie */
+    /* the pictures; their frames are held, so that they can be drawn without a copy */
     DDX_STORE_ITEM *item[MONTAGE_MAX];
     struct ddxvideo_picture picture[MONTAGE_MAX];
-    int64_t time[MONTAGE_MAX]; /* of the capture; of the write, where that is not known */
+    int64_t time[MONTAGE_MAX]; /* of the capture; if not known, of the write */
     unsigned count;
 };
 
@@ -137,8 +137,8 @@ int main(int argc, char **argv) {
     snap.program = (struct program){
         .name = "ddxvideosnap",
         .positional = "FILE",
-        .purpose = "The newest frame of a video item as a picture: .ppm, .png or .jpg, as FILE is called. A file that\n"
-                   "exists is replaced once the new one is whole.",
+        .purpose = "The newest frame of a video item as a picture: .ppm, .png or .jpg, by the name of FILE. An existing\n"
+                   "file is replaced when the new one is complete.",
         .notes = "A single picture has the pixels of the frame; in a montage pictures keep their shape.",
         .options = options,
         .brief = true,

@@ -10,19 +10,19 @@
 
 struct montage_place {
     int x, y, width, height;
-    int right; /* of the cell: where a caption ends at the latest */
+    int right; /* of the cell: the limit of a caption */
     int scale; /* of its text */
 };
 
 /*
- * Where each of `count` pictures goes, in rows from the top left: cells as large as the largest picture, but smaller
- * where the whole would exceed MONTAGE_SIDE; each picture keeps its shape and sits in the middle of its cell, with room
- * for a line of text below it. Sizes of the whole in *width, *height.
+ * Place `count` pictures in rows from the top left. Cells are as large as the largest picture, or smaller if the whole
+ * would exceed MONTAGE_SIDE. Each picture keeps its shape in the middle of its cell, with a line of text below it. The
+ * size of the whole is in *width, *height.
  */
 void montage_plan(const struct ddxvideo_geometry *pictures, unsigned count, struct montage_place *places, int *width,
                   int *height);
 
-/* Write below the picture of a place what it is. 0 or -ENOMEM. */
+/* Write the caption below a picture. 0 or -ENOMEM. */
 int montage_caption(AVFrame *image, const struct montage_place *place, const char *text);
 
 #endif
