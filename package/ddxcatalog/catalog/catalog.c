@@ -16,9 +16,8 @@
 
 #define SERVICE "catalog"        /* the item whose requests we take */
 #define TURN 0.02                /* s between two looks for requests */
-#define LOOK_NS INT64_C(250000000) /* and for items */
-#define TABLE_NS INT64_C(1000000000)
-#define NETWORK_NS INT64_C(1000000000)
+#define LOOK_NS INT64_C(250000000) /* and for items, and at the network */
+#define TABLE_NS INT64_C(1000000000) /* clocks are shown */
 #define SETTLE_NS INT64_C(500000000) /* others are heard before this machine announces its name */
 
 static const char *const reasons[] = {"store", "bandwidth", "size", "network", "type", "budget", NULL};
@@ -69,7 +68,7 @@ static bool join(struct catalog *catalog) {
         if (!told)
             say("the network cannot be used: %s; it is tried again", strerror(-error));
         told = true;
-        if (!program_sleep_until(ddx_time_now() + NETWORK_NS, catalog->book))
+        if (!program_sleep_until(ddx_time_now() + LOOK_NS, catalog->book))
             return false;
     }
 }
@@ -110,16 +109,16 @@ static bool is_due(int64_t *due, int64_t period) {
 
 /* Until told to stop, or until the network is another one. */
 static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
-    int64_t due = 0, table_due = 0, network_due = 0;
+    int64_t due = 0, table_due = 0;
 
     catalog->settled = ddx_time_now() + SETTLE_NS;
     while (!program_stopping()) {
-        if (is_due(&due, LOOK_NS))
+        if (is_due(&due, LOOK_NS)) {
             look(catalog);
-        if (is_due(&table_due, TABLE_NS))
-            table_write(catalog->table, directory_machines(catalog->directory));
-        if (is_due(&network_due, NETWORK_NS) && network_moved(catalog->network))
-            return;
+            table_write(catalog->table, directory_machines(catalog->directory), is_due(&table_due, TABLE_NS));
+            if (network_moved(catalog->network))
+                return;
+        }
         clock_tick(catalog->clock);
         network_wait(catalog->network, TURN);
         if (catalog->taken)

@@ -18,6 +18,7 @@ struct table {
     struct catalog *catalog;
     DDX_STORE_ITEM *machines, *items;
     CATALOG_ITEMS written, value; /* what was written, and what is to be */
+    CATALOG_MACHINES machines_written; /* without clocks, which always change */
 };
 
 static void create(struct table *table, const char *suffix, const char *type, size_t size, DDX_STORE_ITEM **item) {
@@ -70,30 +71,44 @@ static void write_items(struct table *table) {
         table->written = table->value;
 }
 
-void table_write(struct table *table, const struct machines *machines) {
+static void add_machines(const struct table *table, const struct machines *machines, CATALOG_MACHINES *value) {
     const struct identity *own = &table->catalog->identity;
-    int64_t now = ddx_time_now();
-    CATALOG_MACHINES value;
 
-    memset(&value, 0, sizeof value);
-    strcpy(value.name, own->name);
-    strcpy(value.host, own->host);
-    value.same = machines_of_host(machines, own);
-    value.count = machines->count;
-    value.refused = directory_refused(table->catalog->directory);
+    strcpy(value->name, own->name);
+    strcpy(value->host, own->host);
+    value->same = machines_of_host(machines, own);
+    value->count = machines->count;
+    value->refused = directory_refused(table->catalog->directory);
     for (unsigned i = 0; i < machines->count; i++) {
         const struct machine *machine = &machines->list[i];
 
-        strcpy(value.machine[i].name, machine->name);
-        strcpy(value.machine[i].host, machine->host);
-        value.machine[i].id = machine->id;
-        if (!offset_get(&machine->offset, now, &value.machine[i].offset, &value.machine[i].bound))
-            value.machine[i].bound = -1;
-        value.machine[i].heard = !machine->away;
-        value.machine[i].items = machine->items;
+        strcpy(value->machine[i].name, machine->name);
+        strcpy(value->machine[i].host, machine->host);
+        value->machine[i].id = machine->id;
+        value->machine[i].heard = !machine->away;
+        value->machine[i].items = machine->items;
     }
-    if (table->machines)
-        ddx_store_write(table->machines, &value, NULL);
+}
+
+static void add_clocks(const struct machines *machines, CATALOG_MACHINES *value) {
+    int64_t now = ddx_time_now();
+
+    for (unsigned i = 0; i < machines->count; i++)
+        if (!offset_get(&machines->list[i].offset, now, &value->machine[i].offset, &value->machine[i].bound))
+            value->machine[i].bound = -1;
+}
+
+void table_write(struct table *table, const struct machines *machines, bool clocks) {
+    CATALOG_MACHINES value;
+
+    memset(&value, 0, sizeof value);
+    add_machines(table, machines, &value);
+    if (clocks || memcmp(&value, &table->machines_written, sizeof value)) {
+        table->machines_written = value;
+        add_clocks(machines, &value);
+        if (table->machines)
+            ddx_store_write(table->machines, &value, NULL);
+    }
     write_items(table);
 }
 

@@ -14,7 +14,7 @@ struct table *table_open(struct catalog *catalog);
 /* The item then says that no catalog runs. NULL is allowed. */
 void table_close(struct table *table);
 
-/* Show how it is now. */
-void table_write(struct table *table, const struct machines *machines);
+/* Show how it is now, if something but clocks has changed, or if `clocks` asks for these. */
+void table_write(struct table *table, const struct machines *machines, bool clocks);
 
 #endif
