@@ -12,7 +12,8 @@ struct wall {
 /*
  * The time of capture, from `us`, the library's time by CLOCK_REALTIME. `now` is the current time, `offset` the current
  * difference of the clocks. The clock may have been set since the capture, so there are two results, by the current and
- * by the last offset; the result nearer to now is taken, and no frame comes from the future. 0: the library has no time.
+ * by the last offset; the result nearer to now is taken, and no frame comes from the future. 0: the library has no
+ * time.
  */
 int64_t wall_time(struct wall *wall, uint64_t us, int64_t now, int64_t offset);
 

@@ -137,8 +137,8 @@ int main(int argc, char **argv) {
     snap.program = (struct program){
         .name = "ddxvideosnap",
         .positional = "FILE",
-        .purpose = "The newest frame of a video item as a picture: .ppm, .png or .jpg, by the name of FILE. An existing\n"
-                   "file is replaced when the new one is complete.",
+        .purpose = "The newest frame of a video item as a picture: .ppm, .png or .jpg, by the name of FILE. An\n"
+                   "existing file is replaced when the new one is complete.",
         .notes = "A single picture has the pixels of the frame; in a montage pictures keep their shape.",
         .options = options,
         .brief = true,
