@@ -103,11 +103,11 @@ static const struct {
     struct run run;
 } expected[] = {
     {99.5, 120, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO}},
-    {94, 80, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
+    {90.5, 105, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
     {100, 120, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3, .video = VIDEO}},
     {99.9, 190, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
-    {97, 80, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
-    {92, 90, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
+    {92.5, 105, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
+    {92, 110, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
     {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
     {70, 65, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},

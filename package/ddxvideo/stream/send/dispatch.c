@@ -13,11 +13,12 @@
 #define FULL_ONE_WAY 0.5    /* without reports nothing but frames of different sizes needs it */
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4          /* frames in which it is brought back to that */
-#define HORIZON_IN_RUNS 6  /* a run empties it at once: the picture would become bad for the next frames */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
-#define IN_RUNS 1.8        /* of losses that come in runs: by how many times the loss frames are smaller */
+#define EMPTY_IN_RUNS 0.2  /* of the rate that a frame gets while losses come in runs, when the bucket is empty, */
+#define FULL_IN_RUNS 0.7   /* and when it is full */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
+#define LEAST_ALONE 0.45   /* the same for a single receiver whose losses do not come in runs */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
 #define GAP MS             /* between packets, at most */
 #define BURST 3            /* packets of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
@@ -281,13 +282,24 @@ static bool is_behind(struct dispatch *dispatch, int64_t now) {
            budget_ready(&dispatch->budget, repair_bytes(dispatch, first)) > now + late;
 }
 
+/*
+ * Of the rate, for a frame while losses come in runs. What repair took in the last seconds says little about the next
+ * run, but made frames small when the run was over, and the bucket full again. So the bucket alone decides, gradually.
+ */
+static double part_in_runs(struct dispatch *dispatch, int64_t now) {
+    double filled = (double)budget_tokens(&dispatch->budget, now) / (double)budget_size(&dispatch->budget);
+
+    return (EMPTY_IN_RUNS + (FULL_IN_RUNS - EMPTY_IN_RUNS) * filled) /
+           (1 + past_part(dispatch, dispatch->other_share, dispatch->settings.others));
+}
+
 size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     const struct dispatch_settings *settings = &dispatch->settings;
     int64_t silence = feedback_silence(&dispatch->feedback, now);
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
     double wire = (double)dispatch->budget.rate * frame, video = (double)settings->video * frame;
     double full = silence < FEEDBACK_GONE ? FULL : FULL_ONE_WAY;
-    double in_runs = feedback_loss_in_runs(&dispatch->feedback, now);
+    bool in_runs = feedback_loss_in_runs(&dispatch->feedback, now) > 0;
     double spare = (double)budget_tokens(&dispatch->budget, now) - full * (double)budget_size(&dispatch->budget);
 
     if (is_behind(dispatch, now))
@@ -296,12 +308,11 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
         wire *= REDUCED;
         spare = spare > 0 ? 0 : spare;
     }
-    double bytes = (wire + spare / (in_runs > 0 ? HORIZON_IN_RUNS : HORIZON)) / (1 + part_beside(dispatch, now));
+    double bytes = in_runs ? wire * part_in_runs(dispatch, now)
+                           : (wire + spare / HORIZON) / (1 + part_beside(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
-    double most = wire * (1 - IN_RUNS * in_runs);
-    if (bytes > most)
-        bytes = most;
-    double least = wire * LEAST_PART / (1 + settings->others);
+    double part = !in_runs && feedback_is_single(&dispatch->feedback, now) ? LEAST_ALONE : LEAST_PART;
+    double least = wire * part / (1 + settings->others);
     if (silence < STOPPED && bytes < least)
         bytes = least;
     if (bytes > video)

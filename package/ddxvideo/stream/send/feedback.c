@@ -135,6 +135,14 @@ double feedback_loss_in_runs(const struct feedback *feedback, int64_t now) {
     return worst;
 }
 
+bool feedback_is_single(const struct feedback *feedback, int64_t now) {
+    unsigned count = 0;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        count += is_active(&feedback->reporter[i], now);
+    return count == 1;
+}
+
 /* A report came. */
 static void learn_loss(struct feedback *feedback, int64_t now) {
     double worst = worst_loss(feedback, now), part = (double)feedback_silence(feedback, now) / LOSS_MEMORY;

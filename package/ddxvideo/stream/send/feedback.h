@@ -66,6 +66,9 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 /* The worst loss, 0 to 1, of a receiver whose losses come in runs; 0 if there is none. */
 double feedback_loss_in_runs(const struct feedback *feedback, int64_t now);
 
+/* Whether exactly one receiver reports. */
+bool feedback_is_single(const struct feedback *feedback, int64_t now);
+
 /* A repair packet of that many bytes was sent because of feedback_wanted(). */
 void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes);
 
