@@ -89,7 +89,7 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
  * connection was lost with messages in it, the store may not know which ones that has. True if readers must be told.
  */
 static bool merge(struct epoch *known, struct epoch *offered, bool by_writer) {
-    bool news = false;
+    bool changed = false;
 
     for (unsigned i = 0; i < DDX_SLOTS_MAX; i++) {
         bool has = offered->slot_fd[i] >= 0;
@@ -102,9 +102,9 @@ static bool merge(struct epoch *known, struct epoch *offered, bool by_writer) {
             known->slot_told[i] &= has || !by_writer;
             continue;
         }
-        known->slot_told[i] = known->slot_ready[i] = news = true;
+        known->slot_told[i] = known->slot_ready[i] = changed = true;
     }
-    return news;
+    return changed;
 }
 
 static bool is_current(const struct item *item, const struct epoch *epoch) {
@@ -131,16 +131,16 @@ static void supersede(struct item *item) {
         client_send(writer, &message, NULL, NULL, 0);
 }
 
-/* 1: there is news for the readers that reported before. 0: none. -ENOSPC: no room. */
+/* 1: the readers that reported before must be notified. 0: no change. -ENOSPC: no memory. */
 static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     struct epoch *epoch = client->offered;
 
     if (!epoch)
         return 0;
     if (is_current(item, epoch)) {
-        bool news = merge(item->epoch, epoch, writes && !item->writer);
+        bool changed = merge(item->epoch, epoch, writes && !item->writer);
         DDX_PASS(STORE_MERGED);
-        return news;
+        return changed;
     }
     /* An epoch that began in our time is the newest. Otherwise the one with the highest number is: a writer that
      * slept through a change of writer reports an older one, and continues to write until it is notified. */
@@ -231,8 +231,8 @@ static void finish(struct client *client, uint32_t flags) {
     struct ddx_message reply = {.operation = DDX_OFFERED};
 
     struct epoch *offered = client->offered;
-    int news = adopt_epoch(item, client, flags & DDX_FLAG_WRITER);
-    if (news < 0) {
+    int changed = adopt_epoch(item, client, flags & DDX_FLAG_WRITER);
+    if (changed < 0) {
         refuse(client, NO_ROOM);
         return;
     }
@@ -241,7 +241,7 @@ static void finish(struct client *client, uint32_t flags) {
         reply.status = adopt_writer(item, client, offered && is_current(item, offered));
     if (reply.status && reply.status != -EEXIST)
         refuse(client, reply.status == -EINVAL ? NOT_OURS : NO_MEMORY);
-    if (news)
+    if (changed)
         notify_epoch_to_all(item);
     if (reply.status == -EEXIST)
         tell_end(item, client->offered, &reply);

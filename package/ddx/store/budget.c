@@ -7,7 +7,7 @@
 #include "leftover.h"
 #include "retired.h"
 
-#define REQUEST 65536u /* bytes of kept memory that one request may take */
+#define REQUEST 65536u /* bytes of checkpointed memory that one request may take */
 
 uint64_t budget_used(struct store *store) {
     uint64_t sum = 0;

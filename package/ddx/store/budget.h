@@ -13,8 +13,8 @@ uint64_t budget_reserved(const struct store *store);
 /* May this item's reservation become `reserved`? Drops items without a holder, oldest first, to free memory. */
 bool budget_allows(struct item *item, uint64_t reserved);
 /*
- * Before its next request: drop items that it has left, oldest first, while its share of kept memory is nearly used
- * up.
+ * Before a process's next request: drop items that it has left, oldest first, while its share of checkpointed memory
+ * is nearly used up.
  */
 void budget_make_room(struct store *store, const struct process *process);
 

@@ -17,9 +17,9 @@
 #define RANGES 64               /* to be given back by one commit, at most; the next one takes more */
 
 /* Seen by all workers: which copy counts. */
-static struct kept {
+static struct version {
     _Atomic(uint32_t) newest; /* 0: none yet; else 1 or 2 */
-} *kept;
+} *version;
 static char *copy[2];
 static struct heap *heap;
 static struct checkpoint_payer payer;
@@ -42,11 +42,11 @@ static void *room(int kind) {
 
 int checkpoint_begin(void) {
     page_bytes = (size_t)sysconf(_SC_PAGESIZE);
-    kept = mmap(NULL, sizeof *kept, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    version = mmap(NULL, sizeof *version, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     copy[0] = room(MAP_SHARED);
     copy[1] = room(MAP_SHARED);
     heap = room(MAP_PRIVATE); /* each worker finds it empty, and at the same address */
-    if (kept == MAP_FAILED || !copy[0] || !copy[1] || !heap)
+    if (version == MAP_FAILED || !copy[0] || !copy[1] || !heap)
         return -ENOMEM;
     madvise(heap, ROOM, MADV_NOHUGEPAGE); /* its pages are opened one by one */
     return 0;
@@ -82,7 +82,7 @@ static void close_all(void) {
 
 /* Both copies become what the newest one is: the worker that died may have left anything in the other. */
 bool checkpoint_restore(void) {
-    uint32_t newest = atomic_load(&kept->newest);
+    uint32_t newest = atomic_load(&version->newest);
 
     if (newest) {
         const struct heap *from = (const void *)copy[newest - 1];
@@ -140,7 +140,7 @@ static void give_back(size_t from, size_t to) {
 }
 
 void checkpoint_commit(void) {
-    uint32_t next = atomic_load(&kept->newest) == 1 ? 2 : 1;
+    uint32_t next = atomic_load(&version->newest) == 1 ? 2 : 1;
     size_t from[RANGES], to[RANGES];
     unsigned ranges = 0;
 
@@ -150,7 +150,7 @@ void checkpoint_commit(void) {
     copy_pages(copy[next - 1], &stale);
     copy_pages(copy[next - 1], &open);
     /* Last, and after all of the copy: a worker that dies before this leaves the former one. */
-    atomic_store(&kept->newest, next);
+    atomic_store(&version->newest, next);
     close_some();
     /* Only now: until then the former copy counted, in which these ranges may be in use. */
     for (unsigned i = 0; i < ranges; i++)

@@ -25,7 +25,7 @@
 #define CHECKPOINT_SHARE ((size_t)4 << 20)
 #define CHECKPOINT_ANSWERS ((size_t)1 << 20)
 
-/* What one process has caused. To be kept memory itself, as long as `bytes` is not 0. */
+/* What one process has caused. To be in checkpointed memory itself, as long as `bytes` is not 0. */
 struct checkpoint_account {
     size_t bytes;
     bool refused; /* it was to get more than its share */

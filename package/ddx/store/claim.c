@@ -58,7 +58,7 @@ static bool keep_less(struct item *item) {
         unsigned keep = c->item == item && c->id && c->keep > 1 ? c->keep / 2 : 0;
 
         if (keep) {
-            item->kept -= c->keep - keep;
+            item->keep_total -= c->keep - keep;
             c->keep = keep;
             less = true;
         }
@@ -70,7 +70,7 @@ static bool keep_less(struct item *item) {
  * the room for the next. */
 static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     uint64_t one =
-        ddx_page_round(sizeof(struct ddx_control)) + (2 + item->kept) * frame_bytes + ddx_page_round(1);
+        ddx_page_round(sizeof(struct ddx_control)) + (2 + item->keep_total) * frame_bytes + ddx_page_round(1);
     uint64_t pins = item->readers * ddx_page_round(1);
     uint64_t old = (item->epoch ? item_bytes(item) - pins : 0) + retired_bytes(item->store, item);
 
@@ -104,13 +104,13 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
 
     if (!epoch)
         return -errno;
-    unsigned wanted = item->kept;
+    unsigned wanted = item->keep_total;
     while (!budget_allows(item, most_of(item, epoch->runs.file_bytes)) && keep_less(item))
         continue;
-    if (item->kept < wanted)
+    if (item->keep_total < wanted)
         log_line("%s: %u frames are kept for its readers, not %u: there is no room for more; -m gives it", item->name,
-             item->kept, wanted);
-    unsigned slots = 2 + item->kept;
+             item->keep_total, wanted);
+    unsigned slots = 2 + item->keep_total;
     if (slots > DDX_SLOTS_MAX || !budget_allows(item, most_of(item, epoch->runs.file_bytes)))
         result = -ENOSPC;
     else

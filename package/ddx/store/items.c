@@ -115,7 +115,7 @@ uint64_t item_bytes(const struct item *item) {
 
 uint64_t item_reserved(const struct item *item) {
     const struct epoch *epoch = item->pending ? item->pending : item->epoch;
-    uint64_t next = epoch ? control_bytes() + ddx_page_round(1) + (2 + item->kept) * epoch->runs.file_bytes : 0;
+    uint64_t next = epoch ? control_bytes() + ddx_page_round(1) + (2 + item->keep_total) * epoch->runs.file_bytes : 0;
     uint64_t now = item_bytes(item), then = now + next, ended = retired_bytes(item->store, item);
 
     /* While a new writer prepares its epoch, the reservation is in use; the new files may be larger than the old ones,

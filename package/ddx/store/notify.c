@@ -81,7 +81,7 @@ void notify_slot_to_all(const struct item *item, unsigned slot) {
 
 void readers_count(struct item *item) {
     const struct epoch *epoch = item->epoch;
-    bool kept = epoch && epoch_ready(epoch) && epoch->slots >= 2 + item->kept;
+    bool kept = epoch && epoch_ready(epoch) && epoch->slots >= 2 + item->keep_total;
     uint32_t count = 0;
 
     for (struct client *c = NULL; (c = item_next_reader(item, c));)

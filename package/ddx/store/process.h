@@ -8,11 +8,11 @@
 /* One connection more. NULL: no memory. */
 struct process *process_join(struct store *store, int32_t pid);
 
-/* One less. It is forgotten when it has none left, and no kept memory. */
+/* One connection less. The process is dropped when it has none left, and no checkpointed memory. */
 void process_leave(struct process *process);
 void processes_sweep(struct store *store);
 
-/* Say once in the log that it has all the kept memory that one process gets, if it was to get more. */
+/* Log once that the process has reached its share of checkpointed memory, if it asked for more. */
 void process_report(struct process *process);
 
 /* How many of its messages may still be handled in this turn of the worker; then that it was one. */

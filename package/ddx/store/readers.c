@@ -28,7 +28,7 @@ static struct epoch *newest_epoch(const struct item *item) {
 /* Slots to be made for `keep` frames more; -EBUSY: there is no room for them. */
 static int slots_to_add(struct item *item, unsigned keep, unsigned pages) {
     const struct epoch *epoch = newest_epoch(item);
-    unsigned wanted = 2 + item->kept + keep, more = 0;
+    unsigned wanted = 2 + item->keep_total + keep, more = 0;
     uint64_t cost = pages * ddx_page_round(1);
 
     if (wanted > DDX_SLOTS_MAX || item->readers + pages > DDX_READERS_MAX)
@@ -71,7 +71,7 @@ int reader_register(struct client *client, int pin_fd, unsigned keep) {
     client->id = ++client->store->next_reader;
     client->keep = keep;
     client->counted = client->admitted = false;
-    item->kept += keep;
+    item->keep_total += keep;
     item->readers++;
     if (item->writer)
         notify_reader(item, client);
@@ -118,7 +118,7 @@ static int attach(struct client *client, unsigned keep) {
         return result;
     if (client->id) {
         client->keep += keep;
-        item->kept += keep;
+        item->keep_total += keep;
         if (item->writer)
             notify_reader(item, client);
         return 0;
@@ -173,7 +173,7 @@ static void withdraw(struct client *client, int status) {
         return;
     }
     client->keep -= asked;
-    item->kept -= asked;
+    item->keep_total -= asked;
     if (item->writer)
         notify_reader(item, client);
 }
@@ -252,7 +252,7 @@ void reader_left(struct client *client) {
     client->admitted = client->unseen = false;
     client->asked = 0;
     item->readers--;
-    item->kept -= client->keep;
+    item->keep_total -= client->keep;
     DDX_PASS(STORE_READER_LEFT);
     if (item->writer && !item->writer->gone)
         client_send(item->writer, &message, NULL, NULL, 0);

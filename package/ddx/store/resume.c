@@ -18,9 +18,9 @@ static int use(int fd) {
 }
 
 void store_memory(void) {
-    static const struct ddx_queue_memory kept = {checkpoint_allocate, checkpoint_free, use, file_unuse};
+    static const struct ddx_queue_memory checkpoint_memory = {checkpoint_allocate, checkpoint_free, use, file_unuse};
 
-    ddx_queue_memory = &kept;
+    ddx_queue_memory = &checkpoint_memory;
 }
 
 struct store *store_begin(const struct settings *settings) {

@@ -2,10 +2,10 @@
 /*
  * The store's state: items, their holders and memory files. One thread; nothing here is on the frame path.
  *
- * Layers, from below (checked by tests/host/test_layers.py): messages, state and log (link, heap,
- * kept, files, holder, note) - epochs and items - items that may be dropped (leftover) - the budget, descriptors,
- * a process's share (process), and messages to holders (news) - terms of reading and writing (readers, claim, adopt) -
- * requests and sessions - the worker, and the succession of workers.
+ * Layers, from below (checked by tests/host/test_layers.py): messages, state and log (link, heap, checkpoint, files,
+ * holder, log) - epochs and items - items that may be dropped (leftover) - the budget, descriptors, a process's share
+ * (process), and messages to holders (notify) - terms of reading and writing (readers, claim, adopt) - requests and
+ * sessions - the worker, and how the next one continues (resume).
  */
 #ifndef STORE_STATE_H
 #define STORE_STATE_H
@@ -96,7 +96,7 @@ struct item {
     bool foreign; /* its epoch came from an offer: there may be a newer one */
     bool adopted; /* known from an offer after a restart; its writer may live without having reported */
     bool away;    /* its writer hung up; if it lives, it comes back */
-    uint32_t epochs, handles, readers, kept;
+    uint32_t epochs, handles, readers, keep_total;
     uint32_t numbered; /* the last epoch that files were made for; it may not have begun */
     int notice_fd;
     struct ddx_notice *notice;
@@ -123,7 +123,7 @@ struct settings {
     bool restarted; /* a store ran here before: living holders will report */
 };
 
-/* What a worker knows, and leaves to the next one: all of it is kept memory. */
+/* A worker's state, which the next worker gets: all of it is in checkpointed memory. */
 struct store {
     const struct settings *settings;
     struct item *items;
