@@ -9,7 +9,7 @@ import subprocess
 import pytest
 
 from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_until
-from .test_record_orders import order, reached
+from .test_record_commands import command, reached
 
 
 class StalledDisk:
@@ -61,7 +61,7 @@ def test_files_are_closed_by_who_writes_them(desk: Desk, disk: StalledDisk) -> N
     reached(desk, "in", 5)
     disk.stall("sync")
     for _ in range(3):
-        order(desk, "split")
+        command(desk, "split")
         reached(desk, "in", count(desk, "in") + 2)
     reached(desk, "in", count(desk, "in") + 70)  # more than the store keeps
     assert len(recorded(desk)) == 4
@@ -79,8 +79,8 @@ def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: StalledDisk) -
     disk.stall("open")
     saver, loader = start(desk, disk, clip)
     reached(desk, "in", 10)
-    order(desk, "stop")
-    order(desk, "start")
+    command(desk, "stop")
+    command(desk, "start")
     reached(desk, "in", count(desk, "in") + 5)
     disk.go_on()
     reached(desk, "out", 15)
@@ -101,7 +101,7 @@ def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: StalledDisk) -
     reached(desk, "in", 5)
     disk.stall("sync")
     for _ in range(10):
-        order(desk, "split")
+        command(desk, "split")
         reached(desk, "in", count(desk, "in"))
     assert "the ring is full" in desk.errors(saver)
     wait_until(lambda: int(desk.stats("ddxvideosave")["lost"]["ring"]) > 3)

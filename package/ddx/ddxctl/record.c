@@ -22,16 +22,16 @@ int command_record(DDX_STORE_ID *id, const struct request *request) {
     static const struct {
         const char *word;
         struct ddx_change change;
-    } orders[] = {{"start", {"recording", 1}}, {"stop", {"recording", 0}}, {"split", {"split", 1}}};
+    } commands[] = {{"start", {"recording", 1}}, {"stop", {"recording", 0}}, {"split", {"split", 1}}};
     char text[DDX_ANSWER_TEXT], *end;
-    unsigned used = 0; /* words behind the first one */
+    unsigned used = 0; /* words after the first one */
     struct ddx_change change = {"pre_roll", 0};
-    size_t i = 0, count = sizeof orders / sizeof orders[0];
+    size_t i = 0, count = sizeof commands / sizeof commands[0];
 
-    while (i < count && strcmp(orders[i].word, request->item) != 0)
+    while (i < count && strcmp(commands[i].word, request->item) != 0)
         i++;
     if (i < count) {
-        change = orders[i].change;
+        change = commands[i].change;
     } else if (!strcmp(request->item, "pre-roll") && request->change_count) {
         change.value = strtoll(request->changes[used++], &end, 10);
         if (*request->changes[0] < '0' || *request->changes[0] > '9' || *end)

@@ -9,10 +9,10 @@
 #include "recorder_file.h"
 #include "recorder_frames.h"
 
-struct order {
+struct command {
     const char *name;
     int64_t minimum, maximum;
-    void (*carry_out)(struct recorder *recorder, int64_t value);
+    void (*execute)(struct recorder *recorder, int64_t value);
 };
 
 static void set_recording(struct recorder *recorder, int64_t value) {
@@ -33,16 +33,16 @@ static void set_pre_roll(struct recorder *recorder, int64_t value) {
     recorder->preroll.seconds = value;
 }
 
-static const struct order orders[] = {
+static const struct command commands[] = {
     {"recording", 0, 1, set_recording},
     {"split", 1, 1, split},
     {"pre_roll", 0, PRE_ROLL_MAX, set_pre_roll},
 };
 
-static const struct order *find(const char *name) {
-    for (size_t i = 0; i < sizeof orders / sizeof orders[0]; i++)
-        if (!strcmp(orders[i].name, name))
-            return &orders[i];
+static const struct command *find(const char *name) {
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
+        if (!strcmp(commands[i].name, name))
+            return &commands[i];
     return NULL;
 }
 
@@ -51,15 +51,15 @@ static int check(const struct recorder *recorder, const DDX_REQUEST *request, ch
     for (unsigned i = 0; i < request->count; i++) {
         const char *name = request->change[i].name;
         int64_t value = request->change[i].value;
-        const struct order *order = find(name);
+        const struct command *command = find(name);
 
-        if (!order) {
+        if (!command) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: no such parameter", name);
             return -EINVAL;
         }
-        if (value < order->minimum || value > order->maximum) {
+        if (value < command->minimum || value > command->maximum) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: takes a whole number from %" PRId64 " to %" PRId64 ", not %" PRId64,
-                     name, order->minimum, order->maximum, value);
+                     name, command->minimum, command->maximum, value);
             return -ERANGE;
         }
         if (!recorder->output.is_folder) {
@@ -70,12 +70,12 @@ static int check(const struct recorder *recorder, const DDX_REQUEST *request, ch
         int64_t fits = recorder->geometry.width /* otherwise not known yet; a later line reports it */
                            ? preroll_seconds_max(&recorder->geometry, recorder_ring_frames(recorder))
                            : PRE_ROLL_MAX;
-        if (order->carry_out == set_pre_roll && value > fits) {
+        if (command->execute == set_pre_roll && value > fits) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: %" PRId64 " s do not fit into memory, %" PRId64 " s do; more: -ring",
                      name, value, fits);
             return -ERANGE;
         }
-        if (order->carry_out == split && recorder->paused) {
+        if (command->execute == split && recorder->paused) {
             snprintf(text, DDX_ANSWER_TEXT, "%s: it does not record now", name);
             return -EACCES;
         }
@@ -97,7 +97,7 @@ void commands_tick(struct recorder *recorder) {
         return;
     int status = check(recorder, &request, text);
     for (unsigned i = 0; !status && i < request.count; i++)
-        find(request.change[i].name)->carry_out(recorder, request.change[i].value);
+        find(request.change[i].name)->execute(recorder, request.change[i].value);
     ddx_requests_answer(recorder->requests, status, text);
 }
 

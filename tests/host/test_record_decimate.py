@@ -9,7 +9,7 @@ import pytest
 
 from .programs import Desk, header_of, lost, make_clip, pictures, start_recorder, stop, wait_until
 from .test_pool import COUNT, index_of, recordings, stall, start
-from .test_record_orders import count, reached
+from .test_record_commands import count, reached
 
 
 @pytest.fixture

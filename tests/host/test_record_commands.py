@@ -19,7 +19,7 @@ def clip(desk: Desk) -> pathlib.Path:
     return make_clip(desk.folder / "clip.y4m", frames=COUNT)
 
 
-def order(desk: Desk, *words: str) -> None:
+def command(desk: Desk, *words: str) -> None:
     done = desk.run("ddxctl", "record", *words)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
@@ -43,7 +43,7 @@ def test_split_loses_nothing(desk: Desk, clip: pathlib.Path) -> None:
     loader = desk.start("ddxvideoload", clip, "-readers", "1", "-rate", "0.5")
     for out in 10, 30, 50, 70:
         reached(desk, "in", out)
-        order(desk, "split")
+        command(desk, "split")
     assert loader.wait(60) == 0
     status, saved = stop(saver)
     assert status == 0 and saved["in"] == saved["out"] == COUNT and lost(saved) == 0
@@ -57,7 +57,7 @@ def test_split_without_a_pool(desk: Desk, clip: pathlib.Path) -> None:
     saver = start_recorder(desk, "-output", "rec")
     loader = desk.start("ddxvideoload", clip, "-readers", "1")
     reached(desk, "in", 20)
-    order(desk, "split")
+    command(desk, "split")
     assert loader.wait(60) == 0
     _, saved = stop(saver)
     assert saved["in"] == saved["out"] == COUNT and len(recordings(desk)) == 2
@@ -68,14 +68,14 @@ def test_stop_and_start(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: desk.out("ddxvideosave") > 10)
-    order(desk, "stop")
+    command(desk, "stop")
     wait_until(lambda: [one["state"] for one in listed(desk)] == ["finished"])
     before = desk.stats("ddxvideosave")
     reached(desk, "skipped", before["skipped"] + 10)
     now = desk.stats("ddxvideosave")
     assert now["in"] == now["out"] == before["in"] == len(sequences(desk))
-    order(desk, "start")
-    order(desk, "start")  # it does so already
+    command(desk, "start")
+    command(desk, "start")  # it does so already
     reached(desk, "out", now["out"] + 10)
     _, loaded = stop(loader)
     status, saved = stop(saver)
@@ -104,7 +104,7 @@ def test_the_disk_is_told(desk: Desk, clip: pathlib.Path) -> None:
     assert abs(now["free"] - disk.f_bavail * disk.f_frsize) < 1 << 30
     assert abs(now["usable"] - now["free"]) < 64 << 20
     assert abs(now["seconds_left"] - now["usable"] // now["rate"]) <= 1
-    order(desk, "stop")
+    command(desk, "stop")
     wait_until(lambda: told()["recording"] == 0 and told()["rate"] == 0 and told()["seconds_left"] == -1)
     stop(loader)
     stop(saver)
@@ -115,7 +115,7 @@ def test_begins_paused_if_told(desk: Desk, clip: pathlib.Path) -> None:
     assert desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "3").returncode == 0
     refused = desk.run("ddxctl", "record", "split")
     assert refused.returncode == 2 and "it does not record now" in refused.stderr
-    order(desk, "start", "ddxvideosave")
+    command(desk, "start", "ddxvideosave")
     _, saved = stop(saver)
     assert (saved["in"], saved["out"], saved["skipped"]) == (0, 0, COUNT) and recordings(desk) == []
 
@@ -149,15 +149,15 @@ def test_wrong_words(desk: Desk, words: list[str], status: int, says: str) -> No
 
 
 def test_pre_roll(desk: Desk, clip: pathlib.Path) -> None:
-    """What was there in the second before the order is recorded, without a gap to what comes."""
+    """What was there in the second before the command is recorded, without a gap to the next frames."""
     saver = start(desk, "-start", "paused")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     reached(desk, "skipped", 0)
     too_much = desk.run("ddxctl", "record", "pre-roll", "60")
     assert too_much.returncode == 2 and "do not fit into memory, 1 s do" in too_much.stderr
-    order(desk, "pre-roll", "1")
+    command(desk, "pre-roll", "1")
     reached(desk, "skipped", count(desk, "skipped") + 10)  # by then a second waits, and the oldest are let go of
-    order(desk, "start")
+    command(desk, "start")
     reached(desk, "out", 40)
     _, loaded = stop(loader)
     status, saved = stop(saver)
@@ -175,9 +175,9 @@ def test_before_the_first_frame(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk)
     loader = desk.start("ddxvideoload", clip, "-readers", "2")  # creates the item, and waits
     wait_until(lambda: desk.run("ddxctl", "record", "stop").returncode == 0)
-    order(desk, "pre-roll", "50")
-    order(desk, "start")
-    order(desk, "split")
+    command(desk, "pre-roll", "50")
+    command(desk, "start")
+    command(desk, "split")
     assert desk.start("ddxctl", "watch", "video", "-count", "1").wait(60) == 0
     assert loader.wait(60) == 0
     _, saved = stop(saver)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""No frame goes unmentioned: what the writer wrote is in a file, or some book says why it is not."""
+"""Every frame that the writer wrote is in a file, or a counter has the reason why it is not."""
 from __future__ import annotations
 
 import json
@@ -26,8 +26,8 @@ def clip(desk: Desk) -> pathlib.Path:
 
 def attached(desk: Desk) -> bool:
     """What is written from now on is the recorder's business, and the store knows that."""
-    book = desk.run("ddxctl", "show", "ddxvideosave.stats", "--json").stdout
-    return bool(desk.readers("video")) and '"running":1' in book and '"follows":0' not in book
+    stats = desk.run("ddxctl", "show", "ddxvideosave.stats", "--json").stdout
+    return bool(desk.readers("video")) and '"running":1' in stats and '"follows":0' not in stats
 
 
 def idle_loader(desk: Desk, clip: pathlib.Path) -> Process:
@@ -105,7 +105,7 @@ def started(desk: Desk, clip: pathlib.Path, *options: object) -> Process:
     return saver
 
 
-def test_books_are_kept_longer_than_pictures(tmp_path: pathlib.Path) -> None:
+def test_counters_are_kept_longer_than_pictures(tmp_path: pathlib.Path) -> None:
     """Memory is needed, no program has the items open: pictures go, and a dead program's losses stay known."""
     desk = Desk(tmp_path, "2M")
     try:
@@ -172,7 +172,7 @@ def last_act(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 @pytest.mark.parametrize("moment, out", [("before", 11), ("after", 12)])
 def test_writer_killed_while_it_publishes(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path, moment: str,
                                           out: int) -> None:
-    """The frame is in the item or not, and its successor's book says the same."""
+    """The frame is in the item or not, and its successor counts the same."""
     wrapper = ("env", f"LD_PRELOAD={last_act}", f"LAST_ACT={moment}", "LAST_CALL=12")
     loader = desk.start("ddxvideoload", clip, "-rate", "0", wrapper=wrapper)
     assert loader.wait(60) == -signal.SIGKILL and desk.sequence("video") == out
@@ -250,7 +250,7 @@ def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, la
 
 
 def test_frames_that_only_the_index_has(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path) -> None:
-    """Killed between index and book: the successor finds them on the disk."""
+    """Killed after the index and before the counters: the successor finds them on the disk."""
     folder = desk.folder / "rec"
     folder.mkdir()
     saver = start_recorder(desk, "-output", folder, "-segment", "4", wrapper=(
