@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make test-long T=fuzz: feed the readers of foreign data with what breaks them. fuzz.py [-seconds N] [TARGET...]
 
-The targets are tests/fuzz/<target>.c, built by clang with libFuzzer and sanitizers. New inputs are kept in
-output/fuzz/<target>; one that breaks a target, as output/fuzz/<target>-crash-..., and the exit status is 1.
+The targets are tests/fuzz/<target>.c, built by clang with libFuzzer and sanitizers; `rtps` is Cyclone DDS. New inputs
+are kept in output/fuzz/<target>; one that breaks a target, as output/fuzz/<target>-crash-..., and the exit status is 1.
 """
 import argparse
 import os
@@ -13,7 +13,7 @@ import sys
 
 from parts import defects
 from parts.common import OUTPUT, TOP, Failed, fingerprint, run, say, step
-from parts.image import native
+from parts.image import cyclonedds_fuzzed, native
 
 FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"
@@ -37,6 +37,10 @@ LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "repair": [], "re
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
 LONGEST = 8192  # bytes of an input
+FOREIGN = "rtps"  # not of our sources, but of Cyclone DDS: tests/fuzz/rtps.c
+FOREIGN_FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
+                 "-fno-sanitize-recover=all", "-D_GNU_SOURCE"]
+ALL = sorted([*TARGETS, FOREIGN])
 
 
 def build(target: str, broken: bool) -> pathlib.Path:
@@ -61,19 +65,37 @@ def build(target: str, broken: bool) -> pathlib.Path:
     return program
 
 
+def build_foreign() -> pathlib.Path:
+    """One program: its library has the defect and a switch."""
+    FUZZ.mkdir(parents=True, exist_ok=True)
+    program, source, library = FUZZ / f"fuzz-{FOREIGN}", TOP / f"tests/fuzz/{FOREIGN}.c", cyclonedds_fuzzed.fuzzed()
+
+    def compile_it() -> None:
+        run(["clang", *FOREIGN_FLAGS, f"-isystem{library / 'include'}", source, library / "libddsc.a", "-o", program])
+
+    step(f"fuzz: {program.name}", program.with_suffix(".stamp"), fingerprint([source], library.name, *FOREIGN_FLAGS),
+         compile_it)
+    return program
+
+
+def seeds(target: str) -> list[pathlib.Path]:
+    """Folders with inputs to begin with."""
+    theirs = [cyclonedds_fuzzed.fuzzed() / "seeds"] if target == FOREIGN else []
+    return [TOP / "tests/fuzz/corpus" / target, *theirs]
+
+
 def fuzz(target: str, seconds: int, broken: str = "", corpus: pathlib.Path | None = None,
          seed: int = 0) -> tuple[bool, str]:
     """Run a target for this time, with a defect if `broken` names one. Whether nothing was found, and what libFuzzer
     says. A seed other than 0: the same inputs each time, as far as the time allows."""
-    program = build(target, bool(broken))
+    program = build_foreign() if target == FOREIGN else build(target, bool(broken))
     found = FUZZ / target if corpus is None else corpus
     found.mkdir(parents=True, exist_ok=True)
     artifacts = FUZZ if corpus is None else corpus
     options = [f"-seed={seed}", f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-timeout=20",
                "-rss_limit_mb=2000",
                "-print_final_stats=1", f"-artifact_prefix={artifacts}/{target}-"]
-    corpora = [found, TOP / "tests/fuzz/corpus" / target]
-    done = subprocess.run([program, *options, *corpora], env={**os.environ, "DDX_BROKEN": broken},
+    done = subprocess.run([program, *options, found, *seeds(target)], env={**os.environ, "DDX_BROKEN": broken},
                           stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
                           errors="replace")
     return done.returncode == 0, done.stdout
@@ -82,14 +104,14 @@ def fuzz(target: str, seconds: int, broken: str = "", corpus: pathlib.Path | Non
 def main() -> int:
     parser = argparse.ArgumentParser()
     parser.add_argument("-seconds", type=int, default=300, help="for each target")
-    parser.add_argument("targets", nargs="*", default=list(TARGETS))
+    parser.add_argument("targets", nargs="*", default=ALL)
     options = parser.parse_args()
     good = True
     try:
         native.build()
-        for target in options.targets or TARGETS:
-            if target not in TARGETS:
-                raise Failed(f"no target {target}; there are {', '.join(TARGETS)}")
+        for target in options.targets or ALL:
+            if target not in ALL:
+                raise Failed(f"no target {target}; there are {', '.join(ALL)}")
             say(f"fuzz: {target}: {options.seconds} s ...")
             fine, text = fuzz(target, options.seconds)
             lines = text.splitlines()
