@@ -3,6 +3,8 @@
  * Writes an item, or reads one of another machine:
  *   catalog_client write ITEM         creates it; for each number N on standard input N values, one a millisecond
  *   catalog_client read HOST ITEM     prints each value in hexadecimal; HOST "-": this machine
+ *   catalog_client items COUNT        creates items i0, i1, ... with a value each, until standard input is closed
+ *   catalog_client visit HOST COUNT   reads the newest value of each of these, and prints how many there were
  */
 #include <ddx.h>
 #include <errno.h>
@@ -104,11 +106,58 @@ static int read_values(DDX_STORE_ID *id, const char *name) {
     return failed(name, error);
 }
 
+static int create_items(DDX_STORE_ID *id, int count) {
+    for (int i = 0; i < count; i++) {
+        const struct value value = value_of(i);
+        char name[16];
+        const struct ddx_item_spec spec = {.name = name, .type = "SENSOR", .declaration = declaration,
+                                           .size = sizeof value};
+        DDX_STORE_ITEM *item;
+
+        snprintf(name, sizeof name, "i%d", i);
+        int error = ddx_store_create(id, &spec, &item);
+        if (!error)
+            error = ddx_store_write(item, &value, NULL);
+        if (error)
+            return failed(name, error);
+    }
+    puts("created");
+    fflush(stdout);
+    return getchar() != EOF;
+}
+
+/* The items stay open until all were read. */
+static int visit_items(DDX_STORE_ID *id, int count) {
+    for (int i = 0; i < count; i++) {
+        DDX_STORE_ITEM *item;
+        struct ddx_frame frame;
+        struct value value;
+        char name[16];
+
+        snprintf(name, sizeof name, "i%d", i);
+        while (!(item = ddx_store_lookup_item(id, name, NULL, 0)) && errno == ENOENT)
+            pause_ms(20);
+        int error = item ? ddx_store_acquire(item, &frame, PATIENCE, DDX_CURRENT) : errno;
+        if (error)
+            return failed(name, error);
+        memcpy(&value, frame.data, sizeof value);
+        ddx_store_release(item);
+        if (value.number != i)
+            return failed("value", EBADMSG);
+    }
+    printf("%d\n", count);
+    return 0;
+}
+
 int main(int argc, char **argv) {
     const char *host = argc == 4 && strcmp(argv[2], "-") ? argv[2] : NULL;
     DDX_STORE_ID *id = argc > 2 ? ddx_store_open(host, 0, PATIENCE) : NULL;
 
     if (!id)
         return failed("store", errno);
+    if (!strcmp(argv[1], "items"))
+        return create_items(id, atoi(argv[2]));
+    if (!strcmp(argv[1], "visit"))
+        return visit_items(id, atoi(argv[3]));
     return argc == 4 ? read_values(id, argv[3]) : write_values(id, argv[2]);
 }

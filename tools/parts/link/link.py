@@ -7,8 +7,8 @@
         link.counts().down[0].bytes
 
 `down` is from the robot to an operator, `up` the way back. The link decides on each UDP packet, on one of a group for
-each operator by itself; all else, such as ARP and IGMP, passes. Operators do not see each other. The namespaces end
-with the link and the programs in them.
+each operator by itself; all else, such as ARP and IGMP, passes. Operators do not see each other, unless they `meet`:
+then nothing is lost or counted. The namespaces end with the link and the programs in them.
 """
 from __future__ import annotations
 
@@ -84,8 +84,8 @@ class Link:
     """`back`: what the way back loses, if it is not the same as `loss`."""
 
     def __init__(self, operators: int = 1, loss: loss.Pattern = loss.NOTHING, delay_ms: float = 0, seed: int = 1,
-                 back: loss.Pattern | None = None) -> None:
-        self._words = [str(operators), str(delay_ms), str(seed)]
+                 back: loss.Pattern | None = None, meet: bool = False) -> None:
+        self._words = [str(operators), str(delay_ms), str(seed), *(["meet"] if meet else [])]
         self.delay_ms, self._operators, self._loss, self._back = delay_ms, operators, loss, back
 
     def __enter__(self) -> Link:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The relay of a lossy link, a process: makes the network namespaces and holds the other ends of their TAP devices.
 
-python -m parts.link.relay OPERATORS DELAY_MS SEED. Prints its namespaces as file descriptors, the robot's first; others
-open them as /proc/<pid>/fd/<number>. Then each line of standard input is an order in JSON, answered by a line:
+python -m parts.link.relay OPERATORS DELAY_MS SEED [meet]. Prints its namespaces as file descriptors, the robot's
+first; others open them as /proc/<pid>/fd/<number>. With `meet` it is a switch: each sees all others, and nothing is
+lost. Then each line of standard input is an order in JSON, answered by a line:
 {"lose": [[operator, direction, pattern], ...]} or {"counts": true}. Exits when standard input is closed.
 """
 from __future__ import annotations
@@ -141,17 +142,21 @@ def udp_port(frame: bytes) -> int | None:
 
 
 class Relay:
-    def __init__(self, operators: int, delay: float, seed: int) -> None:
+    def __init__(self, operators: int, delay: float, seed: int, meet: bool = False) -> None:
         self.delay, self.seed = delay, seed
         others = range(2, operators + 2)
         self.ports = [Port(1, others), *(Port(number, [1]) for number in others)]
+        self.switched = [Way(port.tap) for port in self.ports] if meet else []
         self.down = [Way(self.ports[1 + one].tap) for one in range(operators)]
         self.up = [Way(self.ports[0].tap) for _ in range(operators)]
         self.waiting: collections.deque[tuple[float, Way, Flow | None, bytes]] = collections.deque()
         self.late = 0.0  # s that a packet waited beyond its delay, at most
 
     def ways(self, port: int, frame: bytes) -> list[Way]:
-        """Where the frame goes. Operators do not see each other."""
+        """Where the frame goes. Operators do not see each other, unless all meet."""
+        if self.switched:
+            return [way for number, way in enumerate(self.switched)
+                    if number != port and (frame[0] & 1 or frame[:6] == mac(number + 1))]
         if port:
             return [self.up[port - 1]]
         if frame[0] & 1:
@@ -216,7 +221,7 @@ class Relay:
 
 
 def main() -> None:
-    relay = Relay(int(sys.argv[1]), float(sys.argv[2]) / 1000, int(sys.argv[3]))
+    relay = Relay(int(sys.argv[1]), float(sys.argv[2]) / 1000, int(sys.argv[3]), "meet" in sys.argv[4:])
     with contextlib.suppress(PermissionError):  # what the programs at both ends compute must not become a delay
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     print(json.dumps([port.namespace for port in relay.ports]), flush=True)
