@@ -66,6 +66,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_replay.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stereo.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_view.py)
+	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_catalog.py)
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))

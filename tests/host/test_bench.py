@@ -105,7 +105,7 @@ def test_report_and_picture(measured: Run, tmp_path: pathlib.Path) -> None:
 
 @pytest.mark.parametrize("words", [("bench.py", "-rounds", "1", "-cases", "cif-1x1-zero,direct"), ("bench_stream.py",),
                                    ("bench_replay.py",), ("bench_loss.py",), ("bench_stereo.py",),
-                                   ("bench_view.py",)], ids=lambda words: str(words[0]))
+                                   ("bench_view.py",), ("bench_catalog.py",)], ids=lambda words: str(words[0]))
 def test_each_part_runs(words: tuple[str, ...]) -> None:
     """`make bench` in short: what it starts and reads still fits the programs. Figures are not judged."""
     done = subprocess.run([*MORTAL, sys.executable, "-B", TOP / "tools" / words[0], *words[1:], "-short"], timeout=120,
@@ -114,7 +114,8 @@ def test_each_part_runs(words: tuple[str, ...]) -> None:
     found = {"bench.py": r"cif-1x1-zerocopy +ddx ", "bench_stream.py": r"h264 (.|\n)*mpeg4 (.|\n)*SRTP \d",
              "bench_replay.py": r"replay: [1-9]\d* values", "bench_loss.py": r"clean, short, .* shown [1-9]",
              "bench_stereo.py": r"368x248, 48 disparities, SGBM: ",
-             "bench_view.py": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]"}[words[0]]
+             "bench_view.py": r"forward .*\n.*back .*\n.* start (.|\n)*frame: [1-9]",
+             "bench_catalog.py": r"first .*\nmirror .* ratio \d.*\nclock .*\d"}[words[0]]
     assert re.search(found, done.stdout), done.stdout
 
 

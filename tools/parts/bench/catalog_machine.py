@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A machine with a store and a catalog for the catalog's benchmark, and the programs that write and read there."""
+from __future__ import annotations
+
+import json
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from parts.bench.programs import Programs, cpu_seconds
+from parts.common import MORTAL, OUTPUT, TOP, Failed, wait_until
+from parts.link.link import Node
+
+BENCH = OUTPUT / "desk/ddxcatalog/bench"
+
+
+class Client:
+    """A program that answers a line by a line."""
+
+    def __init__(self, command: Sequence[str | os.PathLike[str]], **options: Any) -> None:
+        self.process = subprocess.Popen([*MORTAL, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+                                        **options)
+
+    def line(self) -> str:
+        assert self.process.stdout
+        if not (line := self.process.stdout.readline()):
+            raise Failed(f"{self.process.args!r} has stopped")
+        return str(line.strip())
+
+    def say(self, text: object = "") -> None:
+        assert self.process.stdin
+        self.process.stdin.write(f"{text}\n")
+        self.process.stdin.flush()
+
+    def ask(self, text: object = "") -> int:
+        self.say(text)
+        return int(self.line())
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.communicate()
+
+
+class Reader:
+    """A program that prints a number for each value, -1 for one that it has missed."""
+
+    def __init__(self, command: Sequence[str | os.PathLike[str]], path: pathlib.Path, **options: Any) -> None:
+        self.path = path
+        with path.open("w") as file:
+            self.process = subprocess.Popen([*MORTAL, *command], stdout=file, **options)
+
+    def numbers(self) -> list[float]:
+        """So far, in microseconds."""
+        return [float(line) for line in self.path.read_text().split("\n")[:-1]]
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+class Machine(Programs):
+    def __init__(self, folder: pathlib.Path, name: str, node: Node, rules: str = "") -> None:
+        folder.mkdir()
+        (folder / "exports.conf").write_text(rules)
+        super().__init__(folder, node.inside)
+        self.name, self.node = name, node
+        self.catalog = self.start("catalog", "-machine", name, "-c", "exports.conf")
+        self.clients: list[Client | Reader] = []
+
+    def ctl(self, *words: str) -> str:
+        return subprocess.run([self.bin / "ddxctl", *words], env=self.environment, stdout=subprocess.PIPE,
+                              stderr=subprocess.DEVNULL, text=True, check=False).stdout
+
+    def others(self) -> list[dict[str, Any]]:
+        """The machines that are heard, with their clocks."""
+        shown = self.ctl("show", "catalog.machines", "--json")
+        return list(json.loads(shown)["value"]["machine"]) if shown else []
+
+    def wait_for(self, item: str) -> None:
+        """Until this item of another machine is known here."""
+        wait_until(lambda: f'"{item}"' in self.ctl("catalog", "--json"), f"{item} is not heard")
+
+    def counters(self) -> dict[str, Any]:
+        return dict(self._counters("catalog")[0])
+
+    def readers(self, item: str) -> int:
+        shown = self.ctl("list", "--json")
+        found = json.loads(shown)["items"] if shown else []
+        return next((int(one["readers"]) for one in found if one["name"] == item), 0)
+
+    def writer(self, *words: str) -> Client:
+        client = Client([*self.inside, BENCH, *words], env=self.environment)
+        self.clients.append(client)
+        return client
+
+    def reader(self, *words: str) -> Reader:
+        reader = Reader([*self.inside, BENCH, *words], self.folder / f"reader-{len(self.clients)}",
+                        env=self.environment)
+        self.clients.append(reader)
+        return reader
+
+    def sniffer(self, mark: bytes) -> Client:
+        client = Client([*self.inside, sys.executable, "-B", "-m", "parts.bench.sniff", mark.hex()], cwd=TOP / "tools")
+        self.clients.append(client)
+        client.line()
+        return client
+
+    def sent(self) -> int:
+        """Bytes that this machine has sent, headers included."""
+        text = self.node.run(["cat", "/proc/net/dev"], stdout=subprocess.PIPE).stdout
+        return sum(int(line.split(":")[1].split()[8]) for line in text.splitlines()[2:]
+                   if line.split(":")[0].strip() != "lo")
+
+    def private_mib(self) -> float:
+        """Memory that the catalog alone has."""
+        text = pathlib.Path(f"/proc/{self.catalog.pid}/smaps_rollup").read_text()
+        return sum(map(int, re.findall(r"^Private_\w+: +(\d+) kB", text, re.M))) / 1024
+
+    def end(self) -> None:
+        for client in self.clients:
+            client.end()
+        self.catalog.kill()
+        super().end()
+
+
+def percent_while(process: subprocess.Popen[Any], action: Callable[[], object]) -> float:
+    """Of a core, that the process takes while the action runs."""
+    before, begin = cpu_seconds(process), time.monotonic()
+    action()
+    return 100 * (cpu_seconds(process) - before) / (time.monotonic() - begin)

@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""A process that counts the packets which contain these bytes: python -m parts.bench.sniff HEX. It sees all that comes
+to the interfaces of its network. It answers "ready", and each line of standard input by the count so far."""
+from __future__ import annotations
+
+import select
+import socket
+import sys
+
+ETH_P_ALL = 3
+BUFFER = 4 << 20
+
+
+def main() -> None:
+    mark, count = bytes.fromhex(sys.argv[1]), 0
+    with socket.socket(socket.AF_PACKET, socket.SOCK_RAW, socket.htons(ETH_P_ALL)) as packets:
+        packets.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER)
+        print("ready", flush=True)
+        while True:
+            ready = select.select([packets, sys.stdin], [], [])[0]
+            if packets in ready:  # before an answer, so that it is complete
+                count += mark in packets.recv(65536)
+            elif sys.stdin.readline():
+                print(count, flush=True)
+            else:
+                return
+
+
+if __name__ == "__main__":
+    main()
