@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes CIF pictures: pictures_client.py ITEM LAYOUT. For each number on standard input a picture; answers with the
-SHA-256 of what ROS is to see of it."""
+"""Writes pictures, CIF without other sides: pictures_client.py ITEM LAYOUT [WIDTH HEIGHT]. For each number on standard
+input a picture; answers with the SHA-256 of what ROS is to see of it."""
 from __future__ import annotations
 
 import hashlib
@@ -22,8 +22,9 @@ def rgb(y: Any, u: Any, v: Any) -> Any:
 
 
 def main() -> None:
-    name, layout = sys.argv[1:]
-    with ddx.Store(timeout=20) as store, ddxvideo.create_video(store, name, 352, 288, 25, layout=layout) as item:
+    name, layout, *sides = sys.argv[1:]
+    width, height = map(int, sides or (352, 288))
+    with ddx.Store(timeout=20) as store, ddxvideo.create_video(store, name, width, height, 25, layout=layout) as item:
         for line in sys.stdin:
             random = np.random.default_rng(int(line))
             with item.loan() as out:

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A node of ROS 2, with the Python of tools/parts/image/peers.py:
     ros_peer.py listen TOPIC PACKAGE/msg/TYPE     prints each message as a line of JSON; bytes as SHA-256
+    ros_peer.py late TOPIC PACKAGE/msg/TYPE       the same with durability transient_local
     ros_peer.py talk TOPIC PACKAGE/msg/TYPE       publishes each line of JSON of standard input while it has a reader;
                                                   prints how many readers it has found so far
     ros_peer.py find TOPIC                        type of the topic, and its hash, as ROS finds them
@@ -47,6 +48,11 @@ def listen(node: Any, topic: str, kind: Any) -> None:
     rclpy.spin(node)
 
 
+def late(node: Any, topic: str, kind: Any) -> None:
+    QOS.durability = rclpy.qos.DurabilityPolicy.TRANSIENT_LOCAL
+    listen(node, topic, kind)
+
+
 def talk(node: Any, topic: str, kind: Any) -> None:
     found = [0]
     events = importlib.import_module("rclpy.event_handler").PublisherEventCallbacks(
@@ -73,7 +79,8 @@ def main() -> None:
     if what == "find":
         return find(node, topic)
     package, _, kind = names[0].split("/")
-    {"listen": listen, "talk": talk}[what](node, topic, getattr(importlib.import_module(f"{package}.msg"), kind))
+    message = getattr(importlib.import_module(f"{package}.msg"), kind)
+    {"listen": listen, "late": late, "talk": talk}[what](node, topic, message)
 
 
 main()

@@ -253,6 +253,32 @@ def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
     assert lost(robot.counters()) == 0
 
 
+def test_a_late_subscriber_of_ros_gets_the_newest_value(begin: Begin, laptop: Laptop) -> None:
+    """One of durability transient_local does not match topics of other items."""
+    robot = begin("item imu latched as=sensor_msgs/msg/Imu topic=/imu/data\n")
+    writer = values(robot, "imu", "IMU", IMU)
+    for number in range(1, 4):
+        put(writer, imu(number))
+    for number in (3, 4):  # without another reader, and beside one
+        late = laptop.ros("late", "/imu/data", "sensor_msgs/msg/Imu")
+        assert json.loads(read(late, 1)[0])["linear_acceleration"]["x"] == -number
+        put(writer, imu(4))
+
+
+def test_a_value_that_is_too_large(begin: Begin, laptop: Laptop) -> None:
+    """As rgb8 it would have 17 MB."""
+    robot = begin("item large as=sensor_msgs/msg/Image topic=/large\n")
+    writer = client(robot, "pictures_client.py", "large", "YUV420P", "2560", "2240")
+    laptop.ros("listen", "/large", "sensor_msgs/msg/Image")
+    assert writer.stdin
+    writer.stdin.write("1\n")
+    writer.stdin.flush()
+    read(writer, 1)
+    wait_until(lambda: bool(robot.counters()["in"] == 1))
+    counters = robot.counters()
+    assert (counters["out"], counters["lost"]["size"], lost(counters)) == (0, 1, 1)
+
+
 TWIST = f"struct {{ {VECTOR} linear; {VECTOR} angular; }}"
 
 
