@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A node of ROS 2, with the Python of tools/parts/image/peers.py:
-    ros_peer.py listen TOPIC PACKAGE/msg/TYPE     prints each message as a line of JSON; bytes as SHA-256
+    ros_peer.py listen TOPIC,... PACKAGE/msg/TYPE prints each message as a line of JSON; bytes as SHA-256
     ros_peer.py late TOPIC PACKAGE/msg/TYPE       the same with durability transient_local
     ros_peer.py talk TOPIC PACKAGE/msg/TYPE       publishes each line of JSON of standard input while it has a reader;
                                                   prints how many readers it has found so far
@@ -44,7 +44,8 @@ def fill(message: Any, values: dict[str, Any]) -> Any:
 
 
 def listen(node: Any, topic: str, kind: Any) -> None:
-    node.create_subscription(kind, topic, lambda message: print(json.dumps(plain(message)), flush=True), QOS)
+    for one in topic.split(","):
+        node.create_subscription(kind, one, lambda message: print(json.dumps(plain(message)), flush=True), QOS)
     rclpy.spin(node)
 
 

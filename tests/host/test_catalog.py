@@ -48,7 +48,7 @@ class Machine:
         self.catalog = self.start_catalog()
 
     def end(self) -> None:
-        self.catalog.kill()  # told to stop, it would wait for what another machine has not confirmed, a second per item
+        self.catalog.kill()  # told to stop, it would wait a second for what another machine has not confirmed
         self.desk.end()
 
     def start_catalog(self) -> Process:

@@ -6,7 +6,9 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -16,7 +18,7 @@ from parts.common import MORTAL, TOP, Failed
 from parts.image import peers
 from parts.link.link import Link
 
-from .programs import Compiler, Process, lost, wait_until
+from .programs import Compiler, Process, lost, stop, wait_until
 from .test_catalog import Machine, read, write
 
 HERE = pathlib.Path(__file__).parent
@@ -332,6 +334,26 @@ def test_ros_reads_an_item_of_any_type(begin: Begin, laptop: Laptop) -> None:
         assert message["part"] == [{"x": 1.5 * number + i, "a": [number + 10 * i + k for k in range(3)]}
                                    for i in range(2)]
         write(writer, 1)
+
+
+def test_a_catalog_is_stopped_while_readers_are_silent(begin: Begin, laptop: Laptop) -> None:
+    """It gives them one second in all, not each."""
+    robot = begin("")
+    names = [f"s{number}" for number in range(8)]
+    writers = [robot.start("write", name) for name in names]
+    for writer in writers:
+        write(writer, 1)
+    package = str(peers.ros_package("ddx", {"SENSOR": MESSAGE, "SENSORPart": PART}))
+    laptop.environment |= {"PYTHONPATH": package, "LD_LIBRARY_PATH": package}
+    node = laptop.ros("listen", ",".join(f"/robot/{name}" for name in names), "ddx/msg/SENSOR")
+    read(node, len(names))
+    node.send_signal(signal.SIGSTOP)
+    for writer in writers:
+        write(writer, 1)
+    wait_until(lambda: bool(robot.counters()["out"] == 2 * len(names)))
+    begun = time.monotonic()
+    assert stop(robot.catalog)[0] == 0
+    assert time.monotonic() - begun < 3  # a second each, DDS would take longer
 
 
 def test_records_that_no_catalog_sends(begin: Begin, laptop: Laptop) -> None:

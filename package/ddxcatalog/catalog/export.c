@@ -182,6 +182,7 @@ static void announce_machine(struct exports *exports) {
 }
 
 void exports_look(struct exports *exports, const struct ddx_item_info *items, unsigned count) {
+    network_linger(exports->catalog->network);
     announce_machine(exports);
     for (struct export *export = exports->first; export; export = export->next)
         export->there = false;
@@ -222,6 +223,7 @@ struct exports *exports_open(struct catalog *catalog) {
 }
 
 void exports_withdraw(struct exports *exports) {
+    network_linger(exports->catalog->network);
     while (exports->first) {
         struct export *export = exports->first;
 

@@ -14,6 +14,7 @@ struct network {
     uint32_t address[NETWORK_ADDRESSES]; /* of this machine when it was opened; IPv4, as DDS uses here */
     unsigned addresses;
     char interface[IF_NAMESIZE]; /* that was named, or "" */
+    int64_t linger;              /* until when writers that are closed wait; ns, monotonic */
 };
 
 /* The addresses by which other machines can reach this one, of one interface or, NULL, of all. How many there are. */
@@ -28,6 +29,9 @@ dds_entity_t network_topic(struct network *network, const char *name, const stru
 
 /* Let the event be called when a status of the mask changes. 0 or -errno. */
 int network_attach(struct network *network, dds_entity_t entity, uint32_t status, const struct network_event *event);
+
+/* A writer, once its readers have confirmed what they were sent, or the time of network_linger() is over. */
+void network_delete_writer(const struct network *network, dds_entity_t writer);
 
 /* QoS of all topics; to dds_delete_qos(). NULL: no memory. */
 dds_qos_t *network_qos(const struct description *description, int depth);

@@ -42,6 +42,12 @@ int network_open(const struct network_options *options, struct network **network
  */
 bool network_moved(const struct network *network);
 
+/*
+ * All writers that are closed from now on wait one second, counted from now, for their readers to confirm what they
+ * were sent; without this call, they do not wait.
+ */
+void network_linger(struct network *network);
+
 /* Readers and writers are closed before. NULL is allowed. */
 void network_close(struct network *network);
 

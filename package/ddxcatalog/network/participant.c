@@ -2,6 +2,7 @@
 #include "internal.h"
 
 #include <ctype.h>
+#include <dds/ddsrt/time.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +12,7 @@
 
 #define LEASE "3s" /* a machine that is not heard for so long is away */
 #define EVENTS 64  /* at a time */
+#define LINGER DDS_SECS(1)
 /* The first free pair of ports, so that they are known in advance. The last pair of domain 232 is below port 65536. */
 #define PAIRS "50"
 #define PORTS "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>" PAIRS "</MaxAutoParticipantIndex>"
@@ -48,7 +50,9 @@ static char *settings(const struct network_options *options) {
     fputs("<Discovery><LeaseDuration>" LEASE "</LeaseDuration>" PORTS "<Peers>", to);
     for (const char *const *peer = options->peers; *peer; peer++)
         fprintf(to, "<Peer address=\"%s\"/>", *peer);
-    fputs("</Peers></Discovery><Tracing><Verbosity>none</Verbosity></Tracing>", to);
+    /* DDS would wait for each writer that is deleted, one after the other: network_delete_writer() does. */
+    fputs("</Peers></Discovery><Internal><WriterLingerDuration>0s</WriterLingerDuration></Internal>", to);
+    fputs("<Tracing><Verbosity>none</Verbosity></Tracing>", to);
     bool bad = ferror(to);
     if (fclose(to) || bad) {
         free(text);
@@ -95,6 +99,17 @@ void network_close(struct network *network) {
     if (network && network->domain > 0)
         dds_delete(network->domain);
     free(network);
+}
+
+void network_linger(struct network *network) {
+    network->linger = ddsrt_time_monotonic().v + LINGER;
+}
+
+void network_delete_writer(const struct network *network, dds_entity_t writer) {
+    int64_t left = network->linger - ddsrt_time_monotonic().v;
+
+    dds_wait_for_acks(writer, left > 0 ? left : 0);
+    dds_delete(writer);
 }
 
 int network_attach(struct network *network, dds_entity_t entity, uint32_t status, const struct network_event *event) {

@@ -13,6 +13,7 @@ static const char text[] = "uint64 machine\nstring item\nstring name\nint64 sinc
                            "string type\nstring declaration\nstring extents\nstring topic\n";
 
 struct network_records {
+    const struct network *network;
     dds_entity_t topic, reader, writer;
 };
 
@@ -21,6 +22,7 @@ static int open_both(struct network *network, struct network_records *records, c
 
     if (!qos)
         return -ENOMEM;
+    records->network = network;
     dds_qset_durability(qos, DDS_DURABILITY_TRANSIENT_LOCAL);
     dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, BLOCKING);
     dds_qset_ignorelocal(qos, DDS_IGNORELOCAL_PARTICIPANT);
@@ -55,10 +57,12 @@ int network_records_open(struct network *network, const struct network_event *ev
 void network_records_close(struct network_records *records) {
     if (!records)
         return;
-    const dds_entity_t all[] = {records->reader, records->writer, records->topic};
-    for (unsigned i = 0; i < sizeof all / sizeof *all; i++)
-        if (all[i] > 0)
-            dds_delete(all[i]);
+    if (records->reader > 0)
+        dds_delete(records->reader);
+    if (records->writer > 0)
+        network_delete_writer(records->network, records->writer);
+    if (records->topic > 0)
+        dds_delete(records->topic);
     free(records);
 }
 

@@ -12,6 +12,7 @@
 #define UNREAD 128 /* small ones that a reader keeps for us while this program does not run */
 
 struct network_writer {
+    const struct network *network;
     dds_entity_t topic, writer;
     const struct ddsi_sertype *type;
 };
@@ -36,6 +37,7 @@ int network_writer_open(struct network *network, const char *topic, const struct
     }
 
     if (!error) {
+        writer->network = network;
         writer->topic = network_topic(network, topic, description, 0);
         writer->writer = writer->topic < 0 ? writer->topic
                                            : dds_create_writer(network->participant, writer->topic, qos, NULL);
@@ -53,7 +55,7 @@ int network_writer_open(struct network *network, const char *topic, const struct
 
 void network_writer_close(struct network_writer *writer) {
     if (writer && writer->writer > 0)
-        dds_delete(writer->writer);
+        network_delete_writer(writer->network, writer->writer);
     if (writer && writer->topic > 0)
         dds_delete(writer->topic);
     free(writer);
