@@ -9,13 +9,13 @@ PAGE = TOP / "docs/architecture.md"
 PROGRAMS = {
     "package/ddxcatalog/catalog/catalog.c": "`catalog`",
     "package/ddxlog/log/logger.c": "`ddxlog`",
-    "package/ddxlog/play/replay.c": "`ddxvideoload`, `ddxlog replay`",
+    "package/ddxlog/play/replay.c": "`ddxvideoload`, `ddxlog -replay`",
     "package/ddxvideo/grab/grabber.c": "`ddxvideoV4L`, `ddxvideo1394`",
-    "package/ddxvideo/load/player.c": "`ddxvideoload`, `ddxlog replay`",
+    "package/ddxvideo/load/player.c": "`ddxvideoload`, `ddxlog -replay`",
     "package/ddxvideo/play/player.c": "`ddxvideoplay`",
     "package/ddxvideo/save/recorder.c": "`ddxvideosave`",
     "package/ddxvideo/stereo/main.c": "`ddxvideoSVS`",
-    "package/ddxvideo/stream/receive/viewer_state.h": "`decode`",
+    "package/ddxvideo/stream/receive/viewer_state.h": "`decode`, `ddxvideoview -port`",
     "package/ddxvideo/stream/send/sender.c": "`ddxvideosend`",
 }
 
