@@ -7,7 +7,7 @@ import re
 from parts.guest import qemu, session, testdisk
 from parts.media import clip as default_clip
 
-SECONDS = 10
+SECONDS = 8
 FRAMES = SECONDS * default_clip.RATE
 
 
@@ -20,15 +20,18 @@ def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
     """MPEG-4, since an emulated processor is too slow for H.264: each frame that is shown is the one that is said."""
     clip = work / "stream.y4m"
     default_clip.write(clip, SECONDS)
-    settings = {"ddxvideosend.conf": "codec=mpeg4\ninterface=lo\n", "ddxvideoload.conf": "readers=2\n"}
+    settings = {"ddxvideosend.conf": "enabled=yes\ncodec=mpeg4\ninterface=lo\n", "ddxvideoload.conf": "readers=3\n"}
     with boot("stream", test_disk=testdisk.make(work / "stream.img", clip, settings)) as guest:
         guest.shell()
         guest.sh("decode -headless -interface lo -print > /tmp/shown 2> /tmp/said &")
-        guest.wait_until("netstat -uln | grep -q :8000")
-        guest.sh("ddxctl enable ddxvideosend")  # the second reader: now the clip begins
-        guest.wait_until("ddxctl stats --json | grep -q 'ddxvideosend.*\"out\":[1-9]'")
+        guest.wait_until("netstat -uln | grep -q :8000", pause=0.1)
+        # The third reader, after recorder and sender: the clip begins. The loader may not have made the item yet.
+        guest.sh("until ddxctl watch video; do sleep 0.1; done > /dev/null 2>&1 &")
         session.wait_for_clip(guest, FRAMES)
-        guest.sh("sleep 1; kill $(pidof decode); sleep 1")
+        sent = f"\"ddxvideosend\",\"in\":{FRAMES},\"out\":[0-9]*,\"waiting\":0"
+        guest.wait_until(f"ddxctl stats --json | grep -q '{sent}'")
+        guest.sh("kill $(pidof decode)")
+        guest.wait_until("! pidof decode", pause=0.1)
         shown = guest.sh("cat /tmp/shown")
         said = guest.sh("cat /tmp/said /run/log/ddxvideosend/current")
         session.stop_recorder(guest)
