@@ -144,7 +144,7 @@ def moments(log: pathlib.Path, part: mbr.Partition, marks: mbr.Partition) -> lis
 
 
 def choose(seen: list[Moment], cuts: int, chance: random.Random) -> dict[int, bool]:
-    """Writes behind which the power goes, half of them near an event; and whether they are."""
+    """Writes after which the power goes, half of them near an event; and whether they are."""
     begin = next((number for number, one in enumerate(seen) if one.acknowledged or one.newest > 2 * RATE), len(seen))
     events = [number for number in range(begin, len(seen)) if seen[number].event]
     if not events:

@@ -19,7 +19,7 @@ core() {
 		$(sed 's/#.*//' "$common/grub-modules.txt")
 }
 
-# Legacy BIOS: MBR and the gap behind it. UEFI, where the board has it: a file that firmware looks for on any disk.
+# Legacy BIOS: MBR and the gap after it. UEFI, where the board has it: a file that firmware looks for on any disk.
 cp "$grub/i386-pc/boot.img" "$BINARIES_DIR/"
 core i386-pc "$BINARIES_DIR/core.img" biosdisk
 mkdir -p "$boot/grub"

@@ -187,7 +187,7 @@ VECTOR = "struct { double x; double y; double z; }"
 IMU = f"""struct {{ struct {{ double x; double y; double z; double w; }} orientation; double orientation_covariance[9];
     {VECTOR} angular_velocity; double angular_velocity_covariance[9];
     {VECTOR} linear_acceleration; double linear_acceleration_covariance[9]; }}"""
-# Fields of many sizes behind a name of any length.
+# Fields of many sizes after a name of any length.
 FIX = """struct { struct { int8_t status; uint16_t service; } status; double latitude; double longitude;
     double altitude; double position_covariance[9]; uint8_t position_covariance_type; }"""
 

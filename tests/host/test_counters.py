@@ -149,7 +149,7 @@ def test_full_disk_again_and_again(desk: Desk, clip: pathlib.Path, small_disk: p
 
 
 def test_change_of_size_into_one_file(desk: Desk, clip: pathlib.Path) -> None:
-    """What comes behind the change is lost, and counted: by the recorder, or by its successor."""
+    """What comes after the change is lost, and counted: by the recorder, or by its successor."""
     saver = started(desk, clip)
     other = make_clip(desk.folder / "other.y4m", "32x32", "100", 20)
     assert desk.run("ddxvideoload", other, "-instance", "other").returncode == 0
@@ -228,7 +228,7 @@ def test_two_recorders_and_one_file(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path) -> None:
-    """The file was counted: it stays, is cut behind its last whole frame, and the next one gets another name."""
+    """The file was counted: it stays, is cut after its last whole frame, and the next one gets another name."""
     out = desk.folder / "out.y4m"
     saver = start_recorder(desk, "-output", "out.y4m", wrapper=("env", f"LD_PRELOAD={last_act}", "LAST_ACT=written",
                                                                 "LAST_CALL=20"))

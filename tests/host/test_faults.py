@@ -67,7 +67,7 @@ def check_stopped_by_disk(desk: Desk, saver: Process, recorded: pathlib.Path, cl
     frames = pictures(recorded)
     assert len(frames) == counters["out"] > 0
     assert frames == (pictures(clip) * 20)[:len(frames)]
-    assert recorded.read_bytes().endswith(frames[-1])  # nothing behind the last whole frame
+    assert recorded.read_bytes().endswith(frames[-1])  # nothing after the last whole frame
     assert len(frame_md5(recorded)) == len(frames)
     assert desk.run("ddxvideoload", recorded, "-rate", "0").returncode == 0
     return counters

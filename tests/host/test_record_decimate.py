@@ -77,7 +77,7 @@ def test_paused_and_chosen(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_what_is_lost_in_the_pre_roll_was_wanted(desk: Desk, clip: pathlib.Path) -> None:
-    """Between pictures that wait; also where the first frame behind a gap, which tells of it, is left out itself."""
+    """Between pictures that wait; also where the first frame after a gap, which tells of it, is left out itself."""
     saver = start(desk, "-keep", "8", "-skip", "5", "-start", "paused", "-pre-roll", "60", "-ring", "64")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "2")
     for _ in range(3):

@@ -16,7 +16,7 @@ static const struct form_leaf *leaf_named(const struct form *form, const char *n
     exit(1);
 }
 
-/* CDR aligns numbers by their own size, from behind its header, and structs not at all. */
+/* CDR aligns numbers by their own size, from the end of its header, and structs not at all. */
 static void test_places(void) {
     struct form *form;
     CHECK_EQUAL(form_of_text("DEEP_one", deep, "", &form), 0);

@@ -137,7 +137,7 @@ static void test_catching_up(void) {
         CHECK_EQUAL(at[i], i * period);
 }
 
-/* The clip's own steps count: what was recorded together is played together, and behind a gap it is on time. */
+/* The clip's own steps count: what was recorded together is played together, and after a gap it is on time. */
 static void test_catching_up_unevenly(void) {
     struct schedule_pace pace = {.due = 5 * NS, .published = 9 * NS};
     CHECK_EQUAL(schedule_catch_up(&pace, 6 * NS), 6 * NS);

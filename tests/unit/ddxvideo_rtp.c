@@ -94,7 +94,7 @@ static void test_others(void) {
     struct rtp_packet packet;
     const uint8_t sources[] = {0x82, 96, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 9, 9, 9, 9, 8, 8, 8, 8, 0x41, 0x42};
     CHECK(rtp_parse(sources, sizeof(sources), &packet) && packet.size == 2 && packet.payload[0] == 0x41);
-    CHECK(!rtp_parse(sources, 20, &packet)); /* no payload behind the sources */
+    CHECK(!rtp_parse(sources, 20, &packet)); /* no payload after the sources */
 
     const uint8_t padded[] = {0xa0, 96, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 0x41, 0, 0, 3};
     CHECK(rtp_parse(padded, sizeof(padded), &packet) && packet.size == 1);

@@ -115,7 +115,7 @@ static void test_formats(void) {
 
 static void test_bad_headers(void) {
     static const struct {
-        const char *line, *text; /* the text holds what is wrong, and it holds what to do behind a semicolon */
+        const char *line, *text; /* the text holds what is wrong, and it holds what to do after a semicolon */
     } table[] = {
         {"", "no Y4M"},
         {"YUV4MPEG", "no Y4M"},

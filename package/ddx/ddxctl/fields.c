@@ -80,7 +80,7 @@ static void print_array(const struct ddx_field *field, const char *at, bool json
     printf("]");
 }
 
-/* The part of the name behind the enclosing struct's. */
+/* The part of the name after the enclosing struct's. */
 static const char *short_name(const char *name) {
     const char *dot = strrchr(name, '.');
 

@@ -11,7 +11,7 @@
 struct walk {
     const struct form_fields *fields;
     struct form *form;
-    size_t message; /* behind the header */
+    size_t message; /* after the header */
 };
 
 static int add_leaf(struct walk *walk, const struct form_field *field, const char *prefix, uint64_t shift) {
@@ -27,7 +27,7 @@ static int add_leaf(struct walk *walk, const struct form_field *field, const cha
             return -ENOMEM;
         form->leaves = more;
     }
-    /* CDR aligns each number by its own size, counted from behind the header. */
+    /* CDR aligns each number by its own size, counted from the end of the header. */
     walk->message = (walk->message + field->bytes - 1) / field->bytes * field->bytes;
     struct form_leaf leaf = {.kind = field->kind,
                              .bytes = field->bytes,
@@ -45,7 +45,7 @@ static int add_leaf(struct walk *walk, const struct form_field *field, const cha
     return 0;
 }
 
-/* All fields from `first` up to `end`, `shift` bytes behind where the table has them. */
+/* All fields from `first` up to `end`, `shift` bytes after where the table has them. */
 static int walk_fields(struct walk *walk, unsigned first, unsigned end, const char *prefix, uint64_t shift) {
     for (unsigned i = first; i < end; i += 1 + walk->fields->field[i].children) {
         const struct form_field *field = &walk->fields->field[i];

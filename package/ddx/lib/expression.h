@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-/* Evaluate the expression at *text and move *text behind it. -EINVAL: not understood, overflow, division by zero. */
+/* Evaluate the expression at *text and move *text after it. -EINVAL: not understood, overflow, division by zero. */
 int ddx_expression(const char **text, int64_t *value);
 
 #endif

@@ -61,7 +61,7 @@ static int look_after(DDX_STORE_ITEM *item) {
     return again;
 }
 
-/* The sockets to listen on, behind the eventfd. The caller frees. NULL: no memory, try again later. */
+/* The sockets to listen on, after the eventfd. The caller frees. NULL: no memory, try again later. */
 static struct pollfd *listen_list(unsigned *count) {
     struct pollfd *list = calloc(keeper.count + 1, sizeof *list);
 

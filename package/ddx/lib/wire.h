@@ -75,7 +75,7 @@ struct ddx_message {
     uint32_t frames; /* slots to come; frames to keep */
     uint32_t readers;
     int32_t pid;
-    uint32_t layout_bytes; /* of the layout behind this header */
+    uint32_t layout_bytes; /* of the layout after this header */
     uint64_t sequence;
     uint64_t size; /* of the struct; of READER: the pin page's number, as ddx_memory_number() gives it */
     uint64_t frame_bytes, bytes, reserved;

@@ -56,7 +56,7 @@ void ddx_writer_on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     writer->ring.notice = writer->notice;
     writer->ring.epoch = m->epoch;
     writer->ring.sequence = m->sequence;
-    /* Not what the notice says now: news about readers may already stand behind this message. */
+    /* Not what the notice says now: news about readers may already stand after this message. */
     writer->ring.notice_seen = m->index;
     DDX_PASS(CLAIM_CONTROL);
     send_ready(item, m->epoch, DDX_NO_SLOT, 0);

@@ -36,7 +36,7 @@ long output_number(const struct output *output, const char *name);
 
 /*
  * Delete files that output_open() made in a folder, oldest numbers first, until all that are left have `most` bytes or
- * less; a line for each says so. 0 or -errno: a file cannot be deleted, and those behind it were not.
+ * less; a line for each says so. 0 or -errno: a file cannot be deleted, and those after it were not.
  */
 int output_keep(const struct output *output, uint64_t most);
 

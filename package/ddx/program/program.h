@@ -35,7 +35,7 @@ struct program {
     const char *positional; /* name of the one argument, NULL if there is none */
     bool optional;          /* it may be left out */
     const char *purpose;    /* for -help: a sentence or more */
-    const char *notes;      /* for -help: behind the options; NULL if none */
+    const char *notes;      /* for -help: after the options; NULL if none */
     const struct option_entry *options;
     bool brief; /* does one thing and ends: nothing to say of signals and counters */
     /* Set by program_start(): */

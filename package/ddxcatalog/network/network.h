@@ -69,7 +69,7 @@ void network_writer_close(struct network_writer *writer);
 unsigned network_writer_readers(struct network_writer *writer, unsigned *came);
 
 /*
- * Send a message. `wall`: its time, ns of wall time. There is room for four bytes behind message[size], which are
+ * Send a message. `wall`: its time, ns of wall time. There is room for four bytes after message[size], which are
  * written to. -EAGAIN: readers have not confirmed what they were sent before, and it would have to wait; -EINVAL.
  */
 int network_write(struct network_writer *writer, unsigned char *message, size_t size, int64_t wall);

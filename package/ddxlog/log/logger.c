@@ -26,7 +26,7 @@ static void turn(struct logger *logger) {
 
         if (state == ITEM_FOUND) {
             item_begin(logger, item);
-            state = ITEM_READ; /* what came behind its first value is taken now: this turn may be the last one */
+            state = ITEM_READ; /* what came after its first value is taken now: this turn may be the last one */
         }
         /* What is to be given back is read a last time. */
         if ((state == ITEM_READ || state == ITEM_LEAVE) && (!item_take(logger, item) || state == ITEM_LEAVE))

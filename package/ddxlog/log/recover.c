@@ -87,7 +87,7 @@ static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recove
 
         if (count < 0 && count != -EBADMSG)
             return (int)count;
-        /* A last chunk with zeros in it is what a power cut leaves; one with good ones behind it is another matter. */
+        /* A last chunk with zeros in it is what a power cut leaves; one with good ones after it is another matter. */
         copy->damaged_within |= count >= 0 && damaged;
         damaged |= count < 0;
         if (*stop)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Bytes that grow, and the numbers and texts of MCAP in them: little endian, texts behind their length. */
+/* Bytes that grow, and the numbers and texts of MCAP in them: little endian, texts after their length. */
 #ifndef DDXLOG_BYTES_H
 #define DDXLOG_BYTES_H
 

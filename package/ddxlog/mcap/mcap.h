@@ -99,7 +99,7 @@ struct mcap_state {
     unsigned damaged;    /* of those looked at, could not be unpacked: their messages are missing */
     unsigned refused;    /* records that exceed a limit: the chunks among them are damaged, the others passed over */
     uint64_t refused_at; /* where in the file the first of them begins */
-    uint64_t left_over;  /* bytes behind the last whole record of a file that was cut off */
+    uint64_t left_over;  /* bytes after the last whole record of a file that was cut off */
 };
 
 /*

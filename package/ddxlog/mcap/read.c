@@ -83,7 +83,7 @@ static int take_definition(struct mcap_reader *reader, enum mcap_opcode opcode, 
     return 0;
 }
 
-/* One record at `at`; *next is where the one behind it begins. -EBADMSG: this is no whole record. */
+/* One record at `at`; *next is where the one after it begins. -EBADMSG: this is no whole record. */
 static int take_record(struct mcap_reader *reader, uint64_t at, uint64_t *next, enum mcap_opcode *opcode) {
     unsigned char head[MCAP_RECORD_HEAD];
 

@@ -27,7 +27,7 @@
 
 /* A chroma layout as a file has it. */
 struct y4m_layout {
-    const char *tag;        /* behind the C */
+    const char *tag;        /* after the C */
     int format;             /* enum ddx_video_format of the 4:2:0 picture that it becomes in the store */
     int same;               /* of the store's layout that has the same bytes; -1: there is none */
     int bits;               /* of a sample; above 8 they are 16-bit little endian */

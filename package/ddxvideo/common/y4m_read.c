@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Reading a Y4M file. Frames go straight from the file to where they belong: one readv() per frame fills the planes
- * and, behind them, `ahead`, which then holds the next FRAME line.
+ * and, after them, `ahead`, which then holds the next FRAME line.
  */
 #include <errno.h>
 #include <fcntl.h>

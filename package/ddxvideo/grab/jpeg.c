@@ -62,7 +62,7 @@ static bool rename_format(AVFrame *frame) {
     return false;
 }
 
-/* Whether the picture has its end mark, with any padding behind it. Within the coded data there is none. */
+/* Whether the picture has its end mark, with any padding after it. Within the coded data there is none. */
 static bool has_end(const unsigned char *data, size_t size) {
     for (size_t at = size - 1; at > 0; at--)
         if (data[at] == 0xd9 && data[at - 1] == 0xff)
@@ -74,7 +74,7 @@ int jpeg_decode(struct jpeg *jpeg, const void *data, size_t size, const AVFrame 
     /* The decoder reads a little beyond the end, which the driver's buffer may not have. */
     if (size < 4 || size > INT_MAX / 2 || av_new_packet(jpeg->packet, (int)size))
         return -EBADMSG;
-    /* The decoder makes up what is missing behind a cut. Some cameras never set the mark, and they are believed. */
+    /* The decoder makes up what is missing after a cut. Some cameras never set the mark, and they are believed. */
     bool end = has_end(data, size);
     jpeg->ends |= end;
     if (jpeg->ends && !end) {

@@ -129,7 +129,7 @@ static int write_file(struct copy *copy, int to, const char *name) {
 }
 
 /* FAT keeps a file's size beside its name, and writes it with the file only: until then there is a name with nothing
- * behind it. Where that fails the medium may have the name without its bytes: no file of that name is left. */
+ * after it. Where that fails the medium may have the name without its bytes: no file of that name is left. */
 static int give_name(const struct copy *copy, int to, const char *from) {
     if (renameat(to, from, to, copy->found->name))
         return -errno;

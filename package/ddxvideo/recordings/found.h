@@ -10,7 +10,7 @@
 /* In this order one file's state becomes that of its recording: the last one wins. */
 enum found_state {
     FOUND_FINISHED,
-    FOUND_RECOVERED,   /* finished by a later recorder, behind its last whole frame */
+    FOUND_RECOVERED,   /* finished by a later recorder, after its last whole frame */
     FOUND_CUT_OFF,     /* without an index: its last frame is not whole, or is still being written */
     FOUND_INTERRUPTED, /* it has no writer, and no recorder has finished it yet */
     FOUND_RECORDING

@@ -40,7 +40,7 @@ uint64_t preroll_missed(struct preroll *preroll, uint64_t frames);
 /* The oldest one leaves: false if there is none. The picture stays until the next preroll_put(). */
 bool preroll_take(struct preroll *preroll, struct ddxvideo_picture *view, struct recording_frame *frame);
 
-/* After the last one: how many frames were missed behind it. They are forgotten. */
+/* After the last one: how many frames were missed after it. They are forgotten. */
 uint64_t preroll_missed_last(struct preroll *preroll);
 
 /* Let go of all; returns how many, as preroll_put(), and what was missed since. The memory is given back. */

@@ -21,9 +21,9 @@ struct recording {
     uint64_t file_bytes;            /* of the present file; 0: the next frame begins it */
     uint32_t file_frames;
     bool split;                     /* the next frame is to begin another recording */
-    _Atomic uint32_t begins;        /* bit N: behind the queue's cut N (modulo their number) another recording begins */
+    _Atomic uint32_t begins;        /* bit N: after the queue's cut N (modulo their number) another recording begins */
     uint64_t lost_store, lost_ring; /* since the last frame that was put */
-    _Atomic uint32_t lost_store_last, lost_ring_last; /* behind the last one */
+    _Atomic uint32_t lost_store_last, lost_ring_last; /* after the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
     struct segment *segment; /* NULL: before the first one, or after an error */

@@ -84,7 +84,7 @@ int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK 
 /* ---- Write ---- */
 
 /* Whole blocks, the first and the last of which hold more than these bytes: before, what the queue still has of the
- * file; behind, anything, even what the reading thread is just putting there: it is written again with its frame. */
+ * file; after it, anything, even what the reading thread is just putting there: it is written again with its frame. */
 static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes, size_t size) {
     size_t before = (size_t)(segment->written % INDEX_BLOCK);
     size_t length = (before + size + INDEX_BLOCK - 1) / INDEX_BLOCK * INDEX_BLOCK;

@@ -92,7 +92,7 @@ int segment_index_finish(struct segment *segment, bool failed) {
         return error;
     }
     index_end(segment->index, segment->promised);
-    header->lost_store += segment->lost_store; /* behind the last frame: no entry has these */
+    header->lost_store += segment->lost_store; /* after the last frame: no entry has these */
     header->lost_ring += segment->lost_ring;
     /* Entries that were given up may stand beside the last one that holds: written again, without them. */
     int other = write_entries(segment, segment->promised - 1, segment->promised);

@@ -36,7 +36,7 @@ struct segment {
     int64_t *latency; /* of each frame in it, from the store to the disk */
     DDX_STATS_BOOK *book;
     uint32_t promised;                            /* frames that are in the index on the disk */
-    _Atomic uint32_t lost_store, lost_ring;       /* behind the last frame */
+    _Atomic uint32_t lost_store, lost_ring;       /* after the last frame */
     struct segment *next;                         /* younger */
 };
 

@@ -15,7 +15,7 @@ BLKFLSBUF = 0x1261
 
 
 class Source:
-    """The image, with parts of it replaced; behind its end there are zeros."""
+    """The image, with parts of it replaced; after its end there are zeros."""
 
     def __init__(self, image: pathlib.Path) -> None:
         self._file = image.open("rb", buffering=0)

@@ -69,7 +69,7 @@ def _free(image: pathlib.Path, partition: mbr.Partition) -> list[Range]:
     if head[1080:1082] == b"\x53\xef":
         return _free_in_ext4(image, partition.begin)
     begin = partition.begin
-    if head[:4] == b"hsqs":  # squashfs tells its length; behind it, and in an empty slot, there is nothing
+    if head[:4] == b"hsqs":  # squashfs tells its length; after it, and in an empty slot, there is nothing
         length: int = struct.unpack_from("<Q", head, 40)[0]
         begin += length
     return [Range(begin, partition.end)] if _is_zero(image, begin, partition.end) else []

@@ -18,7 +18,7 @@ from parts.common import MORTAL, PATIENCE, Failed, run, wait_until
 from parts.guest.qemu import Guest
 
 MEMORY = pathlib.Path("/dev/shm")
-DEVICE = "/dev/vdc"  # behind the image's disk and the test disk, by its PCI address
+DEVICE = "/dev/vdc"  # after the image's disk and the test disk, by its PCI address
 # As board/common/disk.cfg makes the recordings' partition
 FEATURES = "extents,flex_bg,metadata_csum,64bit,large_file,huge_file,dir_nlink,extra_isize"
 OPTIONS = ["-m", "0", "-i", "1048576", "-E", "lazy_itable_init=0,lazy_journal_init=0"]

@@ -24,7 +24,7 @@ class Entry:
 class Index:
     """Of a finished file."""
     bytes: int
-    lost_store: int  # also behind its last frame
+    lost_store: int  # also after its last frame
     lost_ring: int
     name: str
     entries: list[Entry]

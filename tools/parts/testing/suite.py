@@ -39,7 +39,7 @@ class Test:
 
 
 def plain(name: str) -> str:
-    """A test's name without the group that pytest-xdist writes behind it."""
+    """A test's name without the group that pytest-xdist writes after it."""
     return re.sub(r"@[^]]*$", "", name)
 
 

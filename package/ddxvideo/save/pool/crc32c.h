@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Of `size` more bytes behind those that gave `crc`; begins with 0. */
+/* Of `size` more bytes after those that gave `crc`; begins with 0. */
 uint32_t crc32c(uint32_t crc, const void *bytes, size_t size);
 
 #endif

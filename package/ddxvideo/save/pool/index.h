@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The index beside each file of the pool: what the file is, and of each frame where it is, when and which it was, its
- * checksum and what was lost before it. What stands in the index is on the disk: it is written behind the frames.
+ * checksum and what was lost before it. What stands in the index is on the disk: it is written after the frames.
  *
  * The file, little endian: a header of INDEX_BLOCK bytes, then entries of 64 bytes, INDEX_BYTES in all, written once
  * before it is used, so that nothing but its bytes changes later. Entries hold the recording's random number: what an

@@ -45,7 +45,7 @@ void decoder_close(struct decoder *decoder);
 
 /*
  * The picture of a frame in 8-bit 4:2:0, until the next call; NULL if it gives none. CHUNK_PADDING readable bytes are
- * behind the data. A picture with missing parts is patched up from the ones before; *damaged says so. A stream that
+ * after the data. A picture with missing parts is patched up from the ones before; *damaged says so. A stream that
  * cannot be shown gives no picture, and decoder->refusal says why, until it, or another one from the same source, can
  * be shown.
  */
