@@ -153,6 +153,8 @@ def test_what_ddxctl_shows(machines: tuple[Machine, Machine]) -> None:
     assert (shown["name"], shown["same"], shown["more"]) == ("laptop", 0, 0)
     assert [(one["name"], one["heard"]) for one in shown["machines"]] == [("robot", True)]
     text = laptop.desk.run("ddxctl", "catalog").stdout
+    unknown = laptop.desk.run("ddxctl", "show", "carol:gps")
+    assert unknown.returncode == 1 and "no machine of this name is heard" in unknown.stderr
     assert re.search("^robot +heard +[0-9]+ ", text, re.M) and re.search("^robot:sensor +SENSOR +heard +1$", text, re.M)
 
 
@@ -168,24 +170,25 @@ def test_nothing_is_sent_without_a_reader(machines: tuple[Machine, Machine], lin
     def packets() -> int:
         return link.counts().down[0].packets
 
-    writer = robot.start("write", "sensor")
-    reader = laptop.start("read", "robot", "sensor")
-    write(writer, 1)
-    read(reader, 1)
+    writers = {name: robot.start("write", name) for name in ("left", "sensor")}
+    readers = {name: laptop.start("read", "robot", name) for name in writers}
+    for name in writers:
+        write(writers[name], 1)
+        read(readers[name], 1)
+    readers["left"].kill()
     before = packets()
     for _ in range(VALUES // STEP):
-        write(writer, STEP)
-        read(reader, STEP)
+        write(writers["sensor"], STEP)
+        read(readers["sensor"], STEP)
     assert packets() - before >= VALUES
-    reader.kill()
-    wait_until(lambda: robot.desk.readers("sensor") == 0)
+    wait_until(lambda: robot.desk.readers("left") == 0)
     before, taken = packets(), robot.counters()["in"]
-    write(writer, VALUES)
+    write(writers["left"], VALUES)
     assert packets() - before < VALUES / 4  # of the machines' own: they say that they are there
     assert robot.counters()["in"] == taken
-    assert robot.desk.readers("sensor") == 0
-    assert laptop.desk.item("robot:sensor")["writer_pid"] == 0  # of such the store allows one program some hundred
-    read(laptop.start("read", "robot", "sensor"), 1)
+    assert robot.desk.readers("left") == 0
+    assert laptop.desk.item("robot:left")["writer_pid"] == 0  # of such the store allows one program some hundred
+    read(laptop.start("read", "robot", "left"), 1)
 
 
 def test_values_lost_on_the_way_are_sent_again_or_counted(machines: tuple[Machine, Machine], link: Link) -> None:
@@ -251,11 +254,6 @@ def test_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
     assert time.monotonic() - back < 10
     write(writer, 1)
     assert read(reader, 1)[0].startswith("07000000")
-
-
-def test_a_machine_that_nobody_hears(machines: tuple[Machine, Machine]) -> None:
-    shown = machines[0].desk.run("ddxctl", "show", "carol:gps")
-    assert shown.returncode == 1 and "no machine of this name is heard" in shown.stderr
 
 
 def test_of_two_machines_with_one_name_the_later_one_takes_another(begin: Begin, tmp_path: pathlib.Path) -> None:
