@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: a packet into the receive path of Cyclone DDS, which the catalog listens with. Announcements of
- * participants are parsed; there is no transport, so that nothing is sent, and packets of writers, which only known
- * participants have, are checked and left out. One domain takes all inputs, and forgets participants after each.
+ * Fuzz target: a packet into the receive path of Cyclone DDS, which the catalog listens with: headers, submessages,
+ * fragments, and parameter lists of announcements. There is no transport, so nothing is sent and no participant is
+ * created: the discovery of writers and values of writers, which need a participant, are not reached. One domain takes
+ * all inputs. A read beyond the end of a packet of less than ROOM bytes is not always noticed.
  */
 #include <dds/dds.h>
 #include <dds/ddsi/ddsi_domaingv.h>
