@@ -202,9 +202,10 @@ def reproduce(board: str) -> str:
 
 def check(files: list[pathlib.Path] | None = None) -> int:
     """Buildroot's own style checker on every file of the tree; how many of them are of a kind that it judges."""
-    # Not Python, of which it takes what libmagic happens to recognise: that is lint's. Patches of tests/defects are for
+    # Not Python, of which it takes what libmagic happens to recognise: that is lint's. Patches of the tests are for
     # no package of Buildroot's.
-    files = sorted(path for path in files or lint.files() if path.suffix != ".py" and path.parent.name != "defects")
+    files = sorted(path for path in files or lint.files()
+                   if path.suffix != ".py" and path.parent.name not in ("defects", "fuzz"))
     command: list[str | pathlib.Path] = ["/usr/bin/python3", "-B", checkout() / "utils/check-package", "--br2-external"]
     if subprocess.run([*command, "--verbose", "--quiet", *files], check=False).returncode != 0:
         raise Failed("check-package is not content")

@@ -25,7 +25,7 @@ def programs() -> set[str]:
             found |= set(re.findall(r"\bexecutable\('([\w-]+)'", (build / "meson.build").read_text()))
             found |= set(re.findall(r"rename: '(ddxvideocalib)'", (build / "meson.build").read_text()))
     return {name for name in found - NOT_ON_A_DESK if "test" not in name and not name.startswith("ctl-")
-            and name not in ("encode", "view")}
+            and name not in ("bench", "encode", "view")}
 
 
 def calls() -> set[str]:
