@@ -8,7 +8,9 @@ from collections.abc import Iterator
 
 import pytest
 
+import build
 from parts.image import native
+from parts.media import clip as numbered_clip
 
 from .programs import Compiler, Desk
 from .stream import Stream
@@ -45,6 +47,20 @@ def stream(tmp_path: pathlib.Path) -> Iterator[Stream]:
     stream = Stream(tmp_path)
     yield stream
     stream.end()
+
+
+@pytest.fixture(scope="session")
+def root() -> pathlib.Path:
+    """The image's, for a machine in namespaces on this machine's kernel; no test may change it."""
+    if os.geteuid() != 0:
+        pytest.skip("a machine in namespaces of its own takes root")
+    return build.dev([native.build()]).parent / "root"
+
+
+@pytest.fixture(scope="session")
+def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    """A second of numbered frames; some modules have another one."""
+    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", 1)
 
 
 @pytest.fixture(scope="session")

@@ -7,6 +7,7 @@ import json
 import os
 import pathlib
 import re
+import signal
 import subprocess
 from typing import Any
 
@@ -95,6 +96,12 @@ class Stream:
     def end(self) -> None:
         self.desk.end()
         self.network.end()
+
+
+def turn(relay: Process, network: str) -> None:
+    """To the other network: the bad or the good one."""
+    relay.send_signal(signal.SIGUSR1)
+    assert relay.stdout and relay.stdout.readline() == f"{network}\n"
 
 
 def make_key(path: pathlib.Path, mode: int = 0o600) -> None:

@@ -1,15 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Does anything grow while services are switched, thousands of times, and while video flows? On this machine's own
 kernel. And the verdict itself: what leaks shows, what a machine keeps anyway does not."""
-import os
 import pathlib
 from collections.abc import Callable
 
 import pytest
 
-import build
 import endurance
-from parts.image import native
 
 FEW = 40
 LOOKS = 2  # the first and the last one of so few are judged, and each waits until the logger has left old requests
@@ -40,13 +37,6 @@ def test_a_process_of_a_moment_is_no_growth() -> None:
     for number, one in enumerate(looks):
         one["descriptors"] += number
     assert len(endurance.growth(looks)) == 1
-
-
-@pytest.fixture
-def root() -> pathlib.Path:
-    if os.geteuid() != 0:
-        pytest.skip("a machine in namespaces of its own takes root")
-    return build.dev([native.build()]).parent / "root"
 
 
 def test_nothing_grows(root: pathlib.Path) -> None:

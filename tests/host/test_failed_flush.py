@@ -10,9 +10,12 @@ import pytest
 from parts.media import logs
 
 from .log_rules import begin, only, write
-from .programs import Compiler, Desk, lost, make_clip, pictures, preload, result, start_recorder, wait_until
+from .programs import Compiler, Desk, lost, pictures, preload, result, start_recorder, wait_until
+from .test_faults import clip
 from .test_pool import recordings
 from .test_recordings import run
+
+__all__ = ["clip"]  # a fixture
 
 
 class Disk:
@@ -36,11 +39,6 @@ class Disk:
 def disk(desk: Desk) -> Disk:
     (desk.folder / "rec").mkdir()
     return Disk(desk.folder)
-
-
-@pytest.fixture
-def clip(desk: Desk) -> pathlib.Path:
-    return make_clip(desk.folder / "clip.y4m", "64x48", "100", 20)
 
 
 def test_a_file_that_grows(desk: Desk, disk: Disk, clip: pathlib.Path) -> None:

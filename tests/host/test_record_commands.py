@@ -8,15 +8,11 @@ import pathlib
 
 import pytest
 
-from .programs import Desk, lost, make_clip, pictures, start_recorder, stop, wait_until
-from .test_pool import COUNT, PICTURE, check_files, index_of, recordings, start
+from .programs import Desk, lost, pictures, start_recorder, stop, wait_until
+from .test_pool import COUNT, PICTURE, check_files, clip, index_of, recordings, start
 from .test_recordings import listed
 
-
-@pytest.fixture
-def clip(desk: Desk) -> pathlib.Path:
-    (desk.folder / "rec").mkdir()
-    return make_clip(desk.folder / "clip.y4m", frames=COUNT)
+__all__ = ["clip"]  # a fixture
 
 
 def command(desk: Desk, *words: str) -> None:

@@ -7,15 +7,11 @@ import signal
 
 import pytest
 
-from .programs import Desk, header_of, lost, make_clip, pictures, start_recorder, stop, wait_until
-from .test_pool import COUNT, index_of, recordings, stall, start
+from .programs import Desk, header_of, lost, pictures, start_recorder, stop, wait_until
+from .test_pool import COUNT, clip, index_of, recordings, stall, start
 from .test_record_commands import count, reached
 
-
-@pytest.fixture
-def clip(desk: Desk) -> pathlib.Path:
-    (desk.folder / "rec").mkdir()
-    return make_clip(desk.folder / "clip.y4m", frames=COUNT)
+__all__ = ["clip"]  # a fixture
 
 
 @pytest.mark.parametrize("option, value, numbers, rate", [

@@ -12,16 +12,11 @@ from typing import Any
 
 import pytest
 
-from .programs import Desk, lost, make_clip, pictures, preload, start_recorder, stop, wait_until
-from .test_pool import COUNT, index_of, lose_frames, recordings, start
+from .programs import Desk, lost, pictures, preload, start_recorder, stop, wait_until
+from .test_pool import COUNT, clip, index_of, lose_frames, recordings, start
 
 LONG = "ddxrecordings"
-
-
-@pytest.fixture
-def clip(desk: Desk) -> pathlib.Path:
-    (desk.folder / "rec").mkdir()
-    return make_clip(desk.folder / "clip.y4m", frames=COUNT)
+__all__ = ["clip"]  # a fixture
 
 
 @pytest.fixture

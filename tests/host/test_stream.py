@@ -12,13 +12,8 @@ from parts.media import clip as numbered_clip
 from .programs import lost, preload, send_signal, stop, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
-FRAMES = 25
+FRAMES = numbered_clip.RATE  # of the clip's second
 CODECS = ["h264", "mpeg4"]
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", FRAMES // numbered_clip.RATE)
 
 
 @pytest.mark.parametrize("codec", CODECS)

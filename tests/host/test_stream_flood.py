@@ -29,13 +29,6 @@ KINDS = {PORT: "media", PORT + 1: "reports", PORT + 2: "repair"}
 SHORT = 1     # s
 WARM_UP, STEP = 5, 5  # frames before the flood, and from one look at the memory to the next
 Sent = dict[int, int]
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", 1)
-
-
 FRAMES = numbered_clip.RATE
 
 

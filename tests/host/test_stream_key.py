@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import pathlib
 import re
-import signal
 
 import pytest
 
@@ -13,7 +12,7 @@ from parts.media import clip as numbered_clip
 
 from .programs import Process, result, stop, wait_until
 from .rtp_rules import captured
-from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, make_key, printed
+from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, make_key, printed, turn
 
 FRAMES = numbered_clip.RATE
 # Of a stream with a key, of one without, and what decode says about each. Ports are those of the receivers.
@@ -21,11 +20,6 @@ RECEIVERS = {"wrong": (8010, "other.key", "it is encrypted with another key than
              "missing": (8020, "", "it is encrypted; give its key: -key FILE"),
              "plain": (8030, "stream.key", "it is not encrypted, unlike -key stream.key")}
 EXPLAINED = 25  # packets, after which a receiver has reported why it shows nothing
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", 1)
 
 
 @pytest.fixture
@@ -85,11 +79,6 @@ def test_only_the_key_shows_it(keyed: Stream, clip: pathlib.Path) -> None:
     sets = parameter_sets(description)
     assert len(kept) > EXPLAINED and not any(one in packet for packet in kept for one in sets)
     assert " RTP/AVP 96\n" in (keyed.folder / "open.sdp").read_text()
-
-
-def turn(relay: Process, network: str) -> None:
-    relay.send_signal(signal.SIGUSR1)
-    assert relay.stdout and relay.stdout.readline() == f"{network}\n"
 
 
 def test_lost_and_changed_packets_are_restored(keyed: Stream, clip: pathlib.Path) -> None:

@@ -12,7 +12,7 @@ import pytest
 from parts.media import clip as numbered_clip
 
 from .programs import Counters, Process, lost, result, send_signal, wait_until
-from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
+from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording, turn
 
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
@@ -40,11 +40,6 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 def end_relay(relay: Process) -> Counters:
     relay.terminate()
     return result(relay)[1]
-
-
-def turn(relay: Process, network: str) -> None:
-    relay.send_signal(signal.SIGUSR1)
-    assert relay.stdout and relay.stdout.readline() == f"{network}\n"
 
 
 def through_relay(stream: Stream, clip: pathlib.Path, codec: str, words: list[str],

@@ -17,18 +17,14 @@ from parts.media import clip as numbered_clip
 
 from .programs import ffmpeg, pictures
 from .stream import GROUP, PORT, Stream, make_key
-from .test_stream_players import JOIN, SCREEN, SECONDS, follows, send, watch_window
+from .test_stream_players import JOIN, SCREEN, clip, follows, send, watch_window
 
 ENOUGH = JOIN * numbered_clip.RATE + 50  # pictures
 WHITELIST = "file,udp,rtp,srtp,crypto"
 CIPHERS = "srtp-cipher=aes-128-icm,srtp-auth=hmac-sha1-80,srtcp-cipher=aes-128-icm,srtcp-auth=hmac-sha1-80"
 
+__all__ = ["clip"]  # a fixture
 pytestmark = pytest.mark.long
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", SECONDS)
 
 
 @pytest.fixture(params=["open", "key"])

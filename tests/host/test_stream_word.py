@@ -2,33 +2,28 @@
 """`ddxctl stream`: the description of what the service sends, with which a player opens it, and nothing else."""
 from __future__ import annotations
 
-import os
 import pathlib
 import subprocess
 from collections.abc import Iterator
 
 import pytest
 
-import build
 from parts.common import wait_until
 from parts.guest.native_machine import NativeMachine
-from parts.image import native
 from parts.media import clip, counters
 
 SEND, LAPTOP = "ddxvideosend", "ddxvideosend.laptop"
 
 
 @pytest.fixture(scope="module")
-def machine(tmp_path_factory: pytest.TempPathFactory) -> Iterator[NativeMachine]:
+def machine(root: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[NativeMachine]:
     """Plays a clip again and again, and can send to itself."""
-    if os.geteuid() != 0:
-        pytest.skip("a machine in namespaces of its own takes root")
     keep = tmp_path_factory.mktemp("robot")
     (keep / "test").mkdir()
     clip.write(keep / "test/clip.y4m", 1)
     for name, lines in (("ddxvideoload", "loop="), (SEND, "interface=lo"), ("ddxvideosave", "enabled=no")):
         (keep / f"test/{name}.conf").write_text(f"{lines}\n")
-    with NativeMachine(build.dev([native.build()]).parent / "root", keep) as robot:
+    with NativeMachine(root, keep) as robot:
         robot.wait_until("ddxctl status ddxhealth | grep -q state=running")  # the last init script has run
         yield robot
 

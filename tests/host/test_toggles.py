@@ -4,26 +4,15 @@ image's root on this machine's kernel; with its disk, its two slots and its powe
 from __future__ import annotations
 
 import json
-import os
 import pathlib
 import subprocess
 
 import pytest
 
-import build
 from parts.guest.native_machine import NativeMachine
-from parts.image import native
 
 SAVE, SEND, REAR = "ddxvideosave", "ddxvideosend", "ddxvideosend.rear"
 Services = dict[str, dict[str, object]]
-
-
-@pytest.fixture
-def root() -> pathlib.Path:
-    """The image's; nothing may change it."""
-    if os.geteuid() != 0:
-        pytest.skip("a machine in namespaces of its own takes root")
-    return build.dev([native.build()]).parent / "root"
 
 
 @pytest.fixture
