@@ -47,7 +47,7 @@ TABLES = {
         checkpoint
         files listen
         state
-        epoch items link memfd_name retired
+        epoch items memfd_name retired send
         leftover
         budget descriptors notify process
         adopt claim readers

@@ -5,18 +5,18 @@
 #include "../lib/fault.h"
 #include "../lib/futex.h"
 #include "budget.h"
+#include "checkpoint.h"
 #include "claim.h"
 #include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
-#include "checkpoint.h"
-#include "memfd_name.h"
-#include "link.h"
-#include "notify.h"
 #include "log.h"
+#include "memfd_name.h"
+#include "notify.h"
 #include "readers.h"
 #include "retired.h"
+#include "send.h"
 
 #define BESIDE 4 /* descriptors of an epoch besides its frames: control page, notice, for readers, to watch its end */
 

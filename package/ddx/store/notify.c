@@ -5,9 +5,9 @@
 #include "../lib/fault.h"
 #include "epoch.h"
 #include "items.h"
-#include "link.h"
-#include "notify.h"
 #include "log.h"
+#include "notify.h"
+#include "send.h"
 
 static void send_slot(const struct item *item, const struct epoch *epoch, unsigned slot, struct client *to,
                       uint32_t flags) {

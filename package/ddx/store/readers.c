@@ -9,11 +9,11 @@
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
-#include "memfd_name.h"
-#include "link.h"
-#include "notify.h"
 #include "log.h"
+#include "memfd_name.h"
+#include "notify.h"
 #include "readers.h"
+#include "send.h"
 
 /* ns */
 #define STOPPED 100000000   /* after which a writer that says nothing seems to be stopped */

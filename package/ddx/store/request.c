@@ -11,9 +11,9 @@
 #include "epoch.h"
 #include "holder.h"
 #include "items.h"
-#include "link.h"
 #include "readers.h"
 #include "request.h"
+#include "send.h"
 
 #define LISTED_AT_ONCE 64
 #define ERRNO_MAX 4095 /* of Linux */

@@ -2,7 +2,7 @@
 /*
  * The store's state: items, their holders and memory files. One thread; nothing here is on the frame path.
  *
- * Layers, from below (checked by tests/host/test_layers.py): messages, state and log (link, heap, checkpoint, files,
+ * Layers, from below (checked by tests/host/test_layers.py): messages, state and log (send, heap, checkpoint, files,
  * holder, log) - epochs and items - items that may be dropped (leftover) - the budget, descriptors, a process's share
  * (process), and messages to holders (notify) - terms of reading and writing (readers, claim, adopt) - requests and
  * sessions - the worker, and how the next one continues (resume).

@@ -10,15 +10,15 @@
 
 #include "../lib/fault.h"
 #include "budget.h"
+#include "checkpoint.h"
 #include "claim.h"
 #include "files.h"
 #include "holder.h"
-#include "checkpoint.h"
-#include "link.h"
 #include "log.h"
 #include "readers.h"
-#include "session.h"
 #include "resume.h"
+#include "send.h"
+#include "session.h"
 #include "worker.h"
 
 /* ns of listening after a restart */

@@ -4,8 +4,8 @@
 
 #include "../lib/fault.h"
 #include "checkpoint.h"
-#include "link.h"
 #include "log.h"
+#include "send.h"
 
 #define QUEUED_MAX 1024 /* messages for one client: more than there are frames and readers of an item */
 

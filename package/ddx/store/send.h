@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* What is said to clients, and when. */
-#ifndef STORE_LINK_H
-#define STORE_LINK_H
+#ifndef STORE_SEND_H
+#define STORE_SEND_H
 
 #include "state.h"
 
