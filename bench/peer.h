@@ -35,6 +35,6 @@ int peer_write(const void *data); /* PEER_COPY */
  */
 int peer_receive(void (*deliver)(const void *data));
 
-void peer_close(void); /* leaves nothing behind */
+void peer_close(void); /* removes all that the peer made */
 
 #endif

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""For all tests: two tiers, and what each run leaves behind for its summary.
+"""For all tests: two tiers, and the results that each run writes for its summary.
 
 Tests marked `long` take minutes of video or many repetitions; `make test-long` runs them, `make test` the others. The
 outcome of each test is written to $DDX_RESULTS (JSON lines), a long one's also to output/long/<board>.jsonl, with its
@@ -121,7 +121,7 @@ OUTCOMES = Outcomes()
 
 @pytest.fixture
 def tmp_path(tmp_path: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[pathlib.Path]:
-    """Clips, recordings and disks are large: only what a failing test leaves behind is kept."""
+    """Clips, recordings and disks are large: only files of a failing test are kept."""
     yield tmp_path
     if request.node.nodeid not in OUTCOMES.failures:
         shutil.rmtree(tmp_path, ignore_errors=True)

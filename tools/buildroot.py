@@ -92,7 +92,7 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = trees.defconfigs()[board]
-    # As long as neither the defconfig nor what there is to choose from changes, menuconfig's changes stay.
+    # As long as neither the defconfig nor its possible options change, menuconfig's changes stay.
     stamp = build / ".defconfig"
     choices = [path for tree in external for path in tree.glob("Config*")]
     choices += [path for package in trees.packages().values() for path in package.glob("Config*")]

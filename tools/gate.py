@@ -10,7 +10,7 @@ the others.
 
 A test that fails is run again, alone; if it then passes, it counts as passed and is listed at the end (FLAKY).
 There is no second chance with STRICT=1, nor for an assertion in a test marked `strict`, a C test that exits with
-FRAMES_BROKEN, and a sanitizer's report. What failing tests left behind is in output/test/failed, the outcome of all in
+FRAMES_BROKEN, and a sanitizer's report. Files of failing tests are in output/test/failed, the outcome of all in
 output/test/results, and in FILE as JUnit XML.
 """
 import argparse

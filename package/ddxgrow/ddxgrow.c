@@ -107,7 +107,7 @@ static int grow(struct fdisk_context *table, const char *disk, int number) {
         }
         fdisk_unref_partition(partition);
         if (start > begin)
-            return fail(disk, "another partition lies behind that one", 0);
+            return fail(disk, "another partition follows that one", 0);
     }
 
     const uint64_t sector = fdisk_get_sector_size(table), grain = MEGABYTE / sector;

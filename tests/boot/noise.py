@@ -16,7 +16,7 @@ PAUSE = 0.2       # s
 BURST = 2000      # bytes, at once
 SENTENCE = b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n"
 POSITION = b"\xb5\x62\x01\x07\x5c\x00"  # UBX-NAV-PVT, and 92 bytes that may be anything
-KEYS = b"\x03\x04\x13\x1a\x1c\x1b[B\r\n"   # Ctrl-C, -D, -S, -Z, -\\, an arrow: what a terminal takes for orders
+KEYS = b"\x03\x04\x13\x1a\x1c\x1b[B\r\n"   # Ctrl-C, -D, -S, -Z, -\\, an arrow: bytes that a terminal takes for commands
 LOGIN = b"\nroot\n\necho al''ive\n"
 
 

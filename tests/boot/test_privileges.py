@@ -12,7 +12,7 @@ from parts.guest.qemu import Guest
 # `console` without input, which only sleeps.
 ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
 # A service is one of the first three, one after the other, before it is what it is: for some milliseconds. And BusyBox'
-# timeout, with which the tests look, stays for a second behind what it watched.
+# timeout, with which the tests look, stays for a second after the program that it watched.
 PASSING = {"run", "chpst", "setpriv", "timeout"}
 REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
 SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode", "catalog")

@@ -176,7 +176,7 @@ int puppet_main(int wire) {
     return 0;
 }
 
-/* ---- the program that gives the orders ---- */
+/* ---- the program that gives the commands ---- */
 struct puppet *puppet_begin(const char *fault) {
     struct puppet *puppet = puppets;
     int ends[2];

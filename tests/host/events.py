@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A script of events on a real writer and a real recorder, drawn from a seed; then the files against the books.
+"""A script of events on a real writer and a real recorder, drawn from a seed; then the files against the counters.
 
 What is in the files is read here, frame by frame, by code that shares nothing with the programs: each picture says its
 number in every byte that it has.

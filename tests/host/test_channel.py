@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A shell at a terminal behind a socket, as the tools talk to a guest's."""
+"""A shell at a terminal that a socket reaches, as the tools reach a guest's."""
 from __future__ import annotations
 
 import contextlib

@@ -245,7 +245,7 @@ def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, la
     _, loaded = stop(loader)
     status, saved = stop(saver)
     assert status == 0 and recorded(out) == whole and out.read_bytes().endswith(pictures(out)[-1])
-    assert "cut behind its last whole one" in desk.errors(saver)
+    assert "cut after its last whole one" in desk.errors(saver)
     assert saved["out"] == whole + recorded(second) and saved["in"] == loaded["out"] and balanced(saved)
 
 

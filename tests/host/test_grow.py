@@ -69,7 +69,7 @@ def test_a_disk_beyond_what_an_mbr_can_name(disk: pathlib.Path) -> None:
     assert 2**32 - 2048 <= mbr.partition(disk, 6).end // 512 < 2**32
 
 
-@pytest.mark.parametrize("number, reason", [(1, "behind"), (5, "behind"), (2, "extended"), (7, "no such")])
+@pytest.mark.parametrize("number, reason", [(1, "follows"), (5, "follows"), (2, "extended"), (7, "no such")])
 def test_refused_and_unchanged(disk: pathlib.Path, number: int, reason: str) -> None:
     with disk.open("ab") as file:
         file.truncate(100 << 20)

@@ -106,7 +106,7 @@ def test_patterns_exceptions_and_names(desk: Desk, compile_client: Compiler) -> 
     assert set(logs.read(only(desk)).values) - {"ddxlog/lost"} == {"gps", "gps.fix", "imu"}
 
 
-def test_told_to_stop_right_behind_the_first_values(desk: Desk, compile_client: Compiler) -> None:
+def test_a_stop_right_after_the_first_values(desk: Desk, compile_client: Compiler) -> None:
     """Before the logger has come round to the item again: what was written by then is logged, or counted."""
     for number in range(8):
         logger = begin(desk, f"output log{number}\nitem quick{number}\n", f"ddxlog{number}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The way to QEMU, without a guest that boots: it answers or there is an error, and nothing of it is left behind."""
+"""The way to QEMU, without a guest that boots: it answers or there is an error, and each file of it is removed."""
 from __future__ import annotations
 
 import os

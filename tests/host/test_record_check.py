@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The counting behind tools/bench_record.py: frames taken out of a good recording have to show, wherever they were."""
+"""The counting of tools/bench_record.py: frames taken out of a good recording have to show, wherever they were."""
 from __future__ import annotations
 
 import pytest

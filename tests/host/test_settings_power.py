@@ -22,7 +22,7 @@ from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 from .programs import wait_until
 
 SIZE = 24 << 20  # bytes of the file system: of several groups, so there is a second superblock, as on the appliance
-SECTOR = 512     # for marks, behind it
+SECTOR = 512     # for marks, after it
 ENVIRONMENT = {**os.environ, **SBIN}
 
 

@@ -23,12 +23,12 @@ static struct canvas canvas_new(int width, int height, int stride) {
 }
 
 static void canvas_free(struct canvas *canvas) {
-    long behind = (long)canvas->stride * (canvas->height - 1) + canvas->width;
+    long end = (long)canvas->stride * (canvas->height - 1) + canvas->width;
 
     for (int i = 1; i <= MARGIN; i++)
         CHECK(canvas->pixel[-i] == GUARD);
     /* A stride that is wider than the canvas is room that a scaler may use, but not in the last row. */
-    for (long i = behind; i < (long)canvas->stride * canvas->height + MARGIN; i++)
+    for (long i = end; i < (long)canvas->stride * canvas->height + MARGIN; i++)
         CHECK(canvas->pixel[i] == GUARD || i < (long)canvas->stride * canvas->height);
     free(canvas->pixel - MARGIN);
 }

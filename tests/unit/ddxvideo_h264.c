@@ -138,7 +138,7 @@ static const char *judge(int count, int nal_count) {
             nal++;
         }
         if (at != payload->size || nal - payload->first_nal < 2)
-            return "5.7: two or more NAL units, nothing behind them";
+            return "5.7: two or more NAL units, nothing after them";
         if ((payload->data[0] & 0x60) != importance)
             return "5.7: NRI is the highest of them";
         payload->last_nal = nal - 1;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0-or-later
-//! iceoryx2 behind ../peer.h: publish-subscribe for the frames, an event to sleep on.
+//! iceoryx2 with the interface of ../peer.h: publish-subscribe for the frames, an event to sleep on.
 use core::cell::UnsafeCell;
 use core::ffi::{c_char, c_int, c_void, CStr};
 use core::mem::MaybeUninit;

@@ -62,7 +62,7 @@ static const char *no_such_field(const DDX_STORE_ITEM *item, int length, const c
     return text;
 }
 
-/* Field by field along "a[1].b.c[2]"; `end` is behind it. */
+/* Field by field along "a[1].b.c[2]"; `end` is the byte after it. */
 static const char *find(const DDX_STORE_ITEM *item, const char *path, const char *end, struct place *place) {
     char name[DDX_NAME_MAX + 1] = "";
     const char *at = path;

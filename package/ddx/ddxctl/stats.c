@@ -42,7 +42,7 @@ static void print_line(const DDX_STATS *stats, const char *instance) {
 struct book {
     char name[DDX_NAME_MAX + 1];
     DDX_STORE_ITEM *item;
-    DDX_STORE_ITEM *packets; /* what a sender counts beside it; or NULL */
+    DDX_STORE_ITEM *packets; /* a sender's packet counters; or NULL */
     DDX_STATS stats;
     int result;
 };

@@ -87,7 +87,7 @@ typedef struct ddx_stats_book DDX_STATS_BOOK;
 
 /*
  * A new book. `reasons` ends with NULL: at most DDX_STATS_REASONS - 1 names of at most DDX_STATS_REASON_MAX bytes;
- * "restart" is added behind them. Strings are copied. NULL and errno (EINVAL, ENOMEM) on failure. The book is the
+ * "restart" is added after them. Strings are copied. NULL and errno (EINVAL, ENOMEM) on failure. The book is the
  * caller's, until ddx_stats_close().
  */
 DDX_STATS_BOOK *ddx_stats_open(const char *instance, const char *const *reasons);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Reading through a pointer that stays the same: the calls; window.c has what is behind it. */
+/* Reading through a pointer that stays the same: the calls; window.c has the window that it shows. */
 #include <errno.h>
 
 #include "fault.h"

@@ -40,11 +40,11 @@ short ddx_queue_events(const struct ddx_queue *queue);
 int ddx_queue_put(struct ddx_queue *queue, const struct ddx_message *message, const struct ddx_layout *layout,
                   const int *fds, unsigned fd_count);
 
-/* The same, and send what there is room for. Also -EPIPE: the other side is gone. */
+/* The same, and sends as much as the socket takes. Also -EPIPE: the other side is gone. */
 int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message *message,
                    const struct ddx_layout *layout, const int *fds, unsigned fd_count);
 
-/* There may be room. Each message that is sent is shown to `sent` (or NULL). 0; -EPIPE: the other side is gone. */
+/* Sends what the socket takes now, each message also to `sent` (or NULL). 0; -EPIPE: the other side is gone. */
 int ddx_queue_go_on(struct ddx_queue *queue, int socket,
                     void (*sent)(const struct ddx_message *message, void *context), void *context);
 

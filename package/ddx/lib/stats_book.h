@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* The book behind ddx_stats.h; private to stats*.c. */
+/* The counters of ddx_stats.h; private to stats*.c. */
 #ifndef DDX_STATS_BOOK_H
 #define DDX_STATS_BOOK_H
 

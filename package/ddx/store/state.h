@@ -132,7 +132,7 @@ struct store {
     struct retired *retired;
     struct files files;
     uint32_t next_reader;
-    int64_t listened; /* ns that this store had an ear for others, without what it was stopped for */
+    int64_t listened; /* ns that this store has read messages, without the time that it was stopped */
     bool open;        /* living holders that are awake have had time to report: new clients are admitted */
     bool settled;     /* holders that have not reported are stopped or dead */
 };

@@ -272,6 +272,6 @@ void file_give_up(struct disk *disk) {
     if (disk->fd >= 0 && !disk->safe)
         unlink(disk->path); /* not one record: an empty file would only be in the way */
     else if (disk->fd >= 0 && (ftruncate(disk->fd, (off_t)disk->safe) || fdatasync(disk->fd)))
-        say("%s: cannot be cut behind its last whole record: %s", disk->path, strerror(errno));
+        say("%s: cannot be cut after its last whole record: %s", disk->path, strerror(errno));
     close_file(disk);
 }

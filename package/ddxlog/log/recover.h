@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A file that was cut off gets its end: its whole chunks are copied into a file beside it, which takes its place when
+ * A file that was cut off gets its end: its whole chunks are copied into a file next to it, which replaces it when
  * it is complete and on the disk. Until then, and whenever something fails, the old one is untouched.
  */
 #ifndef DDXLOG_RECOVER_H

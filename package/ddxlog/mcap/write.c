@@ -198,7 +198,7 @@ static int write_all(int fd, const unsigned char *data, size_t size) {
     return 0;
 }
 
-/* The chunk as a record behind what is fresh, and its indexes. */
+/* Appends the chunk as a record, and its indexes. */
 static void pack(struct mcap_writer *writer) {
     struct bytes *to = &writer->fresh, *summary = &writer->chunk_indexes;
     LZ4F_preferences_t preferences = {.frameInfo = {.contentSize = writer->chunk.size}};

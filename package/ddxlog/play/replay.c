@@ -162,7 +162,7 @@ static void say_state(const struct replay *replay) {
     char error[MCAP_ERROR_MAX];
 
     if (!state.complete)
-        say("%s: was cut off, or is still being written: %u whole chunks, %" PRIu64 " bytes behind them", replay->path,
+        say("%s: was cut off, or is still being written: %u whole chunks, %" PRIu64 " bytes after them", replay->path,
             state.chunks, state.left_over);
     if (mcap_refused_text(&state, error))
         say("%s: %s", replay->path, error);

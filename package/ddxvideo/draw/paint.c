@@ -142,7 +142,7 @@ static int scale(struct painter *painter, const struct canvas *canvas, const str
                  const struct layout_place *place) {
     const int *matrix = sws_getCoefficients(SWS_CS_ITU601);
     int filled = (place->width + VECTOR - 1) / VECTOR * VECTOR;
-    bool direct = place->x + filled <= canvas->stride; /* what is beside it is drawn later */
+    bool direct = place->x + filled <= canvas->stride; /* the margins are drawn later */
     struct SwsContext **scaler = &painter->scaler[place->field];
 
     /* Not AV_PIX_FMT_0RGB32: a scaler for that one says that it is for another, and is made again for each picture. */

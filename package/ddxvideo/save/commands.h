@@ -13,10 +13,10 @@
 
 #define PRE_ROLL_MAX 600 /* s */
 
-/* Take orders from now on; where the store has no room for that, a line says so. */
+/* Takes commands from now on; if the store has no memory for that, a line reports it. */
 void commands_open(struct recorder *recorder, DDX_STORE_ID *id);
 
-/* Carry out the next one, if there is one. Waits only for a former recording that is still being written. */
+/* Carries out the next command, if there is one. Waits only for a former recording that is still being written. */
 void commands_tick(struct recorder *recorder);
 
 void commands_close(struct recorder *recorder);

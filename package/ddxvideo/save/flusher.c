@@ -8,7 +8,7 @@
 
 #define NS INT64_C(1000000000)
 
-/* Not before the file behind it is known on the disk: else nothing there would say that the recording goes on. */
+/* Not before the next file is known on the disk: else nothing there would show that the recording continues. */
 static bool may_finish(const struct flusher *flusher, const struct segment *segment) {
     const struct segment *next = segment->next;
 

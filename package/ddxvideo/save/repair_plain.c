@@ -57,7 +57,7 @@ static int64_t mend(const char *folder, int at, const char *name, bool own) {
     if (own && !frames && !unlinkat(at, name, 0))
         say("%s/%s: was left without a whole frame; removed", folder, name);
     else if (frames > 0 && whole < status.st_size && !ftruncate(fd, whole))
-        say("%s/%s: was left within a frame; cut behind its last whole one, it has %lld", folder, name,
+        say("%s/%s: was left within a frame; cut after its last whole one, it has %lld", folder, name,
             (long long)frames);
     fclose(file);
     return frames;

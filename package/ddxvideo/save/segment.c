@@ -227,7 +227,7 @@ static void cut(struct segment *segment) {
     if (!segment->safe)
         unlink_own(segment); /* not one frame: an empty file would only be in the way */
     else if (ftruncate(segment->fd, (off_t)segment->safe) || fdatasync(segment->fd))
-        say("%s: cannot be cut behind its last good frame, number %u: %s", segment->path, segment->safe_frames,
+        say("%s: cannot be cut after its last good frame, number %u: %s", segment->path, segment->safe_frames,
             strerror(errno));
 }
 

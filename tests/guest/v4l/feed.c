@@ -69,7 +69,7 @@ static unsigned frame_in(unsigned queued) {
     return queued < BUFFERS ? 0 : queued - BUFFERS + 1;
 }
 
-/* The next buffer that the driver is done with; when that was, the one behind it came on the screen. */
+/* The next buffer that the driver is done with; at that moment the next one came on the screen. */
 static void take_back(int fd, struct v4l2_buffer *buffer, int64_t *since) {
     static unsigned taken;
     call(fd, VIDIOC_DQBUF, buffer, "take a buffer");
@@ -121,7 +121,7 @@ int feed(int argc, char **argv) {
         if (due > now_ms())
             sleep_ms(due - now_ms());
     }
-    for (unsigned i = 1; i < BUFFERS; i++) { /* the last frame waits behind those before it */
+    for (unsigned i = 1; i < BUFFERS; i++) { /* the last frame waits for those before it */
         struct v4l2_buffer buffer = {.type = request.type, .memory = request.memory};
         take_back(fd, &buffer, since);
     }

@@ -2,7 +2,7 @@
 """The block code of WFB-ng, a process: python -m parts.bench.block_code send|receive FROM ADDRESS PORT
 
 Eight packets that come to port FROM of this host make a block: each goes on at once, and four repair packets after the
-eighth. `receive` sends packets on in their order, those behind a gap when their block is complete or a newer block is.
+eighth. `receive` sends packets on in their order, those after a gap when their block is complete or a newer block is.
 A packet on the way: block (4 bytes), number in it (1), length (2), data; repair packets cover length and data.
 """
 from __future__ import annotations

@@ -206,7 +206,7 @@ class Guest:
         return self._channels[name]
 
     def shell(self, name: str = "hvc0", timeout: float = PATIENCE) -> Channel:
-        """The channel with a shell behind it; waits for the boot."""
+        """The channel to a shell; waits for the boot."""
         self._wake()
         if name not in self._channels:
             if not self._channels:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""QEMU's own console (QMP): orders, and what it tells of by itself."""
+"""QEMU's own console (QMP): commands and events."""
 from __future__ import annotations
 
 import json

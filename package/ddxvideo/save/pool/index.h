@@ -4,8 +4,8 @@
  * checksum and what was lost before it. What stands in the index is on the disk: it is written after the frames.
  *
  * The file, little endian: a header of INDEX_BLOCK bytes, then entries of 64 bytes, INDEX_BYTES in all, written once
- * before it is used, so that nothing but its bytes changes later. Entries hold the recording's random number: what an
- * earlier recording left behind them is not taken for theirs.
+ * before it is used, so that nothing but its bytes changes later. Entries hold the recording's random number, so
+ * that entries of an earlier recording, which may follow them, are not taken for its own.
  */
 #ifndef DDXVIDEO_INDEX_H
 #define DDXVIDEO_INDEX_H
