@@ -24,8 +24,8 @@ from typing import Any
 
 from parts.bench.clips import RATE, numbered
 from parts.bench.measure import cpus, percentile
-from parts.bench.programs import Programs, cpu_seconds
-from parts.bench.stream_cost import protection
+from parts.bench.programs import Programs
+from parts.bench.stream_cost import percents, protection
 from parts.common import MORTAL, OUTPUT, Failed, finish, say, wait_until
 from parts.image import native
 from parts.media import clip as made_up
@@ -66,12 +66,7 @@ def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
         loader = programs.start("ddxvideoload", str(plan.clip), "-readers", "2")
         wait_until(lambda: programs.count("ddxvideoload", "out") > 0, "the clip is not played")
         time.sleep(plan.warm_up)
-        before, begin = cpu_seconds(sender), time.monotonic()
-        decode_before = cpu_seconds(decode)
-        time.sleep(plan.seconds)
-        seconds = time.monotonic() - begin
-        sender_percent = 100 * (cpu_seconds(sender) - before) / seconds
-        decode_percent = 100 * (cpu_seconds(decode) - decode_before) / seconds
+        cost = percents({"sender_percent": sender, "decode_percent": decode}, plan.seconds)
         loader.wait(30)
         time.sleep(0.5)  # the last frames are on their way
         video, seen = [watcher.stop() for watcher in watchers]
@@ -81,7 +76,7 @@ def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
     latency = [(written - ready[number]) / 1e6 for number, written in seen if number in ready]
     if len(latency) < plan.least:
         raise Failed(f"{codec}: only {len(latency)} frames arrived")
-    return {"codec": codec, "latency_ms": latency, "sender_percent": sender_percent, "decode_percent": decode_percent}
+    return {"codec": codec, "latency_ms": latency, **cost}
 
 
 def alone(codec: str, plan: Plan) -> float:
@@ -89,11 +84,7 @@ def alone(codec: str, plan: Plan) -> float:
     encoder = subprocess.Popen([*MORTAL, ENCODE, plan.clip, codec, str(BITRATE)])
     try:
         time.sleep(plan.warm_up)
-        before, begin = cpu_seconds(encoder), time.monotonic()
-        time.sleep(plan.seconds)
-        if encoder.poll() is not None:
-            raise Failed(f"{ENCODE.name} ended with status {encoder.returncode}")
-        return 100 * (cpu_seconds(encoder) - before) / (time.monotonic() - begin)
+        return percents({ENCODE.name: encoder}, plan.seconds)[ENCODE.name]
     finally:
         encoder.kill()
         encoder.wait()
