@@ -176,10 +176,6 @@ size_t heap_bytes(const void *memory) {
     return (size_t)((const struct block *)memory - 1)->size * UNIT;
 }
 
-size_t heap_used(const struct heap *heap) {
-    return heap->used;
-}
-
 void heap_copy(char *to, const struct heap *heap) {
     const char *from = (const char *)heap;
 

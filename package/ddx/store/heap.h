@@ -23,9 +23,6 @@ void *heap_first(struct heap *heap); /* the piece at the lowest address */
 void *heap_owner(const void *memory);
 size_t heap_bytes(const void *memory); /* that the piece takes, its header included */
 
-/* Bytes from the beginning, beyond which nothing is in use. */
-size_t heap_used(const struct heap *heap);
-
 /* Copy what is in use, and not what is free, to the same places of another stretch. */
 void heap_copy(char *to, const struct heap *heap);
 

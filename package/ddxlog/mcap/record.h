@@ -8,7 +8,6 @@
 #define MCAP_MAGIC "\x89MCAP0\r\n"
 #define MCAP_MAGIC_SIZE 8
 #define MCAP_RECORD_HEAD 9 /* opcode, length */
-#define MCAP_MESSAGE_HEAD 22
 #define MCAP_CHUNK_HEAD 32 /* up to the length of the name of the compression */
 
 enum mcap_opcode {
