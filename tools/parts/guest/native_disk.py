@@ -9,7 +9,6 @@ import functools
 import os
 import pathlib
 import tempfile
-from types import TracebackType
 
 from parts.common import Failed, run, wait_until
 from parts.guest.slow_disk import MEMORY, Speed, file_system
@@ -88,6 +87,5 @@ class NativeDisk:
     def __enter__(self) -> NativeDisk:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end()

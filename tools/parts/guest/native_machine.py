@@ -14,7 +14,6 @@ import pathlib
 import signal
 import subprocess
 import tempfile
-from types import TracebackType
 
 from parts.common import MORTAL, PATIENCE, Failed, wait_until
 
@@ -127,6 +126,5 @@ class NativeMachine:
     def __enter__(self) -> NativeMachine:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.end()

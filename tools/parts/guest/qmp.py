@@ -6,7 +6,6 @@ import json
 import pathlib
 import socket
 import time
-from types import TracebackType
 from typing import Any
 
 from parts.common import PATIENCE, Failed
@@ -34,8 +33,7 @@ class Monitor:
     def __enter__(self) -> Monitor:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self._socket.close()
 
     def _receive(self, what: str) -> dict[str, Any]:

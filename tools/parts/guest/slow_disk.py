@@ -12,7 +12,6 @@ import signal
 import subprocess
 import tempfile
 import time
-from types import TracebackType
 
 from parts.common import MORTAL, PATIENCE, Failed, run, wait_until
 from parts.guest.qemu import Guest
@@ -103,8 +102,7 @@ class SlowDisk:
     def __enter__(self) -> SlowDisk:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         if self.process.poll() is None:
             self.thaw()
             self.process.terminate()

@@ -19,7 +19,6 @@ import pathlib
 import subprocess
 import sys
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Any
 
 from parts.common import MORTAL, SBIN, TOP, Failed
@@ -101,8 +100,7 @@ class Link:
         self.lose(self._loss, self._back)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.relay.communicate()
 
     def _answer(self) -> Any:
