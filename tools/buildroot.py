@@ -60,7 +60,7 @@ def checkout() -> pathlib.Path:
     if found != COMMIT:
         raise Failed(f"{folder} is at commit {found}, we are pinned to {COMMIT} ({RELEASE})")
     if run(["git", "-C", folder, "status", "--porcelain", "--untracked-files=no"]).strip():
-        raise Failed(f"{folder} has changes of its own")
+        raise Failed(f"{folder} has local changes")
     return folder
 
 

@@ -63,7 +63,7 @@ def test_another_worker_of_the_store_goes_on(guest: Guest, recorded: session.Res
     worker = guest.sh(f"pgrep -P {before['pid']}").strip()
     guest.sh(f"kill -9 {worker}")
     guest.wait_until(f"now=$(pgrep -P {before['pid']}) && [ $now != {worker} ]")
-    assert "the worker was ended by signal 9; another one goes on" in guest.sh("ddxctl logs store")
+    assert "the worker was killed by signal 9; the next one continues" in guest.sh("ddxctl logs store")
     assert "video" in guest.sh("ddxctl list")
     after = status(guest, "store")[1]
     assert (after["pid"], after["restarts"]) == (before["pid"], before["restarts"])

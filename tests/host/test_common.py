@@ -47,7 +47,7 @@ def test_one_at_a_time(tmp_path: pathlib.Path) -> None:
     first = start(ALONE, lock)
     assert line(first) == "in"
     second = start(ALONE, lock)
-    assert line(second) == f"tool: waiting for process {first.pid}, which is at it already ({lock})"
+    assert line(second) == f"tool: waiting for process {first.pid}, which runs already ({lock})"
     first.kill()  # whatever happens to it
     first.communicate()
     assert line(second) == "in"

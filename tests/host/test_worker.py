@@ -43,7 +43,7 @@ def record(desk: Desk, clip: pathlib.Path, client: pathlib.Path, deaths: int, ou
     assert status == 0 and lost(saved) == 0, desk.errors(saver)
     assert saved["in"] == saved["out"] == loaded["out"] >= frames
     assert (seen["frames"], seen["missed"]) == (frames, 0)
-    assert desk.errors(desk.store).count("the worker was ended by signal 9") == deaths
+    assert desk.errors(desk.store).count("the worker was killed by signal 9") == deaths
     assert json.loads(desk.run("ddxctl", "list", "--json").stdout)["restarts"] == deaths
     return {name: int(value) for name, value in seen.items()}
 

@@ -206,7 +206,7 @@ static int adopt_reader(struct item *item, struct client *client) {
         keep = keep / 2 > least ? keep / 2 : least;
     }
     if (keep < client->offered_keep)
-        log_line("%s: %u frames are kept for its reader %d, not %u: the room went to others meanwhile", item->name,
+        log_line("%s: %u frames are kept for its reader %d, not %u: other readers have the memory", item->name,
                  keep, (int)client->pid, client->offered_keep);
     client->offered_pin_fd = -1;
     int result = reader_register(client, fd, keep);

@@ -121,9 +121,9 @@ static bool still_there(pid_t worker) {
     if (waitpid(worker, &status, WNOHANG) != worker)
         return true;
     if (WIFSIGNALED(status))
-        log_line("the worker was ended by signal %d; another one goes on", WTERMSIG(status));
+        log_line("the worker was killed by signal %d; the next one continues", WTERMSIG(status));
     else
-        log_line("the worker ended with status %d; another one goes on", WEXITSTATUS(status));
+        log_line("the worker exited with status %d; the next one continues", WEXITSTATUS(status));
     return false;
 }
 

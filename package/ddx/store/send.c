@@ -34,13 +34,13 @@ void client_send(struct client *client, const struct ddx_message *message, const
 
     checkpoint_charge(before.account, before.most);
     if (client->queue.count > QUEUED_MAX)
-        log_line("%d asks and does not listen; closing its connection", (int)client->pid);
+        log_line("%d sends requests and reads no answers; closing its connection", (int)client->pid);
     else if (result)
-        log_line("what %d is to hear cannot be kept (%s); closing its connection", (int)client->pid, strerror(-result));
+        log_line("no memory for messages to %d (%s); closing its connection", (int)client->pid, strerror(-result));
     client->gone |= result || client->queue.count > QUEUED_MAX;
 }
 
-/* For tests: at what point others know. */
+/* For tests: the point at which others know. */
 static void pass_said(const struct ddx_message *message, const struct item *item) {
     bool to_reader = message->flags & DDX_FLAG_READER, to_writer = message->flags & DDX_FLAG_WRITER;
 
@@ -82,14 +82,14 @@ static void sent(const struct ddx_message *message, void *context) {
     DDX_PASS(STORE_NOTICED);
 }
 
-/* Whether there was anything to be said to it. */
+/* Whether a message was waiting for it. */
 static bool go_on(struct client *client) {
     if (!client->queue.count || client->gone)
         return false;
     if (ddx_queue_go_on(&client->queue, client->socket, sent, client))
         client->gone = true;
     else if (client->queue.files && client_holds_too_much(client)) {
-        log_line("%d does not listen, and others need descriptors, too; closing a connection", (int)client->pid);
+        log_line("%d reads no messages, and others need its descriptors; closing a connection", (int)client->pid);
         client->gone = true;
     }
     return true;

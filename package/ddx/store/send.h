@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What is said to clients, and when. */
+/* Messages to clients, and when they are sent. */
 #ifndef STORE_SEND_H
 #define STORE_SEND_H
 
@@ -10,12 +10,12 @@ void client_send(struct client *client, const struct ddx_message *message, const
                  const int *fds, unsigned count);
 void client_reply(struct client *client, uint32_t operation, int status);
 
-/* Send to all what they have room for; to this one (or NULL) last. Whether there was anything. */
+/* Sends to all clients as much as their sockets take; to `last` (or NULL) last. Whether a message was waiting. */
 bool clients_go_on(struct store *store, struct client *last);
 
 /*
- * What is kept for its process, besides connections and items: offers that are not complete, and messages that it has
- * not read. A quarter of our descriptors, but a whole item in any case.
+ * Whether its process has more than a quarter of our descriptors in incomplete offers and unread messages; a whole
+ * item is allowed in any case.
  */
 bool client_holds_too_much(const struct client *client);
 

@@ -17,7 +17,7 @@ struct command {
 
 static void set_recording(struct recorder *recorder, int64_t value) {
     if (recorder->paused != !value)
-        say("%s", value ? "told to go on" : "told to stop recording; frames are left out from now on");
+        say("%s", value ? "recording continues, by request" : "recording stops, by request; frames are skipped");
     recorder_set_paused(recorder, !value);
 }
 
@@ -86,7 +86,7 @@ static int check(const struct recorder *recorder, const DDX_REQUEST *request, ch
 void commands_open(struct recorder *recorder, DDX_STORE_ID *id) {
     recorder->requests = ddx_requests_open(id, recorder->program.instance);
     if (!recorder->requests)
-        say("%s: cannot be told to stop or to go on: %s", recorder->program.instance, ddx_error_text(-errno));
+        say("%s: cannot receive commands: %s", recorder->program.instance, ddx_error_text(-errno));
 }
 
 void commands_tick(struct recorder *recorder) {

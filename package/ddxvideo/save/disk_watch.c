@@ -80,7 +80,7 @@ void disk_watch_start(struct disk_watch *watch, DDX_STORE_ID *id, const char *in
         error = -pthread_create(&watch->thread, NULL, run, watch);
     if (!error)
         return;
-    say("%s: does not tell how its disk is: %s", instance, ddx_error_text(error));
+    say("%s: cannot publish the state of its disk: %s", instance, ddx_error_text(error));
     ddx_store_done_item(watch->item);
     watch->item = NULL;
 }
