@@ -16,7 +16,6 @@ import json
 import os
 import pathlib
 import platform
-import re
 import shutil
 import statistics
 import subprocess
@@ -27,25 +26,10 @@ from typing import Any
 from parts.bench import plot as bench_plot
 from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice
 from parts.common import OUTPUT, TOP, Failed, run, say
-from parts.image import native
+from parts.image import cargo, native
 
 CARGO = OUTPUT / "bench/cargo"
 INSIDE = "DDX_BENCH_INSIDE"  # set in the network of our own
-
-
-def cargo_project() -> pathlib.Path:
-    """A copy of bench/iceoryx2. Its lock file pins versions and checksums, but not where packages come from."""
-    project = OUTPUT / "bench/iceoryx2"
-    shutil.copytree(TOP / "bench/iceoryx2", project, dirs_exist_ok=True)
-    lock = project / "Cargo.lock"
-    pinned = lock.read_text()
-    lock.unlink()
-    run(["cargo", "generate-lockfile"], cwd=project)
-    source = re.search(r'^source = "(registry\+[^"]+)"$', lock.read_text(), re.M)
-    if not source:
-        raise Failed("cargo names no registry")
-    lock.write_text(pinned.replace('source = "registry"', f'source = "{source[1]}"'))
-    return project
 
 
 def compile_bench(root: pathlib.Path, into: pathlib.Path, options: list[str]) -> None:
@@ -61,7 +45,8 @@ def build(peers: bool) -> None:
         compile_bench(root, BUILD, [] if (BUILD / "build.ninja").exists() else ["-Dpeers=false"])
         return
     say("bench: building iceoryx2 ...")
-    run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO], cwd=cargo_project())
+    run(["cargo", "build", "--release", "--locked", "--target-dir", CARGO],
+        cwd=cargo.project(TOP / "bench/iceoryx2", OUTPUT / "bench/iceoryx2"))
     compile_bench(root, BUILD, ["-Dpeers=true", f"-Diceoryx2={CARGO}/release/libbench_iceoryx2.a"])
 
 

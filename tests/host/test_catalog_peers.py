@@ -7,6 +7,7 @@ import os
 import pathlib
 import re
 import signal
+import struct
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -15,7 +16,7 @@ from typing import Any
 import pytest
 
 from parts.common import MORTAL, TOP, Failed
-from parts.image import peers
+from parts.image import cargo, peers
 from parts.link.link import Link
 
 from .programs import Compiler, Process, lost, stop, wait_until
@@ -41,6 +42,15 @@ def others() -> pathlib.Path:
         return peers.peers()
     except Failed as error:
         pytest.skip(f"ROS 2 and other implementations of DDS cannot be installed: {error}")
+
+
+@pytest.fixture(scope="session")
+def dust() -> pathlib.Path:
+    """A program of Dust DDS, which shares no code with the others."""
+    try:
+        return cargo.program(HERE / "dust_peer")
+    except Failed as error:
+        pytest.skip(f"Dust DDS cannot be built: {error}")
 
 
 class Laptop:
@@ -155,6 +165,26 @@ def test_a_tool_of_dds_finds_the_type_and_reads_the_values(begin: Begin, laptop:
     shown, _ = tool[1].communicate(timeout=60)
     for field in ("struct SENSOR_", "double x;", "short a[3];", "octet name[5];", "SENSORPart_ part[2];"):
         assert field in shown
+
+
+def test_a_third_implementation_reads_the_values(begin: Begin, laptop: Laptop, dust: pathlib.Path) -> None:
+    """Each value of 20, in order; each field, and no other field, is equal."""
+    robot = begin("")
+    writer = robot.start("write", "sensor")
+    write(writer, 1)
+    reader = laptop.start(str(dust), "rt/robot/sensor", 20)
+    for number in range(1, 21):
+        message = json.loads(read(reader, 1)[0])
+        assert message.pop("sec") > 10**9 > message.pop("nanosec")
+        assert message == {
+            "frame_id": "robot", "sequence": number, "monotonic_ns": robot.time("sensor"), "number": number,
+            "name": list(b"abcde"), "part": [{"x": 1.5 * number + i, "a": [number + 10 * i + k for k in range(3)]}
+                                             for i in range(2)],
+            "f": struct.unpack("f", struct.pack("f", number / 3))[0], "last": number}
+        write(writer, 1)
+    assert reader.wait(timeout=60) == 0
+    wait_until(lambda: bool(robot.counters()["in"] >= 20))
+    assert lost(robot.counters()) == 0
 
 
 # The same by the .msg files of a package, which ROS's own parser must take as well.
