@@ -147,6 +147,11 @@ def starts(service: Appliance) -> int:
     return len(file.read_text().splitlines()) if file.exists() else 0
 
 
+def die(service: Appliance) -> None:
+    """The program that a start has counted may not have become `sleep` yet."""
+    wait_until(lambda: service.run("killall sleep")[0] == 0)
+
+
 @pytest.fixture
 def supervised(service: Appliance) -> Appliance:
     be(service, "exec sleep 1000")
@@ -172,7 +177,7 @@ def test_toggles_within_a_second_are_heard_in_their_order(supervised: Appliance)
 def test_a_restart_of_what_dies_at_once_is_a_start(supervised: Appliance) -> None:
     """Told while its runsv sleeps, and wants it up."""
     be(supervised, "exit 1")
-    supervised.run("killall sleep")
+    die(supervised)
     runsv = supervised.run("pidof runsv")[1].strip()
     wait_until(lambda: (supervised.root / THING / "supervise/stat").read_text() == "down\n")
     supervised.run(f"kill -STOP {runsv}")
@@ -191,7 +196,7 @@ def test_nothing_waits_for_a_back_off(supervised: Appliance) -> None:
         told(supervised, "start")
         wait_until(lambda: state(supervised) == "running")
         (supervised.root / THING / "delay").write_text("4\n")
-        supervised.run("killall sleep")
+        die(supervised)
         wait_until(lambda: (supervised.root / THING / "delay").read_text() == "8\n")
         begin = time.monotonic()
         assert told(supervised, action).endswith(": OK\n")
