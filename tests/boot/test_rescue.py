@@ -6,6 +6,7 @@ from parts.guest.qemu import USERSPACE, Boot, Guest
 
 OWN = "/usr/libexec/ddx/own-partition"
 DOWN = "\x1b[B"
+KEYS = 20
 CHOSEN = rb"\x1b\[7m\x1b\[\d+;3H\*[^\x1b]*"  # the entry that GRUB shows in reverse
 
 
@@ -13,12 +14,19 @@ def choose(guest: Guest) -> None:
     menu = guest.channel("ttyS0")
     try:
         menu.wait(b"Rescue", 60)
-        # One key after the other, when the menu has answered: the serial line may lose one that comes faster. At its
-        # last entry the menu stays where it is.
+        # One key after the other, when the menu has answered: GRUB loses a key that comes while it draws, on a screen
+        # with UEFI for seconds. Without an answer the key is sent again. At its last entry the menu stays where it is.
         chosen = b""
-        while b"Rescue" not in chosen:
+        for _ in range(KEYS):
             menu.send(DOWN)
-            chosen = menu.wait(CHOSEN, 60)[0]
+            try:
+                chosen = menu.wait(CHOSEN, 5)[0]
+            except Timeout:
+                continue
+            if b"Rescue" in chosen:
+                break
+        else:
+            raise Timeout(f"the menu's entry is {chosen!r} after {KEYS} keys")
         menu.send("\r")
         menu.wait(USERSPACE, 60)
     except Timeout:
