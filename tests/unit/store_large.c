@@ -5,17 +5,13 @@
  * file of a request, so that other clients are served meanwhile.
  */
 #include <sys/mman.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include "../../package/ddx/store/budget.h"
 #include "../../package/ddx/store/claim.h"
-#include "../../package/ddx/store/holder.h"
 #include "../../package/ddx/store/items.h"
-#include "../../package/ddx/store/checkpoint.h"
-#include "../../package/ddx/store/session.h"
-#include "../../package/ddx/store/resume.h"
-#include "check.h"
+#include "holder_beats.h"
+#include "store_alone.h"
 
 #define STEPS 2 /* of a frame */
 #define FRAME ((uint64_t)STEPS * DDX_MEMORY_STEP)
@@ -23,40 +19,7 @@
 #define KEPT 2  /* frames, for a reader */
 
 static const struct settings settings = {.budget = (uint64_t)1 << 30};
-static struct store *store;
 static struct ddx_packet packet;
-static unsigned beats;
-
-/* In place of the holder. */
-void holder_beat(void) {
-    beats++;
-}
-
-void holder_serving(int socket) {
-    (void)socket;
-}
-
-int holder_banned(void) {
-    return -1;
-}
-
-unsigned holder_restarts(void) {
-    return 0;
-}
-
-struct party {
-    int socket;
-    struct client *client;
-};
-
-static struct party begin(void) {
-    int pair[2];
-
-    CHECK_EQUAL(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, pair), 0);
-    struct party party = {.socket = pair[0], .client = client_add(store, pair[1])};
-    CHECK(party.client);
-    return party;
-}
 
 static void ask(struct party *party, struct ddx_message message) {
     struct ddx_layout *layout = ddx_layout_opaque(FRAME);
@@ -173,10 +136,7 @@ static void give_up(struct party *writer, struct party *other) {
 int main(void) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet.fd[i] = -1;
-    CHECK_EQUAL(checkpoint_begin(), 0);
-    CHECK(!checkpoint_restore());
-    store_memory();
-    CHECK((store = store_begin(&settings)));
+    store_make(&settings);
     struct party writer = begin(), next = begin(), reader = begin(), other = begin();
 
     open_clip(&writer);

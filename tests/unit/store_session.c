@@ -5,37 +5,18 @@
  */
 #include <errno.h>
 #include <sys/mman.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
 #include "../../package/ddx/store/budget.h"
 #include "../../package/ddx/store/holder.h"
 #include "../../package/ddx/store/items.h"
-#include "../../package/ddx/store/checkpoint.h"
-#include "../../package/ddx/store/session.h"
-#include "../../package/ddx/store/resume.h"
-#include "check.h"
+#include "store_alone.h"
 
 #define FRAME 10000u
 #define BUDGET 300000u
 
 static const struct settings settings = {.budget = BUDGET};
-static struct store *store;
 static struct ddx_packet packet;
-
-struct party {
-    int socket;
-    struct client *client;
-};
-
-static struct party begin(void) {
-    int pair[2];
-
-    CHECK_EQUAL(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair), 0);
-    struct party party = {pair[0], client_add(store, pair[1])};
-    CHECK(party.client);
-    return party;
-}
 
 static void ask(struct party *party, struct ddx_message message, uint64_t size) {
     struct ddx_layout *layout = size ? ddx_layout_opaque(size) : NULL;
@@ -165,11 +146,7 @@ static void no_errno(void) {
 int main(void) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet.fd[i] = -1;
-    CHECK_EQUAL(checkpoint_begin(), 0);
-    CHECK(!checkpoint_restore());
-    store_memory();
-    store = store_begin(&settings);
-    CHECK(store);
+    store_make(&settings);
 
     names();
     no_errno();

@@ -5,15 +5,11 @@
  * starves.
  */
 #include <poll.h>
-#include <sys/socket.h>
 #include <unistd.h>
 
-#include "../../package/ddx/store/holder.h"
-#include "../../package/ddx/store/checkpoint.h"
 #include "../../package/ddx/store/process.h"
-#include "../../package/ddx/store/session.h"
-#include "../../package/ddx/store/resume.h"
-#include "check.h"
+#include "holder_beats.h"
+#include "store_alone.h"
 
 #define CONNECTIONS 40
 #define MESSAGES 30 /* on each, when the first turn begins; a socket holds some 160 */
@@ -21,46 +17,13 @@
 #define OTHER 1     /* the number of another process */
 
 static const struct settings settings = {.budget = 1 << 20};
-static struct store *store;
-static unsigned beats;
 
-/* In place of the holder. */
-void holder_beat(void) {
-    beats++;
-}
-
-void holder_serving(int socket) {
-    (void)socket;
-}
-
-int holder_banned(void) {
-    return -1;
-}
-
-unsigned holder_restarts(void) {
-    return 0;
-}
-
-struct party {
-    int socket;
-    struct client *client;
-    unsigned sent;
-};
-
-static struct party begin(void) {
-    int pair[2];
-
-    CHECK_EQUAL(socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, pair), 0);
-    struct party party = {.socket = pair[0], .client = client_add(store, pair[1])};
-    CHECK(party.client);
-    return party;
-}
-
-static void ask(struct party *party, uint32_t operation) {
+/* `sent`: of this connection so far. */
+static void ask(const struct party *party, unsigned *sent, uint32_t operation) {
     struct ddx_message message = {.operation = operation, .flags = DDX_FLAG_CREATE, .name = "clip", .type = "BYTES"};
     struct ddx_layout *layout = ddx_layout_opaque(8);
 
-    message.number = ++party->sent;
+    message.number = ++*sent;
     CHECK_EQUAL(ddx_send(party->socket, &message, operation == DDX_OPEN ? layout : NULL, NULL, 0), 0);
     free(layout);
 }
@@ -87,22 +50,20 @@ static uint64_t handled(const struct party *party) {
 
 int main(void) {
     struct party flood[CONNECTIONS], other;
+    unsigned sent[CONNECTIONS] = {0}, sent_by_other = 0;
 
-    CHECK_EQUAL(checkpoint_begin(), 0);
-    CHECK(!checkpoint_restore());
-    store_memory();
-    CHECK((store = store_begin(&settings)));
+    store_make(&settings);
     other = begin();
     other.client->process->clients--;
     CHECK((other.client->process = process_join(store, OTHER)));
     for (unsigned i = 0; i < CONNECTIONS; i++) {
         flood[i] = begin();
-        ask(&flood[i], DDX_OPEN);
+        ask(&flood[i], &sent[i], DDX_OPEN);
         for (unsigned k = 1; k < MESSAGES; k++)
-            ask(&flood[i], DDX_INFO);
+            ask(&flood[i], &sent[i], DDX_INFO);
     }
-    ask(&other, DDX_OPEN);
-    ask(&other, DDX_INFO);
+    ask(&other, &sent_by_other, DDX_OPEN);
+    ask(&other, &sent_by_other, DDX_INFO);
 
     uint64_t all = (uint64_t)CONNECTIONS * MESSAGES, done = 0;
     for (unsigned i = 0; done < all; i++) {
