@@ -299,7 +299,7 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
     double wire = (double)dispatch->budget.rate * frame, video = (double)settings->video * frame;
     double full = silence < FEEDBACK_GONE ? FULL : FULL_ONE_WAY;
-    bool in_runs = feedback_loss_in_runs(&dispatch->feedback, now) > 0;
+    bool in_runs = feedback_has_runs(&dispatch->feedback, now);
     double spare = (double)budget_tokens(&dispatch->budget, now) - full * (double)budget_size(&dispatch->budget);
 
     if (is_behind(dispatch, now))

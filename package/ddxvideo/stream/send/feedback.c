@@ -123,16 +123,14 @@ static double worst_loss(const struct feedback *feedback, int64_t now) {
     return worst;
 }
 
-double feedback_loss_in_runs(const struct feedback *feedback, int64_t now) {
-    double worst = 0;
-
+bool feedback_has_runs(const struct feedback *feedback, int64_t now) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         const struct deficit *deficit = &feedback->reporter[i].deficit;
 
-        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > DEFICIT_IN_RUNS && deficit->loss > worst)
-            worst = deficit->loss;
+        if (is_active(&feedback->reporter[i], now) && deficit->run_mean > DEFICIT_IN_RUNS && deficit->loss > 0)
+            return true;
     }
-    return worst;
+    return false;
 }
 
 bool feedback_is_single(const struct feedback *feedback, int64_t now) {
@@ -149,7 +147,7 @@ static void learn_loss(struct feedback *feedback, int64_t now) {
 
     feedback->mean_loss += (worst - feedback->mean_loss) * (part < 1 ? part : 1);
     feedback->loss = worst > feedback->mean_loss ? worst : feedback->mean_loss;
-    feedback->in_runs = feedback_loss_in_runs(feedback, now) > 0;
+    feedback->in_runs = feedback_has_runs(feedback, now);
     feedback->heard = now;
 }
 

@@ -63,8 +63,8 @@ int64_t feedback_silence(const struct feedback *feedback, int64_t now);
 /* How many repair packets are wanted now, and the oldest media packet that they have to cover. */
 unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first);
 
-/* The worst loss, 0 to 1, of a receiver whose losses come in runs; 0 if there is none. */
-double feedback_loss_in_runs(const struct feedback *feedback, int64_t now);
+/* Whether losses of a receiver come in runs. */
+bool feedback_has_runs(const struct feedback *feedback, int64_t now);
 
 /* Whether exactly one receiver reports. */
 bool feedback_is_single(const struct feedback *feedback, int64_t now);
