@@ -13,7 +13,7 @@ from parts.media.clip import frame_number
 Image = NDArray[numpy.uint8]  # rows, columns, red green blue
 FONT = TOP / "package/ddxvideo/draw/text.c"
 CELL, PAD, LINES = (6, 10), 3, 3  # of text.h and picture.c
-LIST, ITEMS = (0x10, 0x24, 0x3c), (0x2c, 0x10, 0x40)  # after the list of the keys, and of the items
+LIST, ITEMS = (0x10, 0x24, 0x3c), (0x2c, 0x10, 0x40)  # backgrounds: list of the keys, of the items
 
 
 def ppm(data: bytes) -> Image:
