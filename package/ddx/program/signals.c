@@ -17,8 +17,10 @@ static volatile sig_atomic_t stop_wanted, report_wanted, ticks;
 static timer_t ticker;
 static FILE *report;
 
+/* A service gets TERM twice, from its script and from `sv`: only the first one interrupts a system call. */
 static void on_signal(int number) {
     static const struct itimerspec period = {{0, TICK_NS}, {0, TICK_NS}};
+    const struct sigaction again = {.sa_handler = on_signal, .sa_flags = SA_RESTART};
 
     if (number == SIGUSR1) {
         report_wanted = 1;
@@ -26,6 +28,8 @@ static void on_signal(int number) {
         if (!stop_wanted)
             timer_settime(ticker, 0, &period, NULL);
         stop_wanted = 1;
+        sigaction(SIGTERM, &again, NULL);
+        sigaction(SIGINT, &again, NULL);
     }
 }
 
