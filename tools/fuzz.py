@@ -78,16 +78,17 @@ def build_foreign() -> pathlib.Path:
     return program
 
 
-def seeds(target: str) -> list[pathlib.Path]:
-    """Folders with inputs to begin with."""
-    theirs = [cyclonedds_fuzzed.fuzzed() / "seeds"] if target == FOREIGN else []
+def seeds(target: str, few: bool = False) -> list[pathlib.Path]:
+    """Folders with inputs to begin with; `few`: only ours."""
+    theirs = [cyclonedds_fuzzed.fuzzed() / "seeds"] if target == FOREIGN and not few else []
     return [TOP / "tests/fuzz/corpus" / target, *theirs]
 
 
 def fuzz(target: str, seconds: int, broken: str = "", corpus: pathlib.Path | None = None,
          seed: int = 0) -> tuple[bool, str]:
     """Run a target for this time, with a defect if `broken` names one. Whether nothing was found, and what libFuzzer
-    says. A seed other than 0: the same inputs each time, as far as the time allows."""
+    says. A seed other than 0: the same inputs each time, as far as the time allows. The search for a defect begins
+    with few inputs: among hundreds, those next to it are chosen too rarely."""
     program = build_foreign() if target == FOREIGN else build(target, bool(broken))
     found = FUZZ / target if corpus is None else corpus
     found.mkdir(parents=True, exist_ok=True)
@@ -95,9 +96,9 @@ def fuzz(target: str, seconds: int, broken: str = "", corpus: pathlib.Path | Non
     options = [f"-seed={seed}", f"-max_total_time={seconds}", f"-max_len={LONGEST}", "-timeout=20",
                "-rss_limit_mb=2000",
                "-print_final_stats=1", f"-artifact_prefix={artifacts}/{target}-"]
-    done = subprocess.run([program, *options, found, *seeds(target)], env={**os.environ, "DDX_BROKEN": broken},
-                          stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-                          errors="replace")
+    done = subprocess.run([program, *options, found, *seeds(target, few=bool(broken))],
+                          env={**os.environ, "DDX_BROKEN": broken}, stdin=subprocess.DEVNULL,
+                          stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace")
     return done.returncode == 0, done.stdout
 
 
