@@ -219,33 +219,36 @@ class Guest:
         return self._channels[name]
 
     def wait_for_log(self, text: bytes, timeout: float = PATIENCE) -> None:
-        """Until the serial line has said so, whether anybody was listening or not."""
+        """Wait until the log of the serial line contains the text."""
         self._wake()
         deadline = time.monotonic() + timeout
         while text not in self._said():
             if not self._channels and self.boots_again():
                 deadline = time.monotonic() + timeout
             if self.process.poll() is not None:
-                raise Failed(f"QEMU ended before the guest had said {text!r}: {self.words()}")
+                raise Failed(f"QEMU exited with status {self.process.returncode} before the guest printed {text!r}: "
+                             f"{self.words()}")
             if time.monotonic() > deadline:
-                raise Failed(f"the guest did not say {text!r} within {timeout:.0f} s")
+                raise Failed(f"the guest did not print {text!r} within {timeout:.0f} s")
             time.sleep(0.02)
 
     def words(self) -> str:
-        """What QEMU itself has said, to whom it may concern."""
+        """QEMU's stderr."""
         return (self.folder / "qemu.log").read_text(errors="replace").strip()
 
     def _said(self) -> bytes:
         return self.log.read_bytes() if self.log.exists() else b""
 
     def boots_again(self) -> bool:
-        """Whether the machine has failed the guest's kernel before there was a userspace; then it is started again, on
-        the disk as it was, and channels are closed."""
+        """Whether QEMU failed the guest before userspace: it crashed, or its processor or timer misled the kernel. Then
+        QEMU starts again with the disk as it was before the boot, and channels are closed."""
         said = self._said()
-        if USERSPACE in said or not any(fault in said for fault in MACHINE_FAULTS) or not self._again:
+        crashed = (self.process.poll() or 0) < 0
+        if USERSPACE in said or not (crashed or any(fault in said for fault in MACHINE_FAULTS)) or not self._again:
             return False
         self._again -= 1
-        say("the machine failed the guest's kernel (breakpoint or timer); booting again ...")
+        fault = f"was stopped by signal {-self.process.returncode}" if crashed else "failed the guest's kernel"
+        say(f"QEMU {fault}; booting again ...")
         self.process.kill()
         self.process.wait()
         self.reset()
