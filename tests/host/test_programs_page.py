@@ -59,7 +59,7 @@ def test_the_page_has_all_that_a_program_takes() -> None:
 
 def test_program_user_script_and_settings_are_in_the_image(root: pathlib.Path) -> None:
     assert (root / "usr/bin" / NAME).read_bytes().startswith(b"\x7fELF")
-    assert f"{USER}:x:{NUMBER}:900:says when a camera sees nothing:" in (root / "etc/passwd").read_text()
+    assert f"{USER}:x:{NUMBER}:900:reports when a camera sees nothing:" in (root / "etc/passwd").read_text()
     assert os.access(root / f"etc/init.d/S62{NAME}", os.X_OK)
     assert f"user={USER}\n" in (root / "etc/default" / NAME).read_text()
 
