@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A folder of the test's own, in TMPDIR or /tmp. It goes with the program, also when a check fails; what the program
- * forks leaves it.
+ * A temporary folder of the test, in TMPDIR or /tmp. It is removed when the program exits, also when a check fails;
+ * child processes do not remove it.
  */
 #ifndef SCRATCH_H
 #define SCRATCH_H
@@ -45,7 +45,7 @@ static inline void scratch_make(void) {
     scratch_owner = getpid();
 }
 
-/* Of a file in it. To be freed. */
+/* The path of a file in the folder; to be freed. */
 static inline char *scratch_path(const char *name) {
     char *path;
 

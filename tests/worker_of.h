@@ -5,7 +5,7 @@
 #include <stdio.h>
 #include <sys/types.h>
 
-/* The one child of a store's holder. 0: there is none just now. */
+/* The one child of a store's holder. 0: there is none now. */
 static inline pid_t worker_of(pid_t holder) {
     char path[64];
     int pid = 0;

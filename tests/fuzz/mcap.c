@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Fuzz target: an MCAP file, all that is in it, and the types that its channels tell of. */
+/* Fuzz target: an MCAP file, its contents, and the types of its channels. */
 #include <assert.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: media and repair packets into the receiver of repair. The input is a row of commands, each a byte: its
- * low three bits are what happens, the others a number n. Bytes and packets of the input follow where noted; a packet
- * is a byte for its size (times five), and its bytes.
+ * Fuzz target: media and repair packets into the receiver of repair. The input is a sequence of commands, each a byte:
+ * its low three bits are the command, the others a number n. Bytes and packets of the input follow where noted; a
+ * packet is a byte for its size (times five), and its bytes.
  */
 #include <assert.h>
 #include <stdlib.h>
@@ -29,7 +29,7 @@ enum command {
 static struct restore receiver;
 static struct repair_window window;
 static uint32_t next;
-static bool honest; /* nothing was changed or forged: what is restored is right */
+static bool honest; /* no packet was changed or forged: restored packets must be right */
 
 struct input {
     const uint8_t *at, *end;
@@ -47,7 +47,7 @@ static size_t media_of(uint32_t esi, uint8_t *to) {
     return size;
 }
 
-/* From exactly as much memory as it has. */
+/* Delivers the packet from memory of exactly its size. */
 static void deliver(const uint8_t *packet, size_t size, bool repair) {
     uint8_t *copy = malloc(size ? size : 1);
 
@@ -59,7 +59,7 @@ static void deliver(const uint8_t *packet, size_t size, bool repair) {
     free(copy);
 }
 
-/* Each restored packet is looked at. */
+/* Takes and checks each restored packet. */
 static void take_all(void) {
     const uint8_t *packet;
     uint8_t copy[RTP_PACKET_MAX], expected[RTP_PACKET_MAX];
@@ -148,7 +148,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
 
     next = 65526;
     honest = true;
-    memset(&receiver, 0xa5, sizeof receiver); /* an input always does the same */
+    memset(&receiver, 0xa5, sizeof receiver); /* an input must always have the same effect */
     restore_init(&receiver, SSRC);
     repair_window_init(&window, SSRC, 0x2002, 1);
     send_media(0);

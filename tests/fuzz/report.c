@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: RTCP reports into a sender that is sending. The input is a row of commands, each a byte: its low three
- * bits are what happens, the others a number n. Bytes of the input follow where noted. After each command all packets
- * that are due go out.
+ * Fuzz target: RTCP reports into a running sender. The input is a sequence of commands, each a byte: its low three bits
+ * are the command, the others a number n. Bytes of the input follow where noted. After each command all packets that
+ * are due are sent.
  */
 #include <assert.h>
 #include <stdlib.h>
@@ -16,7 +16,7 @@
 #define REPAIR_SSRC 0x2002u
 #define WIRE 250000
 #define HEADER 28
-#define MOST 1000 /* packets that go out in one go: more would be a loop without an end */
+#define MOST 1000 /* packets sent at once: more would be an endless loop */
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -24,11 +24,11 @@ enum command {
     FRAME,  /* a frame of n % 8 + 1 packets; (1 byte) their size */
     WAIT,   /* n + 1 ms */
     PAUSE,  /* n * 100 ms */
-    REPORT, /* of reporter n & 7 at address n >> 3 that can be true: (6 bytes) see make_report() */
+    REPORT, /* a possible report of reporter n & 7 at address n >> 3: (6 bytes) see make_report() */
     CHANGE, /* the same, but the byte at (1 byte) is changed (1 byte) */
     DATA,   /* (1 byte) size, (size bytes) a datagram from address n */
-    ROOM,   /* the sender asks what the next frame may have */
-    REFRESH /* and whether a receiver needs a new picture */
+    ROOM,   /* the sender asks for the size of the next frame */
+    REFRESH /* the sender asks whether a receiver needs a renewal */
 };
 
 struct input {
@@ -43,7 +43,7 @@ static uint8_t take_byte(struct input *input) {
     return input->at < input->end ? *input->at++ : 0;
 }
 
-/* What report_parse() takes for a report says the same when it is written again. */
+/* A report that report_parse() accepts is the same when it is written again. */
 static void write_again(const uint8_t *data, size_t size) {
     uint8_t first[REPORT_MAX], second[REPORT_MAX];
     struct report report, same;
@@ -55,7 +55,7 @@ static void write_again(const uint8_t *data, size_t size) {
     assert(report_write(second, &same) == written && !memcmp(first, second, written));
 }
 
-/* From exactly as much memory as it has. */
+/* Delivers the datagram from memory of exactly its size. */
 static void deliver(const uint8_t *data, size_t size, uint64_t address) {
     uint8_t *copy = malloc(size ? size : 1);
 
@@ -135,7 +135,7 @@ static void send_all(void) {
     assert(dispatch_deadline(&dispatch, now) > now);
 }
 
-/* Whatever was reported: the rate is kept, each packet and each report is counted. */
+/* With any reports, the rate is kept, and each packet and each report is counted. */
 static void check_counts(void) {
     const uint64_t *count = dispatch.count, *reports = dispatch.feedback.count;
     uint64_t allowed = (uint64_t)(WIRE / 8 * (0.3 + (double)(now - begin) / SECOND)) + 1;
@@ -171,7 +171,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     begin = now = 5000 * MS;
     sequence = 65530;
     frame = 65533;
-    memset(&dispatch, 0xa5, sizeof dispatch); /* an input always does the same */
+    memset(&dispatch, 0xa5, sizeof dispatch); /* an input must always have the same effect */
     dispatch_init(&dispatch, &settings, now);
     while (input.at < input.end) {
         step(&input);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Fuzz target: datagrams into the intake (RTP, order, repair, H.264 and MPEG-4 payloads). The input is a row of them: a
- * byte for the milliseconds since the one before, two for the size, of which the highest bit is the port (1: that of
- * repair packets), then the datagram.
+ * Fuzz target: datagrams into the intake (RTP, order, repair, H.264 and MPEG-4 payloads). The input is a sequence of
+ * them: a byte for the milliseconds since the last one, two for the size, of which the highest bit is the port (1:
+ * that of repair packets), then the datagram.
  */
 #include <assert.h>
 #include <stdlib.h>
@@ -14,7 +14,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* Every byte of a frame is looked at: the sanitizer knows which of them are not there. */
+/* Reads every byte of a frame, so that the sanitizer sees undefined ones. */
 static unsigned look_at(const struct assembly_frame *frame) {
     unsigned sum = 0;
     assert(frame->type == RTP_H264 || frame->type == RTP_MPEG4);
@@ -34,7 +34,7 @@ static void take_all(struct intake *intake, int64_t now) {
         sum = sum + look_at(&frame);
 }
 
-/* No packet is counted twice, none is forgotten. */
+/* Each packet is counted exactly once. */
 static void check_counts(const struct intake *intake) {
     const uint64_t *count = intake->count;
     uint64_t known = count[INTAKE_USED] + count[INTAKE_LATE] + count[INTAKE_DUPLICATE] + count[INTAKE_FOREIGN] +
@@ -57,7 +57,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         size -= 3;
         if (bytes > size)
             bytes = size;
-        uint8_t *datagram = malloc(bytes ? bytes : 1); /* exactly as large as it is */
+        uint8_t *datagram = malloc(bytes ? bytes : 1); /* exactly its size */
         memcpy(datagram, data, bytes);
         if (repair)
             intake_put_repair(&intake, datagram, bytes);

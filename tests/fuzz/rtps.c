@@ -23,7 +23,7 @@
 #include "ddsi__vnet.h"
 
 #define PACKET_MAX 65535
-#define ROOM 256 /* what is noted of a submessage must fit where the packet has been; less makes no smaller buffer */
+#define ROOM 256 /* notes on a submessage must fit into the packet's buffer, which is never smaller */
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
@@ -39,7 +39,7 @@ static void say_nothing(void *argument, const dds_log_data_t *message) {
     (void)message;
 }
 
-/* This thread is one of those that receive. */
+/* Registers this thread as a receiving thread. */
 static void begin_thread(void) {
     ddsi_iid_init();
     ddsi_thread_states_init();
@@ -71,7 +71,7 @@ static void note_done(void *argument) {
     ddsrt_mutex_unlock(&lock);
 }
 
-/* Until the thread that takes announcements has taken those of the packet. */
+/* Waits until the thread for announcements has handled those of the packet. */
 static void wait_for_announcements(void) {
     done = false;
     ddsi_dqueue_enqueue_callback(gv.builtins_dqueue, note_done, NULL);
@@ -93,13 +93,13 @@ static void forget_participants(void) {
     ddsi_thread_state_asleep(thread);
 }
 
-/* Fragments of packets whose memory is freed with the input. */
+/* Drops fragments of packets, whose memory is freed with the input. */
 static void forget_fragments(void) {
     ddsi_defrag_free(gv.spdp_defrag);
     gv.spdp_defrag = ddsi_defrag_new(&gv.logconfig, DDSI_DEFRAG_DROP_OLDEST, gv.config.defrag_unreliable_maxsamples);
 }
 
-/* From as much memory as it has. */
+/* Receives the packet from memory of its size. */
 static void receive(const uint8_t *data, size_t size) {
     uint32_t room = size > ROOM ? (uint32_t)(size + 7) & ~7u : ROOM;
     struct ddsi_rbufpool *pool = ddsi_rbufpool_new(&gv.logconfig, room, room);

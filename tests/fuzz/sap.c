@@ -9,7 +9,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* A message that we write from what was read says the same. */
+/* A message that is read and written again is the same. */
 static void write_again(const struct sap *sap) {
     uint8_t message[SAP_MAX];
     struct sap same;

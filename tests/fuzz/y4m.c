@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Fuzz target: a Y4M file, its lines, its frames in every layout that is converted. */
+/* Fuzz target: a Y4M file, its lines, and its frames converted to each layout. */
 #include <assert.h>
 #include <libavutil/log.h>
 #include <stdlib.h>
@@ -9,7 +9,7 @@
 #include "video_layout.h"
 #include "y4m.h"
 
-#define PIXELS_MAX (1 << 18) /* larger pictures take long and show nothing new */
+#define PIXELS_MAX (1 << 18) /* larger pictures take long and find no more */
 #define FRAMES_MAX 4
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -44,7 +44,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         abort();
     av_log_set_level(AV_LOG_QUIET);
     snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
-    /* Every layout has its turn. */
+    /* All layouts, in turn. */
     static const int formats[] = {DDX_VIDEO_420,   DDX_VIDEO_YUV422P, DDX_VIDEO_YUV444P, DDX_VIDEO_GREY8,
                                   DDX_VIDEO_GREY16, DDX_VIDEO_RGB24,   Y4M_SAME};
     int format = formats[size % (sizeof(formats) / sizeof(*formats))];

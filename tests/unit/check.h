@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The whole test framework: a check that fails says where and ends the program. Exit 0 passed, 1 failed, 77 skipped,
- * and FRAMES_BROKEN: frames were torn or lost, so the failure stays a failure when a second run passes. */
+/* The whole test framework: a failed check prints its place and exits. Exit status: 0 passed, 1 failed, 77 skipped,
+ * FRAMES_BROKEN: frames were torn or lost, so that the test fails even if a second run passes. */
 #ifndef CHECK_H
 #define CHECK_H
 
@@ -19,7 +19,7 @@
 
 #define FRAMES_BROKEN 3
 
-/* Compare two integers and show both. */
+/* Compare two integers, and print both if they differ. */
 #define CHECK_EQUAL(actual, expected)                                                                              \
     do {                                                                                                           \
         long long actual_ = (long long)(actual), expected_ = (long long)(expected);                                \
@@ -39,7 +39,7 @@
         }                                                                                 \
     } while (0)
 
-/* Skip the test. The reason is its last output, which the results of a run quote. */
+/* Skip the test. Its last line of output is the reason, which the results of a run quote. */
 #define SKIP(reason)                     \
     do {                                 \
         fprintf(stderr, "%s\n", reason); \

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Readers that are there before the item: they get everything from the first value on, and prevent no writer from
- * writing.
+ * Readers that exist before the item: they get every value from the first one on, and never keep a writer from writing.
  */
 #include <errno.h>
 #include <time.h>
@@ -77,7 +76,7 @@ static void test_unseen(void) {
         CHECK(strcmp(items[i].name, "unseen") != 0);
     free(items);
     ddx_store_done_item(in);
-    DDX_STORE_ITEM *out = ddx_store_lookup_item(id, "unseen", "int", sizeof(int)); /* nothing of it is left */
+    DDX_STORE_ITEM *out = ddx_store_lookup_item(id, "unseen", "int", sizeof(int)); /* the item no longer exists */
     CHECK(out);
     ddx_store_done_item(out);
 }
@@ -95,7 +94,7 @@ static void test_from_the_first(void) {
     CHECK(ddx_store_field_named(in, "x"));
     CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(value.number, FIRST);
-    DDX_STORE_ITEM *late = ddx_store_await_item(id, "first"); /* as any reader that comes late */
+    DDX_STORE_ITEM *late = ddx_store_await_item(id, "first"); /* like any late reader */
     CHECK(late);
     CHECK_EQUAL(strcmp(ddx_store_item_type(late), "POSITION"), 0);
     CHECK_EQUAL(ddx_store_read(late, &value, NULL, 0, DDX_NEXT), -ETIMEDOUT);
@@ -117,7 +116,7 @@ static void test_restart(void) {
     DDX_STORE_ITEM *out = write_first("again"), *other = write_first("typed");
     read_first(in);
     read_first(before);
-    store_stop(SIGKILL); /* now they hold it, and know what it is */
+    store_stop(SIGKILL); /* now they hold the item and know its type */
     store_start("64M");
     POSITION value = {.number = FIRST + 1};
     CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What -m says: never exceeded by what is reserved, and nothing is dropped in vain. */
+/* Reserved memory never exceeds -m, and no item is dropped in vain. */
 #include <errno.h>
 #include <poll.h>
 #include <time.h>
@@ -23,7 +23,7 @@ static void begin(const char *budget) {
 static void end(void) {
     ddx_store_close(id);
     store_stop(SIGKILL);
-    scratch_clear(); /* the next one is no successor */
+    scratch_clear(); /* so that the next store inherits nothing */
 }
 
 static DDX_STORE_ITEM *create(const char *name, size_t bytes, size_t used) {
@@ -62,12 +62,12 @@ static void test_too_much(void) {
     item = ddx_store_lookup_item(id, "last", NULL, 0);
     CHECK(item);
     ddx_store_done_item(item);
-    item = create("large", 200000, 0); /* this one can be met */
+    item = create("large", 200000, 0); /* this request can be met */
     CHECK(item);
     end();
 }
 
-/* Its declaration is as long as can be. */
+/* An item with the longest possible declaration. */
 static DDX_STORE_ITEM *create_wide(unsigned number) {
     static char declaration[FIELDS * 16 + 16];
     struct ddx_item_spec spec = {.type = "WIDE", .declaration = declaration};
@@ -92,7 +92,7 @@ static void write_one(DDX_STORE_ITEM *item) {
     CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
 }
 
-/* It creates an item on request. To be called before this process has threads. */
+/* A process that creates an item on request. To be called before this process has threads. */
 static pid_t another_program(int told) {
     pid_t child = fork();
     char word;
@@ -152,7 +152,7 @@ static void test_pages(void) {
     end();
 }
 
-/* While the next writer gets ready, what it will need then is reserved. */
+/* While the next writer prepares, its memory is reserved. */
 static void test_getting_ready(void) {
     struct ddx_message message = {.operation = DDX_OPEN, .name = "item"};
     static struct ddx_packet packet;
@@ -192,7 +192,7 @@ static void test_getting_ready(void) {
     end();
 }
 
-/* The next store has less memory: an item that it has no room for waits until there is, and its frames flow on. */
+/* The next store has less memory: an item without room waits for it, and its frames continue. */
 static void test_less_than_before(void) {
     const struct timespec step = {0, 5000000};
     struct ddx_frame frame;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The store carries the last frame of a writer that it gave up over to the next epoch, while that writer lives and
- * writes: what arrives is whole all the same, and has the number that goes with it.
+ * The store copies the last frame of a writer that it gave up into the next epoch, while that writer still writes: the
+ * copy is whole, and has the right number.
  */
 #include <pthread.h>
 #include <stdatomic.h>
@@ -18,10 +18,10 @@
 #define SLOTS 3u
 #define WORDS 250000u
 #define TURNS 80
-#define BROKEN_TURNS 8000 /* with a defect a few of a hundred are torn, and sometimes none of 80 */
-#define STEP 16u /* words between those that change from frame to frame: all cache lines, every other one */
+#define BROKEN_TURNS 8000 /* with the defect a few percent are torn, and sometimes none of 80 */
+#define STEP 16u /* words between those that change from frame to frame: every cache line, or every other one */
 
-/* In place of the holder. */
+/* Replaces the holder's function. */
 void holder_beat(void) {
 }
 
@@ -39,7 +39,7 @@ static struct epoch *new_epoch(uint32_t number, unsigned slots) {
     return epoch;
 }
 
-/* In bursts, so that the store finds it at rest now and then. */
+/* Writes in bursts, so that the store sometimes finds the writer idle. */
 static void *write_on(void *unused) {
     struct ddx_notice notice = {0};
     struct ddx_ring_writer writer = {

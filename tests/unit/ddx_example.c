@@ -40,7 +40,7 @@ static int read_positions(DDX_STORE_ID *id) {
     DDX_TIME ts;
 
     while (!(item = ddx_store_lookup_item(id, "position", NULL, 0)))
-        usleep(1000);                             /* the writer is not there yet */
+        usleep(1000);                             /* no writer yet */
     if (ddx_store_read(item, &copy, &ts, 1.0, 1)) /* copies; waits up to 1.0 s for the next write */
         return 1;
     printf("%d: %.1f %.1f\n", copy.number, copy.x, copy.y);
@@ -60,6 +60,6 @@ int main(int argc, char **argv) {
         return 1;
     }
     status = argc > 1 && !strcmp(argv[1], "write") ? write_positions(id) : read_positions(id);
-    ddx_store_close(id); /* closes the items, too */
+    ddx_store_close(id); /* closes its items as well */
     return status;
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Layouts as text and back: what a log says of a type, and what may be said by a file that is not a log. */
+/* Layouts as text and back: the type descriptions of a log, and those of a malformed file. */
 #include "check.h"
 #include "form.h"
 
@@ -16,7 +16,7 @@ static const struct form_leaf *leaf_named(const struct form *form, const char *n
     exit(1);
 }
 
-/* CDR aligns numbers by their own size, from the end of its header, and structs not at all. */
+/* CDR aligns numbers by their size, counted from the end of its header, and does not align structs. */
 static void test_places(void) {
     struct form *form;
     CHECK_EQUAL(form_of_text("DEEP_one", deep, "", &form), 0);
@@ -44,7 +44,7 @@ static void test_extents(void) {
     form_free(form);
 }
 
-/* A field of which nothing is in use is in the declaration, and neither in the message nor in ROS's schema. */
+/* A field without used bytes is in the declaration, but neither in the message nor in ROS's schema. */
 static void test_a_field_without_bytes(void) {
     struct form *form;
     CHECK_EQUAL(form_of_text("V", "struct { uint8_t y[100]; uint8_t u[25]; int32_t n; }", "y=8 u=0", &form), 0);
@@ -67,7 +67,7 @@ static void test_names_that_meet(void) {
     form_free(form);
 }
 
-/* A form's description is read back as the same form. */
+/* The text of a form is parsed into the same form. */
 static void test_it_is_read_again(void) {
     static const char *const texts[][2] = {{"struct{ int8_t a;  struct {float b;} c[2]; }",
                                             "struct { int8_t a; struct { float b; } c[2]; }"},
@@ -95,7 +95,7 @@ static void test_what_is_no_declaration(void) {
         CHECK_EQUAL(form_of_text("T", bad[i], "", &form), -EINVAL);
     for (size_t i = 0; i < sizeof(extents) / sizeof(*extents); i++)
         CHECK_EQUAL(form_of_text("T", "struct { char a[10]; }", extents[i], &form), -EINVAL);
-    /* Legal, and larger than anything that can be. */
+    /* Legal, but larger than any possible item. */
     CHECK_EQUAL(form_of_text("T", "struct { struct { int8_t a; int8_t b; } s[100000]; }", "", &form), -E2BIG);
     CHECK_EQUAL(form_of_text("T", "struct { double a[1073741824]; }", "", &form), -E2BIG);
 }

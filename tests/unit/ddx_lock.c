@@ -28,7 +28,7 @@ static void nap(long nanoseconds) {
     nanosleep(&time, NULL);
 }
 
-/* Like the keeper, every fourth time it only tries. */
+/* Every fourth time only tries to lock, as the keeper does. */
 static void *contend(void *unused) {
     for (unsigned i = 0; i < TURNS; i++) {
         if (i % 4 == 3) {
@@ -38,7 +38,7 @@ static void *contend(void *unused) {
             ddx_lock_take(&lock);
         uint64_t before = counter;
         if (i % 1000 == 0)
-            nap(1000); /* others pile up */
+            nap(1000); /* other threads start to wait */
         counter = before + 1;
         ddx_lock_give(&lock);
     }
@@ -90,7 +90,7 @@ static void test_priority(void) {
     CHECK(priority(self) >= 0);
     CHECK_EQUAL(pthread_create(&thread, NULL, urgent, &allowed), 0);
     for (int i = 0; i < 1000 && (atomic_load(&lock) & ~0x3fffffffu) == 0; i++)
-        nap(5000000); /* until it waits */
+        nap(5000000); /* until the thread waits */
     long lent = priority(self);
     ddx_lock_give(&lock);
     CHECK_EQUAL(pthread_join(thread, NULL), 0);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The slot protocol with threads as parties, in one address space, so that ThreadSanitizer sees every access. Eight
- * readers of all kinds look at every word of 100,000 frames: none may be torn, none may go back in time.
+ * The slot protocol between threads in one address space, so that ThreadSanitizer sees every access. Eight readers of
+ * all kinds check every word of 100,000 frames: no frame may be torn, no number may go back.
  */
 #include <errno.h>
 #include <pthread.h>
@@ -40,7 +40,7 @@ struct party {
     uint64_t read, last;
 };
 
-/* Even numbers read the newest frame, odd ones in order; 1 and 2 dawdle over each frame; 3 stops for a long time. */
+/* Even readers read the newest frame, odd ones in order; 1 and 2 are slow at each frame; 3 pauses for a long time. */
 static void *reader(void *argument) {
     struct party *party = argument;
     ddx_word *pin = &page[party->number].pin[party->number % DDX_PINS];
@@ -100,8 +100,8 @@ static void write_all(void) {
     }
 }
 
-/* A reader that claims to hold more than its share does not stop the writer; one that holds what it may is not harmed,
- * not even if there is no other slot. */
+/* A reader that claims to hold more than its share does not stop the writer; a reader within its share keeps its
+ * frames, even if no other slot is free. */
 static void test_shares(void) {
     struct ddx_ring_writer writer = {
         .control = &control, .notice = &notice, .epoch = control.epoch, .slot_count = 2, .reader_count = 1};
@@ -116,7 +116,7 @@ static void test_shares(void) {
     ddx_ring_cancel(&writer, slot);
     writer.reader[0].share = 2;
     CHECK_EQUAL(ddx_ring_choose(&writer, &slot), -ENOBUFS);
-    atomic_store(&pins.pin[0], DDX_PIN(control.epoch - 1, 0)); /* of another epoch: says nothing */
+    atomic_store(&pins.pin[0], DDX_PIN(control.epoch - 1, 0)); /* a pin of another epoch is ignored */
     writer.reader[0].share = 1;
     CHECK_EQUAL(ddx_ring_choose(&writer, &slot), 0);
     CHECK_EQUAL(slot, 0);
@@ -125,7 +125,7 @@ static void test_shares(void) {
 
 static void reset(void);
 
-/* A frame counts from `latest` on, for readers in order, too: the writer may die between the two. */
+/* A frame counts once `latest` names it, also for readers in order: the writer may die before W7. */
 static void test_published_means_latest(void) {
     struct ddx_ring_writer writer = {.control = &control, .notice = &notice, .epoch = 7, .slot_count = 3};
     uint32_t generation;
@@ -140,9 +140,9 @@ static void test_published_means_latest(void) {
     CHECK_EQUAL(ddx_ring_choose(&writer, &slot), 0);
     ddx_ring_publish(&writer, slot, 0);
     CHECK_EQUAL(ddx_ring_next(&control, 1, &generation), slot);
-    atomic_store(&control.latest, before); /* as if it had died after W6 */
+    atomic_store(&control.latest, before); /* as if the writer had died after W6 */
     CHECK_EQUAL(ddx_ring_next(&control, 1, &generation), DDX_NO_SLOT);
-    /* Nor for one that goes by `latest`, and finds another frame where it should be. */
+    /* Nor does it count for a reader that follows `latest` and finds another frame in that slot. */
     struct ddx_ring_frame frame;
     uint32_t latest = atomic_load(&control.latest);
     CHECK_EQUAL(
@@ -157,7 +157,7 @@ static void test_published_means_latest(void) {
     CHECK_EQUAL(ddx_ring_pin(&control, &page[0].pin[0], slot, ddx_ring_published(&control, latest), &frame), -EAGAIN);
 }
 
-/* A reader that was away for more writes than a generation can count finds the oldest existing frame. */
+/* A reader that missed more writes than a generation can count finds the oldest existing frame. */
 static void test_long_behind(void) {
     struct ddx_ring_writer writer = {
         .control = &control, .notice = &notice, .epoch = 7, .slot_count = 4, .sequence = UINT64_C(0x280000000) - 3};
@@ -202,7 +202,7 @@ int main(void) {
     struct party party[READERS];
 
     reset();
-    if (!getenv("DDX_BROKEN")) /* a writer that does not look at pins finds no reader in its way */
+    if (!getenv("DDX_BROKEN")) /* a writer that ignores pins is never blocked by a reader */
         test_shares();
     reset();
     for (unsigned i = 0; i < READERS; i++) {

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The schedule is exact: after hours and after days, for every frame rate, for clips that are played over and over. */
+/* The schedule is exact after hours and days, for every frame rate, and for clips that are repeated. */
 #include "check.h"
 #include "schedule.h"
 
 #define NS INT64_C(1000000000)
 
-/* What exact arithmetic says, in 128 bits where the compiler has them, else by long division. */
+/* The exact result, in 128 bits where the compiler has them, else by long division. */
 static int64_t exact(uint64_t index, uint32_t num, uint32_t den) {
 #ifdef __SIZEOF_INT128__
     return (int64_t)((unsigned __int128)index * den * (uint64_t)NS / num);
@@ -110,7 +110,7 @@ static void test_loop_recorded(void) {
     CHECK_EQUAL(schedule_next(&schedule, NS * NS), NS * NS - 500 * NS);
 }
 
-/* Frames of 25 a second, whose player stands still for a second before the hundredth. */
+/* 25 frames a second; the player stops for a second before the hundredth. */
 static void test_catching_up(void) {
     enum { FRAMES = 300, LATE = 100 };
     const int64_t period = NS / 25, stall = NS;
@@ -118,7 +118,7 @@ static void test_catching_up(void) {
     struct schedule_pace pace = {.begun = false};
     for (int i = 0; i < FRAMES; i++) {
         int64_t due = i * period, then = schedule_catch_up(&pace, due);
-        now += NS / 10000; /* what else there is to do */
+        now += NS / 10000; /* other work of the player */
         if (i == LATE)
             now += stall;
         if (then > now)
@@ -132,12 +132,12 @@ static void test_catching_up(void) {
     CHECK(at[LATE] > LATE * period + stall - period);
     for (int i = 0; i < LATE; i++)
         CHECK_EQUAL(at[i], i * period);
-    /* It gains half a period a frame. */
+    /* The player catches up by half a period a frame. */
     for (int i = LATE + 2 * 25; i < FRAMES; i++)
         CHECK_EQUAL(at[i], i * period);
 }
 
-/* The clip's own steps count: what was recorded together is played together, and after a gap it is on time. */
+/* The clip's times count: frames recorded together are played together, and after a gap frames are on time. */
 static void test_catching_up_unevenly(void) {
     struct schedule_pace pace = {.due = 5 * NS, .published = 9 * NS};
     CHECK_EQUAL(schedule_catch_up(&pace, 6 * NS), 6 * NS);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The first TERM ends what a program waits for; a second one does not disturb what the program finishes. */
+/* The first TERM ends a program's wait; a second one does not disturb its final work. */
 #include <errno.h>
 #include <signal.h>
 #include <sys/wait.h>
@@ -21,7 +21,7 @@ static bool sleeps(pid_t pid) {
     return state == 'S';
 }
 
-/* Tells the waiting parent to stop, and writes a byte a little later. */
+/* Sends TERM to the waiting parent, and writes a byte a little later. */
 static void tell(int pipe) {
     pid_t parent = getppid();
 
@@ -32,7 +32,7 @@ static void tell(int pipe) {
     _exit(write(pipe, "", 1) != 1);
 }
 
-/* What a read finds during which TERM comes. */
+/* The result of a read during which TERM comes. */
 static ssize_t read_while_told(void) {
     int ends[2], status;
     char byte;

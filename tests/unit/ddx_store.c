@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The library against a real store: what the header promises, call by call. */
+/* The library with a real store: the header's promises, call by call. */
 #include <errno.h>
 #include <pthread.h>
 #include <stdbool.h>
@@ -128,7 +128,7 @@ static void test_tail(void) {
     ddx_store_done_item(out);
 }
 
-/* The newest value is that of the newest writer, also when the one before left values that were never looked at. */
+/* The newest value is that of the newest writer, even if the previous writer left values that were never read. */
 static void test_current_across_writers(void) {
     DDX_STORE_ITEM *in = lookup("current", "int", sizeof(int));
     int value, got;
@@ -148,7 +148,7 @@ static void test_current_across_writers(void) {
     ddx_store_done_item(in);
 }
 
-/* What a reader holds stays as it is while the writer goes on. */
+/* A held frame does not change while the writer continues. */
 static void test_hold(void) {
     DDX_STORE_ITEM *out = lookup("hold", "BLOCK", sizeof(BLOCK)), *in = lookup("hold", NULL, 0);
     static BLOCK value, copy;
@@ -184,7 +184,7 @@ static void test_hold(void) {
     ddx_store_done_item(out);
 }
 
-/* The window shows the same after its reader waited in vain. */
+/* The window is unchanged after its reader waited in vain. */
 static void test_window(void) {
     DDX_STORE_ITEM *out = lookup("window", "BIG", sizeof(BIG)), *in = lookup("window", NULL, 0);
     const BIG *live = ddx_store_var_pointer(in);
@@ -226,7 +226,7 @@ static void *write_delayed(void *argument) {
     return NULL;
 }
 
-/* Whether the frame comes in the slot that is expected or in another one: the window shows that frame. */
+/* The window shows the new frame, whether it comes in the expected slot or in another one. */
 static void test_expected(void) {
     static struct delayed delayed;
     DDX_STORE_ITEM *in = lookup("expected", "BIG", sizeof(BIG)), *other = lookup("expected", NULL, 0);
@@ -242,7 +242,7 @@ static void test_expected(void) {
         CHECK_EQUAL(ddx_store_read_direct(in, NULL, 5, i == 1 ? DDX_CURRENT : DDX_NEXT), 0);
         CHECK_EQUAL(memcmp(live, &delayed.value, sizeof(BIG)), 0);
         pthread_join(writer, NULL);
-        /* The other one holds a frame for several turns: the oldest slot, but never the next. */
+        /* The other reader holds a frame for several turns: its slot is the oldest, but never the next. */
         if (i % 8 == 2)
             CHECK_EQUAL(ddx_store_acquire(other, &frame, 0, DDX_CURRENT), 0);
         if (i % 8 == 7) {
@@ -263,14 +263,14 @@ static void *write_later(void *number) {
     POSITION value = {*(int *)number, 0, 0};
     DDX_STORE_ITEM *out;
 
-    nap(*(int *)number % 8 * 0.0005); /* before the reader sleeps, just then, and when it is asleep */
+    nap(*(int *)number % 8 * 0.0005); /* before, while and after the reader falls asleep */
     out = lookup("asleep", "POSITION", sizeof(POSITION));
     CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
     ddx_store_done_item(out);
     return NULL;
 }
 
-/* A reader that sleeps without limit hears of the next writer, though it sleeps on a word of the one that is gone. */
+/* A reader that sleeps without a limit wakes for the next writer, though it sleeps on the dead writer's word. */
 static void test_asleep(void) {
     DDX_STORE_ITEM *first = lookup("asleep", "POSITION", sizeof(POSITION)), *in = lookup("asleep", NULL, 0);
     POSITION value = {0, 0, 0};
@@ -284,7 +284,7 @@ static void test_asleep(void) {
         DDX_TIME before = ddx_time_now();
         CHECK_EQUAL(ddx_store_read(in, &value, NULL, 60, DDX_NEXT), 0);
         CHECK_EQUAL(value.number, i);
-        CHECK(ddx_time_now() - before < 30000000000); /* woken, not at the end of its patience */
+        CHECK(ddx_time_now() - before < 30000000000); /* woken, not timed out */
         CHECK_EQUAL(pthread_join(writer, NULL), 0);
     }
     ddx_store_done_item(in);
@@ -305,7 +305,7 @@ static void test_loan(void) {
     CHECK_EQUAL(ddx_store_publish(out, NULL), 0);
     CHECK_EQUAL(ddx_store_read(in, &value, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(value.number, 78);
-    while (ddx_store_readers(out) < 1) /* it counts when there is a slot for it, which the store adds meanwhile */
+    while (ddx_store_readers(out) < 1) /* a reader counts once the store has added its slot */
         continue;
     CHECK_EQUAL(ddx_store_readers(out), 1);
     ddx_store_done_item(in);
@@ -325,7 +325,7 @@ static void *begin_to_read(void *item) {
     return NULL;
 }
 
-/* A reader that the writer counts gets everything from then on, however soon and fast that comes. */
+/* A reader that the writer counts gets every frame from then on, however fast they come. */
 static void test_counted_reader(void) {
     for (int turn = 0; turn < 20; turn++) {
         DDX_STORE_ITEM *out = lookup("counted", "POSITION", sizeof(POSITION)), *in = lookup("counted", NULL, 0);
@@ -349,7 +349,7 @@ static void test_counted_reader(void) {
     }
 }
 
-/* A writer with time to check first writes frames that every reader gets; a writer without time writes on. */
+/* A writer that checks its readers first writes no frame that one of them misses; other writers do not wait. */
 static void test_outruns(void) {
     DDX_STORE_ITEM *out = lookup("outrun", "POSITION", sizeof(POSITION)), *in = lookup("outrun", NULL, 0);
     DDX_STORE_ITEM *newest = lookup("outrun", NULL, 0);
@@ -404,7 +404,7 @@ static int create_picture(const char *name, int luma, int bound, DDX_STORE_ITEM 
     return ddx_store_create(id, &spec, item);
 }
 
-/* A picture may change its size; a reader that is not told in advance follows. 4K included. */
+/* A picture may change its size, up to 4K; a reader follows without notice. */
 static void test_pictures(void) {
     DDX_STORE_ITEM *out, *in;
     struct ddx_frame frame;
@@ -436,7 +436,7 @@ static void test_pictures(void) {
     ddx_store_done_item(out);
 }
 
-/* Memory that the store holds, counted by the kernel; what it has open twice once. */
+/* Memory that the store holds, counted by the kernel; a file that is open twice counts once. */
 static uint64_t backed_memory(void) {
     static ino_t seen[4096];
     unsigned files = 0;
@@ -461,8 +461,8 @@ static uint64_t backed_memory(void) {
 }
 
 /*
- * One reader more is one frame more in use, and one more for a change of writer. When all of the budget is used up
- * there is still room for that change.
+ * One more reader takes a frame in use, and another one for a change of writer. When the budget is used up, there is
+ * still room for that change.
  */
 static void test_budget(void) {
     struct ddx_item_info before, with_readers, with_one_less, *items;
@@ -489,7 +489,7 @@ static void test_budget(void) {
     free(items);
     CHECK_EQUAL(ddx_store_item_info(out, &with_readers), 0);
     CHECK(after.reserved <= after.budget);
-    CHECK(after.budget - after.reserved < 3 * 1003520); /* used up, but for less than one reader more */
+    CHECK(after.budget - after.reserved < 3 * 1003520); /* no room for another reader */
     CHECK_EQUAL(with_readers.bytes - before.bytes, (uint64_t)(readers - 1) * (1003520 + 4096));
     CHECK_EQUAL(after.bytes, backed_memory());
     CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0); /* the writer does not notice */
@@ -505,7 +505,7 @@ static void test_budget(void) {
     ddx_store_done_item(out);
 }
 
-/* The store dies; frames flow on; items that anybody holds are back in its successor, even if their program sleeps. */
+/* The store dies; frames continue; the next store gets each item that a program holds, even if the program sleeps. */
 static void test_restart(void) {
     DDX_STORE_ITEM *out = lookup("restart", "POSITION", sizeof(POSITION)), *in = lookup("restart", NULL, 0), *late;
     DDX_STORE_ITEM *idle = lookup("idle", "int", sizeof(int)), *only_reader;
@@ -530,15 +530,15 @@ static void test_restart(void) {
         nap(0.02);
     }
     nap(0.3);
-    late = lookup("restart", NULL, 0); /* a newcomer finds the item */
+    late = lookup("restart", NULL, 0); /* a new reader finds the item */
     CHECK_EQUAL(ddx_store_read(late, &value, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(value.number, 20);
     idle = lookup("idle", NULL, 0);
     number = 0;
     CHECK_EQUAL(ddx_store_read(idle, &number, NULL, 0, DDX_CURRENT), 0);
     CHECK_EQUAL(number, 41);
-    CHECK_EQUAL(ddx_store_write(idle, &number, NULL), 0); /* it had no writer any more */
-    /* The newcomer's pin counts for the writer that was there before the restart. */
+    CHECK_EQUAL(ddx_store_write(idle, &number, NULL), 0); /* the item had no writer */
+    /* The new reader's pin counts for the writer from before the restart. */
     struct ddx_frame frame;
     CHECK_EQUAL(ddx_store_acquire(late, &frame, 0, DDX_CURRENT), 0);
     for (value.number = 21; value.number <= 60; value.number++)
@@ -551,7 +551,7 @@ static void test_restart(void) {
     ddx_store_done_item(out);
 }
 
-/* Every frame once and none missed, while the store goes and comes back and a reader is busy with what it has. */
+/* Every frame once and none missed, while the store restarts and a reader is busy with a frame. */
 static void test_restart_without_a_gap(void) {
     DDX_STORE_ITEM *out = lookup("gap", "POSITION", sizeof(POSITION)), *in = lookup("gap", NULL, 0);
     POSITION value = {0};
@@ -580,7 +580,7 @@ static void test_restart_without_a_gap(void) {
     ddx_store_done_item(out);
 }
 
-/* A store that cannot listen for a while after its restart does not give away what living programs hold. */
+/* A store that is stopped right after its restart does not give away the items of living programs. */
 static void test_restart_and_stop(void) {
     DDX_STORE_ITEM *out = lookup("stopped", "int", sizeof(int)), *rival;
     int value = 0;
@@ -603,8 +603,8 @@ static void test_restart_and_stop(void) {
 }
 
 /*
- * Newcomers wait while holders report to a store that was restarted. It sleeps meanwhile: 250 ms of listening are a
- * dozen sleeps of 20 ms, however slow the machine; one that runs instead does not sleep, or does so hundreds of times.
+ * New readers wait while holders report to a restarted store, which sleeps in that time: 250 ms are a dozen sleeps of
+ * 20 ms, however slow the machine; a busy loop does not sleep, or sleeps hundreds of times.
  */
 static void test_newcomers_wait_quietly(void) {
     store_stop(SIGKILL);
@@ -616,7 +616,7 @@ static void test_newcomers_wait_quietly(void) {
     CHECK(item);
     CHECK(ddx_time_now() - begin > 250000000);
     unsigned long sleeps = store_sleeps();
-    CHECK(sleeps >= 8); /* some turns are news instead */
+    CHECK(sleeps >= 8); /* some turns handle messages instead */
     CHECK(sleeps <= 100);
     ddx_store_close(other);
 }

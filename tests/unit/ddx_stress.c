@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * One writer, eight readers, each a process of its own, 100,000 frames; one reader dawdles, one is stopped and goes on,
- * one is killed and one comes late. Every word of every frame that is seen is checked, and what a reader saw plus what
- * it was told it missed is everything. The writer must never fail, and its frames must not wait for anybody.
+ * One writer, eight readers, each in a separate process, 100,000 frames; one reader is slow, one is stopped and
+ * continues, one is killed and one comes late. Every word of every frame that a reader gets is checked, and its frames
+ * and those reported as missed are all frames. The writer must never fail or wait.
  *
- * DDX_OTHER_PROGRAM: the same test built for another ABI; it then plays the readers.
+ * DDX_OTHER_PROGRAM: the same test built for another ABI, which then runs the readers.
  */
 #include <errno.h>
 #include <stdbool.h>
@@ -46,7 +46,7 @@ static int play_writer(void) {
     void *data;
 
     CHECK(item);
-    /* The first frame makes this the writer; then all readers get the chance to attach. */
+    /* The first frame makes this program the writer; then all readers can attach. */
     for (uint64_t number = 1; number <= FRAMES; number++) {
         CHECK_EQUAL(ddx_store_loan(item, &data), 0);
         FRAME *frame = data;
@@ -93,7 +93,7 @@ static int play_reader(char kind) {
         CHECK(frame.sequence > last);
         if (kind == 's' && seen % 64 == 0) {
             nap(0.01);
-            check_frame(&frame); /* what is held does not change */
+            check_frame(&frame); /* a held frame does not change */
         }
         if (!first)
             first = frame.sequence - frame.missed;
@@ -163,7 +163,7 @@ int main(int argc, char **argv) {
     wait_for_frames(id, FRAMES / 2 - 1);
     nap(0.2); /* the late one attaches */
     CHECK(ddx_store_lookup_item(id, "halfway", "int", sizeof(int)));
-    CHECK_EQUAL(wait_for(writer), 0); /* with reader 0 stopped all the while */
+    CHECK_EQUAL(wait_for(writer), 0); /* although reader 0 is stopped */
     CHECK_EQUAL(kill(reader[0], SIGCONT), 0);
     for (unsigned i = 0; i < READERS; i++) {
         int status = wait_for(reader[i]);

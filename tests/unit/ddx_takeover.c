@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Writers and readers that die at the worst moment, each a process of its own. */
+/* Writers and readers that die at the worst moment, each in a separate process. */
 #include <errno.h>
 #include <stdbool.h>
 #include <time.h>
@@ -38,7 +38,7 @@ static int play_writer(int count) {
     return 1;
 }
 
-/* Publishes a frame, and after a while another one, but dies before it wakes anybody for that. */
+/* Publishes a frame, and later another one, but dies before it wakes readers for the second. */
 static int play_untold(void) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 2);
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, "untold", "BLOCK", sizeof(BLOCK));
@@ -80,7 +80,7 @@ static void run(const char *program, const char *role, const char *count) {
     CHECK(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL);
 }
 
-/* Numbers are compared by their low bits only: a reader that slept for days must not wait for days more. */
+/* Numbers are compared by their low bits only: a reader that slept for days must not sleep for more days. */
 static void test_long_sleep(DDX_STORE_ID *id) {
     static BLOCK block;
     DDX_STORE_ITEM *out = ddx_store_lookup_item(id, "sleep", "BLOCK", sizeof(BLOCK));
@@ -99,7 +99,7 @@ static void test_long_sleep(DDX_STORE_ID *id) {
     ddx_store_done_item(out);
 }
 
-/* A reader asleep hears of its writer's last frame from the store, if not from the writer. */
+/* A sleeping reader is woken for its writer's last frame by the store, if not by the writer. */
 static void test_untold(DDX_STORE_ID *id, const char *program) {
     DDX_STORE_ITEM *in = ddx_store_lookup_item(id, "untold", "BLOCK", sizeof(BLOCK));
     struct ddx_frame frame;
@@ -143,7 +143,7 @@ int main(int argc, char **argv) {
         if (!in)
             in = ddx_store_lookup_item(id, "block", NULL, 0);
         CHECK(in);
-        /* The last whole frame, not the one that its writer died over; and numbers go on across writers. */
+        /* The last whole frame, not the unfinished one; and numbers continue across writers. */
         CHECK_EQUAL(ddx_store_acquire(in, &frame, 1, DDX_CURRENT), 0);
         CHECK_EQUAL(frame.sequence, 7 * (uint64_t)(round + 1));
         const BLOCK *block = frame.data;
@@ -151,7 +151,7 @@ int main(int argc, char **argv) {
         for (int i = 0; i < 5000; i++)
             CHECK_EQUAL(block->fill[i], 7);
         CHECK_EQUAL(ddx_store_release(in), 0);
-        /* Seen and missed add up to all that was written since it first looked. */
+        /* Seen and missed frames add up to all that were written since the first read. */
         seen++;
         CHECK_EQUAL(seen + ddx_store_missed(in), frame.sequence - 6);
         run(argv[0], "r", "");

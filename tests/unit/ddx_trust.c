@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A program talks to a store only if no user but the folder's owner, root or its own user can have put it there. */
+/* A program connects to a store only if no user but the folder's owner, root or its own can have put it there. */
 #include <errno.h>
 #include <stdbool.h>
 #include <sys/socket.h>
@@ -10,7 +10,7 @@
 
 #define STRANGER 65534u
 
-/* A folder that programs look for a store in; `path` is relative to the scratch folder. */
+/* A folder in which programs look for a store; `path` is relative to the scratch folder. */
 static char *folder(const char *path, mode_t mode, uid_t owner) {
     char *full = scratch_path(path);
 
@@ -20,7 +20,7 @@ static char *folder(const char *path, mode_t mode, uid_t owner) {
     return full;
 }
 
-/* A process of this user that takes connections there; its id, when it does. */
+/* Starts a process of this user that accepts connections there; returns its id once it listens. */
 static pid_t listen_as(uid_t user, const char *path) {
     struct sockaddr_un address = {.sun_family = AF_UNIX};
     int ready[2];
@@ -46,7 +46,7 @@ static pid_t listen_as(uid_t user, const char *path) {
     return process;
 }
 
-/* 0: the store there is believed; else errno. */
+/* 0: the store there is trusted; else errno. */
 static int asks(const char *path, uid_t user) {
     pid_t process = listen_as(user, path);
 
@@ -72,12 +72,12 @@ static void test_clients(void) {
     CHECK_EQUAL(asks(squatted, 0), EPERM);
     CHECK_EQUAL(asks(open, 0), EPERM);            /* any user may replace the socket */
     CHECK_EQUAL(asks(link, 0), EPERM);
-    CHECK_EQUAL(asks(systems, STRANGER), 0); /* as /run/ddx, which the system gave to the store's user */
+    CHECK_EQUAL(asks(systems, STRANGER), 0); /* like /run/ddx, which belongs to the store's user */
     CHECK_EQUAL(asks(systems, 0), 0);
     free(common), free(squatted), free(mine), free(open), free(systems), free(link);
 }
 
-/* Nor does a store begin where no program would believe it. */
+/* Nor does a store start where no program would trust it. */
 static void test_store(void) {
     char *open = folder("open", 0777, 0);
     int status;

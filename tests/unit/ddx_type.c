@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Declarations become layouts: the parser's offsets are the compiler's. */
+/* Declarations become layouts: the parser's offsets equal the compiler's. */
 #include <errno.h>
 #include <stddef.h>
 #include <string.h>
@@ -182,7 +182,7 @@ static void test_extents(void) {
     free(tiny);
 }
 
-/* A grey picture has no colours: their arrays take no memory. Something of an item must be in use, though. */
+/* A grey picture has no colours: their arrays take no memory. But part of an item must be in use. */
 static void test_no_extent(void) {
     struct ddx_layout *item = parsed("struct { int w; char y[2073600]; char u[518400]; int time; }");
     struct ddx_layout *own = parsed("struct { int w; char y[5000]; char u[1]; int time; }");
@@ -210,7 +210,7 @@ static void test_no_extent(void) {
     free(nothing);
 }
 
-/* What comes from another program may be anything. */
+/* A layout from another program may contain anything. */
 static void test_untrusted(void) {
     struct ddx_layout *layout = parsed("struct { int a; struct { int b; } c[2]; int d; }");
     size_t bytes = ddx_layout_bytes(layout->field_count);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A program that has not declared an item's type can look at the item, but the library copies nothing into a struct, or
- * out of it, whose size it does not know.
+ * A program that has not declared an item's type can look at the item in place, but the library copies nothing into or
+ * out of a struct of unknown size.
  */
 #include <errno.h>
 #include <stdbool.h>
@@ -20,7 +20,7 @@ struct plain {
 
 static DDX_STORE_ID *id;
 
-/* Of a type that only its creator knows. */
+/* An item of a type that only its creator knows. */
 static DDX_STORE_ITEM *create(const char *name, const char *declaration, const struct ddx_extent *extent) {
     struct ddx_item_spec spec = {.name = name, .type = "BIG", .declaration = declaration, .extents = extent,
                                  .extent_count = extent ? 1 : 0};
@@ -38,7 +38,7 @@ static void publish(DDX_STORE_ITEM *item, int number) {
     CHECK_EQUAL(ddx_store_publish(item, NULL), 0);
 }
 
-/* A read that fails leaves the caller's struct and what follows it as they were. */
+/* A failed read does not change the caller's struct or the bytes after it. */
 static void read_is_refused(DDX_STORE_ITEM *item, double timeout) {
     static struct {
         POSE pose;
@@ -60,7 +60,7 @@ static void test_read(void) {
     CHECK(in);
     read_is_refused(in, 0);
     CHECK_EQUAL(ddx_store_item_info(in, &info), 0);
-    CHECK_EQUAL(info.readers, 0); /* and it took no reader's place */
+    CHECK_EQUAL(info.readers, 0); /* no reader was added */
     CHECK_EQUAL(ddx_store_acquire(in, &frame, 0, DDX_IN_ORDER), -ETIMEDOUT);
     publish(out, 7);
     read_is_refused(in, 0);
@@ -74,7 +74,7 @@ static void test_read(void) {
     ddx_store_done_item(out);
 }
 
-/* What such a handle cannot write, it must not take the writer's role for. */
+/* A handle that cannot write must not take the writer's role. */
 static void test_write(void) {
     DDX_STORE_ITEM *out = create("other", "struct { int a[512]; }", NULL);
     DDX_STORE_ITEM *in = ddx_store_lookup_item(id, "other", NULL, 0);
@@ -86,14 +86,14 @@ static void test_write(void) {
     CHECK_EQUAL(ddx_store_write(in, &pose, NULL), -EPROTOTYPE);
     CHECK_EQUAL(ddx_store_item_info(in, &after), 0);
     CHECK_EQUAL(after.epoch, before.epoch);
-    publish(in, 8); /* in place it may */
+    publish(in, 8); /* writing in place is allowed */
     CHECK_EQUAL(ddx_store_write(in, &pose, NULL), -EPROTOTYPE);
     publish(in, 9);
     CHECK_EQUAL(ddx_store_written(in), 3); /* 7, 8 and 9 */
     ddx_store_done_item(in);
 }
 
-/* The type is not known before the item is. */
+/* The type is unknown until the item exists. */
 static void test_awaited(void) {
     DDX_STORE_ITEM *in = ddx_store_await_item(id, "later");
     struct ddx_frame frame;
@@ -111,7 +111,7 @@ static void test_awaited(void) {
     ddx_store_done_item(out);
 }
 
-/* A plain C type is known by its name, and a size that is given counts as a struct. */
+/* A plain C type is known by its name; a type with a size counts as a struct. */
 static void test_known(void) {
     struct ddx_item_spec spec = {.name = "video.frame", .type = "int", .declaration = "int"};
     int number = 5, got = 0;
@@ -132,7 +132,7 @@ static void test_known(void) {
     CHECK(!memcmp(&copy, &plain, sizeof plain));
 }
 
-/* With a size alone, what is in use of an item with extents is copied to the same places, if the size is right. */
+/* With a size alone, the used parts of an item with extents are copied to the same places, if the size is right. */
 static void test_size_alone(void) {
     const struct ddx_extent extent = {"bytes", 8};
     DDX_STORE_ITEM *out = create("partly", "struct { int number; char bytes[100]; int after; }", &extent);
@@ -153,7 +153,7 @@ static void test_size_alone(void) {
     CHECK_EQUAL((unsigned char)got.bytes[8], FILL);
 }
 
-/* The library itself reads answers into a struct of its own: an item that only bears such a name is none. */
+/* The library reads answers into its own struct, so an item that has only the name of an answer is refused. */
 static void test_answer_of_another_type(void) {
     struct ddx_item_spec spec = {.name = "camera.answer", .type = "BIG", .declaration = "struct { int a[512]; }"};
     DDX_STORE_ITEM *answer;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A direct read finds each newer frame overtaken: the window still shows the former one, and no program writes there.
+ * A direct read finds each newer frame overtaken: the window still shows the previous one, and no program writes there.
  */
 #include <errno.h>
 
@@ -23,7 +23,7 @@ static void write_next(DDX_STORE_ITEM *out) {
     CHECK_EQUAL(ddx_store_write(out, &value, NULL), 0);
 }
 
-/* As if the writer were in this slot again whenever the reader looks. */
+/* Acts as if the writer were in this slot again at each look of the reader. */
 static void overtake(DDX_STORE_ITEM *out, unsigned slot, uint32_t *former) {
     ddx_word *generation = &out->writer.term->control->slot[slot].generation;
 
@@ -55,7 +55,7 @@ int main(void) {
     CHECK_EQUAL(ddx_store_read_direct(in, NULL, 0, DDX_NEXT), 0);
     CHECK_EQUAL(live->number, FRAMES + 2);
 
-    /* What was shown is gone as well: it ends all the same. */
+    /* The shown frame is overwritten as well: the read ends nevertheless. */
     unsigned old = (unsigned)in->reader.shown;
     write_next(out);
     newest = ddx_ring_newest(out->writer.term->control, &latest);

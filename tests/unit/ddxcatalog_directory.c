@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Records from the network that no catalog sends: none of them is taken, all of them are counted. */
+/* Records that no catalog sends: none is accepted, all are counted. */
 #include "check.h"
 #include "directory.h"
 
@@ -66,7 +66,7 @@ static void test_texts(struct directory *directory) {
         record.declaration = strcpy(text, bad[i]);
         there(directory, record, 1);
     }
-    memset(text, ' ', LONGEST); /* what is right, but too long */
+    memset(text, ' ', LONGEST); /* valid, but too long */
     memcpy(text, "struct { double x; }", 20);
     record = item_of(1, gps);
     record.declaration = text;
@@ -94,7 +94,7 @@ static void test_too_many(struct directory *directory) {
     static char name[] = "machine0000";
     char item[16];
 
-    for (unsigned i = 0; i < 10000; i++) { /* one more was taken above */
+    for (unsigned i = 0; i < 10000; i++) { /* one more was accepted above */
         snprintf(item, sizeof item, "i%u", i);
         there(directory, item_of(1, item), i >= ITEMS_MAX - 1);
     }
@@ -106,7 +106,7 @@ static void test_too_many(struct directory *directory) {
     CHECK_EQUAL(machines_find(directory_machines(directory), 1)->items, ITEMS_MAX);
 }
 
-/* This machine's own records, those of a machine that is not known, and changes of nothing. */
+/* This machine's own records, records of an unknown machine, and changes of unknown items. */
 static void test_forged_ids(struct directory *directory) {
     static char gps[] = "gps";
     struct network_record record = item_of(3, gps);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a message looks like on the network: its description, its hash, its bytes; and messages that are none. */
+/* Messages on the network: description, hash, bytes; and invalid messages. */
 #include "bucket.h"
 #include "check.h"
 #include "envelope.h"
@@ -28,7 +28,7 @@ static void test_sha256(void) {
     }
 }
 
-/* The hash that ROS 2 itself has for this message. */
+/* ROS 2's own hash of this message. */
 static void test_the_hash_of_a_standard_message(void) {
     struct description *description;
     char hash[TYPEHASH_MAX];
@@ -42,7 +42,7 @@ static void test_the_hash_of_a_standard_message(void) {
     description_free(description);
 }
 
-/* The one that PyPI's rosbags 0.11 computes for the same definition. */
+/* The hash that PyPI's rosbags 0.11 computes for the same definition. */
 static void test_the_hash_of_an_item(void) {
     struct description *description;
     struct form *form;
@@ -57,7 +57,7 @@ static void test_the_hash_of_an_item(void) {
     form_free(form);
 }
 
-/* The hashes that ROS 2 Jazzy itself has. */
+/* The hashes of ROS 2 Jazzy. */
 static void test_the_hashes_of_the_messages_that_are_known(void) {
     static const struct {
         const char *type, *hash;
@@ -153,7 +153,7 @@ static void test_items_that_are_like_a_message(void) {
     check_fit("geometry_msgs/msg/Pose", "struct { " VECTOR "position; " QUATERNION "}", 0, "");
 }
 
-/* A message of any other length is none. */
+/* A message of another length is refused. */
 static void test_a_message_is_read_whole_or_not(void) {
     static const struct envelope envelope = {.machine = "robot", .wall = INT64_C(1700000000000000005)};
     static const char *const cases[][2] = {
@@ -172,7 +172,7 @@ static void test_a_message_is_read_whole_or_not(void) {
         if (form->leaf_count == 1) /* a plain number is no struct with a field `data` */
             CHECK_EQUAL(standard_open(cases[i][0], form, &standard, why), -EINVAL);
         CHECK_EQUAL(standard_open(cases[i][0], form->leaf_count == 1 ? NULL : form, &standard, why), 0);
-        for (size_t k = 0; k < form->leaf_count; k++) /* of a text, the item has no layout: that of the message */
+        for (size_t k = 0; k < form->leaf_count; k++) /* a text has no layout in the item: take the message's */
             form->leaves[k].item = form->leaves[k].message;
         for (size_t k = 0; k < sizeof value; k++)
             value[k] = (unsigned char)(k + 1);
@@ -189,7 +189,7 @@ static void test_a_message_is_read_whole_or_not(void) {
         message[1] = 0; /* big endian */
         CHECK(!standard_check(standard, form, message, size));
         message[1] = 1;
-        message[FORM_HEADER + 11] = 0xff; /* length of the name, or nothing */
+        message[FORM_HEADER + 11] = 0xff; /* length of the name */
         CHECK(!standard->has_header || !standard_check(standard, form, message, size));
         standard_close(standard);
         form_free(form);
@@ -235,7 +235,7 @@ static void test_names(void) {
     CHECK(!strcmp(type, "a23456789012345678901234567-6789") && name_is_machine(type));
 }
 
-/* In ten seconds: large messages get what small ones leave, and both together not more than is allowed. */
+/* In ten seconds: large messages get the rest that small ones leave, and both together keep the limit. */
 static void test_the_bucket(void) {
     enum { rate = 100000, large = 50000, small = 400 };
     struct bucket bucket;
@@ -245,7 +245,7 @@ static void test_the_bucket(void) {
     for (int64_t ms = 0; ms < 10000; ms++) {
         if (bucket_take(&bucket, large, ms * 1000000))
             sent[0] += large;
-        if (ms % 10 == 0) { /* 40 % of the rate, and with what each packet has beside them 50 % */
+        if (ms % 10 == 0) { /* 40 % of the rate, with the headers of each packet 50 % */
             CHECK(bucket_take(&bucket, small, ms * 1000000));
             sent[1] += small;
         }
@@ -260,7 +260,7 @@ static void test_the_bucket(void) {
     CHECK(bucket_take(&bucket, 1 << 24, 0) && bucket_take(&bucket, 1 << 24, 0));
 }
 
-/* The other clock is 5000 s ahead; what is slow on one way only is half of it off, and the bound says so. */
+/* The other clock is 5000 s ahead; a delay in one direction only is an error of half of it, within the bound. */
 static void test_the_offset_of_a_clock(void) {
     const int64_t ms = 1000000, s = 1000 * ms, ahead = 5000 * s;
     struct offset offset = {.count = 0};
@@ -275,12 +275,12 @@ static void test_the_offset_of_a_clock(void) {
     CHECK(offset_get(&offset, 3 * s + 2 * ms, &apart, &bound));
     CHECK_EQUAL(apart, ahead);
     CHECK_EQUAL(bound, ms + s / 10000);
-    for (int i = 0; i < OFFSET_SAMPLES; i++) /* the best one is too old at last */
+    for (int i = 0; i < OFFSET_SAMPLES; i++) /* until the best sample is too old */
         CHECK(offset_add(&offset, 4 * s, 4 * s - ahead + ahead + 2 * ms, 4 * s + 2 * ms, 4 * s + 4 * ms));
     CHECK(offset_get(&offset, 5 * s, &apart, &bound));
     CHECK_EQUAL(apart, 0);
-    CHECK(!offset_add(&offset, s, s, s, s - 1));                 /* came before it was sent */
-    CHECK(!offset_add(&offset, s, s, s + 2 * ms, s + ms));       /* was there longer than away */
+    CHECK(!offset_add(&offset, s, s, s, s - 1));                 /* received before it was sent */
+    CHECK(!offset_add(&offset, s, s, s + 2 * ms, s + ms));       /* longer at the other machine than the round trip */
     CHECK(!offset_add(&offset, INT64_MIN, s, s, s));
     CHECK(!offset_add(&offset, s, s, INT64_MAX, s));
 }
@@ -293,7 +293,7 @@ struct value {
     int16_t a[3];
 };
 
-/* The form of a value in memory, as form_of_item() would make it: that of the message, with the item's places. */
+/* The form of a value in memory, as form_of_item() makes it: the message's form with the item's offsets. */
 static struct form *form_of_value(void) {
     struct form *form;
 

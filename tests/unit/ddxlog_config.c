@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which item is logged, and how often. What is wrong with a file, tests/host/test_log.py looks at. */
+/* Which item is logged, and how often. tests/host/test_log.py checks wrong files. */
 #include "check.h"
 #include "config.h"
 
@@ -36,7 +36,7 @@ static void test_rules(void) {
     CHECK(!strcmp(config.folder, "."));
     config_free(&config);
     config = read_config("output /rec/log segment=1G minutes=2\nqueue 128K\nitem *");
-    CHECK_EQUAL(period(&config, "video", "DDX_VIDEO"), -1); /* a pattern means no pictures */
+    CHECK_EQUAL(period(&config, "video", "DDX_VIDEO"), -1); /* a pattern does not match pictures */
     CHECK_EQUAL(period(&config, "video.frame", "int"), 0);
     CHECK_EQUAL(config.segment, 1 << 30);
     CHECK_EQUAL(config.age, INT64_C(120000000000));

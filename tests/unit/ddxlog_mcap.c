@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* MCAP written and read, and read again damaged: never a crash, never a message that was not written. */
+/* MCAP written and read, also damaged: never a crash, never a message that was not written. */
 #include "check.h"
 #include "mcap.h"
 
@@ -19,7 +19,7 @@ static size_t size_of(unsigned number) {
     return number * 7 % 90;
 }
 
-/* Every third one is 30 ms late: the order of time is not the order of the file. */
+/* Every third message is 30 ms late: the order of times is not that of the file. */
 static uint64_t time_of(unsigned number) {
     return 1000000 + number * UINT64_C(10) - (number % 3 ? 0 : 30);
 }
@@ -55,7 +55,7 @@ static int write_file(void) {
     return fd;
 }
 
-/* All that can be read, each message compared with what was written; how many. */
+/* Reads all messages and compares each with the written one; returns their number. */
 static unsigned read_all(struct mcap_reader *reader) {
     struct mcap_message message;
     unsigned count = 0;
@@ -100,7 +100,7 @@ static void test_whole(void) {
     close(fd);
 }
 
-#define LARGE ((size_t)33 << 20) /* two of them are more than what is unpacked at once */
+#define LARGE ((size_t)33 << 20) /* two of these exceed the limit of unpacked memory */
 
 /* Large chunks that all overlap in time: not all of them are unpacked at once, and the order is the same. */
 static void test_overlap(void) {
@@ -141,7 +141,7 @@ static void test_overlap(void) {
     close(fd);
 }
 
-/* Cut at each byte: what is in whole chunks is there, and never less with more bytes. */
+/* Cut at each byte: messages in whole chunks are read, and never fewer with more bytes. */
 static void test_cut(void) {
     char error[MCAP_ERROR_MAX];
     int fd = write_file();
@@ -194,7 +194,7 @@ static void test_damaged(void) {
     close(fd);
 }
 
-/* The disk fills: what was flushed stays, and nothing more comes. */
+/* The disk is full: flushed messages stay, and no more are added. */
 static void test_failed_write(void) {
     int fd = open("/dev/full", O_WRONLY | O_CLOEXEC);
     struct mcap_writer *writer = mcap_writer_new(fd);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The logger's queue: what goes in comes out, whole and in order; what has no room is refused, and nothing waits. */
+/* The logger's queue: values come out whole and in order; a value without room is refused, and nothing waits. */
 #include "check.h"
 #include "queue.h"
 
@@ -9,7 +9,7 @@
 #define SIZE 4096
 
 static struct queue queue;
-static struct item *const some = (struct item *)(uintptr_t)64; /* never looked into */
+static struct item *const some = (struct item *)(uintptr_t)64; /* never dereferenced */
 
 static size_t size_of(uint64_t number) {
     return (size_t)(number * 2654435761u % 400);

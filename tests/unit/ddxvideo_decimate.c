@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which frames are recorded when not all are: even, exact, and the same for each caller. */
+/* Which frames are recorded with a rate or a skip: evenly, exactly, and the same ones for each caller. */
 #include <errno.h>
 #include <stdbool.h>
 
@@ -43,7 +43,7 @@ static void test_rate(void) {
         double theirs = (double)table[i].their_num / table[i].their_den, wanted = (double)table[i].num / table[i].den;
         double is = (double)geometry.rate_num / geometry.rate_den, least = wanted < theirs ? wanted : theirs;
         CHECK(is > least * 0.9999 && is < least * 1.0001);
-        /* Evenly: distances differ by one at most. */
+        /* Even: distances differ by one at most. */
         uint64_t last = 1, shortest = UINT64_MAX, longest = 0;
         CHECK(wants(&decimate, 1));
         for (uint64_t sequence = 2; sequence <= 3000; sequence++)
@@ -57,7 +57,7 @@ static void test_rate(void) {
     }
 }
 
-/* Numbers of a store that ran for ages, and rates that no camera has. */
+/* Very large numbers, and rates that no camera has. */
 static void test_large(void) {
     struct decimate decimate = {.rate_num = 999999999, .rate_den = 1000000};
     struct ddxvideo_geometry geometry = camera(INT32_MAX, 2);
@@ -77,7 +77,7 @@ static void test_unknown_rate(void) {
     CHECK_EQUAL(decimate_look(&skip, &geometry), 0);
     CHECK_EQUAL(decimate_up_to(&skip, 77), 20);
     CHECK_EQUAL(geometry.rate_num, 0);
-    geometry = camera(25, 1); /* it tells now */
+    geometry = camera(25, 1); /* the rate is known now */
     CHECK_EQUAL(decimate_look(&decimate, &geometry), 0);
     CHECK_EQUAL(decimate_up_to(&decimate, 50), 10);
 }

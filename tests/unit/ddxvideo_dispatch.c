@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The sender's rules one by one: budget, order, reports that must not count. The figures are in
- * ddxvideo_repair_sim.c. */
+/* The sender's rules one by one: budget, order, invalid reports. ddxvideo_repair_sim.c measures their effect. */
 #include "dispatch.h"
 
 #include <errno.h>
@@ -17,7 +16,7 @@
 static struct dispatch dispatch;
 static int64_t now;
 static uint16_t sequence, frame;
-static uint8_t loss; /* that reports have */
+static uint8_t loss; /* that reports contain */
 
 static void begin(int64_t wire) {
     struct dispatch_settings settings = {.wire = wire, .video = wire, .interval = INTERVAL, .header = HEADER,
@@ -56,7 +55,7 @@ static void expect(unsigned media, unsigned repairs) {
     CHECK(dispatch_deadline(&dispatch, now) > now);
 }
 
-/* All that is due within this time. */
+/* Send all packets that are due within this time. */
 static void run(int64_t time, unsigned media, unsigned repairs) {
     uint64_t media_before = dispatch.count[DISPATCH_SENT], repairs_before = dispatch.count[DISPATCH_REPAIRS];
     int64_t end = now + time, next;
@@ -90,8 +89,8 @@ static void report(uint16_t highest, uint16_t base, uint16_t missing, int64_t ag
     report_as(1, 1, highest, base, missing, age, FEEDBACK_USED);
 }
 
-/* The first three packets at once, so that a frame of usual size waits for nothing; the others within half an interval,
- * at most 1 ms apart. */
+/* The first three packets at once, so that a frame of usual size does not wait; the others within half an interval, at
+ * most 1 ms apart. */
 static void check_pacing(void) {
     begin(10000000);
     write_frame(1, 100);
@@ -111,7 +110,7 @@ static void check_pacing(void) {
     CHECK_EQUAL(dispatch_deadline(&dispatch, now), INT64_MAX);
 }
 
-/* A frame after another one that still waits has three packets at once as well, and no more. */
+/* A frame after a waiting one also sends three packets at once, and no more. */
 static void check_burst_of_waiting_frames(void) {
     begin(10000000);
     write_frame(5, 1000);
@@ -131,7 +130,7 @@ static void check_queue(void) {
     CHECK_EQUAL(dispatch.count[DISPATCH_PACKETS], DISPATCH_QUEUE + 6);
 }
 
-/* What cannot be paid waits, and there is no room for another frame meanwhile. */
+/* Packets beyond the budget wait, and until then no other frame is accepted. */
 static void check_budget(void) {
     begin(80000);
     CHECK(dispatch_allowance(&dispatch, now) > 0);
@@ -148,7 +147,7 @@ static void check_budget(void) {
     CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS_LOST], 1);
 }
 
-/* Frames leave as much as other packets took: what is known of them in advance, then what they took. */
+/* Frames leave room for other packets: first the size announced in advance, then the real one. */
 static void check_others(void) {
     begin(400000);
     size_t alone = dispatch_allowance(&dispatch, now);
@@ -165,7 +164,7 @@ static void check_others(void) {
     CHECK(dispatch.count[DISPATCH_BYTES] <= 400000 / 8 * 10);
 }
 
-/* Three packets across the wrap, 5 ms there and back; the last one is lost, then its repair, too. */
+/* Three packets across the wrap, round trip 5 ms; the last one is lost, then its repair packet as well. */
 static void check_answer(void) {
     begin(1000000);
     write_frame(1, 500);
@@ -185,7 +184,7 @@ static void check_answer(void) {
     report(65535, 0, 0, 55 * MS); /* the repair packet is in flight */
     expect(0, 0);
     now += 50 * MS;
-    report(65535, 0, 0, 105 * MS); /* it is lost, too, and 70 ms have passed */
+    report(65535, 0, 0, 105 * MS); /* it is lost as well, and 70 ms have passed */
     run(5 * MS, 0, 2);
 }
 
@@ -212,17 +211,17 @@ static void check_reporters(void) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
         report_as(i, 1, 65534, 65535, 0, 0, FEEDBACK_USED);
     report_as(100, 1, 65534, 65535, 0, 0, FEEDBACK_FLOOD); /* the same address once more */
-    report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);  /* takes the place of one that shares */
+    report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);  /* replaces a reporter that shares its address */
     report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_FLOOD);
     for (unsigned i = 0; i < 99; i++) /* 200 a second, 100 at once */
         report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);
     report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_USED);
     report_as(100, 2, 65534, 65535, 0, 0, FEEDBACK_FLOOD);
     now += FEEDBACK_GONE;
-    report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_USED); /* the others are gone */
+    report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_USED); /* the others have left */
 }
 
-/* Frames of one packet, each of which arrives at once and is reported, or not. */
+/* Frames of one packet, each of which arrives at once; with or without a report. */
 static void pass_frames(unsigned count, bool reported) {
     uint8_t data[REPAIR_MAX];
     enum dispatch_port port;
@@ -239,7 +238,7 @@ static void pass_frames(unsigned count, bool reported) {
     }
 }
 
-/* What is sent without reports follows from the loss of the last ten seconds, not of the last two alone. */
+/* Repair without reports follows the loss of the last ten seconds, not only of the last two. */
 static void check_loss_memory(void) {
     begin(1000000);
     loss = 77; /* 30 % */
@@ -272,7 +271,7 @@ static void check_refresh(void) {
     }
 }
 
-/* A clock that goes back gives no bytes. */
+/* A clock that goes back adds no bytes. */
 static void check_clock(void) {
     struct budget budget;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Drawing: places of fields, exact pixels, nothing beside the canvas, each character. */
+/* Drawing: places of fields, exact pixels, nothing outside the canvas, each character. */
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -27,7 +27,7 @@ static void canvas_free(struct canvas *canvas) {
 
     for (int i = 1; i <= MARGIN; i++)
         CHECK(canvas->pixel[-i] == GUARD);
-    /* A stride that is wider than the canvas is room that a scaler may use, but not in the last row. */
+    /* A scaler may use the padding of a wide stride, but not in the last row. */
     for (long i = end; i < (long)canvas->stride * canvas->height + MARGIN; i++)
         CHECK(canvas->pixel[i] == GUARD || i < (long)canvas->stride * canvas->height);
     free(canvas->pixel - MARGIN);
@@ -101,7 +101,7 @@ static void paint(const struct canvas *canvas, const struct ddxvideo_picture *pi
     paint_close(&painter);
 }
 
-/* Each size: fields where the layout says, background beside them, nothing beyond the canvas. */
+/* Each size: fields at the layout's places, background around them, nothing outside the canvas. */
 static void test_sizes(void) {
     for (int fields = 1; fields <= DDX_VIDEO_FIELDS; fields += 3)
         for (int width = 1; width < 200; width += 7) {

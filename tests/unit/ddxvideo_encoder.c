@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The sender's encoders: each picture gives a frame at once, of the wanted size, and a place to begin on demand. */
+/* The sender's encoders: each picture gives a frame at once, of the requested size, and a renewal on demand. */
 #include "encoder.h"
 
 #include "check.h"
@@ -54,7 +54,7 @@ static struct encoded encode(struct encoder *encoder, int number, size_t wanted)
     return encoded;
 }
 
-/* What an H.264 frame is made of. */
+/* The parts of an H.264 frame. */
 struct parts {
     unsigned sets, slices, keys, recoveries, texts;
 };
@@ -95,7 +95,7 @@ static void test_h264_frames(bool fast) {
     CHECK(!encoder_is_open(&encoder));
 }
 
-/* How many frames are within 30 % of what was wanted; *mean: of all sizes over all wishes. */
+/* Number of frames within 30 % of the requested size; *mean: of all sizes over all requests. */
 static unsigned follow(enum rtp_type type, size_t (*wish)(int), double *mean) {
     struct encoder encoder;
     double wanted = 0, found = 0;
@@ -139,7 +139,7 @@ static void test_sizes(void) {
     }
 }
 
-/* Whatever frame rate the source claims. */
+/* Each frame rate that a source may state. */
 static void test_rates(void) {
     static const int rates[][2] = {{0, 0}, {1, 65535}, {1, 100000}, {10000, 1}, {30000, 1001}, {1, 10}};
     for (int i = 0; i < 12; i++) {
@@ -154,7 +154,7 @@ static void test_rates(void) {
     }
 }
 
-/* At the latest when the renewal that is under way is done. */
+/* A requested renewal begins at the latest when the current one is done. */
 static void test_refresh_h264(void) {
     struct encoder encoder;
     int begun = -1;
@@ -170,7 +170,7 @@ static void test_refresh_h264(void) {
     CHECK_EQUAL(begun, 2 * RATE);
     encoder_refresh(&encoder);
     encode(&encoder, 3 * RATE, 0);
-    encoder_refresh(&encoder); /* while it is at it */
+    encoder_refresh(&encoder); /* during a renewal */
     for (int i = 1; i <= WAVE + 2; i++) {
         struct encoded encoded = encode(&encoder, 3 * RATE + i, 0);
         if (look_at(&encoded).recoveries)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The recorder's queue: what goes in comes out in order, a full queue refuses and loses nothing else. */
+/* The recorder's queue: frames come out in order; a full queue refuses a frame and loses no other. */
 #include <errno.h>
 #include <unistd.h>
 
@@ -19,7 +19,7 @@ static void fill(unsigned char *bytes, uint64_t position, size_t size) {
         bytes[i] = byte_of(position + i);
 }
 
-/* All that is ready, at most `limit`; 0 at the end. */
+/* All bytes that are ready, at most `limit`; 0 at the end. */
 static size_t peek(struct frame_queue *queue, const unsigned char **bytes, size_t limit) {
     size_t size = 0;
     return frame_queue_peek(queue, bytes, &size, limit) == FRAME_QUEUE_BYTES ? size : 0;
@@ -36,7 +36,7 @@ static void test_full(void) {
     for (int i = 1; i < 4; i++)
         CHECK(frame_queue_put(&queue, pieces + 1, 1, &(struct frame_queue_facts){.frame = i}));
     CHECK(frame_queue_level(&queue) == 100);
-    /* The bytes would fit: as many as frames. */
+    /* The bytes would fit, but the number of frames is limited. */
     CHECK(!frame_queue_put(&queue, pieces + 1, 1, &(struct frame_queue_facts){.frame = 4}));
     CHECK_EQUAL(peek(&queue, &bytes, 1000), 406);
     CHECK(!memcmp(bytes, "header", 6));
@@ -60,7 +60,7 @@ static void test_full(void) {
     CHECK(frame_queue_init(&queue, 1000000, SIZE_MAX / 100) == -ENOMEM);
 }
 
-/* Files begin at blocks; of a block that was taken in part nothing is overwritten. */
+/* Files begin at block boundaries; a partly consumed block is not overwritten. */
 static void test_cuts(void) {
     struct frame_queue queue;
     static unsigned char frame[FRAME_QUEUE_BLOCK];
@@ -97,7 +97,7 @@ static void *drain(void *argument) {
     int64_t frames = 0;
     size_t size;
     while ((size = peek(queue, &bytes, 1 << 20))) {
-        size -= size / 3; /* a disk that takes less than it is given */
+        size -= size / 3; /* a disk that accepts only a part */
         for (size_t i = 0; i < size; i += 997)
             if (bytes[i] != byte_of(position + i)) {
                 fprintf(stderr, "byte %" PRIu64 " is wrong\n", position + i);

@@ -32,7 +32,7 @@ static void test_field(void) {
     }
 }
 
-/* Each factor, each size up to 40 bytes and each alignment gives what single products give, and nothing around them. */
+/* Each factor, size up to 40 bytes and alignment equals single products, and bytes around them stay. */
 static void test_rows(void) {
     for (unsigned factor = 0; factor < 256; factor++) {
         for (unsigned size = 0; size < 40; size++) {

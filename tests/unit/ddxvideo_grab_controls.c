@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What was asked for is set again when the camera comes back: in the order in which it was asked for last. */
+/* Requested settings are set again when the camera comes back, in the order of the last requests. */
 #include "controls.h"
 #include "check.h"
 
@@ -51,7 +51,7 @@ int main(void) {
     ask("gain", 10);
     ask("gain_auto", 1);
     check_set_again("gain=10 auto=1 ");
-    ask("gain", 20); /* which ends the automatic */
+    ask("gain", 20); /* which switches the automatic off */
     check_set_again("auto=1 gain=20 ");
     for (int i = 0; i < 3 * DDX_VIDEO_PARAMETERS_MAX; i++)
         ask(i % 2 ? "gain" : "gain_auto", i % 2);

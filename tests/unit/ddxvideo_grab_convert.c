@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures of every format and order of fields, compared with FFmpeg's program, with sums done by hand, and with those
- * that other processors make. */
+/* Pictures of every format and field order, compared with FFmpeg's program, with values computed by hand, and with
+ * those of other processors. */
 #include "../scratch.h"
 #include "check.h"
 #include "convert.h"
@@ -68,7 +68,7 @@ static struct result convert(const struct pixels *from, const void *data, int wi
     return convert_to(DDX_VIDEO_420, from, data, width, height, stack);
 }
 
-/* What FFmpeg makes of the same bytes, of raw ones by way of RGB; false if there is no such program. */
+/* FFmpeg's conversion of the same bytes, of raw ones through RGB; false if there is no such program. */
 static bool ask_ffmpeg(const char *format, const void *data, size_t size, int width, int height, int to_width,
                        int to_height, const char *to, unsigned char *out, size_t out_size) {
     char command[512], *name = scratch_path("picture");
@@ -112,7 +112,7 @@ static bool test_against_ffmpeg(enum pixels_coding coding, const char *format, i
     return there;
 }
 
-/* Boards differ in what their processors can do, but not in the pictures. */
+/* Processors with other instructions make the same pictures. */
 static void test_on_each_processor(enum pixels_coding coding, int format, int to_width, int to_height) {
     static const unsigned processors[] = {0, AV_CPU_FLAG_MMX, AV_CPU_FLAG_MMX | AV_CPU_FLAG_MMXEXT | AV_CPU_FLAG_SSE};
     struct pixels from = {.coding = coding, .width = 128, .height = 96, .depth = 16};
@@ -151,7 +151,7 @@ static void test_by_hand(void) {
     free(data);
 }
 
-/* A picture where every byte of the top field is 10 and more, of the bottom field 100 and more, whatever the order. */
+/* A picture with bytes from 10 on in the top field and from 100 on in the bottom field, in any field order. */
 static void fill_fields(unsigned char *data, const struct pixels *pixels) {
     size_t offset[3];
     int stride[3];
@@ -177,7 +177,7 @@ static void test_fields(enum pixels_coding coding, enum pixels_order order, bool
                           .stride = width * pixels_find(coding)->row_bytes};
     unsigned char *data = malloc(bytes(&from));
     fill_fields(data, &from);
-    for (int scaled = 0; scaled < 2; scaled++) { /* fields do not mix, not even when they are scaled */
+    for (int scaled = 0; scaled < 2; scaled++) { /* scaling does not mix fields */
         int to_width = scaled ? 48 : width, to_height = scaled ? 24 : height;
         struct result result = convert(&from, data, to_width, to_height, stack);
         for (int i = 0; i < (coding == PIXELS_GREY ? 1 : 3); i++) {

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Gaps in a driver's numbers: what is lost, what is wanted, compared with a simple model that looks at each frame. */
+/* Gaps in a driver's numbers: lost and wanted frames, compared with a simple model that visits each frame. */
 #include "check.h"
 #include "frame_count.h"
 
@@ -15,15 +15,15 @@ static int64_t frame(struct count *count, uint32_t sequence) {
 
 static void test_gaps(void) {
     struct count count = {.skip = 1};
-    CHECK_EQUAL(frame(&count, 7), 0); /* where the driver begins is no loss */
+    CHECK_EQUAL(frame(&count, 7), 0); /* the driver's first number is no loss */
     CHECK_EQUAL(lost_now, 0);
     CHECK_EQUAL(frame(&count, 8), 1);
     CHECK_EQUAL(frame(&count, 12), 5);
     CHECK_EQUAL(lost_now, 3);
     CHECK_EQUAL(count.lost, 3);
-    CHECK_EQUAL(frame(&count, 12), 6); /* a driver that does not count loses nothing that we know of */
+    CHECK_EQUAL(frame(&count, 12), 6); /* without numbers no loss is known */
     CHECK_EQUAL(lost_now, 0);
-    CHECK_EQUAL(frame(&count, 3), 7); /* nor one that goes back */
+    CHECK_EQUAL(frame(&count, 3), 7); /* nor with numbers that go back */
     CHECK_EQUAL(lost_now, 0);
     count_restart(&count);
     CHECK_EQUAL(frame(&count, 100), 8);
@@ -35,14 +35,14 @@ static void test_times(void) {
 
     CHECK_EQUAL(count_time(now - 5, opened, now), now - 5);
     CHECK_EQUAL(count_time(now + second, opened, now), now + second);
-    CHECK_EQUAL(count_time(opened + 1, opened, now), opened + 1); /* the program was held up since then */
+    CHECK_EQUAL(count_time(opened + 1, opened, now), opened + 1); /* the program was delayed since then */
     CHECK_EQUAL(count_time(opened - 3 * second, opened, now), now);
     CHECK_EQUAL(count_time(now + 3 * second, opened, now), now);
     CHECK_EQUAL(count_time(0, opened, now), now);
     CHECK_EQUAL(count_time(0, second, second + 1), second + 1);
 }
 
-/* A frame each 100 ms; of fifty, four are taken late, at once, and five are lost. */
+/* A frame every 100 ms; of fifty, four are taken late and together, and five are lost. */
 static void test_period(void) {
     const int64_t ms = 1000000;
     struct count count = {.skip = 1};
@@ -76,7 +76,7 @@ static void test_skip(void) {
     CHECK_EQUAL(frame(&count, 0), 0);
     for (uint32_t i = 1; i < 5; i++)
         CHECK_EQUAL(frame(&count, i), -1);
-    CHECK_EQUAL(frame(&count, 6), -1); /* number 5 is gone: the only one of these that was wanted */
+    CHECK_EQUAL(frame(&count, 6), -1); /* number 5 is lost, the only wanted one of these */
     CHECK_EQUAL(lost_now, 1);
     CHECK_EQUAL(frame(&count, 10), 10); /* the rhythm stays */
     CHECK_EQUAL(lost_now, 0);

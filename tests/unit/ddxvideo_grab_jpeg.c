@@ -39,7 +39,7 @@ static void test_kind(const char *name, const char *kind, const char *result) {
     const struct pixels from = {.coding = PIXELS_MJPEG, .width = WIDTH, .height = HEIGHT};
     const struct ddxvideo_geometry paper = {.width = WIDTH, .height = HEIGHT};
     CHECK_EQUAL(converter_open(&converter, &from, 0, &paper, false), 0);
-    for (int again = 0; again < 3; again++) { /* a damaged picture does no harm to the next */
+    for (int again = 0; again < 3; again++) { /* a damaged picture does not affect the next */
         memset(ours, 0, sizeof(ours));
         CHECK_EQUAL(converter_run(&converter, jpeg, size, plane, stride), 0);
         CHECK(!memcmp(ours, theirs, total));
@@ -50,7 +50,7 @@ static void test_kind(const char *name, const char *kind, const char *result) {
     if (total == LUMA) /* grey */
         CHECK(ours[LUMA] == 128 && ours[LUMA / 2 * 3 - 1] == 128);
     converter_close(&converter);
-    /* another size than was agreed */
+    /* not the agreed size */
     const struct pixels other = {.coding = PIXELS_JPEG, .width = WIDTH - 2, .height = HEIGHT};
     CHECK_EQUAL(converter_open(&converter, &other, 0, &paper, false), 0);
     CHECK_EQUAL(converter_run(&converter, jpeg, size, plane, stride), -74);

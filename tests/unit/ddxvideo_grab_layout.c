@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Each layout from each kind of camera: samples by hand, sizes that are odd, and nothing written beside the planes. */
+/* Each layout from each kind of camera: samples by hand, odd sizes, and nothing written outside the planes. */
 #include "check.h"
 #include "convert.h"
 
@@ -46,7 +46,7 @@ static struct pixels picture(enum pixels_coding coding, int width, int height, i
     return (struct pixels){.coding = coding, .width = width, .height = height, .stride = row + padding, .depth = 16};
 }
 
-/* The camera's bytes: the whole buffer ends with them, so that a sanitizer sees what is read beyond. */
+/* The camera's bytes, at the end of their buffer, so that a sanitizer sees a read beyond them. */
 static unsigned char *noise(const struct pixels *pixels) {
     unsigned char *data = malloc(bytes(pixels));
     CHECK(data);
@@ -65,13 +65,13 @@ static void convert(struct result *result, const struct pixels *from, int range,
     converter_close(&converter);
 }
 
-/* ---- What needs no conversion: each sample is the camera's ---- */
+/* ---- Without conversion: each sample is the camera's ---- */
 
 /* The bytes of a sample in the camera's buffer, by hand: -1 is a zero byte, -2 is chroma of no colour. */
 struct place {
     enum pixels_coding coding;
     int format;
-    /* for each plane: bytes from sample to sample, where each byte of a sample lies within */
+    /* for each plane: bytes from sample to sample, offset of each byte in a sample */
     struct {
         int step, at[3];
     } plane[3];
@@ -152,7 +152,7 @@ static void test_depth(void) {
     }
 }
 
-/* ---- Conversion and scaling: an even colour stays what it is, in each size ---- */
+/* ---- Conversion and scaling: a uniform colour is kept in each size ---- */
 
 static void fill(unsigned char *data, const struct pixels *from, int y, int u, int v) {
     size_t chroma = (size_t)from->stride * (size_t)from->height;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What people type for sizes, standards and inputs; sides of pixels. */
+/* Names of sizes, standards and inputs as people type them; shapes of pixels. */
 #include "check.h"
 #include "geometry.h"
 #include "input.h"
@@ -61,7 +61,7 @@ static void test_inputs(void) {
 
 static void test_geometry(void) {
     const struct video_layout *paper = video_layout_of(DDX_VIDEO_420);
-    /* PAL by the books: 59/54 at 720x576; as CIF the same picture has 59/54 * (720/352) / (576/288) */
+    /* PAL by its standard: 59/54 at 720x576; as CIF the same picture has 59/54 * (720/352) / (576/288) */
     struct ddxvideo_geometry pal = {.width = 720,
                                     .height = 576,
                                     .fields = 1,

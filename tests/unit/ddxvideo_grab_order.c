@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Frames that come in the wrong order: they go in the right one, or are dropped and counted as lost, never both. */
+/* Frames that come in the wrong order leave in the right one, or are dropped and counted as lost, never both. */
 #include "check.h"
 #include "frame_count.h"
 #include "reorder.h"
@@ -9,7 +9,7 @@
 static struct order order;
 static int64_t now;
 
-/* All that go now, as a text of their numbers (which are their slots). */
+/* The frames that leave now, as a text of their numbers (which are their slots). */
 static const char *gone(void) {
     static char text[100];
     unsigned slot;
@@ -50,10 +50,10 @@ static void test_lost(void) {
     is(gone(), "3");
     is(come(2), "late");
     is(come(4), "4");
-    is(come(4 + ORDER_FAR + 1), "13"); /* nothing of that can still come */
+    is(come(4 + ORDER_FAR + 1), "13"); /* no earlier frame can still come */
     is(come(15), "");
     is(come(17), "");
-    is(come(16), "15 16 17"); /* this many do not wait */
+    is(come(16), "15 16 17"); /* too many to wait */
     is(come(14), "late");
 }
 
@@ -80,7 +80,7 @@ static void test_wrap(void) {
     CHECK(order_next(&order, now, WAIT, &slot) && slot == 1);
 }
 
-/* Random losses and exchanges: what goes rises, and lost + gone is all that there was up to now. */
+/* Random losses and exchanges: numbers that leave rise, and lost + left are all frames so far. */
 static void test_random(int64_t wait) {
     struct count count = {.skip = 1};
     uint64_t lost = 0, passed = 0, dropped = 0, first = 0, last = 0;

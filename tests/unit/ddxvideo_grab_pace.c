@@ -8,7 +8,7 @@
 #define PERIOD (40 * MS)
 #define BEGIN (1000 * MS)
 
-/* What is missing before a frame at this many periods (in hundredths) after the first one. */
+/* Number of frames missing before a frame at this many periods (in hundredths) after the first one. */
 static unsigned step(struct pace *pace, int64_t hundredths, bool more) {
     uint32_t before = pace->number;
     return pace_number(pace, BEGIN + PERIOD * hundredths / 100, more) - before - 1;
@@ -30,7 +30,7 @@ static void test_gaps_are_counted(void) {
     CHECK_EQUAL(step(&pace, 10000, false), 94); /* one of the 95 was counted at 330 */
 }
 
-/* Frames that were kept waiting come together; the last one says how many there should have been. */
+/* Delayed frames come together; the time of the last one gives their number. */
 static void test_frames_that_waited_are_not_lost(void) {
     struct pace pace = begin(PERIOD);
     for (int i = 1; i < 4; i++)
@@ -53,7 +53,7 @@ static void test_jitter_and_drift(int64_t permille) {
     }
 }
 
-/* A delay that is taken for a loss is made good by the next one: the sum does not grow. */
+/* A delay that counts as a loss is offset by the next frame: the sum does not grow. */
 static void test_delays_alone_do_not_add_up(void) {
     struct pace pace = begin(PERIOD);
     unsigned lost = 0;
@@ -64,7 +64,7 @@ static void test_delays_alone_do_not_add_up(void) {
 
 #define CYCLES 64000
 
-/* On FireWire a time that is late by less than a second does not show, nor does a bus time that wraps. */
+/* On FireWire neither a delay below a second nor a wrap of the bus time has an effect. */
 static void test_the_bus_time_counts_exactly(void) {
     struct pace pace = {.number = 7};
     pace_restart(&pace, PERIOD);
@@ -76,7 +76,7 @@ static void test_the_bus_time_counts_exactly(void) {
     }
 }
 
-/* It jumps when the bus gets another cycle master. */
+/* The bus time jumps when the bus gets another cycle master. */
 static void test_another_cycle_master_is_no_loss(void) {
     struct pace pace = {.number = 7};
     pace_restart(&pace, PERIOD);
@@ -92,7 +92,7 @@ static void test_a_period_is_learned(void) {
     CHECK_EQUAL(step(&pace, 100 * (PACE_ALIKE + 4), false), 2);
 }
 
-/* From frames that come a little early and late, so well that nothing is taken for a loss afterwards. */
+/* From frames with jitter, exactly enough that later frames do not count as lost. */
 static void test_a_period_is_learned_from_several_steps(void) {
     struct pace pace = begin(0);
     for (int i = 1; i < 1000; i++)

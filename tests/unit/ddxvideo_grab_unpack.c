@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* IIDC's codings, rearranged: each sample is where it belongs, and padding is none of them. */
+/* IIDC's codings, rearranged: each sample is in its place, and padding is left out. */
 #include "check.h"
 #include "convert.h"
 #include "unpack.h"
@@ -10,7 +10,7 @@
 
 static unsigned char data[(6 * WIDTH + PADDING) * HEIGHT], unpacked[4 * WIDTH * HEIGHT];
 
-/* One sample of the picture: another one for each place and colour. */
+/* One sample of the picture, different for each place and colour. */
 static unsigned sample(int row, int x, int colour) {
     return (unsigned)(row * 31 + x * 7 + colour * 101 + 3) & 0xff;
 }
@@ -87,7 +87,7 @@ static void test_16_bits(void) {
     CHECK_EQUAL(first_sample(&pixels, 0x00, 0xcd), 0xcd);
 }
 
-/* Through the converter, as the grabber does it: luma unchanged, chroma of an even colour as well. */
+/* Through the converter, as in the grabber: luma and the chroma of a uniform colour are unchanged. */
 static void test_converted(enum pixels_coding coding, int row_bytes, const unsigned char *pattern, int length) {
     struct pixels pixels = {.coding = coding, .width = WIDTH, .height = HEIGHT, .stride = row_bytes, .depth = 16};
     unsigned char y[WIDTH * HEIGHT], u[WIDTH * HEIGHT / 4], v[WIDTH * HEIGHT / 4];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which datagrams a receiver with a key, and one without, lets through; and what it says about the others. */
+/* Which datagrams receivers with and without a key accept, and the messages about the others. */
 #include "guard.h"
 
 #include "ddxvideo_secure.h"
@@ -75,7 +75,7 @@ static void test_repair_without_key(void) {
     secure_close(secure);
 }
 
-/* A forged packet that claims that the stream is encrypted changes nothing for the stream that is shown. */
+/* A forged packet that claims that the stream is encrypted does not affect the shown stream. */
 static void test_repair_of_a_shown_stream(void) {
     uint8_t data[100] __attribute__((aligned(4))) = {0x81, 98, 0, 1, 0, 0, 0, 0, 0, 0, 0, 2, 0xca, 0xfe, 0xba, 0xbe};
     struct secure *secure = secure_with(KEY);
@@ -112,7 +112,7 @@ static void test_with_key(void) {
     check_line(&guard, GUARD_QUIET, "SSRC 00000002: it is not encrypted, unlike -key stream.key");
     check_line(&guard, 3 * GUARD_QUIET, "");
     CHECK_EQUAL(guard.count[GUARD_REFUSED], 3 * GUARD_DOUBT);
-    for (uint32_t ssrc = 10; ssrc < 1000; ssrc++) /* a flood; nothing is said about a single packet */
+    for (uint32_t ssrc = 10; ssrc < 1000; ssrc++) /* a flood; single packets are not reported */
         CHECK(!pass(&guard, NULL, ssrc, 0));
     CHECK(pass(&guard, sender, SSRC, GUARD_DOUBT));
     check_line(&guard, 5 * GUARD_QUIET, "");

@@ -59,12 +59,12 @@ static int pack(const struct chunk *frame) {
     return count;
 }
 
-/* Of the whole packet. */
+/* Size of the whole packet. */
 static size_t packet_size(int number) {
     return payloads[number].size + (number ? RTP_HEADER_NEXT : RTP_HEADER_MAX);
 }
 
-/* Whether packets first to last, fragments of one NAL unit, are equal in size, and no more than are needed. */
+/* Whether packets first to last, fragments of one NAL unit, are equal in size and as few as possible. */
 static bool are_even(int first, int last) {
     size_t least = SIZE_MAX, most = 0, all = 0;
     for (int i = first; i <= last; i++) {
@@ -146,7 +146,7 @@ static const char *judge(int count, int nal_count) {
     return nal == nal_count && !inside ? NULL : "NAL units are missing";
 }
 
-/* Unpack all payloads but `missing` (-1: none); exactly the NAL units that are whole come out. */
+/* Unpack all payloads but `missing` (-1: none); only the whole NAL units come out. */
 static void check_unpacked(int count, int nal_count, int missing) {
     struct h264_unpacker unpacker = {0};
     struct chunk frame = {0}, expected = {0};
@@ -204,7 +204,7 @@ static void test_frames(void) {
     chunk_free(&frame);
 }
 
-/* Two bytes of the second fragment go with the first one: the same bytes in packets of other sizes. */
+/* Move two bytes of the second fragment to the first one: the same bytes in packets of other sizes. */
 static void move_byte(void) {
     struct payload *from = &payloads[2], *to = &payloads[1];
     memcpy(to->data + to->size, from->data + 2, 2);
@@ -213,7 +213,7 @@ static void move_byte(void) {
     from->size -= 2;
 }
 
-/* The judge sees what is wrong. */
+/* The judge finds each fault. */
 static void test_judge(void) {
     struct chunk frame = {0};
     make_nal(&nals[0], 20);
@@ -272,7 +272,7 @@ static void test_malformed(void) {
     CHECK(!h264_unpack(&unpacker, &frame, bad[0], 0, false));
 }
 
-/* What the encoder gives: parameter sets now and then, and one slice. */
+/* The encoder's output: sometimes parameter sets, and one slice. */
 static void test_one_slice(void) {
     struct chunk frame = {0};
     for (size_t size = 2; size < 6000; size += size < 1500 ? 1 : 37)

@@ -49,7 +49,7 @@ static void test_frames(void) {
     history_close(&history);
 }
 
-/* Bytes bound it, too; what alone is too large is kept alone. */
+/* The history is also limited by bytes; a frame above the limit is kept alone. */
 static void test_bytes(void) {
     struct history history;
 
@@ -65,7 +65,7 @@ static void test_bytes(void) {
     history_close(&history);
 }
 
-/* There are never more pictures than fit, not even while one is copied; but one is always there. */
+/* There are never more pictures than fit, not even while one is copied; but one is always kept. */
 static void test_room(void) {
     struct history history;
 
@@ -88,7 +88,7 @@ static void test_room(void) {
     history_close(&history);
 }
 
-/* A picture that is looked at stays as it is when the history has dropped it, and its stride is its own. */
+/* A held picture does not change when the history has dropped it, and keeps its stride. */
 static void test_held(void) {
     struct history history;
 
@@ -150,7 +150,7 @@ static void test_depth(void) {
     CHECK(history_open(&history, 2, UINT64_MAX));
     for (int i = 0; i < 3; i++)
         history_add(&history, picture(&history, i, 64));
-    for (int i = 0; i < 4; i++) { /* of frame 0, which is gone; of 1 and 2; and of one that has not come */
+    for (int i = 0; i < 4; i++) { /* of frame 0, which was dropped; of 1 and 2; and of a frame that has not come */
         struct shot_depth *depth = calloc(1, sizeof *depth + 2);
 
         *depth = (struct shot_depth){.width = 1, .height = 1};

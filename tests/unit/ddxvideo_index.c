@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Checksums as the RFC has them; an index is believed as far as it is whole, and not further. */
+/* Checksums by the RFC; an index is believed up to its first damage. */
 #include <stdlib.h>
 
 #include "check.h"
@@ -42,10 +42,10 @@ static void test_count(void) {
     CHECK_EQUAL(index_count(index, 100 + 10 * 50 - 1), 9);
     CHECK_EQUAL(index_count(index, 0), 0);
 
-    index->entry[40].recording = 8; /* an older recording's, in good order */
+    index->entry[40].recording = 8; /* a valid entry of an older recording */
     index_seal_entry(&index->entry[40]);
     CHECK_EQUAL(index_count(index, UINT64_MAX), 40);
-    index->entry[30].offset += 50; /* a hole */
+    index->entry[30].offset += 50; /* a gap */
     index_seal_entry(&index->entry[30]);
     CHECK_EQUAL(index_count(index, UINT64_MAX), 30);
     index->entry[20].bytes = UINT32_MAX;
@@ -54,7 +54,7 @@ static void test_count(void) {
     free(index);
 }
 
-/* Whatever bit is wrong: it is noticed. */
+/* Each wrong bit is noticed. */
 static void test_spoilt(void) {
     struct index_file *index = make();
     for (size_t bit = 0; bit < 8 * sizeof(struct index_entry); bit++) {
@@ -72,7 +72,7 @@ static void test_spoilt(void) {
     free(index);
 }
 
-/* Recorders that did not write their instance had 128 bytes for the item, the rest of which was 0. */
+/* Former recorders did not write their instance; they had 128 bytes for the item, padded with zeros. */
 static void test_former_layout(void) {
     struct index_header header = {.state = INDEX_NAMED, .number = 3};
     char *item = (char *)&header + 72;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Datagrams to frames: order, loss, duplicates, other sources; what is counted is what was done to the packets. */
+/* Datagrams to frames: order, loss, duplicates, other sources; the counters match what was done to the packets. */
 #include "intake.h"
 
 #include "check.h"
@@ -17,7 +17,7 @@ static unsigned next_random(unsigned below) {
     return (seed >> 8) % below;
 }
 
-/* A sender: a frame is `packets` NAL units, one in each packet, that hold the frame's and the packet's number. */
+/* A sender: a frame is `packets` NAL units, one in each packet, with the numbers of frame and packet. */
 struct source {
     uint32_t ssrc;
     uint16_t sequence;
@@ -54,7 +54,7 @@ static struct datagram make(struct source *source, uint32_t frame, unsigned inde
 }
 
 static void put(struct intake *intake, const struct datagram *datagram) {
-    uint8_t *copy = malloc(datagram->size); /* so that a sanitizer sees a read beyond */
+    uint8_t *copy = malloc(datagram->size); /* so that a sanitizer sees a read beyond it */
     memcpy(copy, datagram->data, datagram->size);
     intake_put(intake, copy, datagram->size, now);
     free(copy);
@@ -64,7 +64,7 @@ static uint64_t count_of(const struct intake *intake, enum intake_count which) {
     return intake->count[which];
 }
 
-/* Frames of one packet, put in an order given by their numbers; the frames that come out, as a text. */
+/* Sends frames of one packet in an order given by their numbers; returns the frames that come out, as a text. */
 static const char *play(struct intake *intake, struct source *source, const char *order) {
     static char out[200];
     struct datagram datagrams[26];
@@ -91,7 +91,7 @@ static const char *play(struct intake *intake, struct source *source, const char
 
 static void check_order(const char *order, const char *expected, unsigned lost, unsigned late, unsigned duplicate,
                         unsigned reordered) {
-    for (int wrap = 0; wrap < 2; wrap++) { /* also where the sequence numbers start again from 0 */
+    for (int wrap = 0; wrap < 2; wrap++) { /* also across a wrap of the sequence numbers */
         struct intake intake;
         struct source source = {.ssrc = SSRC, .sequence = wrap ? 65533 : 100, .count = wrap ? 65530 : 0};
         intake_init(&intake, PATIENCE, true);
@@ -109,7 +109,7 @@ static void check_order(const char *order, const char *expected, unsigned lost, 
     }
 }
 
-/* "!": packets are missing in or before this frame; "-": a whole frame before this one is. ".": no more will come. */
+/* "!": packets are missing in or before this frame; "-": a whole frame is missing before it; ".": no more will come. */
 static void test_order(void) {
     check_order("abcdef", "abcdef", 0, 0, 0, 0);
     check_order("abdcef", "abcdef", 0, 0, 0, 1);
@@ -123,11 +123,11 @@ static void test_order(void) {
     check_order("abde cfg", "ab!d-efg", 1, 1, 0, 0); /* too late */
     check_order("abfg h", "ab!f---gh", 3, 0, 0, 0);
     check_order("acbd", "abcd", 0, 0, 0, 1);
-    check_order("bacd", "bcd", 0, 1, 0, 0); /* nothing is known of what came before the first one */
+    check_order("bacd", "bcd", 0, 1, 0, 0); /* frames before the first one are unknown */
     check_order("ac ce e", "a!c-!e-", 2, 0, 2, 0);
 }
 
-/* Frames of several packets: each packet's absence shows in its own frame, and in the next one if it was the last. */
+/* Frames of several packets: a missing packet marks its own frame, and the next one if it was the last packet. */
 static void test_frames(void) {
     for (unsigned missing = 0; missing < 12; missing++) {
         struct intake intake;
@@ -153,8 +153,8 @@ static void test_frames(void) {
                 bytes += (unsigned)frame.size;
             }
         }
-        CHECK_EQUAL(found, missing == 11 ? 2 : 3); /* the last one is not known to be whole, */
-        while (intake_take_last(&intake, &frame)) {  /* until nothing more comes */
+        CHECK_EQUAL(found, missing == 11 ? 2 : 3); /* the last frame may be incomplete */
+        while (intake_take_last(&intake, &frame)) {  /* until the end */
             CHECK_EQUAL(frame.frame.number, found);
             found++;
             damaged += frame.damaged;
@@ -169,7 +169,7 @@ static void test_frames(void) {
     }
 }
 
-/* A frame whose first packet is missing has what can be derived from an earlier one, and says so. */
+/* A frame whose first packet is missing has facts derived from an earlier one, and is marked so. */
 static void test_derived(void) {
     struct intake intake;
     struct source source = {.ssrc = SSRC, .count = 65534};
@@ -201,7 +201,7 @@ static void test_derived(void) {
     intake_free(&intake);
 }
 
-/* A seeded relay: what it did is what is counted. */
+/* A seeded relay: the counters match its actions. */
 static void test_counts(void) {
     enum { PACKETS = 20000, QUEUE = 16 };
     struct intake intake;
@@ -212,7 +212,7 @@ static void test_counts(void) {
     intake_init(&intake, PATIENCE, true);
     for (unsigned i = 0; i < PACKETS; i++, now += 3 * MS) {
         struct datagram datagram = make(&source, i / 2, i % 2, 2);
-        bool quiet = i < 2 || i >= PACKETS - 100; /* a loss at the very end is not seen */
+        bool quiet = i < 2 || i >= PACKETS - 100; /* a loss at the very end is not noticed */
         if (!quiet && next_random(100) < 20) {
             dropped++;
         } else if (!quiet && waiting < 3 && next_random(100) < 10) {
@@ -265,7 +265,7 @@ static unsigned send(struct intake *intake, struct source *source, uint32_t fram
     return found;
 }
 
-/* A restarted sender is followed, from its first frame on; a stream beside the present one never is. */
+/* A restarted sender is followed from its first frame on; a second stream beside the present one never is. */
 static void test_sources(void) {
     struct intake intake;
     struct source one = {.ssrc = SSRC, .sequence = 7}, two = {.ssrc = 0x2002, .sequence = 9000}, three = {.ssrc = 3};
@@ -276,7 +276,7 @@ static void test_sources(void) {
     }
     CHECK_EQUAL(intake.ssrc, SSRC);
     CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 100);
-    now += INTAKE_SILENCE; /* the first one is gone */
+    now += INTAKE_SILENCE; /* the first one is silent */
     CHECK_EQUAL(send(&intake, &three, 0), 0);
     now += MS;
     CHECK_EQUAL(send(&intake, &three, 1), 2); /* with its first frame */
@@ -287,7 +287,7 @@ static void test_sources(void) {
     CHECK_EQUAL(send(&intake, &one, 100), 0);
     intake_free(&intake);
 
-    /* A single stray packet at the start does not keep the stream out. */
+    /* A single stray packet at the start does not block the stream. */
     intake_init(&intake, PATIENCE, true);
     one = (struct source){.ssrc = SSRC};
     CHECK_EQUAL(send(&intake, &two, 0), 1);
@@ -297,7 +297,7 @@ static void test_sources(void) {
     intake_free(&intake);
 }
 
-/* A sender that is back at once: all its frames are shown, once it is clear that the former one is gone. */
+/* A sender that restarts at once: all its frames are shown, once its former source counts as silent. */
 static void test_quick_restart(void) {
     struct intake intake;
     struct source one = {.ssrc = SSRC}, two = {.ssrc = 0x2002, .sequence = 65530}, stray = {.ssrc = 3};
@@ -316,7 +316,7 @@ static void test_quick_restart(void) {
     CHECK_EQUAL(found, 5 + 20);
     CHECK_EQUAL(count_of(&intake, INTAKE_LOST), 0);
     CHECK_EQUAL(count_of(&intake, INTAKE_FOREIGN), 7);
-    /* One that showed itself and died does not stand in the way of the next one. */
+    /* A source that appeared and died does not block the next one. */
     now += INTAKE_SILENCE / 2;
     found = send(&intake, &stray, 1);
     found += send(&intake, &stray, 2);
@@ -348,7 +348,7 @@ static void test_jumps(void) {
     }
 }
 
-/* One packet from far away that bears our source's name changes nothing. */
+/* One packet with our source's SSRC and a number from far away changes nothing. */
 static void test_stray(void) {
     struct intake intake;
     struct source source = {.ssrc = SSRC, .sequence = 20000}, stray = {.ssrc = SSRC, .sequence = 40000};
@@ -365,7 +365,7 @@ static void test_stray(void) {
     intake_free(&intake);
 }
 
-/* Other senders say nothing of frames. */
+/* Other senders do not number frames. */
 static void test_plain(void) {
     struct intake intake;
     struct source source = {.ssrc = SSRC, .plain = true};
@@ -379,7 +379,7 @@ static void test_plain(void) {
 
 #define WINDOW 25
 
-/* A sender that repairs, and its receiver. Frames that come out must be whole, in their order, one after the other. */
+/* A sender that repairs, and its receiver. Frames must come out whole and in order, without a gap. */
 struct pair {
     struct source source;
     struct repair_window window;
@@ -460,7 +460,7 @@ static void end_pair(struct pair *pair) {
     free(pair);
 }
 
-/* What is missing is waited for, longer than for a packet that others overtook; then all that waited comes at once. */
+/* The receiver waits for missing packets longer than the reordering time; then all waiting frames come at once. */
 static void test_restored(void) {
     for (unsigned wrap = 0; wrap < 2; wrap++) {
         struct pair *pair = new_pair(wrap ? 65530 : 100, true);
@@ -496,7 +496,7 @@ static void test_restored(void) {
     }
 }
 
-/* The last packets of what was sent: only repair packets show that they are missing. */
+/* The last packets of a stream: only repair packets show that they are missing. */
 static void test_restored_end(void) {
     struct pair *pair = new_pair(7, true);
     send_frame(pair, 3, 0);
@@ -512,7 +512,7 @@ static void test_restored_end(void) {
     end_pair(pair);
 }
 
-/* Frames sent after one that is missing, until it is given up. */
+/* Number of frames sent after a missing one until it is given up. */
 static unsigned frames_until_given_up(struct pair *pair, unsigned packets, int64_t interval, unsigned most) {
     unsigned frames = 0;
     send_frame(pair, packets, 0);
@@ -527,7 +527,7 @@ static unsigned frames_until_given_up(struct pair *pair, unsigned packets, int64
     return frames;
 }
 
-/* A gap is given up when the sender's window has passed it, or the packets' places are used up, or after a second. */
+/* A gap is given up when the sender's window has passed it, when the receiver's places are used up, or after 1 s. */
 static void test_give_up(void) {
     static const struct {
         unsigned packets;
@@ -543,7 +543,7 @@ static void test_give_up(void) {
         CHECK_EQUAL(count_of(&pair->intake, INTAKE_RESTORED), 0);
         end_pair(pair);
     }
-    /* Between frames, the deadline shows when to look. */
+    /* Between frames, the deadline gives the next time to check. */
     struct pair *pair = new_pair(1, true);
     send_frame(pair, 1, 0);
     send_frame(pair, 1, 1);
@@ -600,7 +600,7 @@ static void test_seeded_loss(void) {
     end_pair(pair);
 }
 
-/* A sender that restarts while a packet of the former one is waited for: each one's repair packets are its own. */
+/* A sender that restarts while a packet of its former source is missing: repair packets count for their source only. */
 static void test_repair_of_sources(void) {
     struct pair *pair = new_pair(5, true);
     send_frame(pair, 2, 0);
@@ -613,7 +613,7 @@ static void test_repair_of_sources(void) {
     for (unsigned i = 0; i < 11; i++)
         send_frame(pair, 2, i == 5);
     CHECK_EQUAL(pair->intake.ssrc, 0x2002);
-    CHECK_EQUAL(pair->came, 4 + 5); /* all of the former one, and the new one's up to the gap */
+    CHECK_EQUAL(pair->came, 4 + 5); /* all frames of the former source, and the new one's up to the gap */
     CHECK_EQUAL(pair->incomplete, 2);
     CHECK_EQUAL(count_of(&pair->intake, INTAKE_REPAIR_EXPIRED), 1);
     send_repair(pair);
@@ -624,7 +624,7 @@ static void test_repair_of_sources(void) {
     end_pair(pair);
 }
 
-/* What is no repair packet changes nothing. */
+/* An invalid repair packet changes nothing. */
 static void test_repair_garbage(void) {
     struct pair *pair = new_pair(5, true);
     uint8_t data[REPAIR_MAX];

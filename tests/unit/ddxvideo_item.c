@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Geometries that the store takes, and those it does not. Reading and writing items is tested in tests/host. */
+/* Valid and invalid geometries. tests/host tests reading and writing items. */
 #include "ddxvideo.h"
 #include "check.h"
 
@@ -38,7 +38,7 @@ static void test_geometry(void) {
         const char *error = ddxvideo_geometry_error(&bad);
         CHECK(error && strstr(error, table[i].text));
     }
-    /* Sides that share chroma are even. */
+    /* Sides must be even where samples share chroma. */
     static const struct {
         int format, width, height, fields, good;
     } layouts[] = {

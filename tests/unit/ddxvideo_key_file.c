@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The key file: both forms are read; a file that another user can read, and one without a key, are refused by name. */
+/* The key file: both forms are read; files that another user can read, or without a key, are refused by name. */
 #include "key_file.h"
 
 #include <fcntl.h>
@@ -32,7 +32,7 @@ static bool accepted(const char *text, size_t length) {
     return key_file_read(path, read, error) && !memcmp(read, key, sizeof key);
 }
 
-/* Each complaint is one line, names the file and does not show what is in it. */
+/* Each complaint is one line, names the file and does not show its contents. */
 static void check_refused(const char *words) {
     uint8_t read[KEY_FILE_BYTES];
 
@@ -97,7 +97,7 @@ static void test_unsafe_files(void) {
     check_refused("No such file");
     CHECK(!mkdir(path, 0600));
     check_refused("not a regular file");
-    CHECK(!rmdir(path) && !mkfifo(path, 0600)); /* one that would block */
+    CHECK(!rmdir(path) && !mkfifo(path, 0600)); /* opening this one would block */
     check_refused("not a regular file");
     unlink(path);
     char *target = scratch_path("target");

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Keys of a terminal: each as it is meant, the terminal as it was afterwards, and untouched in the background. */
+/* Keys of a terminal: each is recognized; the terminal's mode is restored, and untouched in the background. */
 #include "keys.h"
 
 #include <ddx.h>
@@ -25,7 +25,7 @@ static bool echoes(void) {
     return mode.c_lflag & ECHO;
 }
 
-/* A process that is not in the foreground: it would be stopped if it read, or changed the mode. */
+/* A process in the background would be stopped if it read or changed the mode. */
 static void in_background(void) {
     struct keys keys;
 
@@ -34,13 +34,13 @@ static void in_background(void) {
     CHECK(keys.wanted);
     CHECK_EQUAL(keys_ready(&keys), KEYS_NONE);
     CHECK(echoes());
-    keys.raw = true; /* as one that was in the foreground before */
+    keys.raw = true; /* as if it had been in the foreground before */
     CHECK(keys_read(&keys));
     keys_close(&keys);
     _exit(0);
 }
 
-/* A process of another session, as after setsid: the terminal is there, and not its own. */
+/* A process of another session, as after setsid: the terminal exists, but is not its controlling terminal. */
 static void detached(void) {
     struct keys keys;
 
@@ -84,7 +84,7 @@ static void in_child(void (*check)(void)) {
     CHECK(WIFEXITED(status) && !WEXITSTATUS(status));
 }
 
-/* The first process of a session on a terminal of its own. */
+/* The first process of a session on a new terminal. */
 static void session(void) {
     in_child(in_background);
     in_child(detached);
@@ -92,7 +92,7 @@ static void session(void) {
     _exit(0);
 }
 
-/* Output of the terminal, so that its buffer does not fill, and what a failed check says. */
+/* Copies the terminal's output: its buffer must not fill, and failed checks must be seen. */
 static void drain(int terminal) {
     char text[256];
     ssize_t got;

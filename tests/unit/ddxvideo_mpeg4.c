@@ -9,7 +9,7 @@
 #define WIDTH 5000
 #define HEIGHT 3001
 
-/* Writes bits; the frames of this test are made of them by ISO 14496-2, not by the code that is tested. */
+/* Writes bits: this test builds its frames by ISO 14496-2, not with the tested code. */
 struct writer {
     uint8_t data[100000];
     size_t bits;
@@ -75,7 +75,7 @@ static void vol(unsigned resolution, bool control, bool vbv) {
     align();
 }
 
-/* A picture of `packets` video packets, with 16 and more zero bits in them that are no markers where they can be. */
+/* A picture of `packets` video packets, with runs of 16 and more zero bits that are no markers. */
 static void vop(bool predicted, unsigned fcode, unsigned time_bits, unsigned seconds, int packets, unsigned largest) {
     start_code(0xb6);
     put(2, predicted);
@@ -121,7 +121,7 @@ static bool may_begin(size_t at) {
     return false;
 }
 
-/* How many payloads begin where none may. */
+/* Number of payloads that begin at a wrong place. */
 static int bad_begins(struct mpeg4_packer *packer, bool (*next)(struct mpeg4_packer *, uint8_t *, size_t *)) {
     uint8_t payload[RTP_ROOM];
     size_t at = 0, size;
@@ -144,7 +144,7 @@ static bool ours(struct mpeg4_packer *packer, uint8_t *to, size_t *size) {
     return *size;
 }
 
-/* As libavformat does it: cut where the packet is full. */
+/* Cuts where the packet is full, like libavformat. */
 static bool blind(struct mpeg4_packer *packer, uint8_t *to, size_t *size) {
     size_t room = RTP_ROOM - RTP_FIRST_LESS;
     *size = (size_t)(packer->end - packer->at) < room ? (size_t)(packer->end - packer->at) : room;
@@ -183,7 +183,7 @@ static void test_begins(void) {
     CHECK(blind_ones > 1000); /* the check can fail */
 }
 
-/* A video packet that does not fit goes in fragments; the next one begins a payload again. */
+/* A video packet that does not fit is sent in fragments; the next one begins a payload again. */
 static void test_too_large(void) {
     struct mpeg4_packer packer = {0};
     begin_frame();
@@ -194,7 +194,7 @@ static void test_too_large(void) {
     CHECK(bad > 0 && bad <= 5 * 4);
 }
 
-/* After a gap, all is left out up to the next start. */
+/* After a gap, everything up to the next start is left out. */
 static void test_gaps(void) {
     struct mpeg4_packer packer = {0};
     uint8_t payload[50][RTP_ROOM];
@@ -234,7 +234,7 @@ static void test_headers(void) {
     CHECK_EQUAL(mpeg4_headers(frame.data, frame.bits / 8), 0);
 }
 
-/* Sizes are known before anything is decoded, however the header is made, and wherever it is cut off. */
+/* Sizes are known before decoding, for each form of the header, and wherever it is cut off. */
 static void test_sizes(void) {
     static const uint8_t studio[] = {0, 0, 1, 0xb0, 0xe4, 0}, simple[] = {0, 0, 1, 0xb0, 0x01, 0};
     struct mpeg4_vol found;

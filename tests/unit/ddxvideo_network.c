@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Addresses as text: IPv4 and IPv6, with and without port and interface; what is none is refused. */
+/* Addresses as text: IPv4 and IPv6, with and without port and interface; other texts are refused. */
 #include "network.h"
 
 #include <arpa/inet.h>
@@ -7,7 +7,7 @@
 
 #include "check.h"
 
-/* Reads the text and writes it again, with the port that it has or 7. */
+/* Reads the text and writes it again, with its port or 7. */
 static void is_read(const char *text, const char *wanted, bool group, unsigned overhead) {
     struct network_address address;
     char written[NETWORK_TEXT_MAX];
@@ -74,7 +74,7 @@ static void test_interface(void) {
     CHECK(network_parse("10.0.0.2", 7, &address) && !network_find_zone(&address));
 }
 
-/* What recvfrom() returns, also for IPv4 through an IPv6 socket. */
+/* Addresses from recvfrom(), also of IPv4 through an IPv6 socket. */
 static void test_from(void) {
     struct network_address address;
     struct sockaddr_storage storage = {0};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What waits before the order to record: each frame is kept, let go of, or known to be missing. */
+/* Frames before the command to record: each is kept, dropped, or known to be missing. */
 #include <stdbool.h>
 #include <string.h>
 
@@ -21,7 +21,7 @@ static struct ddxvideo_picture picture(int number) {
                                      .rows = {SIDE, SIDE / 2, SIDE / 2}};
 }
 
-/* How many are let go of. */
+/* Returns the number of dropped frames. */
 static uint64_t put(struct preroll *preroll, int number, uint64_t missed, int64_t published) {
     struct ddxvideo_picture view = picture(number);
     struct recording_frame frame = {.published = published, .sequence = (uint64_t)number, .missed = missed};
@@ -39,7 +39,7 @@ static void check_next(struct preroll *preroll, int number, uint64_t missed) {
     CHECK_EQUAL(frame.missed, missed);
 }
 
-/* Six at most, a second at most; what was missed before one leaves with it. */
+/* Six at most, a second at most; the number missed before a frame leaves with it. */
 static void test_the_last_ones_wait(void) {
     struct preroll preroll = {.seconds = 1};
 
@@ -52,11 +52,11 @@ static void test_the_last_ones_wait(void) {
     CHECK_EQUAL(preroll_clear(&preroll), 0);
 }
 
-/* Between waiting pictures a frame may be missing that the next frame, which is not kept, has reported. */
+/* A frame that is not kept may report a missing frame between two waiting ones. */
 static void test_missed_between_them(void) {
     struct preroll preroll = {.seconds = 1};
 
-    CHECK_EQUAL(preroll_missed(&preroll, 2), 2); /* before the first one they were not wanted */
+    CHECK_EQUAL(preroll_missed(&preroll, 2), 2); /* frames before the first one were not wanted */
     CHECK_EQUAL(put(&preroll, 1, 0, 0), 0);
     CHECK_EQUAL(preroll_missed(&preroll, 3), 0);
     CHECK_EQUAL(preroll_missed(&preroll, 1), 0);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* How many frames the recorder's queue is made for: whatever picture and rate an item has, its memory is bounded. */
+/* The size of the recorder's queue: its memory is bounded for each picture size and rate. */
 #include <unistd.h>
 
 #include "check.h"
@@ -25,12 +25,12 @@ static void test_usual(void) {
     CHECK_EQUAL(recording_queue_frames(&geometry, 1000), 1000);
 }
 
-/* Of the queue as it is made, not as it was worked out. */
+/* Memory of the real queue, not the computed size. */
 static uint64_t memory_of(const struct ddxvideo_geometry *geometry, unsigned frames) {
     struct frame_queue queue;
     size_t bytes = recording_frame_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN;
     CHECK(!frame_queue_init(&queue, frames, bytes));
-    queue.enough = true; /* nothing has to touch all of it */
+    queue.enough = true; /* so that the populator does not touch its memory */
     uint64_t memory = queue.size + frames * sizeof(*queue.frames);
     frame_queue_free(&queue);
     return memory;

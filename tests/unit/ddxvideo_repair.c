@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Repair packets: their bytes, which packets they cover, and what is no repair packet. */
+/* Repair packets: their bytes, the packets they cover, and invalid ones. */
 #include "repair_stream.h"
 
 #include "bits.h"
@@ -71,7 +71,7 @@ static void test_example(void) {
     CHECK(!strcmp(found, expected));
 }
 
-/* What is covered: from `first`, at most 25 frames and 256 packets, always the newest one. */
+/* The window: from `first`, at most 25 frames and 256 packets, always up to the newest packet. */
 static void test_window(void) {
     stream_init(&stream, 1000);
     CHECK_EQUAL(repair_make(&stream.window, 1000, packet), 0);
@@ -92,7 +92,7 @@ static void test_window(void) {
         CHECK_EQUAL(parsed.count, i < 256 ? i + 1 : 256);
         CHECK_EQUAL(parsed.first + parsed.count, stream.next);
     }
-    stream.next += 5; /* numbers that do not follow: the old ones are not mixed with new ones */
+    stream.next += 5; /* a gap in the numbers: old and new packets are not mixed */
     stream_send(&stream, 4);
     CHECK_EQUAL(make(0).count, 1);
     stream_send(&stream, 4 + 25);
@@ -121,7 +121,7 @@ static void test_refused(void) {
         copy[bad[i].at] = (uint8_t)bad[i].value;
         CHECK(!repair_parse(copy, size, &parsed));
     }
-    packet[1] |= 0x80; /* the marker says nothing */
+    packet[1] |= 0x80; /* the marker is ignored */
     packet[18] = 0xf1;
     packet[19] = 0;
     CHECK(repair_parse(packet, size, &parsed));

@@ -1,14 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Sender and receivers in one process, on a virtual clock: 2,000 frames of 40 ms for each pattern of losses, which
- * both directions have. A frame is usable if it and all frames before it were there 100 ms after it was handed to the
- * sender. Where the video has a limit, the picture must not be 3 dB worse than at that, by the mean size of the last
- * frames. The sizes of frames follow the allowance, up to 30 % more or less. The first second loses nothing: how a
- * receiver joins is another subject.
+ * Sender and receivers in one process, on a virtual clock: 2,000 frames of 40 ms for each pattern of losses, in both
+ * directions. A frame is usable if it and all frames before it have arrived 100 ms after it was passed to the sender.
+ * Where the video has a limit, the picture must not be 3 dB worse than at that limit, judged by the mean size of the
+ * last frames. The sizes of frames follow the allowance, up to 30 % more or less. The first second has no losses.
  */
 #include "repair_sim.h"
 
-#define VIDEO 130000 /* bit/s at most, as tools/bench_loss.py has it */
+#define VIDEO 130000 /* bit/s at most, as in tools/bench_loss.py */
 
 /* The mean of four seeds, with both round trip times. */
 static void expect(struct run run, double figure, double least_video) {
@@ -30,7 +29,7 @@ static void expect(struct run run, double figure, double least_video) {
     CHECK(sum >= figure && video >= least_video);
 }
 
-/* Loss begins at frame 1000: from half a second later on, all is as before. */
+/* Loss begins at frame 1000: half a second later, frames are usable again. */
 static void check_sudden(void) {
     struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .begin = 1000};
 
@@ -44,7 +43,7 @@ static void check_sudden(void) {
 }
 
 /* Reports stop at frame 1000: at first less is sent, after a second as much as before, with repair in advance. The
- * mean of eight seeds: how much is sent in half a second depends on which packets were lost before. */
+ * mean of eight seeds, because the rate within half a second depends on earlier losses. */
 static void check_hush(void) {
     struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000};
 
@@ -76,7 +75,7 @@ static void check_hush_in_bursts(void) {
     CHECK(later >= 87);
 }
 
-/* Forged reports leave enough for the honest receiver, garbage changes nothing. */
+/* Forged reports leave enough rate for the honest receiver; garbage has no effect. */
 static void check_forged(void) {
     struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .forgers = 20};
 
@@ -99,7 +98,7 @@ static void check_forged(void) {
 }
 
 static const struct {
-    double figure, video; /* percent, kbit/s: the least */
+    double figure, video; /* minimum: percent, kbit/s */
     struct run run;
 } expected[] = {
     {99.5, 120, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO}},
@@ -115,7 +114,7 @@ static const struct {
               .receivers = 4}},
     {100, 44, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
     {99.9, 50, {.name = "one-way, every third, two repair packets a frame", .loss = EVERY_THIRD, .part = 0.3,
-                .silent = true, .ratio = 2}}, /* else the same one of three, the media packet, is always lost */
+                .silent = true, .ratio = 2}}, /* otherwise the lost one of three is always the media packet */
     {99.9, 44, {.name = "one-way, independent 10 %", .loss = INDEPENDENT, .part = 0.1, .silent = true}},
     {99.7, 44, {.name = "one-way, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .silent = true}},
     {99.7, 46.5, {.name = "one-way, independent 30 %, small frames", .loss = INDEPENDENT, .part = 0.3, .silent = true,

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Reports: each byte where it belongs, impossible ones refused, RTCP packets of others skipped. */
+/* Reports: each byte in its place, impossible ones refused, other RTCP packets skipped. */
 #include "report.h"
 
 #include <errno.h>
@@ -88,7 +88,7 @@ static void check_possible(void) {
     }
 }
 
-/* Packets before the report, in its datagram, and what is expected of the whole. */
+/* Parse a report after other packets in one datagram. */
 static int parse_after(const uint8_t *other, size_t size, const struct report *report) {
     uint8_t data[200 + REPORT_MAX];
     struct report got;
@@ -131,7 +131,7 @@ static void check_padding(void) {
     data[0] |= 0x20;
     data[3] += 2;
     for (unsigned padding = 0; padding < 256; padding++) {
-        bool good = padding && padding % 4 == 0 && padding <= 28; /* the header and both SSRCs remain */
+        bool good = padding && padding % 4 == 0 && padding <= 28; /* header and both SSRCs remain */
         data[REPORT_SIZE + 7] = (uint8_t)padding;
         CHECK_EQUAL(parse(data, REPORT_SIZE + 8, &got), !good ? -EBADMSG : padding <= 8 ? 0 : -ENOMSG);
     }

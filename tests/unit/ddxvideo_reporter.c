@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* When reports go, and what is in them. */
+/* Times and contents of reports. */
 #include "reporter.h"
 
 #include "bits.h"
@@ -31,7 +31,7 @@ static void media(uint16_t sequence, uint32_t frame, bool marker) {
     reporter_media(&reporter, now, sequence, packet.time, marker);
 }
 
-/* The next report, which is due at that time. */
+/* The next report, due at this time. */
 static struct report next(int64_t due) {
     uint8_t data[REPORT_MAX];
     struct report report;
@@ -60,7 +60,7 @@ static void check_nothing_missing(void) {
     CHECK(!report.has_repair);
     report = next(came + REPORTER_REPEAT);
     CHECK_EQUAL(report.age, REPORTER_REPEAT);
-    /* the next frame does not come: reports until the sender counts as gone */
+    /* the next frame does not come: reports until the sender counts as silent */
     int64_t due = came + INTERVAL + 4 * MS;
     unsigned reports = 0;
     for (; reporter_deadline(&reporter, &restore) != INT64_MAX; reports++) {
@@ -106,7 +106,7 @@ static void check_open_frame(void) {
     CHECK(reporter_deadline(&reporter, &restore) >= came + INTERVAL);
 }
 
-/* 2,000 packets a second, every other one missing: 30 kbit/s, with the bucket's content more. */
+/* 2,000 packets a second, every other one missing: 30 kbit/s, plus the bucket's contents. */
 static void check_rate(void) {
     uint8_t data[REPORT_MAX];
     size_t bytes = 0, size;
@@ -121,7 +121,7 @@ static void check_rate(void) {
     CHECK(bytes * 8 <= 10 * 30000 && bytes * 8 > 10 * 28000);
 }
 
-/* A time stamp far away, or back, and the clock standing still. */
+/* A time stamp far ahead or back, and a clock that stands still. */
 static void check_times(void) {
     begin();
     for (unsigned i = 0; i < 1000; i++) {

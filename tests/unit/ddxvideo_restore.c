@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Lost packets are restored byte for byte, whatever was lost, late or doubled, with about as many repair packets. */
+/* Lost packets are restored byte for byte, with losses, delays and duplicates, from about as many repair packets. */
 #include "repair_stream.h"
 
 static struct stream stream;
@@ -15,7 +15,7 @@ static uint64_t count(enum restore_count which) {
     return stream.restore.count[which];
 }
 
-/* Every pattern of losses among 12 packets, with the repair packets after them. */
+/* Every pattern of losses among 12 packets, followed by the repair packets. */
 static void test_patterns(void) {
     for (unsigned lost = 0; lost < 4096; lost++) {
         unsigned losses = (unsigned)__builtin_popcount(lost), made = 0, left;
@@ -46,7 +46,7 @@ static void test_patterns(void) {
     }
 }
 
-/* The same with the repair packets before the media packets, which then come backwards. */
+/* The same with the repair packets first, and the media packets in reverse order. */
 static void test_repair_first(void) {
     for (unsigned lost = 0; lost < 4096; lost++) {
         unsigned losses = (unsigned)__builtin_popcount(lost);
@@ -71,7 +71,7 @@ static void test_repair_first(void) {
     }
 }
 
-/* A packet that was given up takes one equation with it, not the others. */
+/* A packet that is given up drops one equation, not the others. */
 static void test_give_up(void) {
     uint16_t base;
     stream_begin(&stream, 65533);
@@ -89,20 +89,20 @@ static void test_give_up(void) {
     CHECK_EQUAL(missing(&base), 1);
     CHECK_EQUAL(base, 2);
     check_rows(&stream.restore);
-    CHECK_EQUAL(stream_repair(&stream, 65534), -EALREADY); /* covers what was given up */
+    CHECK_EQUAL(stream_repair(&stream, 65534), -EALREADY); /* covers a packet that was given up */
     CHECK_EQUAL(count(RESTORE_EXPIRED), 2);
     CHECK_EQUAL(stream_repair(&stream, 65536), 0);
     stream_take(&stream);
     CHECK_EQUAL(stream.restored, 2);
     CHECK_EQUAL(missing(&base), 0);
 
-    /* One that was given up comes after all: repair packets that cover it are of use again. */
+    /* A packet that was given up comes late: repair packets that cover it are useful again. */
     CHECK_EQUAL(stream_source(&stream, 65534), 0);
     stream_lose(&stream, 1, 1);
     CHECK_EQUAL(stream_repair(&stream, 65534), 0);
     stream_take(&stream);
     CHECK_EQUAL(stream.restored, 3);
-    restore_give_up(&stream.restore, (uint16_t)(stream.next + 1000)); /* not more than has been sent */
+    restore_give_up(&stream.restore, (uint16_t)(stream.next + 1000)); /* not beyond the newest packet */
     stream_lose(&stream, 2, 1);
     CHECK_EQUAL(missing(&base), 1);
     check_rows(&stream.restore);
@@ -128,7 +128,7 @@ static void test_old_repair(void) {
     CHECK_EQUAL(stream.restored, 1);
 }
 
-/* Nothing is kept of packets that are out of the window. */
+/* Packets outside the window are forgotten. */
 static void test_window(void) {
     uint16_t base;
     stream_begin(&stream, 65000);
@@ -151,7 +151,7 @@ static void test_window(void) {
     for (unsigned i = 0; i < 256; i++)
         stream_lose(&stream, 1, 0);
     stream_take(&stream);
-    CHECK_EQUAL(stream.restored, 1); /* it was not taken in time */
+    CHECK_EQUAL(stream.restored, 1); /* the packet was not taken in time */
     stream_lose(&stream, 1, 1);
     stream_lose(&stream, 1, 1);
     CHECK_EQUAL(stream_repair(&stream, stream.next - 3), 0);
@@ -168,7 +168,7 @@ static void test_late(void) {
     stream_begin(&stream, 10);
     stream_lose(&stream, 8, 0x2a); /* 12, 14 and 16 */
     CHECK_EQUAL(stream_repair(&stream, 11), 0);
-    CHECK_EQUAL(stream_source(&stream, 12), 0); /* had the row */
+    CHECK_EQUAL(stream_source(&stream, 12), 0); /* was the row's pivot */
     check_rows(&stream.restore);
     CHECK_EQUAL(missing(&base), 1);
     CHECK_EQUAL(base, 14);
@@ -205,7 +205,7 @@ static void test_late(void) {
     CHECK_EQUAL(stream.restored, 2);
 }
 
-/* Before the first packet nothing is missing; what was sent before it is not waited for. */
+/* Packets before the first received one do not count as missing. */
 static void test_begin(void) {
     uint16_t base, highest;
     unsigned found = 1;

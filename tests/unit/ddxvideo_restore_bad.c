@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Bad packets: nothing wrong is restored, and the stream goes on. */
+/* Bad packets: no wrong packet is restored, and the stream continues. */
 #include "repair_stream.h"
 
 #include "bits.h"
@@ -13,7 +13,7 @@ static uint64_t count(enum restore_count which) {
     return stream.restore.count[which];
 }
 
-/* The stream still restores what is lost. */
+/* The stream still restores lost packets. */
 static void check_alive(void) {
     unsigned before = stream.restored, found;
     uint16_t base, highest;
@@ -28,7 +28,7 @@ static void check_alive(void) {
     check_rows(&stream.restore);
 }
 
-/* A repair packet that says what no sender says: refused, and nothing has changed. */
+/* An impossible repair packet is refused and changes nothing. */
 static void test_impossible(void) {
     static struct restore before;
     stream_begin(&stream, 65530);
@@ -46,7 +46,7 @@ static void test_impossible(void) {
         {20, newest - 20000},                 /* */
         {20, newest - RESTORE_JUMP - 8},      /* */
         {16, 0xf000},                         /* covers nothing, */
-        {16, 0xf101},                         /* or more than there may be, */
+        {16, 0xf101},                         /* more than allowed, */
         {16, 0xffff},                         /* */
         {16, 0xe008},                         /* or not everything */
     };
@@ -59,7 +59,7 @@ static void test_impossible(void) {
         before.count[RESTORE_RECEIVED] = before.count[RESTORE_REFUSED] = i + 1;
         CHECK(!memcmp(&before, &stream.restore, sizeof before));
     }
-    size_t longest = 0; /* of those that came: the sum cannot be shorter */
+    size_t longest = 0; /* of the received packets: the sum cannot be shorter */
     for (uint32_t esi = 65531; esi <= newest; esi++)
         if (stream.has[(uint16_t)esi] && media_of(esi).size > longest)
             longest = media_of(esi).size;
@@ -80,7 +80,7 @@ static void test_impossible(void) {
     before.stranger.next = (uint16_t)(stream.next + 2001);
     before.stranger.there = true;
     CHECK(!memcmp(&before, &stream.restore, sizeof before));
-    put32(packet + 20, newest - 400); /* old, yet it has been sent */
+    put32(packet + 20, newest - 400); /* old, but valid */
     CHECK_EQUAL(stream_deliver(&stream, packet, size, true), -EALREADY);
     CHECK_EQUAL(count(RESTORE_EXPIRED), 1);
     check_alive();
@@ -104,7 +104,7 @@ static void test_jump(void) {
     }
 }
 
-/* The repair packet for the packet `esi` alone, which is lost, with another content. */
+/* Writes a repair packet for the lost packet `esi` alone, with other contents. */
 static size_t forge(uint32_t esi, const struct media *media) {
     struct stream *other = malloc(sizeof *other);
     stream_init(other, esi);
@@ -128,7 +128,7 @@ static unsigned taken(void) {
     return packets;
 }
 
-/* A restored packet that is not the one that is missing is thrown away; the right one can be restored after it. */
+/* A restored packet that is not the missing one is dropped; the right one can be restored afterwards. */
 static void test_forged(void) {
     for (unsigned i = 0; i < 12; i++) {
         stream_begin(&stream, 65531 + i * 10);
@@ -142,11 +142,11 @@ static void test_forged(void) {
         else if (i == 6)
             media.data[0] ^= 0xc0;
         else if (i == 7)
-            media.data[0] |= 0x2f; /* contributing sources and padding that are not there */
+            media.data[0] |= 0x2f; /* contributing sources and padding that do not exist */
         if (i == 7)
             media.size = 40, media.data[39] = 0;
         size_t size = forge(lost, &media);
-        if (i >= 8) { /* lengths: longer than the symbol, shorter, none; and a flow that does not exist */
+        if (i >= 8) { /* lengths: longer than the symbol, shorter, none; and an unknown flow */
             uint8_t factor = 1;
             for (; packet[24 + 3] != gf256_multiply(factor, 0x80);)
                 factor++;
@@ -166,29 +166,29 @@ static void test_forged(void) {
     }
 }
 
-/* Equations that contradict each other: all are thrown away, new ones count again. */
+/* Equations that contradict each other are all dropped; new ones count again. */
 static void test_contradiction(void) {
     stream_begin(&stream, 65532);
     stream_lose(&stream, 6, 0x2);
     uint32_t lost = stream.next - 5;
     struct media media = media_of(lost);
-    media.data[media.size - 1] ^= 1; /* no header shows that */
+    media.data[media.size - 1] ^= 1; /* no header reveals this */
     CHECK_EQUAL(stream_deliver(&stream, packet, forge(lost, &media), true), 0);
     CHECK_EQUAL(taken(), 1);
     CHECK_EQUAL(stream.restore.wrong, 0);
     stream_lose(&stream, 4, 0x5);
     uint32_t first = stream.next - 4;
     CHECK_EQUAL(stream_repair(&stream, first), 0);
-    CHECK_EQUAL(stream_source(&stream, lost), -EALREADY); /* here it is: the restored one was forged */
+    CHECK_EQUAL(stream_source(&stream, lost), -EALREADY); /* the real packet comes: the restored one was forged */
     CHECK_EQUAL(stream.restore.wrong, 1);
     CHECK_EQUAL(count(RESTORE_CORRUPT), 1);
     check_rows(&stream.restore);
-    CHECK_EQUAL(stream_repair(&stream, lost), 0); /* the packet that came has replaced the forged one */
+    CHECK_EQUAL(stream_repair(&stream, lost), 0); /* the real packet has replaced the forged one */
     CHECK_EQUAL(stream_repair(&stream, lost), 0);
     stream_take(&stream);
     CHECK_EQUAL(stream.restored, 2);
 
-    /* Two unknown packets, one right and one wrong equation, then the right one: nothing of it is believed. */
+    /* Two unknown packets, a right and a wrong equation, then another right one: none of them counts. */
     stream_lose(&stream, 4, 0x5);
     first = stream.next - 4;
     CHECK_EQUAL(stream_repair(&stream, first), 0);
@@ -206,7 +206,7 @@ static void test_contradiction(void) {
     check_alive();
 }
 
-/* One that claims to reach beyond what has been sent keeps no packet away. */
+/* A repair packet that claims packets not yet sent does not block them. */
 static void test_ahead(void) {
     stream_begin(&stream, 65500);
     stream_lose(&stream, 4, 2);
@@ -222,7 +222,7 @@ static void test_ahead(void) {
     check_alive();
 }
 
-/* Garbage, and packets of the stream that were changed on the way: what is restored is an RTP packet of the stream. */
+/* Garbage and altered packets of the stream: restored packets are RTP packets of this stream. */
 static void test_garbage(void) {
     unsigned restored = 0, changed = 0;
     seed = 7;
@@ -249,7 +249,7 @@ static void test_garbage(void) {
     }
     CHECK(restored > 500 && changed > 5000);
     CHECK(count(RESTORE_REFUSED) > 500 && count(RESTORE_CORRUPT) > 500 && count(RESTORE_EXPIRED) > 100);
-    for (unsigned i = 0; i < 300; i++) /* what was forged has left the window */
+    for (unsigned i = 0; i < 300; i++) /* until forged packets have left the window */
         stream_lose(&stream, 1, 0);
     check_alive();
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Seeded links that lose, repeat and delay packets: everything is restored, and nothing else. */
+/* Seeded links that lose, repeat and delay packets: all lost packets are restored, and no others. */
 #include "repair_stream.h"
 
 #include "bits.h"
@@ -11,7 +11,7 @@ static uint64_t count(enum restore_count which) {
     return stream.restore.count[which];
 }
 
-/* A link that loses, repeats and delays media and repair packets; one of them may be overtaken by 40 others. */
+/* A link that loses, repeats and delays media and repair packets; up to 40 packets may overtake one. */
 struct link {
     struct {
         uint8_t data[REPAIR_MAX];

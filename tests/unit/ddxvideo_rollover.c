@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The rollover counter in the header extension: put, read and taken out of any header, and not read beyond a packet. */
+/* The rollover counter in the header extension: added, read and removed in any header, without a read beyond it. */
 #include "rollover.h"
 
 #include "check.h"
@@ -35,7 +35,7 @@ static void test_bytes(void) {
         check_none(with, size);
 }
 
-/* Beside other elements and contributing sources, up to a packet that is nothing but a header. */
+/* Beside other elements and contributing sources, down to a packet that is only a header. */
 static void test_extended(void) {
     uint8_t data[200] = {0}, before[200];
 
@@ -56,7 +56,7 @@ static void test_extended(void) {
             }
 }
 
-/* An extension of another form, an empty one, one that is longer than the packet: they stay as they are. */
+/* An extension of another form, an empty one, one that is longer than the packet: they do not change. */
 static void test_others(void) {
     static const uint8_t cases[][20] = {
         {0x90, 96, [12] = 0xbe, 0xde, 0, 0, 0x42, 1, 2, 3}, {0x90, 96, [12] = 0x10, 0x00, 0, 1, 0x42, 1, 2, 3},

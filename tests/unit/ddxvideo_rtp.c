@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* RTP headers: what is written is read, what others write is understood, what is broken is refused. */
+/* RTP headers: ours are read back, those of other senders are parsed, broken ones are refused. */
 #include "rtp.h"
 
 #include "check.h"
@@ -89,7 +89,7 @@ static void test_bytes(void) {
     CHECK(!memcmp(data + 12, short_end, sizeof(short_end)));
 }
 
-/* What other senders do: contributing sources, padding, elements that we do not know, the two-byte form. */
+/* Headers of other senders: contributing sources, padding, unknown elements, the two-byte form. */
 static void test_others(void) {
     struct rtp_packet packet;
     const uint8_t sources[] = {0x82, 96, 0, 1, 0, 0, 0, 2, 0, 0, 0, 3, 9, 9, 9, 9, 8, 8, 8, 8, 0x41, 0x42};
@@ -108,7 +108,7 @@ static void test_others(void) {
         0xde, 0,  2, 0x30, 0xff, 0x21, 1, 2, 0, 0, 0, 0x41}; /* ids 3 and 2 of other lengths; padding */
     CHECK(rtp_parse(unknown, sizeof(unknown), &packet) && packet.size == 1 && !packet.has_count && !packet.has_source);
     uint8_t halves[RTP_HEADER_MAX + 1];
-    for (int i = 0; i < 3; i++) { /* one of the three elements has an id that we do not know */
+    for (int i = 0; i < 3; i++) { /* one of the three elements has an unknown id */
         static const size_t at[] = {16, 20, 29};
         size_t size = write_example(halves, &example);
         halves[at[i]] |= 0x40;
@@ -128,7 +128,7 @@ static void test_cut_short(void) {
     struct rtp_packet packet;
     size_t size = write_example(data, &example);
     for (size_t i = 0; i < size; i++) {
-        uint8_t *part = malloc(i + 1); /* so that a sanitizer sees a read beyond */
+        uint8_t *part = malloc(i + 1); /* so that a sanitizer sees a read beyond it */
         memcpy(part, data, i);
         CHECK(!rtp_parse(part, i, &packet));
         free(part);

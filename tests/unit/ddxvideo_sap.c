@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Announcements by RFC 2974, and what their descriptions say: bytes, what others send, and what is refused. */
+/* Announcements by RFC 2974 and their descriptions: bytes, those of other senders, and refused ones. */
 #include "sap.h"
 
 #include "check.h"
@@ -60,7 +60,7 @@ static void test_size(void) {
     free(data);
 }
 
-/* Parses a copy that is exactly as large as it is, so that a sanitizer sees a read beyond. */
+/* Parses a copy of exactly this size, so that a sanitizer sees a read beyond it. */
 static bool parses(const void *data, size_t size, struct sap *sap) {
     static uint8_t *copy;
     free(copy);
@@ -69,7 +69,7 @@ static bool parses(const void *data, size_t size, struct sap *sap) {
     return sap_parse(copy, size, sap);
 }
 
-/* What other announcers do. */
+/* Announcements of other senders. */
 static void test_others(void) {
     struct sap sap;
     CHECK(parses("\x20\0\0\1\x0a\0\0\1v=0\n", 12, &sap) && sap.size == 4); /* no type */
@@ -145,7 +145,7 @@ static void test_description(void) {
     stream = read_sdp("s=\x1b[2Jx\nc=IN IP6 ff15::5\nm=video 8004/2 RTP/AVP 33");
     CHECK(!strcmp(stream.name, "?[2Jx") && !strcmp(stream.codec, "MPEG-TS"));
     CHECK(!strcmp(network_text(&stream.address, text), "[ff15::5]:8004"));
-    /* Sound before it, another video after it, addresses of their own. */
+    /* Audio before it, another video after it, each with its own address. */
     stream = read_sdp("s=a\nm=audio 1 RTP/AVP 0\nc=IN IP4 10.0.0.1\nm=video 2 RTP/AVP 96\nc=IN IP4 10.0.0.2\n"
                       "a=rtpmap:97 VP8/90000\na=rtpmap:96 H264/90000\nm=video 4 RTP/AVP 96\nc=IN IP4 10.0.0.4\n");
     CHECK(!strcmp(network_text(&stream.address, text), "10.0.0.2:2") && !strcmp(stream.codec, "H264"));

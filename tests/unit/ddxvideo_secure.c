@@ -14,7 +14,7 @@
 #define REPORT 12                                                            /* bytes of a report */
 #define HEADER 20 /* bytes, with an extension of one word */
 
-/* A packet as the sender makes them: an extension, then a payload that depends on the number. */
+/* A packet like the sender's: an extension, then a payload that depends on the number. */
 static void make(struct packet *packet, uint32_t ssrc, uint16_t sequence, size_t payload) {
     const uint8_t extension[] = {0xbe, 0xde, 0, 1, 0x22, 0, 7, 25};
 
@@ -59,7 +59,7 @@ static void check_counts(const struct secure_count *count, unsigned good, unsign
     CHECK_EQUAL(count->repeated, repeated);
 }
 
-/* What goes in comes out, for any header: with and without extension, contributing sources, payload. */
+/* A round trip restores any packet: with and without extension, contributing sources, payload. */
 static void test_round_trip(void) {
     static const uint8_t headers[][28] = {
         {0x80, 98}, {0x81, 98}, {0x8f, 98}, {0x90, 96, [12] = 0xbe, 0xde, 0, 0}, {0x90, 96, [12] = 0x10, 0, 0, 1},
@@ -91,7 +91,7 @@ static void test_reports(void) {
 
     for (unsigned i = 0; i < 1000; i++) {
         packet.size = REPORT;
-        put32(put32(put32(packet.data, 0x81ce0002), i % SECURE_PEERS), SSRC); /* each reporter has a state of its own */
+        put32(put32(put32(packet.data, 0x81ce0002), i % SECURE_PEERS), SSRC); /* each reporter has a separate state */
         CHECK_EQUAL(secure_protect_report(receiver, packet.data, &packet.size), 0);
         CHECK_EQUAL(packet.size, REPORT + SECURE_REPORT_GROWTH);
         copy = packet;
@@ -129,7 +129,7 @@ static void test_wrong_key(void) {
     secure_close(sender);
 }
 
-/* Each bit, each length; what is refused stays as it was, and does no harm to the state. */
+/* Each bit, each length; a refused packet changes neither itself nor the state. */
 static void test_forged(void) {
     struct secure *sender = secure_with(KEY), *receiver = secure_with(KEY);
     struct packet packet, next, forged;
@@ -156,7 +156,7 @@ static void test_forged(void) {
     secure_close(receiver);
 }
 
-/* In any order within the window, each once. */
+/* Packets in any order within the window, each once. */
 static void test_replay(void) {
     static struct packet packets[SECURE_WINDOW + 2];
     struct secure *sender = secure_with(KEY), *receiver = secure_with(KEY);
@@ -171,13 +171,13 @@ static void test_replay(void) {
     for (unsigned i = 0; i < count; i++)
         CHECK_EQUAL(unprotect(receiver, packets + i), -EALREADY);
     check_counts(secure_received(receiver), count, 0, count);
-    make(packets, SSRC, 65400, 600); /* nor is a number used twice on the way out */
+    make(packets, SSRC, 65400, 600); /* nor is a number sent twice */
     CHECK_EQUAL(secure_protect(sender, packets->data, &packets->size), -EALREADY);
     secure_close(sender);
     secure_close(receiver);
 }
 
-/* A receiver that starts after wraps, or heard nothing for half a wrap or longer, goes on with the next counter. */
+/* A receiver that starts after wraps, or received nothing for half a wrap or longer, continues at the next counter. */
 static void test_late(void) {
     static const uint32_t gaps[] = {20000, 32760, 33000, 65536, 100000, 1000001, 40u << 16};
     struct packet packet, old;
@@ -191,7 +191,7 @@ static void test_late(void) {
         CHECK_EQUAL(unprotect(deaf, &packet), 0);
         old = packet;
         go_on(sender, &packet, index, index + gaps[i]);
-        for (index += gaps[i]; index++, true;) { /* up to the next one with the counter */
+        for (index += gaps[i]; index++, true;) { /* up to the next packet with the counter */
             protect(sender, &packet, SSRC, (uint16_t)index);
             if (index % ROLLOVER_EVERY == 0)
                 break;
@@ -205,7 +205,7 @@ static void test_late(void) {
             CHECK_EQUAL(unprotect(deaf, &packet), 0);
             protect(sender, &packet, SSRC, (uint16_t)++index);
         }
-        CHECK(unprotect(deaf, &old)); /* a packet of long ago leads nowhere */
+        CHECK(unprotect(deaf, &old)); /* an old packet has no effect */
         CHECK_EQUAL(unprotect(deaf, &packet), 0);
         secure_close(sender);
         secure_close(late);

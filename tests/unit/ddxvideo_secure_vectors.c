@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Encrypted packets byte by byte: those of an independent program are understood, ours are the same. The SDP lines. */
+/* Encrypted packets byte by byte: those of an independent program are decrypted, ours are equal. The SDP lines. */
 #include "bits.h"
 #include "ddxvideo_secure.h"
 

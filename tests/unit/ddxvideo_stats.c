@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Counters that add up, and a histogram that is accurate. What needs a store is tested in tests/host. */
+/* Counters that add up, and a histogram that is accurate. tests/host has the tests with a store. */
 #include <ddx_stats.h>
 
 #include "check.h"
@@ -59,7 +59,7 @@ static void test_refusals(void) {
     CHECK(!ddx_stats_open("", reasons));
 }
 
-/* An item may hold anything; the line stays a line, within its bounds. */
+/* An item may contain anything; the output stays one line, within its bounds. */
 static void test_hostile(void) {
     DDX_STATS stats;
     char line[DDX_STATS_LINE_MAX + 1];
@@ -84,7 +84,7 @@ static void test_accuracy(void) {
     for (int64_t us = 0; us < INT64_C(130000000); us = us * 103 / 100 + 1) {
         book = ddx_stats_open("tester", reasons);
         ddx_stats_out(book, 3, us * 1000 + 999);
-        ddx_stats_out(book, 1, INT64_C(1000000000000)); /* so that the maximum does not help */
+        ddx_stats_out(book, 1, INT64_C(1000000000000)); /* so that the maximum does not hide an error */
         ddx_stats_get(book, &stats);
         int64_t found = (int64_t)ddx_stats_percentile(&stats, 0.5);
         CHECK(llabs(found - us) * 1000 <= us * 16);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Each variant of the matcher gives the bits of a plain model, which is written from the description of the method. */
+/* Each variant of the matcher gives the same bits as a plain model, written from the description of the method. */
 #include <errno.h>
 
 #include "check.h"
@@ -105,7 +105,7 @@ static int model_refined(const struct matcher_settings *s, const int *sums, int 
     return before + after ? best * 16 - 8 + (16 * before + (before + after) / 2) / (before + after) : best * 16;
 }
 
-/* What the right picture says of the left one's pixel x with this disparity. */
+/* Whether the right picture confirms this disparity of the left one's pixel x. */
 static int model_agrees(const struct matcher_settings *s, int y, int x, int disparity) {
     int least = INT32_MAX, seen = disparity, at = x - disparity;
 
@@ -160,8 +160,8 @@ static void model(const struct matcher_settings *s) {
 
 /* ---- Pictures ---- */
 
-/* The right one shows the left one's pixels `disparity` to the left, three pixels less in the lower half; every
- * `noise`th pixel of the right one shows something else. */
+/* The right picture has the left one's pixels `disparity` to the left, three pixels less in the lower half; every
+ * `noise`th pixel of the right picture differs. */
 static void draw(const struct matcher_settings *s, int disparity, unsigned noise) {
     for (int i = 0; i < s->width * s->height; i++) {
         left[i] = (uint8_t)roll(256);
@@ -183,7 +183,7 @@ static void run(const struct matcher_settings *settings, const char *variant) {
     struct matcher *matcher = matcher_new(&of_variant);
     CHECK(matcher);
     CHECK(!strcmp(matcher_variant(matcher), variant));
-    for (int pass = 0; pass < 2; pass++) { /* nothing is left of the picture before */
+    for (int pass = 0; pass < 2; pass++) { /* the second pass must not depend on the first */
         memset(found, 0xee, sizeof found);
         matcher_run(matcher, left, settings->width, right, settings->width, found);
         for (int i = 0; i < settings->width * settings->height; i++)
@@ -207,7 +207,7 @@ static void test_bits(void) {
         {{97, 12, 48, 5, 1, 20, NULL}, 40, 6},  {{131, 21, 64, 5, 0, 50, NULL}, 33, 4},
         {{120, 11, 80, 10, 1, 30, NULL}, 64, 7}, {{129, 14, 112, 5, 2, 50, NULL}, 90, 8},
         {{180, 8, 144, 3, 1, 8, NULL}, 120, 9}, {{199, 7, 192, 5, 1, 5, NULL}, 100, 3},
-        /* nearer than is looked for: the lanes that fill a vector up must not find it */
+        /* beyond the searched disparities: the lanes that pad a vector must not find it */
         {{140, 10, 48, 5, 1, 0, NULL}, 56, 0},  {{190, 8, 112, 5, 1, 0, NULL}, 121, 0},
     };
 
@@ -219,7 +219,7 @@ static void test_bits(void) {
     }
 }
 
-/* The largest number of disparities needs a wider picture than the model has patience for. */
+/* The largest number of disparities needs a wide picture, for which the model would be too slow. */
 static void test_most(void) {
     enum { WIDTH = 300, HEIGHT = 12 };
     const struct matcher_settings settings = {WIDTH, HEIGHT, 256, 5, 1, 0, NULL};

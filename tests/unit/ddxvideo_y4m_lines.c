@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Header and FRAME lines: what is read, what is refused and with which words, what is written. */
+/* Header and FRAME lines: read, written, and refused with which words. */
 #include "check.h"
 #include "y4m.h"
 
@@ -66,7 +66,7 @@ static void test_layouts(void) {
     }
 }
 
-/* What becomes of a file, by the layout that is wanted; -1: it cannot be. Odd sides need no chroma to share. */
+/* Layouts of a file by the requested layout; -1: impossible. Odd sides need chroma that is not shared. */
 static void test_formats(void) {
     static const struct {
         const char *words;
@@ -115,7 +115,7 @@ static void test_formats(void) {
 
 static void test_bad_headers(void) {
     static const struct {
-        const char *line, *text; /* the text holds what is wrong, and it holds what to do after a semicolon */
+        const char *line, *text; /* the text names the fault, and after a semicolon the remedy */
     } table[] = {
         {"", "no Y4M"},
         {"YUV4MPEG", "no Y4M"},
@@ -220,7 +220,7 @@ static void test_writing(void) {
     CHECK(y4m_parse_header(line, DDX_VIDEO_420, &header, error));
     CHECK(!memcmp(&header.geometry, &geometry, sizeof(geometry)));
 
-    /* Beyond reason, but whole. */
+    /* Unreasonable, but complete. */
     geometry.fields = 16;
     geometry.rate_num = geometry.rate_den = geometry.aspect_num = geometry.aspect_den = INT32_MAX;
     CHECK_EQUAL(y4m_write_header(line, &geometry), strlen(line));

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Reading files: whole ones, cut ones, any layout, pipes; every prefix of a file ends in a result and never in a
- * crash. */
+/* Reading files: whole and cut ones, any layout, pipes; every prefix of a file gives a result and never a crash. */
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -40,7 +39,7 @@ static int play(enum y4m_result *end, bool check_content) {
     int frames = 0;
     int64_t time;
     *end = y4m_open(&reader, path, wanted);
-    /* A damaged header may tell another size; the planes are exactly as large as it says. */
+    /* A damaged header may state another size; the planes have exactly that size. */
     const struct ddxvideo_geometry *geometry = &reader.header.geometry;
     unsigned char *picture = malloc(video_layout_bytes(geometry) + 1), *plane[3] = {picture};
     for (int i = 0; i < 2; i++) {
@@ -131,7 +130,7 @@ static void test_layouts(void) {
     }
 }
 
-/* The store's own layouts come byte for byte. */
+/* The store's own layouts are read byte for byte. */
 static void test_same_bytes(void) {
     static const struct {
         const char *tag;
@@ -152,7 +151,7 @@ static void test_same_bytes(void) {
     wanted = DDX_VIDEO_420;
 }
 
-/* A picture of one colour, in one layout and in another. All `bits` above 8 are little endian. */
+/* A picture of one colour, converted from one layout to another. Samples of more than 8 bits are little endian. */
 static void check_colour(const char *tag, int bits, const unsigned colour[3], const char *words, int format,
                          const unsigned expected[3]) {
     static unsigned char bytes[8192];
@@ -243,7 +242,7 @@ static void test_pipe_and_rewind(void) {
     int ends[2];
     CHECK(!pipe(ends));
     pid_t child = fork();
-    if (!child) { /* in dribs and drabs */
+    if (!child) { /* in small pieces */
         for (size_t at = 0; at < size; at += 13)
             if (write(ends[1], bytes + at, size - at < 13 ? size - at : 13) < 0)
                 _exit(1);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* In place of the holder, for a store that is linked without its processes: counts the worker's signs of life. */
+/* Replaces the holder in a store that is linked without its processes: counts the worker's signs of life. */
 #ifndef HOLDER_BEATS_H
 #define HOLDER_BEATS_H
 

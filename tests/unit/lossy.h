@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A lossy way for packets, on a virtual clock: which packets it loses, and when the others arrive, in their order. */
+/* A lossy link on a virtual clock: which packets are lost, and when the others arrive, in order. */
 #ifndef LOSSY_H
 #define LOSSY_H
 

@@ -22,7 +22,7 @@
 #define HEADER 28
 #define MOST 64 /* packets of a frame */
 #define LEVEL 25 /* frames */
-#define LEAST_LEVEL 0.48 /* of the most; the real clip of tools/bench_loss.py is 3 dB worse then (docs/bench.md) */
+#define LEAST_LEVEL 0.48 /* of the limit; the real clip of tools/bench_loss.py is 3 dB worse then (docs/bench.md) */
 
 static struct frame {
     int64_t written;
@@ -39,17 +39,17 @@ static struct receiver {
     unsigned got[FRAMES];  /* packets of each frame */
     bool usable[FRAMES];
     unsigned next;   /* the first frame that is not whole */
-    unsigned newest; /* of which a packet is there */
-    unsigned broken; /* frames before this one follow one that was given up */
+    unsigned newest; /* of which a packet has arrived */
+    unsigned broken; /* frames before this one refer to one that was given up */
 } receivers[RECEIVERS];
 
 struct run {
     const char *name;
     enum loss loss;
     double part;
-    int64_t trip; /* ns there and back */
+    int64_t trip; /* round trip, ns */
     unsigned receivers;
-    int64_t video;      /* bit/s, at most; frames of less than half of that look bad and do not count; 0: no limit */
+    int64_t video;      /* limit in bit/s; frames of less than half of that are not usable; 0: no limit */
     bool silent;        /* no reports */
     double ratio;       /* of repair packets to media packets without reports; 0: DISPATCH_RATIO */
     double smaller;     /* part of the allowance by which frames are smaller, as x264's are */
@@ -145,8 +145,8 @@ static bool is_whole(const struct receiver *receiver, unsigned frame) {
     return wanted->packets ? receiver->got[frame] == wanted->packets : frame < receiver->newest;
 }
 
-/* A frame that is 25 frames old is beyond repair. All before the newest one is given up, too, and what follows is
- * broken until a refresh is through. */
+/* A frame that is 25 frames old cannot be repaired. All frames before the newest one are given up as well, and the
+ * following ones are broken until a refresh is complete. */
 static void give_up(struct receiver *receiver) {
     receiver->next = receiver->newest;
     receiver->broken = receiver->newest + REPAIR_FRAMES;
@@ -265,13 +265,13 @@ static void simulate(const struct run *run, uint64_t seed) {
     }
 }
 
-/* ---- What came of it ---- */
+/* ---- Results ---- */
 
 static bool looks_good(const struct run *run, unsigned frame) {
     return frames[frame].level >= LEAST_LEVEL * (double)(run->video * INTERVAL / (1000 * MS)) / 8;
 }
 
-/* Usable frames in percent, of the receiver that has the fewest. */
+/* Percent of usable frames, of the receiver that has the fewest. */
 static double usable(const struct run *run, unsigned from, unsigned to) {
     double least = 100;
 

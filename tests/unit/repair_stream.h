@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A media stream for tests of repair: the contents of a packet follow from its number, and what must always be true. */
+/* A media stream for tests of repair: a packet's contents follow from its number; and invariants of the receiver. */
 #ifndef REPAIR_STREAM_H
 #define REPAIR_STREAM_H
 
@@ -39,7 +39,7 @@ static inline struct media media_of(uint32_t esi) {
     return media;
 }
 
-/* Sender and receiver, and what the receiver has: whether each packet came or was restored, by its low 16 bits. */
+/* Sender and receiver, and whether each packet came or was restored, by the low 16 bits of its number. */
 struct stream {
     struct repair_window window;
     struct restore restore;
@@ -56,7 +56,7 @@ static inline void stream_init(struct stream *stream, uint32_t first) {
     stream->restored = 0;
 }
 
-/* Rows and counters are what restore.c says of them. */
+/* Checks the invariants of rows and counters that restore.c states. */
 static inline void check_rows(const struct restore *restore) {
     unsigned rows = 0, ready = 0, missing = 0, found;
     uint16_t base, highest;
@@ -96,7 +96,7 @@ static inline void check_rows(const struct restore *restore) {
     }
 }
 
-/* Take what was restored: in order, each packet once, byte for byte. */
+/* Takes the restored packets: in order, each once, byte for byte. */
 static inline void stream_take(struct stream *stream) {
     const uint8_t *packet;
     size_t size;
@@ -116,7 +116,7 @@ static inline void stream_take(struct stream *stream) {
     CHECK_EQUAL(stream->restore.ready, 0);
 }
 
-/* A packet comes. From exactly as much memory as it has. */
+/* Delivers a packet, from memory of exactly its size. */
 static inline int stream_deliver(struct stream *stream, const uint8_t *data, size_t size, bool repair) {
     uint8_t *copy = malloc(size ? size : 1);
     memcpy(copy, data, size);
@@ -133,7 +133,7 @@ static inline int stream_source(struct stream *stream, uint32_t esi) {
     return result;
 }
 
-/* The sender sends its next packet, as one of this frame; it is not delivered. */
+/* Sends the next packet, of this frame, without delivering it. */
 static inline uint32_t stream_send(struct stream *stream, uint16_t frame) {
     struct media media = media_of(stream->next);
     CHECK(!repair_window_add(&stream->window, stream->next, frame, media.data, media.size));
@@ -141,13 +141,13 @@ static inline uint32_t stream_send(struct stream *stream, uint16_t frame) {
     return stream->next++;
 }
 
-/* A new stream whose first packet comes. */
+/* Begins a new stream, whose first packet is delivered. */
 static inline void stream_begin(struct stream *stream, uint32_t first) {
     stream_init(stream, first);
     CHECK_EQUAL(stream_source(stream, stream_send(stream, 0)), 0);
 }
 
-/* `packets` more are sent, as one frame; those with a bit in `lost` do not come. */
+/* Sends `packets` more as one frame; those with a bit in `lost` are not delivered. */
 static inline void stream_lose(struct stream *stream, unsigned packets, unsigned lost) {
     for (unsigned i = 0; i < packets; i++) {
         uint32_t esi = stream_send(stream, 0);
@@ -156,7 +156,7 @@ static inline void stream_lose(struct stream *stream, unsigned packets, unsigned
     }
 }
 
-/* A new repair packet for what is in the window from `first` on, delivered. */
+/* Delivers a new repair packet for the packets in the window from `first` on. */
 static inline int stream_repair(struct stream *stream, uint32_t first) {
     uint8_t packet[REPAIR_MAX];
     size_t size = repair_make(&stream->window, first, packet);

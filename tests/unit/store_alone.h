@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A store without a process of its own, and clients that talk to it over socket pairs. */
+/* A store without a separate process, and clients that talk to it over socket pairs. */
 #ifndef STORE_ALONE_H
 #define STORE_ALONE_H
 

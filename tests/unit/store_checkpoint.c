@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What the store's workers keep: each finds the heap as the one before committed it last, at the same addresses,
- * whatever that one did afterwards and whenever it died. Only what has changed is copied; what is free is given back.
+ * The heap of the store's workers: each worker finds it as the previous one last committed it, at the same addresses,
+ * whatever that worker did afterwards and whenever it died. Only changed pages are copied; free memory is returned.
  */
 #include "../../package/ddx/store/checkpoint.h"
 
@@ -46,7 +46,7 @@ static void fill(struct root *root, unsigned i) {
     memset(root->piece[i], content(root->generation, i), root->bytes[i]);
 }
 
-/* Every worker gives half of its pieces back and takes others; and what it does after its commit is never found. */
+/* Every worker frees half of its pieces and allocates others; changes after its commit are never found. */
 static void work(unsigned generation) {
     bool before = checkpoint_restore();
     struct root *root = before ? checkpoint_root() : checkpoint_allocate(sizeof *root);
@@ -58,7 +58,7 @@ static void work(unsigned generation) {
     for (unsigned i = 0; i < PIECES; i++) {
         for (size_t k = 0; k < root->bytes[i] && before; k++)
             CHECK_EQUAL(root->piece[i][k], *root->piece[i]);
-        if (before && i % 2 == generation % 2) /* the last worker made this one */
+        if (before && i % 2 == generation % 2) /* this one is of the last worker */
             CHECK_EQUAL(*root->piece[i], content(generation, i));
         if (!before || i % 2 != generation % 2) {
             checkpoint_free(root->piece[i]);
@@ -72,7 +72,7 @@ static void work(unsigned generation) {
         checkpoint_free(root->piece[i]);
     }
     CHECK(!checkpoint_allocate(SIZE_MAX / 2));
-    while (generation == GENERATIONS - 1 && checkpoint_allocate(1 << 20)) /* all that there is */
+    while (generation == GENERATIONS - 1 && checkpoint_allocate(1 << 20)) /* all free memory */
         continue;
     _exit(0);
 }
@@ -90,7 +90,7 @@ static void each_goes_on_where_the_one_before_committed(void) {
     }
 }
 
-/* Every piece has one content from end to end, and the sum of all of them stands in the root. */
+/* Every piece is filled with one value, and the root has the sum of all values. */
 struct balance {
     uint32_t commits, sum;
     uint32_t *piece[PIECES];
@@ -121,7 +121,7 @@ static void check_balance(const struct balance *balance) {
     CHECK_EQUAL(sum, balance->sum);
 }
 
-/* Commits until it is killed; *told: how many commits others may have heard of. */
+/* Commits until it is killed; *told: the number of commits that others may know. */
 static void commit_on(_Atomic(uint32_t) *told) {
     struct balance *balance = checkpoint_restore() ? checkpoint_root() : checkpoint_allocate(sizeof *balance);
     uint32_t random = balance->commits + 1;
@@ -162,7 +162,7 @@ static void killed_at_any_moment(void) {
     }
 }
 
-/* KiB of the heap that are in memory, from here on. */
+/* KiB of the heap that are in memory, from this address on. */
 static unsigned long resident_heap(char *from) {
     static unsigned char pages[MANY * LARGE / 4096 + 1];
     size_t page = (size_t)sysconf(_SC_PAGESIZE), count = (size_t)MANY * LARGE / page;
@@ -240,7 +240,7 @@ static void each_account_has_a_share(void) {
     CHECK(checkpoint_allocate(LARGE - 1000));
 }
 
-/* With memory of their own. */
+/* In a separate process, with its own memory. */
 static void apart(void (*test)(void)) {
     int status;
     pid_t pid = fork();

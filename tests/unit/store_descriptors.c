@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * A store whose descriptors run short: items that no client has open are dropped for a connection, a writer or a
- * reader, counters last; and where that does not help, programs that come wait quietly until there are some.
+ * reader, counters last; where that does not help, new programs wait until descriptors are free.
  */
 #include <errno.h>
 #include <poll.h>
@@ -28,7 +28,7 @@ static void begin(void) {
 static void end(void) {
     ddx_store_close(id);
     store_stop(SIGKILL);
-    scratch_clear(); /* the next one is no successor */
+    scratch_clear(); /* so that the next store inherits nothing */
 }
 
 /* Written once, by this handle. */
@@ -42,7 +42,7 @@ static DDX_STORE_ITEM *create(const char *name) {
 }
 
 /*
- * A reader for which that number of frames is kept, or as many as there are descriptors for; a frame is a descriptor.
+ * A reader for which that number of frames is kept, or as many as there are descriptors: a frame needs one.
  */
 static DDX_STORE_ITEM *reader_of(const char *name, unsigned frames) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
@@ -72,7 +72,7 @@ static void leave(const char *name, unsigned frames) {
     ddx_store_done_item(out);
 }
 
-/* The counters of a program that is gone, older than all else. */
+/* The counters of a program that has exited, older than all other items. */
 static void leave_counters(void) {
     const struct ddx_item_spec spec = {.name = "gone.stats", .type = "DDX_STATS", .declaration = "struct { int in; }"};
     DDX_STORE_ITEM *item;
@@ -90,7 +90,7 @@ static void test_dropped_for_a_connection(void) {
     begin();
     leave_counters();
     leave("left", LIMIT / 4 * 3);
-    for (unsigned i = 0; i < NEWCOMERS; i++) { /* some take the places of those that left */
+    for (unsigned i = 0; i < NEWCOMERS; i++) { /* some replace those that left */
         char name[16];
 
         snprintf(name, sizeof name, "newcomer%u", i);
@@ -131,7 +131,7 @@ static void test_dropped_for_a_writer(void) {
     end();
 }
 
-/* A writer gives its frames any time that it likes: its item goes all the same. */
+/* A writer may give its frames any time stamp: its item is dropped nevertheless. */
 static void test_dropped_whatever_its_time(void) {
     static const SMALL value;
     const DDX_TIME never = INT64_MAX;
@@ -149,7 +149,7 @@ static void test_dropped_whatever_its_time(void) {
     end();
 }
 
-/* What cannot be had at all costs no item its last value. */
+/* An impossible request does not cost any item its last value. */
 static void test_nothing_is_dropped_in_vain(void) {
     begin();
     leave("left", 20);
@@ -160,7 +160,7 @@ static void test_nothing_is_dropped_in_vain(void) {
     end();
 }
 
-/* None is left, not even for a connection. */
+/* No descriptor is left, not even for a connection. */
 static void test_newcomers_wait(void) {
     static struct ddx_packet packet;
     struct ddx_message message = {.operation = DDX_LIST};
@@ -172,7 +172,7 @@ static void test_newcomers_wait(void) {
     CHECK(newcomer >= 0);
     CHECK_EQUAL(ddx_send(newcomer, &message, NULL, NULL, 0), 0);
     unsigned long before = store_sleeps();
-    for (int i = 0; store_sleeps() < before + 2; i++) { /* one that runs without a pause never does */
+    for (int i = 0; store_sleeps() < before + 2; i++) { /* a store that loops without a pause never sleeps */
         CHECK(i < PATIENCE);
         poll(NULL, 0, 1);
     }

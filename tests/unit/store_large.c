@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Items with large frames: the kernel takes seconds to clear a few gigabytes on a busy machine. The holder gets a sign
- * of life with each step of this work, so that the worker is not taken to hang; and in each turn the worker makes one
- * file of a request, so that other clients are served meanwhile.
+ * of life with each step of this work, so that the worker does not seem to hang; and in each turn the worker makes one
+ * file of a request, so that other clients are served in between.
  */
 #include <sys/mman.h>
 #include <unistd.h>
@@ -37,7 +37,7 @@ static void end(struct party *party) {
     clients_sweep(store);
 }
 
-/* The next message of this operation, but for those that a file is known to readers. */
+/* The next message, which must be of this operation; notices that readers know a file are skipped. */
 static const struct ddx_message *hears(const struct party *party, uint32_t operation) {
     do {
         ddx_packet_close(&packet);
@@ -46,13 +46,13 @@ static const struct ddx_message *hears(const struct party *party, uint32_t opera
     return &packet.message;
 }
 
-/* A party that leaves messages unread for long gets the others later. */
+/* A party that does not read for long gets the other messages later. */
 static void open_clip(struct party *party) {
     ask(party, (struct ddx_message){.operation = DDX_OPEN, .flags = DDX_FLAG_CREATE});
     CHECK_EQUAL(hears(party, DDX_OPENED)->status, 0);
 }
 
-/* As the writer's program does: map, seal, report. */
+/* Maps, seals and reports the files, like the writer's program. */
 static void ready(struct party *writer, uint32_t operation) {
     struct ddx_message m = *hears(writer, operation);
     int fd = ddx_packet_take(&packet, 0);
@@ -98,7 +98,7 @@ static void claim(struct party *writer, struct party *other) {
     CHECK_EQUAL(hears(writer, DDX_DONE)->status, 0);
 }
 
-/* A reader that keeps several frames: one file in each turn, and it is a reader after the last one. */
+/* A reader that keeps several frames: one file in each turn; it is admitted after the last one. */
 static void attach(struct party *writer, struct party *reader, struct party *other) {
     const struct item *item = item_find(store, "clip");
 
@@ -120,7 +120,7 @@ static void attach(struct party *writer, struct party *reader, struct party *oth
     CHECK_EQUAL(item->notice->readers, 1);
 }
 
-/* A claimant that exits in the middle leaves nothing. */
+/* A claimant that exits in between leaves nothing. */
 static void give_up(struct party *writer, struct party *other) {
     ask(writer, (struct ddx_message){.operation = DDX_CLAIM});
     CHECK_EQUAL(item_find(store, "clip")->pending->slots, 1);

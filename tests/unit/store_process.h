@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A store of the test's own, in a folder of its own. */
+/* A store for one test, in its own folder. */
 #ifndef STORE_PROCESS_H
 #define STORE_PROCESS_H
 
@@ -25,7 +25,7 @@ static inline void store_folder_make(void) {
     CHECK_EQUAL(setenv("DDX_DIR", scratch_folder, 1), 0);
 }
 
-/* With that number of descriptors at most; 0: as many as this program may have. */
+/* Starts a store with at most this number of descriptors; 0: as many as this program may have. */
 static inline void store_start_with(const char *budget, rlim_t descriptors) {
     const char *program = getenv("DDX_STORE_PROGRAM");
 
@@ -46,7 +46,7 @@ static inline void store_start(const char *budget) {
     store_start_with(budget, 0);
 }
 
-/* Its worker dies with it, but a moment later: the port's lock is free when both are gone. */
+/* The worker dies a moment after the holder: the port's lock is free when both are dead. */
 static inline void store_stop(int number) {
     char *path = scratch_path("store-2005.lock");
 
@@ -59,12 +59,12 @@ static inline void store_stop(int number) {
     close(lock);
 }
 
-/* 0: there is none just now. */
+/* 0: there is none now. */
 static inline pid_t store_worker(void) {
     return worker_of(store_pid);
 }
 
-/* How often its worker has gone to sleep. */
+/* How often the store's worker has slept. */
 static inline unsigned long store_sleeps(void) {
     char path[64], line[128];
     unsigned long found = 0;
@@ -78,7 +78,7 @@ static inline unsigned long store_sleeps(void) {
     return found;
 }
 
-/* To both of its processes. */
+/* Sends the signal to both processes of the store. */
 static inline void store_signal(int number) {
     CHECK_EQUAL(kill(store_pid, number), 0);
     pid_t worker = store_worker();

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A store that this test builds for itself, and uses over two socket pairs: its messages to each client, their order,
- * and what remains when a client hangs up.
+ * A store inside this test, used over socket pairs: its messages to each client, their order, and its state after a
+ * client hangs up.
  */
 #include <errno.h>
 #include <sys/mman.h>
@@ -28,7 +28,7 @@ static void ask(struct party *party, struct ddx_message message, uint64_t size) 
     client_receive(party->client, 1);
 }
 
-/* The next thing that it hears. */
+/* The next message that the party receives. */
 static const struct ddx_message *hears(const struct party *party, uint32_t operation) {
     ddx_packet_close(&packet);
     CHECK_EQUAL(ddx_receive(party->socket, &packet), 1);
@@ -41,7 +41,7 @@ static void hears_nothing(const struct party *party) {
     CHECK_EQUAL(ddx_receive(party->socket, &packet), 0);
 }
 
-/* As the writer's program does: map, seal, report. */
+/* Maps, seals and reports the files, like the writer's program. */
 static void ready(struct party *writer, uint32_t epoch, unsigned slot, uint64_t bytes) {
     int fd = ddx_packet_take(&packet, 0);
     void *map = ddx_memory_map(fd, (size_t)bytes, true);
@@ -67,7 +67,7 @@ static void becomes_writer(struct party *writer) {
     hears_nothing(writer);
 }
 
-/* It receives the epoch, its slots and its pins only when the writer checks them, and has the slot for it. */
+/* The reader receives the epoch, its slots and pins only once the writer checks the pins and has the reader's slot. */
 static void becomes_reader(struct party *reader, struct party *writer) {
     ask(reader, (struct ddx_message){.operation = DDX_OPEN}, 0);
     CHECK_EQUAL(hears(reader, DDX_OPENED)->status, 0);
@@ -85,7 +85,7 @@ static void becomes_reader(struct party *reader, struct party *writer) {
     CHECK_EQUAL(item_find(store, "clip")->notice->readers, 1);
 }
 
-/* What a client sends under this name, of this type, with a field of this name; the store's answer. */
+/* Opens an item with these names of item, type and field; returns the store's answer. */
 static int opens_as(uint32_t operation, const char *name, const char *type, const char *field) {
     struct ddx_message message = {.operation = operation, .flags = DDX_FLAG_CREATE};
     struct ddx_layout *layout = malloc(ddx_layout_bytes(1));
@@ -109,7 +109,7 @@ static int opens_as(uint32_t operation, const char *name, const char *type, cons
     return status;
 }
 
-/* A client that does not use the library: names that forge a line of a log, or steer a terminal, are refused. */
+/* A client without the library: names that forge a line of a log, or control a terminal, are refused. */
 static void names(void) {
     static const char *const bad[] = {"", "two\nlines", "\033[31mred", "tab\t", "delete\177",
                                       "eight\233bits", "\302\233"};
@@ -155,7 +155,7 @@ int main(void) {
     becomes_reader(&reader, &writer);
     CHECK(budget_used(store) > 3 * FRAME && budget_used(store) < budget_reserved(store));
 
-    /* No second writer; no more frames than there is room for. */
+    /* No second writer; no more frames than fit. */
     ask(&late, (struct ddx_message){.operation = DDX_OPEN}, 0);
     CHECK_EQUAL(hears(&late, DDX_OPENED)->status, 0);
     ask(&late, (struct ddx_message){.operation = DDX_CLAIM}, FRAME);
@@ -163,7 +163,7 @@ int main(void) {
     ask(&late, (struct ddx_message){.operation = DDX_ATTACH, .frames = 30}, 0);
     CHECK_EQUAL(hears(&late, DDX_ATTACHED)->status, -EBUSY);
 
-    /* A client that hung up holds nothing any more, even before the store has noticed. */
+    /* A client that hung up holds nothing, even before the store has noticed. */
     close(reader.socket);
     ask(&late, (struct ddx_message){.operation = DDX_INFO}, 0);
     CHECK_EQUAL(hears(&late, DDX_ITEM)->readers, 0);

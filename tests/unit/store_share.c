@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * One process floods the store on many connections: in each turn of the worker it has no more than its share of
- * messages handled, another process has its own, and the holder gets a sign of life with each message. No connection
+ * One process floods the store on many connections: each turn of the worker handles no more messages of it than its
+ * share, another process keeps its own share, and the holder gets a sign of life with each message. No connection
  * starves.
  */
 #include <poll.h>
@@ -12,13 +12,13 @@
 #include "store_alone.h"
 
 #define CONNECTIONS 40
-#define MESSAGES 30 /* on each, when the first turn begins; a socket holds some 160 */
+#define MESSAGES 30 /* on each connection, when the first turn begins; a socket holds about 160 */
 #define SHARE 16    /* at most, of one process in one turn */
 #define OTHER 1     /* the number of another process */
 
 static const struct settings settings = {.budget = 1 << 20};
 
-/* `sent`: of this connection so far. */
+/* `sent`: number of messages of this connection so far. */
 static void ask(const struct party *party, unsigned *sent, uint32_t operation) {
     struct ddx_message message = {.operation = operation, .flags = DDX_FLAG_CREATE, .name = "clip", .type = "BYTES"};
     struct ddx_layout *layout = ddx_layout_opaque(8);
@@ -76,7 +76,7 @@ int main(void) {
         CHECK(now > done && now - done <= SHARE);
         CHECK(beats - before >= now - done + (2 - others));
         done = now;
-        /* Each connection gets its turn, again and again: none waits until others have nothing more to ask. */
+        /* Connections take turns: none waits until the others have no more messages. */
         if (i == 3 * CONNECTIONS / 2)
             for (unsigned k = 0; k < CONNECTIONS; k++)
                 CHECK(flood[k].client->handled > 0);
