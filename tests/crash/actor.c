@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The readers of the crash tests, and what all parties have in common. */
+/* The readers of the crash tests, and functions that all parties share. */
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>
@@ -74,7 +74,7 @@ static void check_words(const FRAME *frame, uint64_t number, uint64_t term) {
                        i);
 }
 
-/* A frame as delivered: `missed` is the library's word, all else is counted here. */
+/* Counts a delivered frame: only `missed` is the library's number. */
 static void account(struct actor *me, const struct stream *stream, const FRAME *frame, uint64_t missed,
                     uint64_t earliest) {
     int64_t now = ddx_time_now();
@@ -116,7 +116,7 @@ struct reader {
     char kind;
 };
 
-/* One delivery in one of the four ways. */
+/* Takes one frame in one of the four ways. */
 static int take(struct reader *r, char way) {
     static FRAME copy;
     struct ddx_frame got = {0};
@@ -148,8 +148,8 @@ static int take(struct reader *r, char way) {
     r->missed += missed;
     account(r->me, r->stream, frame, missed, r->earliest);
     if (r->me->frames % 16 == 3) {
-        nap(r->me->frames % 64 == 3 ? 0.12 : 0.004);  /* 0.12: until the writer has been through all slots */
-        check_words(frame, r->me->last, r->me->term); /* what is held does not change */
+        nap(r->me->frames % 64 == 3 ? 0.12 : 0.004);  /* 0.12: until the writer has used all slots */
+        check_words(frame, r->me->last, r->me->term); /* a held frame does not change */
     }
     if (got.data && ddx_store_release(r->item))
         actor_fail("a frame cannot be released");
@@ -157,8 +157,8 @@ static int take(struct reader *r, char way) {
 }
 
 /*
- * Kinds: n newest, o in order, k in order with patience for whatever the machine does, c copies in order, d stable
- * pointer; m all of them but k in turn.
+ * Kinds: n newest, o in order, k in order and patient on a busy machine, c copies in order, d stable pointer; m all but
+ * k in turn.
  */
 static void play_reader(struct actor *me, unsigned stream, char kind) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
@@ -209,7 +209,7 @@ static void play_holder(struct actor *me, unsigned stream) {
     ddx_store_close(id);
 }
 
-/* A reader that lies: it says to look at any slot, all the time, until it is noticed or ended. */
+/* A reader that lies: it claims to pin random slots until it is noticed or stopped. */
 static void play_liar(struct actor *me, unsigned stream) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
     DDX_STORE_ITEM *item = id ? actor_lookup(id, stream_name[stream]) : NULL;
@@ -222,13 +222,13 @@ static void play_liar(struct actor *me, unsigned stream) {
 
         for (unsigned pin = 0; pin < DDX_PINS; pin++)
             atomic_store(&item->reader.page->pin[pin], DDX_PIN(epoch, (turn + pin * 7) % 12));
-        if (turn % 1000 == 0) /* as it frees memory and goes over to other epochs */
+        if (turn % 1000 == 0) /* to free memory and follow to other epochs */
             ddx_store_release(item), ddx_store_acquire(item, &frame, 0, DDX_CURRENT);
     }
     _exit(0);
 }
 
-/* Opens an item without a writer, and leaves it: it is gone then. */
+/* Opens an item without a writer, and leaves it, so that the item disappears. */
 static void play_tourist(struct actor *me) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
 

@@ -7,12 +7,12 @@
 #include "tests.h"
 
 #define KEEPERS 4
-#define KEEP 60 /* together they are more than the 165 messages that a socket holds */
+#define KEEP 60 /* frames; all readers together need more than the 165 messages that a socket holds */
 
 static struct ddx_item_info info;
 
 static bool readers_are(unsigned count) {
-    return told_of(&info) && info.readers == count;
+    return read_info(&info) && info.readers == count;
 }
 
 static void begin_keepers(struct puppet **keeper, int64_t sequence) {
@@ -23,13 +23,13 @@ static void begin_keepers(struct puppet **keeper, int64_t sequence) {
     }
 }
 
-/* Handles that the store takes for closed. */
+/* Number of handles that the store considers closed. */
 static uint64_t lost(void) {
     return stage->journal.passed[DDX_AT_STORE_GONE];
 }
 
-/* A stopped reader, while all those frames are added; the next writer; newcomers; another store. */
-static void all_hear_of_all(void) {
+/* A stopped reader, while all those frames are added; the next writer; new readers; another store. */
+static void all_messages_arrive(void) {
     struct puppet *keeper[KEEPERS];
 
     store_begin(NULL);
@@ -41,7 +41,7 @@ static void all_hear_of_all(void) {
     begin_keepers(keeper, 1);
     ASK(writer, WRITE, 300, 301);
     puppet_kill(writer);
-    AWAIT(told_of(&info) && !info.writer_pid, "the store does not notice");
+    AWAIT(read_info(&info) && !info.writer_pid, "the store does not notice");
     ASK(next, WRITE, 300, 601);
     puppet_go_on(stopped);
     ASK(stopped, LOOK, 0, 1);
@@ -64,8 +64,8 @@ static void all_hear_of_all(void) {
     puppets_end();
 }
 
-/* The next store does not listen yet: no program waits for it with its handle locked. */
-static void nobody_listens(void) {
+/* The next store does not listen yet: no program waits for it while its handle is locked. */
+static void store_does_not_listen(void) {
     struct puppet *keeper[KEEPERS];
 
     store_begin(NULL);
@@ -91,7 +91,7 @@ static void nobody_listens(void) {
 }
 
 int test_crowd(void) {
-    all_hear_of_all();
-    nobody_listens();
+    all_messages_arrive();
+    store_does_not_listen();
     return 0;
 }

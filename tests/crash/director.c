@@ -40,8 +40,8 @@ void fail(const char *format, ...) {
         fprintf(stderr, "  %s: written %llu in %u terms, by %u\n", stream_name[i],
                 (unsigned long long)stage->stream[i].done, stage->stream[i].terms, stage->stream[i].owner);
     if (getenv("DDX_CRASH_WAIT"))
-        pause(); /* to look at it with a debugger */
-    /* A party complains of the frames that it got. The parties die with us. */
+        pause(); /* for a debugger */
+    /* Failures of parties are broken frames. The parties die with this process. */
     exit(stage->failures ? FRAMES_BROKEN : 1);
 }
 
@@ -96,7 +96,7 @@ void store_kill_worker(void) {
     kill(worker, SIGKILL);
 }
 
-/* The worker dies with its holder, but a moment later, and serves others until then. */
+/* The worker dies a moment after its holder, and serves clients until then. */
 static void wait_worker(int worker) {
     struct pollfd gone = {.fd = worker, .events = POLLIN};
 
@@ -142,7 +142,7 @@ static bool is_stopped(pid_t pid) {
     return state == 'T';
 }
 
-/* The holder first, or it would see to another worker. */
+/* The holder first, or it would start another worker. */
 void store_stop(void) {
     pid_t worker;
 
@@ -180,7 +180,7 @@ struct party *party_begin(char kind, unsigned stream, double period, const char 
     const char *arguments[] = {"/proc/self/exe", "party", text[0], text[1], text[2], text[3], NULL};
     memset(&stage->actor[index], 0, sizeof stage->actor[index]);
     party[index] = (struct party){.index = index, .stream = stream, .kind = kind};
-    /* Blocked until the party has its handler (actor_main()), or a party that is stopped at once would be killed. */
+    /* Blocked until the party has its handler (actor_main()): an early TERM would kill the party. */
     sigset_t term;
     sigemptyset(&term);
     sigaddset(&term, SIGTERM);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Store and writers die in such an order that a program comes back with an epoch that has ended long ago. The newest
- * one counts, and numbers never go back.
+ * Store and writers die in an order in which a program comes back with an epoch that ended long ago. The newest epoch
+ * counts, and numbers never go back.
  */
 #include <errno.h>
 
@@ -11,12 +11,12 @@
 static struct ddx_item_info info;
 
 static bool writer_is(const struct puppet *puppet) {
-    return told_of(&info) && info.writer_pid == (puppet ? puppet->pid : 0);
+    return read_info(&info) && info.writer_pid == (puppet ? puppet->pid : 0);
 }
 
 /*
- * A stopped writer is replaced after a restart, and its successor dies. It must not go on where it was. A reader that
- * was stopped all the time reports first to the next store.
+ * A stopped writer is replaced after a restart, and its successor dies. The writer must not continue in its epoch. A
+ * reader that was stopped during all of this reports first to the next store.
  */
 static void old_ones_come_back(void) {
     store_begin(NULL);
@@ -35,7 +35,7 @@ static void old_ones_come_back(void) {
     AWAIT(writer_is(NULL), "the store does not notice");
     puppet_go_on(writer);
     AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == -EEXIST, "the former writer is not told");
-    if (!told_of(&info) || info.sequence != 55 || info.epoch != 2)
+    if (!read_info(&info) || info.sequence != 55 || info.epoch != 2)
         fail("epoch %u ends with %llu", info.epoch, (unsigned long long)info.sequence);
     puppet_kill(writer);
 
@@ -47,7 +47,7 @@ static void old_ones_come_back(void) {
     AWAIT(stage->journal.passed[DDX_AT_STORE_READER_BACK] > back, "the reader of the first epoch does not come back");
     puppet_go_on(reader);
     AWAIT(stage->journal.passed[DDX_AT_STORE_READER_BACK] > back + 1, "the reader of the second does not come back");
-    if (!told_of(&info) || info.sequence != 55 || info.epoch != 2)
+    if (!read_info(&info) || info.sequence != 55 || info.epoch != 2)
         fail("epoch %u ends with %llu", info.epoch, (unsigned long long)info.sequence);
     ASK(sleeper, LOOK, 0, 5);
     AWAIT(puppet_ask(sleeper, ORDER_HOLD, 0) == 55, "the reader of the first epoch does not follow");
@@ -58,10 +58,10 @@ static void old_ones_come_back(void) {
 }
 
 /*
- * A slot was added that no reader knows, and the programs that know it die: the newest frame is not in it. The reader
- * that had asked for that slot is not admitted yet.
+ * A slot was added that no reader knows, and the programs that know the slot die: the newest frame is not in it. The
+ * reader that had asked for that slot is not admitted yet.
  */
-static void nobody_was_told(void) {
+static void slot_is_unknown(void) {
     store_begin("store.ready:5:stop"); /* control page, two slots, one for each of two readers */
     struct puppet *writer = puppet_begin(NULL), *reader[2] = {puppet_begin(NULL), puppet_begin(NULL)};
     struct puppet *next = puppet_begin(NULL), *guest = puppet_begin(NULL);
@@ -91,7 +91,7 @@ static void nobody_was_told(void) {
     puppets_end();
 }
 
-/* The stopped writer of the first epoch reports before that of the second does: it has to leave all the same. */
+/* The stopped writer of the first epoch reports before the second one's: it must give up nevertheless. */
 static void old_writer_first(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *next = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -120,14 +120,14 @@ static void old_writer_first(void) {
 }
 
 static bool readers_are(unsigned count) {
-    return told_of(&info) && info.readers == count;
+    return read_info(&info) && info.readers == count;
 }
 
 /*
- * Readers have come while one of them was away, so that after another restart a slot is missing. It is added when the
- * writer comes back, and the store dies before it has told the readers: the writer does not use it before the others.
+ * Readers have attached while one was stopped, so that a slot is missing after another restart. The slot is added when
+ * the writer comes back, and the store dies before it has told the readers: the writer does not use that slot yet.
  */
-static void added_meanwhile(void) {
+static void slot_is_added_late(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader[3], *next = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
@@ -167,7 +167,7 @@ static void added_meanwhile(void) {
 }
 
 /*
- * A writer jumps ahead, and leaves. Its successors begin at 1 again if they must; a reader in order gets their frames.
+ * A writer skips numbers, and leaves. Its successors begin at 1 if too few are left; a reader in order gets each frame.
  */
 static void numbers_jump(void) {
     static const int64_t number[] = {1 << 22, 1 << 23, 1 << 30, INT64_C(1) << 31, INT64_C(1) << 32, INT64_MAX, -2};
@@ -197,13 +197,13 @@ static void numbers_jump(void) {
     puppets_end();
 }
 
-/* The writer dies before a reader in order has seen its last frames: it gets them all, and then the next writer's. */
+/* The writer dies before a reader in order has seen its last frames: the reader gets these, then the next writer's. */
 static void last_ones_are_read(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *next = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
     ASK(reader, KEEP, 8, 0);
-    ASK(reader, NEXT, 0, -ETIMEDOUT); /* it waits for the next one */
+    ASK(reader, NEXT, 0, -ETIMEDOUT); /* there is no further frame */
     AWAIT(puppet_ask(writer, ORDER_READERS, 0) == 1, "no frames are kept");
     ASK(writer, WRITE, 8, 9);
     ASK(reader, NEXT, 0, 2);
@@ -222,8 +222,8 @@ int test_epochs(void) {
     last_ones_are_read();
     old_ones_come_back();
     old_writer_first();
-    added_meanwhile();
+    slot_is_added_late();
     numbers_jump();
-    nobody_was_told();
+    slot_is_unknown();
     return 0;
 }

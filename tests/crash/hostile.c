@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * One program means harm; all others go on: each frame in order, none missed, none torn, newcomers are let in, and the
- * store's own memory stays small.
+ * One program is hostile; all others continue: each frame in order, none missed, none torn, new programs are admitted,
+ * and the store's own memory stays small.
  */
 #include <string.h>
 

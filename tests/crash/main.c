@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Programs that die, stop or lie, and others that must not notice:
+ * Programs that die, stop or lie, and others that must not be affected:
  * crash walk [POINT|PART/PARTS] | random KILLS SEED | restart | pins | crowd | epochs | retired | mute | stop |
  * stranger | hostile | worker
  */

@@ -8,7 +8,7 @@
 #include "puppet.h"
 #include "tests.h"
 
-/* All that can be read now. */
+/* Reads all available text. */
 static void read_log(int fd, char *text, size_t bytes) {
     size_t length = 0;
     ssize_t got;
@@ -25,7 +25,7 @@ int test_mute(void) {
 
     if (pipe2(ends, O_CLOEXEC | O_NONBLOCK) || fcntl(ends[1], F_SETPIPE_SZ, 4096) < 0)
         fail("no pipe");
-    /* What the store gets is not O_NONBLOCK: it is not the store's alone, nor is that of a log service. */
+    /* The store's end must not be O_NONBLOCK: others share the open file, as with a log service. */
     fcntl(ends[1], F_SETFL, 0);
     store_log = ends[1];
     store_begin(NULL);
@@ -35,12 +35,12 @@ int test_mute(void) {
     while (write(ends[1], filling, 1) == 1)
         continue;
     fcntl(ends[1], F_SETFL, 0);
-    puppet_kill(writer); /* it would say that */
-    AWAIT(told_of(&info) && !info.writer_pid, "the store does not notice");
-    ASK(next, WRITE, 1, 2); /* and that */
+    puppet_kill(writer); /* the store would log this */
+    AWAIT(read_info(&info) && !info.writer_pid, "the store does not notice");
+    ASK(next, WRITE, 1, 2); /* and this */
     read_log(ends[0], text, sizeof text);
     ASK(next, DONE, 0, 0);
-    AWAIT(told_of(&info) && !info.writer_pid, "the store does not notice");
+    AWAIT(read_info(&info) && !info.writer_pid, "the store does not notice");
     read_log(ends[0], text, sizeof text);
     if (!strstr(text, " lines were left out"))
         fail("the log does not say what is left out: %s", text);

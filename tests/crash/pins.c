@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Whatever the store believes of a reader, or the writer was told: a frame that a living program holds is not written
- * over. A writer that is short of frames gives up what it wanted to write, and counts that.
+ * A frame that a living program holds is never overwritten, even if store or writer know nothing of its reader. A
+ * writer without a free slot drops its frame, and counts it.
  */
 #include <errno.h>
 
@@ -11,22 +11,22 @@
 static bool readers_are(unsigned count) {
     struct ddx_item_info info;
 
-    return told_of(&info) && info.readers == count;
+    return read_info(&info) && info.readers == count;
 }
 
 static bool writer_is(const struct puppet *puppet) {
     struct ddx_item_info info;
 
-    return told_of(&info) && info.writer_pid == puppet->pid;
+    return read_info(&info) && info.writer_pid == puppet->pid;
 }
 
 static bool writer_is_gone(void) {
     struct ddx_item_info info;
 
-    return told_of(&info) && !info.writer_pid;
+    return read_info(&info) && !info.writer_pid;
 }
 
-/* The store takes a stopped reader for dead: it hung up on it. */
+/* The store has closed a stopped reader's connection, and takes the reader for dead. */
 static void taken_for_dead(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -47,7 +47,7 @@ static void taken_for_dead(void) {
     puppets_end();
 }
 
-/* A reader dies while its writer hears nothing. Its share goes to others, one after the other: none of them suffers. */
+/* A reader dies while its writer gets no messages. Its share goes to other readers in turn; none loses a frame. */
 static void never_told(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *dead = puppet_begin(NULL), *reader[4];
@@ -76,7 +76,7 @@ static void never_told(void) {
     puppets_end();
 }
 
-/* After a restart the store does not know yet what a stopped reader holds, and gives its share to another one. */
+/* After a restart the store does not know what a stopped reader holds, and gives the reader's share to another one. */
 static void too_few(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *stopped = puppet_begin(NULL);
@@ -91,7 +91,7 @@ static void too_few(void) {
     ASK(writer, WRITE, 1, 3);
     struct puppet *guest = puppet_begin(NULL);
     ASK(guest, HOLD, 0, 3);
-    ASK(writer, WRITE, 1, 4); /* into the last free frame; from now on there is none */
+    ASK(writer, WRITE, 1, 4); /* into the last free slot */
     for (unsigned i = 0; i < 3; i++)
         ASK(writer, WRITE, 1, -ENOBUFS);
     ASK(writer, SHORT, 0, 3);
@@ -108,8 +108,8 @@ static void too_few(void) {
 }
 
 /*
- * The writer's program has no descriptor left for a reader that comes: that reader is refused, and no other program
- * notices.
+ * The writer's program has no descriptor left for a new reader: that reader is refused, and no other program is
+ * affected.
  */
 static void no_descriptors(void) {
     store_begin(NULL);
@@ -118,10 +118,10 @@ static void no_descriptors(void) {
     ASK(reader, HOLD, 0, 1);
     AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 2, "the writer does not write");
     ASK(writer, LIMIT, 0, 0);
-    ASK(second, HOLD, 0, -EBUSY); /* there is none for a slot */
+    ASK(second, HOLD, 0, -EBUSY); /* no descriptor for a slot */
     ASK(writer, WRITE, 8, 10);
     ASK(writer, LIMIT, 1, 0);
-    ASK(second, HOLD, 0, -EBUSY); /* for a slot, and none for the pin page */
+    ASK(second, HOLD, 0, -EBUSY); /* one for a slot, none for the pin page */
     ASK(writer, WRITE, 8, 18);
     ASK(reader, LOOK, 0, 1);
     ASK(writer, LIMIT, -1, 0);
@@ -130,7 +130,7 @@ static void no_descriptors(void) {
     ASK(reader, LOOK, 0, 1);
     ASK(second, LOOK, 0, 18);
     ASK(writer, SHORT, 0, 0);
-    /* Nor does one begin that cannot look at all pins. */
+    /* Nor does a writer begin that cannot map all pins. */
     struct puppet *next = puppet_begin(NULL);
     puppet_kill(writer);
     AWAIT(writer_is_gone(), "the store does not notice");
@@ -146,7 +146,7 @@ static void no_descriptors(void) {
     puppets_end();
 }
 
-/* The store has hung up on a stopped writer: no program takes its place, and a new one waits until it is back. */
+/* The store has closed a stopped writer's connection: no other writer and no reader is admitted until it is back. */
 static void writer_taken_for_dead(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *other = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -169,10 +169,10 @@ static void writer_taken_for_dead(void) {
 }
 
 /*
- * The writer has waited for the store in vain and hung up. A reader that comes before it is back is not let in, or the
- * writer would know nothing of its pins: what is written meanwhile is over when it is.
+ * The writer has waited for the store in vain and hung up. A reader that attaches before the writer is back is not
+ * admitted, because the writer would not check its pins.
  */
-static void news_for_nobody(void) {
+static void writer_is_away(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
@@ -192,14 +192,14 @@ static void news_for_nobody(void) {
     puppets_end();
 }
 
-/* A program dies that has forked: what its child has inherited keeps it alive neither as writer nor as reader. */
+/* A program with a child dies: the child's inherited descriptors keep neither its writer nor its reader alive. */
 static void child_lives_on(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL), *next = puppet_begin(NULL);
     ASK(writer, WRITE, 1, 1);
     ASK(reader, HOLD, 0, 1);
     pid_t child[2] = {(pid_t)puppet_ask(writer, ORDER_FORK, 0), (pid_t)puppet_ask(reader, ORDER_FORK, 0)};
-    ASK(writer, WRITE, 20, 21); /* the parent goes on as before */
+    ASK(writer, WRITE, 20, 21); /* the parent continues as before */
     ASK(reader, LOOK, 0, 1);
     uint64_t gone = stage->journal.passed[DDX_AT_CLAIM_READER_GONE];
     puppet_kill(reader);
@@ -217,7 +217,7 @@ int test_pins(void) {
     too_few();
     no_descriptors();
     writer_taken_for_dead();
-    news_for_nobody();
+    writer_is_away();
     child_lives_on();
     return 0;
 }

@@ -62,7 +62,7 @@ static int64_t look_at_frame(void) {
     return (int64_t)held.sequence;
 }
 
-/* As if the store had hung up, and this program did not run any more by then. */
+/* Acts as if the store had hung up after this program was stopped. */
 static int64_t hang_up(void) {
     ddx_lock_take(&item->lock);
     shutdown(item->socket, SHUT_RDWR);
@@ -107,7 +107,7 @@ static int64_t look_at_lock(int64_t times) {
 static int64_t leave_store(void) {
     ddx_lock_take(&item->lock);
     ddx_item_disconnect(item);
-    item->retry += 1000000000; /* not back at once */
+    item->retry += 1000000000; /* does not reconnect at once */
     ddx_lock_give(&item->lock);
     return 0;
 }
@@ -257,7 +257,7 @@ void puppets_end(void) {
     store_kill();
 }
 
-bool told_of(struct ddx_item_info *info) {
+bool read_info(struct ddx_item_info *info) {
     static DDX_STORE_ID *own;
     struct ddx_item_info *items;
     unsigned count;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Programs that do one thing at a time, when they are told to, on the item "frames": what happens in which order is
- * written down in the test, and no time is in it.
+ * Programs that execute one order at a time on the item "frames": the test states what happens in which order, without
+ * any times.
  */
 #ifndef PUPPET_H
 #define PUPPET_H
@@ -11,20 +11,20 @@
 enum order {
     ORDER_LOOKUP = 1, /* a handle */
     ORDER_KEEP,       /* n frames for it */
-    ORDER_WRITE,      /* n frames; the number of the last; 0: it becomes the writer, no more */
-    ORDER_JUMP,       /* its next frame has the number n, whatever the one before had */
+    ORDER_WRITE,      /* n frames; the number of the last; 0: only becomes the writer */
+    ORDER_JUMP,       /* its next frame gets the number n */
     ORDER_NEXT,       /* as HOLD, but the oldest frame not yet seen */
-    ORDER_HOLD,       /* the newest frame instead of what is held, waiting n seconds for it; its number */
-    ORDER_LOOK,       /* at what is held: its number, -EBADMSG if it has changed */
+    ORDER_HOLD,       /* releases, then holds the newest frame, waiting n seconds; its number */
+    ORDER_LOOK,       /* checks the held frame: its number, -EBADMSG if it has changed */
     ORDER_RELEASE,
     ORDER_DONE,    /* gives the handle back */
-    ORDER_SHORT,   /* how many writes were given up */
-    ORDER_LIMIT,   /* room for n descriptors more; -1: for as many as may be */
-    ORDER_FREE,    /* n looks at the handle's lock: how often it was free */
-    ORDER_LEAVE,   /* the store, as after waiting for it in vain */
-    ORDER_FORK,    /* a child that does nothing, for 30 s; its pid */
-    ORDER_READERS, /* for whom it keeps frames, as the writer knows */
-    ORDER_INFO,    /* what the store says of the item; the number of its readers */
+    ORDER_SHORT,   /* number of dropped writes */
+    ORDER_LIMIT,   /* room for n more descriptors; -1: no limit */
+    ORDER_FREE,    /* checks the handle's lock n times: how often it was free */
+    ORDER_LEAVE,   /* leaves the store, as after waiting for it in vain */
+    ORDER_FORK,    /* starts a child that does nothing for 30 s; its pid */
+    ORDER_READERS, /* number of readers that the writer keeps frames for */
+    ORDER_INFO,    /* the store's number of the item's readers */
     ORDER_HANG_UP, /* the connection is lost, and the program stopped before it notices */
 };
 
@@ -35,8 +35,8 @@ struct puppet {
 
 struct puppet *puppet_begin(const char *fault); /* as in DDX_FAULT, or NULL; it has a handle */
 void puppet_say(struct puppet *puppet, enum order order, int64_t n);
-int64_t puppet_hear(struct puppet *puppet);                                    /* the answer, or -errno */
-int64_t puppet_ask(struct puppet *puppet, enum order order, int64_t n); /* both */
+int64_t puppet_hear(struct puppet *puppet); /* waits for the answer; -errno after a failure */
+int64_t puppet_ask(struct puppet *puppet, enum order order, int64_t n); /* say, then hear */
 void puppet_stop(struct puppet *puppet);
 void puppet_await_stop(struct puppet *puppet); /* it stops by itself */
 void puppet_go_on(struct puppet *puppet);
@@ -51,8 +51,8 @@ void puppets_end(void); /* all of them, and the store */
                  (long long)wanted_);                                                                               \
     } while (0)
 
-/* What the store says of the item; false: nothing. */
-bool told_of(struct ddx_item_info *info);
+/* The store's description of the item; false: none. */
+bool read_info(struct ddx_item_info *info);
 
 int puppet_main(int wire); /* the program itself */
 

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * SIGKILL at random, of writers, readers, the store and its worker, as many times as asked for; worker and readers are
- * stopped for a while, too, programs have no descriptors left, and sockets are full. The same seed kills the same
- * parties after the same pauses. With an odd seed all run with real-time priority, if allowed: takeovers are judged
- * as if the machine had nothing else to do. Ends with one line of JSON.
+ * Kills writers, readers, the store and its worker at random, as many times as requested; also stops worker and readers
+ * for a while, takes programs' descriptors, and fills sockets. The same seed kills the same parties after the same
+ * pauses. With an odd seed all run with real-time priority, if allowed, so that other load does not lengthen
+ * takeovers. Prints one line of JSON at the end.
  */
 #include <dirent.h>
 #include <string.h>
@@ -13,8 +13,8 @@
 #include "tests.h"
 
 #define PERIOD 0.001
-#define TAKEOVERS 4096 /* that are told one by one */
-#define TOGETHER 400000000 /* ns: a takeover so soon after the store's death waits for the store, too */
+#define TAKEOVERS 4096 /* whose times are kept */
+#define TOGETHER 400000000 /* ns: a takeover this soon after the store's death also waits for the store */
 
 enum victim {
     WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, LIMITED, CROWD, STORE, WRITER_AND_STORE, VICTIMS
@@ -23,17 +23,17 @@ enum victim {
 static uint64_t state;
 static unsigned killed[VICTIMS];
 static int64_t store_died;
-/* ns: [1]: with the store away */
+/* ns; [1]: with the store away */
 static struct takeover worst[2], sum[2];
 static unsigned takeovers[2];
-static int64_t took[TAKEOVERS]; /* ns, with the store there */
+static int64_t took[TAKEOVERS]; /* ns, with a running store */
 
 static unsigned chance(unsigned below) {
     state = state * 6364136223846793005u + 1442695040888963407u;
     return (unsigned)(state >> 33) % below;
 }
 
-/* Some have a keeper that is late, as on a busy machine. */
+/* Some parties have a late keeper, as on a busy machine. */
 static void begin(char kind) {
     party_begin(kind, 0, PERIOD, chance(3) ? NULL : "keeper.heard:1:slow");
 }
@@ -55,7 +55,7 @@ static void kill_store(void) {
     store_begin(NULL);
 }
 
-/* For a moment, or for so long that all it is to hear of does not fit its socket. */
+/* For a moment, or until its messages no longer fit its socket. */
 static void stop_worker(void) {
     pid_t worker;
 
@@ -71,7 +71,7 @@ static void stop_reader(struct party *victim) {
     party_go_on(victim);
 }
 
-/* No descriptor is left to it for a moment, or a few. */
+/* Leaves the victim no descriptor, or a few, for a moment. */
 static void limit(const struct party *victim) {
     struct rlimit all, few;
     char path[32];
@@ -92,7 +92,7 @@ static void limit(const struct party *victim) {
     prlimit(victim->pid, RLIMIT_NOFILE, &all, NULL);
 }
 
-/* Frames are added while a reader is stopped, more than its socket holds messages. */
+/* Adds more frames than a socket holds messages while the reader is stopped. */
 static void crowd(struct party *victim) {
     struct party *guest[3];
 
@@ -173,13 +173,13 @@ static void kill_one(unsigned observers) {
 int test_random(unsigned kills, unsigned seed) {
     uint64_t seen = 0, missed = 0;
 
-    /* Times are judged where they are measured (tools/crash.py), and in half of the runs: the others, as all of the
-     * tests here, meet whatever else runs on this machine. */
+    /* Times are judged only in measured runs (tools/crash.py), and in half of them: the others share the machine with
+     * other programs. */
     bool urgent = getenv("DDX_CRASH_URGENT") && seed % 2 && takeover_urgent();
 
     state = seed;
     store_begin(NULL);
-    for (unsigned i = 0; i < 3; i++) /* these live all the time */
+    for (unsigned i = 0; i < 3; i++) /* these are never killed */
         party_begin("nod"[i], 0, 0, NULL);
     party_begin('w', 1, PERIOD, NULL);
     party_begin('o', 1, 0, NULL);

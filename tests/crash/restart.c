@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * While the store is restarted, a reader holds a frame and cannot report: it is stopped. Whatever the others do
- * meanwhile, the frame stays as it is; a party complains that finds it changed. And a store that dies in the middle of
- * telling something has told it to all whom it concerns, or to none.
+ * While the store restarts, a stopped reader holds a frame and cannot report. The frame must not change, whatever other
+ * programs do; a party that finds a change complains. And when a store dies in the middle of a message, either all
+ * receivers know it or none.
  */
 #include <string.h>
 
@@ -10,14 +10,14 @@
 #include "tests.h"
 
 #define PERIOD 0.001
-#define ROUND 60 /* frames after which the writer has been through all slots */
+#define ROUND 60 /* frames after which the writer has used all slots */
 
 static void restart_store(void) {
     store_kill();
     store_begin(NULL);
 }
 
-/* Nothing is left of the items, so numbers begin at 1 again. */
+/* Ends all, including the items, so that numbers begin at 1 again. */
 static void end_all(void) {
     for (unsigned i = 0; i < ACTORS; i++)
         if (party[i].pid)
@@ -36,7 +36,7 @@ static void same_number(void) {
 
     store_begin(NULL);
     struct party *holder = party_begin('n', 0, 0, "reader.holds:5:stop");
-    AWAIT(actor_of(holder)->beats > 0, "the first reader does not begin"); /* it is let in: number 1 */
+    AWAIT(actor_of(holder)->beats > 0, "the first reader does not begin"); /* it is admitted: number 1 */
     uint32_t struck = stage->journal.struck;
     struct party *writer = party_begin('w', 0, PERIOD, NULL);
     for (unsigned i = 0; i < 3; i++)
@@ -45,7 +45,7 @@ static void same_number(void) {
     holder->stopped = true;
     await_frames(0, 10, 1, "before the restart");
     uint64_t back = stage->journal.passed[DDX_AT_STORE_READER_BACK];
-    party_stop(writer); /* it holds a reader, too, which is to come back after the others */
+    party_stop(writer); /* it is also a reader, which must come back after the others */
     restart_store();
     AWAIT(stage->journal.passed[DDX_AT_STORE_READER_BACK] >= back + 3, "readers do not come back");
     party_go_on(writer);
@@ -62,8 +62,8 @@ static void same_number(void) {
 }
 
 /*
- * The writer has not reported for so long that another one is admitted, and that one is slow. A new reader must not get
- * the former writer's frames: that writer does not know the reader, and continues.
+ * A writer has not reported for long, so another one is admitted, which is slow. A new reader must not get the former
+ * writer's frames: that writer does not know the reader, and continues.
  */
 static void between_two_writers(void) {
     store_begin(NULL);
@@ -82,10 +82,10 @@ static void between_two_writers(void) {
     next->stopped = true;
     struct party *guest = party_begin('n', 1, 0, "reader.holds:1:stop");
     guest->stopped = true;
-    nap(0.3); /* what it must not do takes a hundredth of that */
+    nap(0.3); /* a wrong delivery would take a hundredth of that */
     party_go_on(former);
     nap(0.1);
-    party_go_on(guest); /* in case it got a frame */
+    party_go_on(guest); /* it might have got a frame */
     nap(0.1);
     look();
     party_end(next, SIGKILL);
@@ -98,8 +98,8 @@ static void between_two_writers(void) {
 }
 
 /*
- * The store dies when the first reader has received the next epoch, and none of its slots. That reader reports
- * first to the next store, and must not have given up the epoch that has the last frame.
+ * The store dies when the first reader has received the next epoch, but none of its slots. That reader reports first to
+ * the next store, and must still have the epoch with the last frame.
  */
 static void half_told(void) {
     struct party *others[2];

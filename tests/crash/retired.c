@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Readers are stopped, each in another epoch, and keep its memory. What exists is never more than the store says, and
- * that never more than -m; a request that cannot be met is refused until one of them has gone on, or is dead.
+ * Readers are stopped, each in another epoch, and keep its memory. Existing memory never exceeds the store's number,
+ * nor that number -m; an impossible request is refused until one of the readers has continued or died.
  */
 #include <dirent.h>
 #include <errno.h>
@@ -27,7 +27,7 @@ static struct ddx_store_info all(void) {
     return info;
 }
 
-/* The bytes of the item's files that these programs have open, each file once: the kernel's word, not the store's. */
+/* The bytes of the item's files that these programs have open, each file once, by the kernel's account. */
 static uint64_t existing(struct puppet *const *puppet, unsigned count) {
     static ino_t seen[FILES];
     unsigned files = 0;
@@ -97,7 +97,7 @@ static void each_in_its_own(void) {
     }
     if (refused != -ENOSPC && refused != -EBUSY)
         fail("%u stopped readers, and the end is %lld", count, (long long)refused);
-    /* One that goes on has left its epoch before anybody could ask; one that dies, too. */
+    /* A reader that continues, or dies, has left its epoch before the next request. */
     struct puppet *writer = puppet_begin(NULL);
     for (unsigned i = 0; i + 1 < count; i++)
         if (i & 1)
@@ -109,11 +109,11 @@ static void each_in_its_own(void) {
     int64_t number;
     AWAIT((number = puppet_ask(writer, ORDER_WRITE, 1)) > 0, "there is no memory, though no program is stopped");
     ASK(sleeper[0], HOLD, 1, number);
-    AWAIT(told_of(&(struct ddx_item_info){0}), "the store does not answer");
+    AWAIT(read_info(&(struct ddx_item_info){0}), "the store does not answer");
     puppets_end();
 }
 
-/* A reader that sleeps through many changes of writer keeps the epoch that it is in, and one more: its news. */
+/* A reader that sleeps through many changes of writer keeps its epoch and one more, from its unread messages. */
 static void slept_through(void) {
     struct ddx_item_info item;
     int64_t number;
@@ -131,7 +131,7 @@ static void slept_through(void) {
         writer = puppet_begin(NULL);
         AWAIT((number = puppet_ask(writer, ORDER_WRITE, 1)) > 0, "no program takes the dead writer's place");
     }
-    if (!told_of(&item))
+    if (!read_info(&item))
         fail("the store does not answer");
     uint64_t ended = all().bytes - item.bytes;
     if (!ended || ended > 2 * item.bytes)

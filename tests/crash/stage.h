@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What the parties of the crash tests tell each other, past the store: a file that all of them map. Each writes down
- * what it did itself, so that what the library counts can be compared with what happened.
+ * A file that all parties of the crash tests map, independent of the store. Each party records its own actions there,
+ * so that the library's counts can be compared with the facts.
  */
 #ifndef STAGE_H
 #define STAGE_H
@@ -21,7 +21,7 @@
 
 DDX_STORE_TYPE(
     FRAME, struct {
-        uint64_t number; /* counted by the writers themselves, from one to the next */
+        uint64_t number; /* counted by the writers, across changes of writer */
         uint64_t term;
         uint64_t word[WORDS];
     });
@@ -30,7 +30,7 @@ static inline uint64_t content(uint64_t number, uint64_t term, unsigned word) {
     return (number * 0x9e3779b97f4a7c15u ^ term * 0xbf58476d1ce4e5b9u) + word;
 }
 
-/* One writer's time, from its first frame: what it began to publish, and what it knows to be published. */
+/* One writer's term, from its first frame: the frames that it began to publish, and those it knows to be published. */
 struct term {
     _Atomic(uint64_t) first, begun, done;
     _Atomic(int64_t) time; /* of the first one's publishing */
@@ -39,17 +39,17 @@ struct term {
 struct stream {
     _Atomic(uint64_t) begun, done; /* as in its terms */
     _Atomic(uint32_t) terms, owner /* actor that writes */, allowed /* bit set: actors that may begin to */;
-    _Atomic(uint64_t) lost; /* what superseded writers published in vain */
+    _Atomic(uint64_t) lost; /* frames that superseded writers published in vain */
     struct term term[TERMS];
 };
 
 struct actor {
-    _Atomic(uint64_t) beats; /* turns of its loop: it is not stuck */
+    _Atomic(uint64_t) beats; /* turns of its loop, as a sign of life */
     _Atomic(uint64_t) frames, missed, first, last;
     _Atomic(uint64_t) term;
     _Atomic(int64_t) term_time;      /* when the first frame of this term was seen */
     _Atomic(int64_t) longest;        /* between two frames, ns; the director sets it back */
-    _Atomic(uint32_t) delay[DELAYS]; /* from writing to seeing, us, of the last frames; frame n is at n % DELAYS */
+    _Atomic(uint32_t) delay[DELAYS]; /* us from write to delivery of the last frames; frame n is at n % DELAYS */
     _Atomic(uint32_t) failed;
     char failure[160];
 };
@@ -65,7 +65,7 @@ extern struct stage *stage;
 void stage_open(bool create);
 void nap(double seconds);
 
-/* actor.c: `kind` as below, on this stream; runs until TERM. `spoilt` names an error to make on purpose. */
+/* actor.c: `kind` as below, on this stream; runs until TERM. `spoilt` names an intentional error. */
 int actor_main(char kind, unsigned stream, unsigned index, double period);
 /* writer.c */
 /* vandal.c */
@@ -76,6 +76,6 @@ extern volatile int leaving;
 extern const char *const stream_name[STREAMS];
 void actor_fail(const char *format, ...) __attribute__((noreturn, format(printf, 1, 2)));
 DDX_STORE_ITEM *actor_lookup(DDX_STORE_ID *id, const char *name);
-bool later(int result); /* an error that passes by itself, while a store or a writer is away or descriptors are short */
+bool later(int result); /* a temporary error, while a store or a writer is away or descriptors are short */
 
 #endif

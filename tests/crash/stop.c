@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * One party is stopped, and writer and readers of stream 0, to which it may belong or not, go on as before: times with
- * and without it take turns, and how many frames come, and how soon, is compared. The limits are generous; what the
- * machine does otherwise meets both.
+ * One party, of stream 0 or not, is stopped, and writer and readers of stream 0 continue as before: periods with and
+ * without the stop alternate, and their numbers of frames and delays are compared. The limits are generous, since other
+ * load affects both.
  */
 #include <string.h>
 
@@ -19,15 +19,15 @@
 
 struct sample {
     double frames;           /* written, and seen by all observers together */
-    unsigned count;          /* of what is in: */
+    unsigned count;          /* of entries in: */
     uint32_t delay[1 << 16]; /* us */
 };
 
 struct scene {
     const char *name, *fault;
     char kind;       /* of the party that is stopped, 's' for the store */
-    unsigned stream; /* where it belongs to */
-    bool replaces;   /* it stops in the middle of taking over: the writer there dies first */
+    unsigned stream; /* that it belongs to */
+    bool replaces;   /* stops in the middle of a takeover, after its writer died */
 };
 
 static struct party *guest;
@@ -116,7 +116,7 @@ static void play(const struct scene *scene) {
     for (unsigned turn = 0; turn < TURNS; turn++) {
         observe(&without);
         stop(scene);
-        nap(SETTLE); /* the writer has been through all slots */
+        nap(SETTLE); /* the writer has used all slots */
         observe(&with);
         go_on(scene);
     }
@@ -145,7 +145,7 @@ int test_stop(void) {
     for (unsigned stream = 0; stream < STREAMS; stream++) {
         party_begin('w', stream, PERIOD, NULL);
         party_begin('n', stream, 0, NULL);
-        party_begin(stream ? 'o' : 'n', stream, 0, NULL); /* few slots where it matters */
+        party_begin(stream ? 'o' : 'n', stream, 0, NULL); /* few slots in stream 0 */
     }
     await_frames(0, 20, 1, "at first");
     await_frames(1, 20, 1, "at first");

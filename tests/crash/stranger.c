@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A stranger that speaks the protocol: neither its messages nor the files that it gets harm an honest program later. */
+/* A hostile program that speaks the protocol: neither its messages nor its files harm an honest program later. */
 #include <dirent.h>
 #include <errno.h>
 #include <poll.h>
@@ -25,7 +25,7 @@ static void tell(int fd, enum ddx_operation operation, uint32_t epoch, uint32_t 
         fail("the store does not listen");
 }
 
-/* Until a message of this kind comes; it is in `packet`. */
+/* Waits until a message of this kind comes, in `packet`. */
 static void hear(int fd, uint32_t operation) {
     struct pollfd wait = {.fd = fd, .events = POLLIN};
 
@@ -36,14 +36,14 @@ static void hear(int fd, uint32_t operation) {
     } while (packet.message.operation != operation);
 }
 
-/* Opens the item; its layout, the caller's. */
+/* Opens the item; returns its layout, which the caller owns. */
 static struct ddx_layout *open_item(int fd) {
     tell(fd, DDX_OPEN, 0, 0, NULL, -1);
     hear(fd, DDX_OPENED);
     return ddx_layout_copy(ddx_packet_layout(&packet));
 }
 
-/* A program that claims an item gets the pin pages of its readers. It cannot write to them, then or later. */
+/* A program that claims an item gets the pin pages of its readers, but can never write to them. */
 static void pages_of_others(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -51,7 +51,7 @@ static void pages_of_others(void) {
     ASK(writer, WRITE, 1, 1);
     ASK(reader, HOLD, 0, 1);
     puppet_kill(writer);
-    AWAIT(told_of(&info) && !info.writer_pid, "the store does not notice");
+    AWAIT(read_info(&info) && !info.writer_pid, "the store does not notice");
     int fd = ddx_connect(DDX_STORE_PORT);
     struct ddx_layout *layout = open_item(fd);
     tell(fd, DDX_CLAIM, 0, 0, layout, -1);
@@ -63,7 +63,7 @@ static void pages_of_others(void) {
     puppets_end();
 }
 
-/* A file like one of the item's, of this epoch; NULL: its control page. The right name, if the user is the store's. */
+/* A file like one of the item's, of this epoch; NULL: its control page. `right`: made by the store's user. */
 static int forge(const struct ddx_layout *layout, uint32_t epoch, const char *what, bool right) {
     uint64_t digest = 0xcbf29ce484222325u;
     char name[128];
@@ -72,7 +72,7 @@ static int forge(const struct ddx_layout *layout, uint32_t epoch, const char *wh
         digest = (digest ^ ((const unsigned char *)layout)[i]) * 0x100000001b3u;
     snprintf(name, sizeof name, "%s %u %016llx %s", stream_name[0], epoch, (unsigned long long)digest,
              what ? what : "control");
-    if (!right && seteuid(65534)) /* without the right to change the user, a wrong name serves instead */
+    if (!right && seteuid(65534)) /* without the right to change the user, use a wrong name */
         *name = '.';
     int file = ddx_memory_create(name, ddx_page_round(what ? sizeof(FRAME) : sizeof(struct ddx_control)), NULL);
     if (seteuid(getuid()) || file < 0)
@@ -91,7 +91,7 @@ static int forge(const struct ddx_layout *layout, uint32_t epoch, const char *wh
     return file;
 }
 
-/* An epoch with the last number that pins can tell is offered, and the next one begins with it. */
+/* An epoch with the last number that pins can hold is offered, and the next one begins with it. */
 static void last_number(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader[2] = {puppet_begin(NULL), puppet_begin(NULL)};
@@ -108,8 +108,8 @@ static void last_number(void) {
     close(file);
     free(layout);
     AWAIT(puppet_ask(writer, ORDER_WRITE, 1) == 1, "no program may write");
-    /* Of the epoch 0x1000000 a pin on slot 0 would look like none, and none like a pin. */
-    if (!told_of(&info) || info.epoch <= 0xffffff || !(info.epoch & 0xffffff))
+    /* In epoch 0x1000000 a pin on slot 0 and no pin would look alike. */
+    if (!read_info(&info) || info.epoch <= 0xffffff || !(info.epoch & 0xffffff))
         fail("epoch %u follows on %u", info.epoch, 0xffffff);
     for (unsigned i = 0; i < 2; i++) { /* one of them in slot 0 */
         ASK(reader[i], HOLD, 0, i + 1);
@@ -163,7 +163,7 @@ static void own_files(void) {
     puppet_go_on(writer);
     puppet_go_on(reader);
     struct ddx_item_info info;
-    AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "the writer does not come back");
+    AWAIT(read_info(&info) && info.writer_pid == writer->pid && info.readers == 1, "the writer does not come back");
     ASK(writer, WRITE, 1, 6);
     ASK(reader, HOLD, 1, 6);
     close(fd);
@@ -186,7 +186,7 @@ static unsigned files_of_store(void) {
     return count;
 }
 
-/* Says it, however long the store takes to listen; false: it has hung up. */
+/* Sends the message, however long the store takes to read; false: the store has hung up. */
 static bool insist(int fd, const struct ddx_message *message, const struct ddx_layout *layout, int file) {
     struct pollfd room = {.fd = fd, .events = POLLOUT};
     int result;
@@ -197,7 +197,7 @@ static bool insist(int fd, const struct ddx_message *message, const struct ddx_l
     return !result;
 }
 
-/* An offer that never ends: a control page, and each of these slots (or the same one again and again). */
+/* An offer without an end: a control page, and each of these slots (or one slot repeatedly). */
 static int endless_offer(const struct ddx_layout *layout, uint32_t epoch, int control, const int *slot, unsigned slots,
                          bool same) {
     struct ddx_message message = {.operation = DDX_OFFER, .epoch = epoch, .flags = DDX_FLAG_READER, .type = "FRAME"};
@@ -212,7 +212,7 @@ static int endless_offer(const struct ddx_layout *layout, uint32_t epoch, int co
     return fd;
 }
 
-/* A store with that number of descriptors, whatever this machine's limit is. */
+/* Starts a store with that number of descriptors, independent of this machine's limit. */
 static void store_begin_with(unsigned descriptors) {
     store_descriptors = descriptors;
     store_begin(NULL);
@@ -222,7 +222,7 @@ static void store_begin_with(unsigned descriptors) {
 #define HOARDERS 8
 #define HOARD 150
 
-/* One program offers files, and never ends: others get descriptors of the store all the same. */
+/* One program offers files without an end: others still get descriptors of the store. */
 static void hoard(void) {
     int fd[2 * HOARDERS], slot[DDX_SLOTS_MAX], control = -1;
     unsigned slots = 0;
@@ -267,7 +267,7 @@ static void hoard(void) {
 #define GUESTS 20
 #define CROWD 225 /* frames kept, more than a socket holds messages */
 
-/* One program reads with many handles, and never listens: what is kept for it are files, and others need them, too. */
+/* One program has many reading handles, and never reads messages: the descriptors in these must not starve others. */
 static void never_listen(void) {
     struct ddx_message message = {.operation = DDX_OPEN};
     int fd[GUESTS];
@@ -297,7 +297,7 @@ static void never_listen(void) {
     puppets_end();
 }
 
-/* A program comes back as a reader with a larger share than it ever had: others read, and write, all the same. */
+/* A program comes back as a reader with a larger share than it ever had: others still read and write. */
 static void large_shares(void) {
     int fd[3], pin;
 
@@ -334,7 +334,7 @@ static void large_shares(void) {
     puppets_end();
 }
 
-/* A store that has too few descriptors for all of an offer takes none of it, until it has. */
+/* A store with too few descriptors for a whole offer takes none of it until there are enough. */
 static void few_descriptors(void) {
     struct rlimit all, few;
     struct ddx_item_info info;
@@ -362,7 +362,7 @@ static void few_descriptors(void) {
     AWAIT(stage->journal.passed[DDX_AT_KEEPER_OFFERED] > offered + 1, "the writer does not try again");
     prlimit(store_worker(), RLIMIT_NOFILE, &all, NULL);
     puppet_go_on(reader);
-    AWAIT(told_of(&info) && info.writer_pid == writer->pid && info.readers == 1, "a program does not come back");
+    AWAIT(read_info(&info) && info.writer_pid == writer->pid && info.readers == 1, "a program does not come back");
     if (info.frames < 3)
         fail("%u frames are left of the item", info.frames);
     ASK(writer, WRITE, 20, 22);

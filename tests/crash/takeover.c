@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * How long a takeover takes, and where the time goes. On a busy machine most of it is waiting for a core, which the
- * store can do nothing about. So all parties may be run with real-time priority: then what else the machine does counts
- * little. What a virtual machine's host takes from it meanwhile ("steal") is taken off: no priority helps against that.
+ * The duration of a takeover and its parts. On a busy machine most of it is waiting for a core, which the store cannot
+ * change. So all parties can run with real-time priority, with which other load counts little. Time that a virtual
+ * machine's host takes ("steal") is subtracted, since no priority prevents it.
  */
 #include "takeover.h"
 
@@ -20,7 +20,7 @@ bool takeover_urgent(void) {
     return urgent;
 }
 
-/* ns that the host has taken from all processors, as far as the kernel knows; 0 on a machine of its own. */
+/* ns that the host has taken from all processors, as far as the kernel knows; 0 on a physical machine. */
 static int64_t stolen(void) {
     unsigned long long ticks = 0;
     FILE *file = fopen("/proc/stat", "re");

@@ -8,7 +8,7 @@
 struct takeover {
     int64_t whole;     /* from the writer's death until the first reader has the first frame of the next; its parts: */
     int64_t noticed;   /* the store knows of the death */
-    int64_t granted;   /* another one has asked, has been given memory, and may write */
+    int64_t granted;   /* another program has asked, has got memory, and may write */
     int64_t published; /* it has looked at the last frame and written its first */
     int64_t seen;      /* a reader has it */
 };

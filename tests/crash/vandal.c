@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Programs that mean harm: one scribbles over all it can reach, one floods the store. */
+/* Hostile programs: one overwrites all memory that it can reach, one floods the store. */
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -17,7 +17,7 @@
 
 #define HELD 1500 /* more than the store's descriptors */
 
-/* Tries every way into a memory file; the number of those that let it in. */
+/* Tries every way to write to a memory file; returns the number of successful ones. */
 static unsigned break_into(int fd, size_t bytes) {
     char path[40];
     unsigned ways = 0;
@@ -44,7 +44,7 @@ static unsigned break_into(int fd, size_t bytes) {
     return ways;
 }
 
-/* An honest reader's files, held by another program; afterwards it lies about its pins as fast as it can. */
+/* Attacks the files of its own reading handle, then lies about its pins as fast as it can. */
 void play_vandal(struct actor *me, unsigned stream) {
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, 30);
     DDX_STORE_ITEM *item = actor_lookup(id, stream_name[stream]);
@@ -66,7 +66,7 @@ void play_vandal(struct actor *me, unsigned stream) {
     if (files < 3)
         actor_fail("%u files to break into", files);
     me->frames = files;
-    break_into(item->reader.pin_fd, ddx_page_round(1)); /* that one is its own */
+    break_into(item->reader.pin_fd, ddx_page_round(1)); /* its own page may be written */
     for (uint32_t lie = 1; !leaving; lie = lie * 1664525 + 1013904223, me->beats++) {
         uint32_t epoch = item->reader.term->epoch;
 
@@ -91,7 +91,7 @@ static int link_up(void) {
     return -1;
 }
 
-/* As many connections as there are to be had, items on half of them; half messages, strange descriptors, garbage. */
+/* As many connections as possible, items on half of them; half messages, unexpected descriptors, garbage. */
 void play_flood(struct actor *me) {
     struct rlimit limit;
     struct ddx_layout *layout = ddx_layout_opaque(8);
@@ -100,7 +100,7 @@ void play_flood(struct actor *me) {
     limit.rlim_cur = limit.rlim_max;
     setrlimit(RLIMIT_NOFILE, &limit);
     srand(2005);
-    for (unsigned i = 0; i < HELD && !leaving; i++) { /* quiet guests, which only stay */
+    for (unsigned i = 0; i < HELD && !leaving; i++) { /* idle connections */
         struct ddx_message message = {.operation = DDX_OPEN, .flags = DDX_FLAG_CREATE, .name = "guests", .type = "int"};
         int fd = link_up();
 
@@ -119,7 +119,7 @@ void play_flood(struct actor *me) {
         strcpy(message.type, "int");
         int strange[2] = {fd, STDERR_FILENO};
         for (int k = 0; k < 4; k++) {
-            if (k && i % 2) /* half of them do nothing wrong; they only stay */
+            if (k && i % 2) /* half of them stay idle */
                 break;
             if (k)
                 message.operation = (uint32_t)rand() % 24;
@@ -128,7 +128,7 @@ void play_flood(struct actor *me) {
             ddx_send(fd, &message, k % 2 ? NULL : layout, strange, i % 3);
         }
         if (i % 10 == 0 && send(fd, &message, (size_t)rand() % sizeof message, MSG_NOSIGNAL) < 0)
-            close(fd); /* else it stays open, for as long as the store likes */
+            close(fd); /* the others stay open until the store closes them */
     }
     _exit(0);
 }

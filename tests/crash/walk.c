@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Walks through all points of fault.h: at each one a party is killed, and another is stopped, while writer, standby and
- * readers of two items go on. Each delivered frame is checked word by word (actor.c), losses are compared with
- * the writers' records, and a wait that does not end makes the test fail.
+ * readers of two items continue. Each delivered frame is checked word by word (actor.c), losses are compared with the
+ * writers' records, and a wait that does not end fails the test.
  */
 #include <string.h>
 #include <sys/wait.h>
@@ -11,7 +11,7 @@
 #include "tests.h"
 
 #define PERIOD 0.001
-#define PATIENCE 120.0 /* seconds of stimuli until a point counts as never reached; some take ten, being races */
+#define PATIENCE 120.0 /* seconds of stimuli until a point counts as never reached; races may take ten */
 #define STOPPED 0.1    /* seconds that a stopped party is watched */
 
 static struct party *victim;
@@ -61,8 +61,8 @@ static void change_writer(void) {
 }
 
 /*
- * The writer knows of slots that the store died over, and the victim has not heard of them from its successor: it is
- * stopped until they are written, and then the store is, until the victim has looked.
+ * The store died while it added slots: the writer knows them, the victim does not. The victim is stopped until these
+ * slots are written, and then the next store is stopped until the victim has looked.
  */
 static void lose_slots(unsigned before) {
     uint32_t terms = stage->stream[0].terms;
@@ -87,7 +87,7 @@ static void lose_slots(unsigned before) {
     store_go_on();
 }
 
-/* No frames for so long that waiting readers give up. */
+/* No frames until waiting readers give up. */
 static void pause_writer(unsigned before) {
     struct party *owner = owner_of(0);
 
@@ -98,7 +98,7 @@ static void pause_writer(unsigned before) {
     kill(owner->pid, SIGCONT);
 }
 
-/* What makes a party pass the points that it does not pass by itself. */
+/* Stimuli for points that a party does not pass by itself. */
 static void stimulate(unsigned turn, unsigned before) {
     if (is("claim.ended") || is("attach.ended"))
         kill(victim->pid, SIGTERM);
@@ -124,14 +124,14 @@ static void fault_text(char *text, size_t bytes, const char *action) {
     const char *helped = is("writer.news")         ? "keeper.heard:1:slow,"
                          : is("writer.collided")   ? "writer.chosen:1:slow,"
                          : is("reader.overtaken")  ? "reader.chosen:1:slow,"
-                         : is("keeper.superseded") ? "keeper.lost:1:slow," /* frames are written meanwhile */
+                         : is("keeper.superseded") ? "keeper.lost:1:slow," /* frames are written in between */
                                                    : "";
     int nth = is("reader.unmapped") ? 1 : in("writer.") || in("reader.") || in("direct.") ? 3 : 1;
 
     snprintf(text, bytes, "%s%s:%d:%s", helped, at, nth, action);
 }
 
-/* The victim is on the stage, and with it all that brings it to the point. */
+/* Starts the victim and the parties that bring it to the point. */
 static void bring(const char *fault, unsigned before) {
     struct stream *stream = &stage->stream[0];
 
@@ -141,7 +141,7 @@ static void bring(const char *fault, unsigned before) {
         return;
     }
     if (in("reader.") || in("direct.") || in("attach.")) {
-        /* other ways to wait are used in each of the pauses, too */
+        /* in each pause, other ways to wait are used as well */
         victim = party_begin(is("direct.restored") ? 'd' : 'm', 0, 0, fault);
         AWAIT(actor_of(victim)->frames > 5 || struck(before), "%s: the victim does not begin", where);
         return;
@@ -155,7 +155,7 @@ static void bring(const char *fault, unsigned before) {
     AWAIT(stream->owner == victim->index || struck(before), "%s: the victim does not write", where);
 }
 
-/* Its writer is stopped while the store is restarted, for so long that another one is let in. */
+/* Stops the writer during a restart of the store until another writer is admitted. */
 static void outlast(unsigned before) {
     uint32_t terms = stage->stream[0].terms;
 
@@ -196,7 +196,7 @@ static void killed(bool wrote, uint32_t terms, bool all) {
         if (!first)
             return;
         last_takeover = takeover_done(0, terms + 1, stage->journal.time, first);
-        if (!in("keeper.")) /* there the store is away, too */
+        if (!in("keeper.")) /* at these points the store is away as well */
             takeover_check(&last_takeover, where);
         worst_takeover = last_takeover.whole > worst_takeover.whole ? last_takeover : worst_takeover;
         takeovers++;
@@ -243,7 +243,7 @@ static void refill(void) {
         party_begin('w', 0, PERIOD, NULL);
 }
 
-/* Some slot is still unknown to some reader: it stumbles over it each time round. */
+/* A slot is still unknown to a reader, which meets it in each round. */
 static bool stumbles(void) {
     uint64_t before = stage->journal.passed[DDX_AT_READER_UNMAPPED];
 
@@ -285,7 +285,7 @@ static void walk_point(unsigned point, const char *action) {
     if (liar)
         party_end(liar, SIGKILL);
     refill();
-    /* And all is well again: frames flow, and new programs are admitted. */
+    /* Afterwards frames continue, and new programs are admitted. */
     await_frames(0, 5, 0, where);
     if (is("reader.unmapped"))
         AWAIT(!stumbles(), "%s: a reader never hears of a slot", where);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The store's worker dies again and again, hangs, or is killed by a client's request: its clients notice nothing.
- * No program loses its connection, a reader in order gets every frame, and a new program is admitted.
+ * The store's worker dies repeatedly, hangs, or is killed by a client's request: no program loses its connection, a
+ * reader in order gets every frame, and a new program is admitted.
  */
 #include <string.h>
 
@@ -9,14 +9,14 @@
 #include "tests.h"
 
 #define DEATHS 200
-#define PERIOD 0.005 /* the reader keeps 64 frames, and sleeps for 24 of them now and then */
+#define PERIOD 0.005 /* the reader keeps 64 frames, and sometimes sleeps for 24 */
 #define HANGS 30000000000 /* ns: the holder waits for five of its own seconds */
 
 static uint64_t lost(void) {
     return stage->journal.passed[DDX_AT_KEEPER_LOST];
 }
 
-/* Frames go on meanwhile, and guests come and go. */
+/* Frames continue, and other programs come and go. */
 static void dies_again_and_again(void) {
     store_begin(NULL);
     struct party *writer = party_begin('w', 0, PERIOD, NULL);
@@ -57,7 +57,7 @@ static void dies_again_and_again(void) {
     stage->stream[0].allowed = ~0u;
 }
 
-/* The worker does nothing any more, and does not die. */
+/* The worker hangs without dying. */
 static void hangs(void) {
     store_begin(NULL);
     struct puppet *writer = puppet_begin(NULL), *reader = puppet_begin(NULL);
@@ -70,7 +70,7 @@ static void hangs(void) {
     while (store_worker() == worker || !store_worker()) {
         if (ddx_time_now() > since + HANGS)
             fail("hang: no program takes the worker's place");
-        kill(store_process, SIGUSR1); /* a program that asks for the store's counters all the time changes nothing */
+        kill(store_process, SIGUSR1); /* a program that keeps asking for the store's counters makes no difference */
         nap(0.01);
     }
     printf("another worker after %.1f s\n", (double)(ddx_time_now() - since) / 1e9);
@@ -84,7 +84,7 @@ static void hangs(void) {
     puppets_end();
 }
 
-/* A request that no worker survives: its sender is not served any more, the others are. */
+/* A request that kills each worker: its sender is no longer served, the other programs are. */
 static void poison(void) {
     setenv("DDX_BROKEN", "poison", 1);
     store_begin(NULL);

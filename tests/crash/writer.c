@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A writer that stands by until the item has none, then carries on where the last whole frame is. */
+/* A writer that stands by until the item has none, then continues after the last whole frame. */
 #include <errno.h>
 #include <string.h>
 
@@ -9,11 +9,11 @@ struct writer {
     struct stream *stream;
     struct term *term; /* NULL: stands by */
     uint32_t number;
-    uint64_t published; /* in this term, as the library said */
+    uint64_t published; /* in this term, by the library's return values */
     DDX_STORE_ITEM *item, *look;
 };
 
-/* What its predecessor published last, seen from outside; what that one wrote down must agree. */
+/* Reads the predecessor's last frame, which must agree with the predecessor's record. */
 static void begin(struct writer *w, unsigned index) {
     static FRAME last;
     int result;
@@ -82,7 +82,7 @@ static void superseded(struct writer *w) {
     const struct term *next = &w->stream->term[w->number + 1];
     int64_t until = ddx_time_now() + 8000000000;
 
-    while (w->stream->terms <= w->number) { /* it claimed the item, but has not written down what it found */
+    while (w->stream->terms <= w->number) { /* it claimed the item, but has not recorded yet what it found */
         if (ddx_time_now() > until || leaving)
             return;
         nap(0.001);
@@ -133,7 +133,7 @@ void play_writer(struct actor *me, unsigned stream, unsigned index, double perio
             begin(&w, index);
         if (w.stream->terms == w.number)
             write_one(&w, data);
-        else if (!ddx_store_publish(w.item, NULL)) /* there is no reader any more, and we are about to hear of it */
+        else if (!ddx_store_publish(w.item, NULL)) /* no reader is left, and the message is on its way */
             w.published++;
         me->frames++;
         nap(period);
