@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The slot protocol of package/ddx/lib/ring.h, for Spin: README.md tells what is modelled and what is not. Steps have
+ * The slot protocol of package/ddx/lib/ring.h, for Spin: README.md lists what is modelled and what is not. Steps have
  * the names of ring.h (W1 .. W7, R1 .. R5) and the function that has them. A statement outside atomic and d_step is one
  * step, and others may act before and after it; an atomic has one access to shared memory at most, or stores that
- * no other process can see yet. What depends on a #define in capitals is a fault, for the run that must fail.
+ * no other process can see yet. A #define in capitals switches a fault on, for a run that must fail.
  */
 #ifndef FRAMES
 #define FRAMES 3 /* number of the last write */
 #endif
 #ifndef TAKES
-#define TAKES 2 /* frames that each reader takes; afterwards it stays, and holds nothing */
+#define TAKES 2 /* frames that each reader takes; afterwards it stays without a pin */
 #endif
 #ifndef CRASHES
 #define CRASHES 1 /* of writers, each followed by another one */
@@ -19,7 +19,7 @@
 #endif
 #define READERS 2 /* at a time */
 #ifndef FIRST
-#define FIRST 0 /* readers that are there from the beginning; the others come at any time, or never */
+#define FIRST 0 /* readers from the beginning; the others come at any time, or never */
 #endif
 #define PAGES (READERS + DEATHS) /* pin pages: also of readers that come when another has died */
 #define SLOTS (READERS + 2)
@@ -53,13 +53,13 @@ typedef Epoch {
 Epoch epoch[EPOCHS];
 byte pin[PAGES];
 byte notice; /* version */
-#define FRAME(epoch, number) ((epoch) * 16 + (number)) /* no two writes are alike */
+#define FRAME(epoch, number) ((epoch) * 16 + (number)) /* unique for each write */
 #define NUMBER(frame) ((frame) & 15)
 
 /*
  * ---- store buffers: stores that no other process sees yet ----
  * One for each kind of word, flushed in any order: weaker than x86, where stores stay in order. A release store lands
- * after the earlier ones. A sequentially consistent one waits until it and all before it have landed.
+ * after the earlier ones. A sequentially consistent store waits until it and all earlier ones have landed.
  */
 #define NONE 255
 byte frame_slot = NONE, frame_stored;
@@ -75,7 +75,7 @@ byte pin_stored[PAGES] = NONE;
 #define LATEST_MAY_LAND (frame_slot == NONE && generation_slot == NONE)
 #endif
 
-/* ---- the store, as far as others see it: one process without races, reached by messages ---- */
+/* ---- the store as others see it: one process without races, reached by messages ---- */
 byte current;  /* epoch announced to readers */
 byte attached = (1 << FIRST) - 1; /* a bit for each reader */
 byte kept = FIRST;                /* how many */
@@ -140,10 +140,10 @@ inline wake(e) {
 #define FREE(s) (s < slot_count && s != own_newest && !(tried & (1 << s)))
 #endif
 #define UNUSED(s) (FREE(s) && epoch[current].slot[s].generation == EMPTY)
-/* Of slots that were never written one is like another: the first will do. */
+/* All slots that were never written are equal: take the first. */
 #define MAY_CHOOSE(s, below) (FREE(s) && !(UNUSED(s) && (below)))
 
-/* A crash before a store: it matters only which stores were made. */
+/* A crash before a store: only the completed stores matter. */
 #define OR_CRASH :: crashes < CRASHES -> goto crashed
 
 active proctype writer() {
@@ -159,7 +159,7 @@ next: /* ddx_ring_choose() */
         :: else
         fi
     }
-W1: /* oldest(); here any slot, which is more than the code does */
+W1: /* oldest(); here any slot, more than the code does */
     atomic {
         if
         :: MAY_CHOOSE(0, false) -> slot = 0
@@ -242,7 +242,7 @@ W4: /* pinned(), a step for each pin */
     :: atomic { latest_stored == NONE -> latest_stored = LATEST(number, slot) }
     OR_CRASH
     fi;
-    if /* W7, ddx_futex_wake(); the kernel has a barrier before it looks for sleepers */
+    if /* W7, ddx_futex_wake(); the kernel has a barrier before it searches sleepers */
     :: d_step { ALL_LANDED ->
 #ifndef NO_WAKE
         wake(current);
@@ -269,14 +269,14 @@ crashed:
         before = 0;
         i = 0;
         stuck = false;
-        /* The store hears of the death when the dead one's stores have landed. Its writer_claim(), epoch_carry_over()
-         * and go_live(): the last published frame is the first of a new epoch, and readers are told. */
+        /* The store notices the death after the dead writer's stores have landed. Its writer_claim(),
+         * epoch_carry_over() and go_live(): the last published frame is the first of a new epoch, which readers get. */
         ALL_LANDED;
         own_newest = NO_SLOT;
         slot = LATEST_SLOT(epoch[current].latest); /* ddx_ring_peek() */
         number = LATEST_NUMBER(epoch[current].latest);
 #ifdef LAST_WHOLE_FRAME
-        do /* newer ones, that were not published */
+        do /* newer frames that were not published */
         :: i == SLOTS -> i = 0; break
         :: else ->
             if
@@ -291,7 +291,7 @@ crashed:
 #ifdef NUMBERS_BEGIN_ANEW
         number = 0;
 #else
-        assert(number == newest); /* no number is given twice, none is left out */
+        assert(number == newest); /* no number is used twice or left out */
 #endif
         if
 #ifndef NO_CARRY_OVER
@@ -335,7 +335,7 @@ done:
                    epoch[own].slot[s].generation <= WHOLE(LATEST_NUMBER(epoch[own].latest)))
 #endif
 
-/* Both looks at a frame show the same one, and the one that was written under its number. */
+/* Both looks at a frame show the same frame, the one published under its number. */
 inline look() {
     assert(frame == AT.frame && frame == published[NUMBER(frame)])
 }
@@ -359,7 +359,7 @@ active [PAGES] proctype reader() {
     :: else
     fi;
 end_not_in:
-    atomic { /* store/readers.c reader_attach(): what is newest, then slots and news for the writer, then the answer */
+    atomic { /* store/readers.c reader_attach(): the newest frame, then messages for the writer, then the answer */
         kept < READERS && (me < READERS || deaths > 0) ->
         own = current;
 #ifdef PIN_OF_FIRST_EPOCH
@@ -393,7 +393,7 @@ end_take:
         slot = LATEST_SLOT(epoch[own].latest);
         expected = WHOLE(LATEST_NUMBER(epoch[own].latest)) /* ddx_ring_published() */
     }
-    :: atomic { /* R1 DDX_IN_ORDER, ddx_ring_next(); here any that is new, which is more than the code does */
+    :: atomic { /* R1 DDX_IN_ORDER, ddx_ring_next(); here any new frame, more than the code does */
         if
         :: IS_NEW(0) -> slot = 0
         :: IS_NEW(1) -> slot = 1
@@ -410,7 +410,7 @@ end_asleep:
         if
         :: !asleep[me]
 #ifndef NO_WORD_OF_NEW_EPOCH
-        :: own != current -> asleep[me] = 0 /* ddx_reader_wake(), again until the reader has taken notice */
+        :: own != current -> asleep[me] = 0 /* ddx_reader_wake(), until the reader has noticed */
 #endif
         fi;
         goto take
@@ -435,7 +435,7 @@ end_asleep:
 #else
     :: expected = 0
 #endif
-    :: atomic { deaths < DEATHS -> /* at any time from its pin on: it matters only that the pin stays */
+    :: atomic { deaths < DEATHS -> /* at any time from its pin on: only the remaining pin matters */
         deaths++;
         expected = 0;
         goto dead
@@ -444,8 +444,8 @@ end_asleep:
     frame = AT.frame; /* R4, and ddx_ring_pin(): sequence_of() */
     atomic {
         look();
-        assert(NUMBER(frame) > seen); /* numbers never go back, nothing comes twice */
-        do /* count_missed() counts all between: each of them was published */
+        assert(NUMBER(frame) > seen); /* numbers never go back, no frame comes twice */
+        do /* count_missed() counts all in between, each of which was published */
         :: seen + 1 == NUMBER(frame) -> break
         :: else -> seen++; assert(published[seen])
         od;
@@ -483,7 +483,7 @@ done:
     skip
 }
 
-/* When nothing moves any more, no reader sleeps over a frame that it has not seen. */
+/* When no process can step, no reader sleeps over a frame that it has not seen. */
 active proctype onlooker() {
 end:
     timeout ->

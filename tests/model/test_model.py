@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The two protocols, every interleaving of them within bounds; and faults, each of which must be found."""
+"""Every interleaving of the two protocols within bounds; and faults, each of which must be found."""
 from __future__ import annotations
 
 import pathlib
@@ -23,7 +23,7 @@ BOTH = {"FRAMES": 2, "TAKES": 1, "CRASHES": 1, "DEATHS": 1, "FIRST": 2}
 
 TORN = "frame=="
 FAULTS = [
-    # what is left out or wrong, the bounds within which it shows, the property that it breaks; "": one or another
+    # the fault, the bounds within which it is found, the property that it breaks; "": any
     ("NO_ODD_MARK", CRASH, TORN),
     ("NO_FENCE_OF_WRITER", CRASH, TORN),
     ("NO_LOOK_AT_PINS", CRASH, TORN),
@@ -75,10 +75,10 @@ BOUNDS_OF = {RING: [CRASH, SLEEP], WORKER: [ITSELF, STOP, HANGUP, STORE]}
 
 def check(folder: pathlib.Path, model: pathlib.Path, bounds: dict[str, int], *faults: str, optimise: str = "-O0",
           cycles: bool = False) -> str:
-    """What the checker says; it ends at the first error."""
+    """The checker's output; it stops at the first error."""
     defines = [f"-D{name}={value}" for name, value in bounds.items()] + [f"-D{fault}" for fault in faults]
     subprocess.run(["spin", *defines, "-a", model], cwd=folder, check=True, stdout=subprocess.DEVNULL)
-    # NOFAIR, SAFETY: no cycles are looked for; NP: any is an error. The limit is megabytes.
+    # SAFETY: no search for cycles; NP: any cycle without progress is an error. The limit is in megabytes.
     subprocess.run(["gcc", optimise, "-w", "-DNP" if cycles else "-DSAFETY", "-DNOFAIR", "-DVECTORSZ=512",
                     "-DMEMLIM=2500", "pan.c", "-o", "pan"], cwd=folder, check=True)
     done = subprocess.run(["./pan", "-m20000", "-w23", "-n", *(["-l"] if cycles else [])], cwd=folder,
@@ -118,7 +118,7 @@ def test_the_succession_holds(tmp_path: pathlib.Path, bounds: dict[str, int]) ->
 
 
 def test_the_succession_ends(tmp_path: pathlib.Path) -> None:
-    """Nothing goes round without end, so what can be done, be it said or let in, is done."""
+    """There is no endless loop, so each message is sent and each reader admitted in the end."""
     holds(check(tmp_path, WORKER, {"CRASHES": 1}, cycles=True))
 
 

@@ -1,30 +1,30 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * How one worker of the store succeeds another (package/ddx/store/holder.h, checkpoint.h), and a whole store another one, for
- * Spin: README.md tells what is modelled and what is not. Names are those of the code. A statement outside atomic and
- * d_step is one step, and others may act before and after it. What depends on FAULT_... is a fault, for the run that
- * must fail.
+ * How one worker of the store replaces another (package/ddx/store/holder.h, checkpoint.h), and one whole store another,
+ * for Spin: README.md lists what is modelled and what is not. Names are those of the code. A statement outside atomic
+ * and d_step is one step, and others may act before and after it. FAULT_... switches a fault on, for a run that must
+ * fail.
  */
 #ifndef CRASHES
-#define CRASHES 1 /* of workers, each followed by another one that knows what was committed */
+#define CRASHES 1 /* of workers, each replaced by one with the committed state */
 #endif
 #ifndef DEATHS
-#define DEATHS 0 /* of holders, each followed by a store that knows nothing */
+#define DEATHS 0 /* of holders, each replaced by a store without any state */
 #endif
 #ifndef STOPS
-#define STOPS 0 /* of clients, for good; a client that continues is only slow, which each may be at any time */
+#define STOPS 0 /* of clients, for ever; a client that continues is only slow, as each may be at any time */
 #endif
 #ifndef HANGUPS
-#define HANGUPS 0 /* of the store on a reader, because it has no room or no descriptors for it */
+#define HANGUPS 0 /* of the store on a reader, without room or descriptors */
 #endif
 #ifndef ASKS
-#define ASKS 1 /* requests of the first reader, one after the other: to be let in, then for more room */
+#define ASKS 1 /* requests of the first reader, in sequence: to be admitted, then for more room */
 #endif
 #ifndef SECOND
 #define SECOND 1 /* of the second reader */
 #endif
 #ifndef WRITER_ASKS
-#define WRITER_ASKS 0 /* of the writer, whose handle reads as well */
+#define WRITER_ASKS 0 /* of the writer, whose handle also reads */
 #endif
 #ifndef UNREAD
 #define UNREAD 0 /* messages that the writer has not read at the beginning */
@@ -33,12 +33,12 @@
 #define CLIENTS 3
 #define WRITER 0 /* the others read */
 
-/* wire.h: requests, each with a number and what is said with it */
+/* wire.h: requests, each with a number and its arguments */
 #define ATTACH 1 /* pin page: of a new reader, else it asks for more room */
-#define OFFER 2 /* all of OFFER .. OFFER_END. Reader: pin page, share. Writer: what of the notice it has seen, share. */
+#define OFFER 2 /* all of OFFER .. OFFER_END. Reader: pin page, share. Writer: newest notice seen, share. */
 chan request[CLIENTS] = [ROOM] of { byte, byte, byte, byte };
-/* What the store says, each with a number */
-#define SLOT 0 /* or anything else that means nothing here */
+/* Messages of the store, each with a number */
+#define SLOT 0 /* or any message without effect here */
 #define ANSWER 1 /* ATTACHED and EPOCH: now it may pin */
 #define OFFERED 2
 #define READER(page, version) ((version) * 4 + (page)) /* to the writer; a version is never 0 */
@@ -54,27 +54,27 @@ chan said[CLIENTS] = [ROOM] of { byte, byte };
 #define QUEUED_MAX 6
 
 /* ---- shared memory ---- */
-byte notice; /* version; store and writer have the page, and it outlives any store */
+byte notice; /* version; store and writer share the page, which outlives any store */
 byte pinned; /* a bit for each page: it holds a frame, from now on */
 
-/* ---- what a worker knows ---- */
+/* ---- state of a worker ---- */
 typedef Store {
     bool back = true; /* the writer is known */
     byte announced;
     byte handled[CLIENTS];
-    byte share[CLIENTS]; /* what its requests have done: frames kept for it */
+    byte share[CLIENTS]; /* effect of its requests: frames kept for it */
     byte behind[CLIENTS];
     byte page[CLIENTS];
     byte number[CLIENTS]; /* struct ddx_queue */
     byte count[CLIENTS];
     int queue[CLIENTS]
 };
-Store store; /* by the one that runs */
-Store kept; /* as committed last. There are two copies, and a flip makes the new one count: one step. */
+Store store; /* of the running worker */
+Store kept; /* as committed last. Of the two copies a flip makes the new one valid: one step. */
 
 /* ---- the kernel's ---- */
 byte stores;           /* whole ones that have died */
-byte own[CLIENTS];     /* whose connection this client has */
+byte own[CLIENTS];     /* the number of the store that this client is connected to */
 bool hung_up[CLIENTS]; /* by the store that lives */
 
 /* ---- only for the properties ---- */
@@ -97,7 +97,7 @@ byte known; /* to the writer: a bit for each page */
 #define DRAIN(c) do :: len(request[c]) -> request[c]?_, _, _, _ :: else -> break od
 
 /* ---- the worker; after its death the same process is the next one ---- */
-/* session.c too_early(), readers.c attach(): it serves only clients that come back, before it has heard of the writer. */
+/* session.c too_early(), readers.c attach(): serves only returning clients until the writer has reported. */
 #define HAS_REQUEST(c) (!hung_up[c] && \
                         ((store.back && len(request[c])) || (!store.back && request[c]?[_, OFFER, _, _])))
 #ifdef FAULT_NOT_GATED
@@ -111,7 +111,7 @@ byte known; /* to the writer: a bit for each page */
 #ifdef FAULT_NOTICE_GOES_BACK
 #define IS_NEWS(version) true
 #else
-#define IS_NEWS(version) ((version) > notice) /* what the worker before has said already may be old */
+#define IS_NEWS(version) ((version) > notice) /* the former worker's messages may be old */
 #endif
 #define LEFT_OVER(c) (hung_up[c] && (store.handled[c] || store.number[c]))
 
@@ -144,7 +144,7 @@ inline work() { /* request_handle() */
         store.share[client] = second;
         store.announced = notice;
 #ifndef FAULT_OFFER_WITHOUT_NOTICE
-        store.announced = (first > notice -> first : notice); /* the last store may have died before sent() */
+        store.announced = (first > notice -> first : notice); /* the previous store may have died before sent() */
 #endif
         if :: second -> store.page[client] = OWN_PAGE; announce(client) :: else fi;
         if :: store.share[1] -> announce(1) :: else fi;
@@ -170,11 +170,11 @@ inline say(c) { /* ddx_send() */
 }
 
 active proctype worker() {
-    byte client, number, operation, first, second; /* its request */
+    byte client, number, operation, first, second; /* the client's request */
     byte to;
     bool any;
 
-    d_step { /* at the beginning the writer writes, and knows these readers */
+    d_step { /* the beginning: the writer's socket has unread messages */
         do
         :: store.number[WRITER] < UNREAD ->
             store.number[WRITER]++;
@@ -239,7 +239,7 @@ discard:
     goto turn;
 #endif
 
-said_next: /* clients_go_on(), ddx_queue_go_on(); here in any order, and it may stop though there is room by now */
+said_next: /* clients_go_on(), ddx_queue_go_on(); here in any order, and it may stop although there is room */
     if
     :: atomic { SENDABLE(0) -> say(0) }
     :: atomic { SENDABLE(1) -> say(1) }
@@ -291,7 +291,7 @@ hang_up: /* refuse(), clients_sweep() */
     fi;
 #else
     if
-    :: hung_up[1] = true /* first, or the next worker may take the connection for a new one: files_sweep() */
+    :: hung_up[1] = true /* first, or the next worker may reuse the descriptor for another client: files_sweep() */
     OR_DIE
     fi;
     if
@@ -313,7 +313,7 @@ next_worker: /* holder_run(), checkpoint_restore() */
 #endif
     }
     goto turn;
-next_store: /* the sockets are closed: what clients have not read yet stays, what the store has not is gone */
+next_store: /* the sockets are closed: clients can still read their messages, unread requests are lost */
     atomic {
         stores++;
         number = 0; operation = 0; first = 0; second = 0; client = 0; to = 0; any = false;
@@ -358,10 +358,10 @@ inline on_answer() {
     assert(waits[me]);
     waits[me] = false;
     answered[me]++;
-    assert(!CONNECTED(me) || kept.share[me] == answered[me]) /* what was asked was done, once, and is committed */
+    assert(!CONNECTED(me) || kept.share[me] == answered[me]) /* the request was handled, once, and is committed */
 }
 
-inline connect() { /* ddx_item_disconnect(), ddx_item_reconnect(): it has read all that the former one said */
+inline connect() { /* ddx_item_disconnect(), ddx_item_reconnect(): after all messages of the former store were read */
     own[me] = stores;
     hung_up[me] = false;
     DRAIN(me);
@@ -394,9 +394,9 @@ end:
         sent = 1;
         request[me]!1, OFFER, notice_seen, answered[me]
     }
-    /* ring.c ddx_ring_choose(): W3 sees no news, W4 does not look at a page that is not known; so that frame is torn */
+    /* ring.c ddx_ring_choose(): W3 sees no new version, W4 skips an unknown page, so that frame would be torn */
     :: d_step { notice <= notice_seen && (pinned & ~known) -> assert(!(pinned & ~known)) }
-    /* writer.c choose(): W3 sees news again and again; it would wait for the store */
+    /* writer.c choose(): W3 would see a new version for ever, and wait for the store */
     :: d_step { notice > notice_seen && !len(said[me]) && CONNECTED(me) -> assert(notice <= notice_seen) }
     STOP
     od;
@@ -426,7 +426,7 @@ end:
         :: answered[me] ->
             sent = 1;
             request[me]!1, OFFER, page, answered[me]
-        :: else -> page = (waits[me] && page == 0 -> 2 : page) /* a new request gets another page; one is enough */
+        :: else -> page = (waits[me] && page == 0 -> 2 : page) /* a new request gets another page; one more is enough */
         fi;
         waits[me] = false
     }
@@ -437,7 +437,7 @@ end_stopped:
     false
 }
 
-/* When nothing moves any more, each client has got what it asked for; but readers not, if the writer is stopped. */
+/* When no process can step, each client has its answer, except readers if the writer is stopped. */
 #define DONE(c) (stopped[c] || (c != WRITER && stopped[WRITER]) || \
                  (answered[c] == ASKS_OF(c) && kept.share[c] == answered[c]))
 
