@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Cameras for the boot tests: vivid in a guest, settings of the grabber, what it recorded."""
+"""Cameras for the boot tests: vivid in a guest, the grabber's settings, the frames that it published."""
 import dataclasses
 import json
 import pathlib
@@ -15,21 +15,21 @@ from parts.media import counters, y4m
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 from parts.media.counters import Counters
 
-KEEP = 64  # frames that a test's reader may be late by
-MS = 100  # between two frames of the USB camera
+KEEP = 64  # frames that a reader may lag behind
+MS = 100  # between frames of the USB camera
 UVC = f"/tmp/v4l uvc {{format}} {WIDTH} {HEIGHT} {MS} /test/{{file}}"
 
-__all__ = ["GRABBER", "control", "disk", "loop", "prepare", "vivid"]  # from there for the tests, too
+__all__ = ["GRABBER", "control", "disk", "loop", "prepare", "vivid"]  # re-exported for the tests
 
 def wait_for_node(guest: Guest, there: bool, node: str = "/dev/video0") -> float:
-    """Until there is such a device, and it is the grabber's, or none any more; when that was, by the guest's clock."""
+    """Wait until the device is there and owned by the grabber's user, or is gone; return the guest's uptime in s."""
     is_there = f'[ "$(stat -c %U {node} 2> /dev/null)" = ddxgrab ]' if there else f"! [ -c {node} ]"
     guest.wait_until(is_there, pause=0.05)
     return float(guest.sh("read up rest < /proc/uptime; echo $up"))
 
 
 def plug(guest: Guest, form: str = "YUYV") -> float:
-    """Plug the camera in; when there was a device (s of the guest's clock)."""
+    """Plug the camera in; return the guest's uptime (s) when its device was there."""
     command = UVC.format(format=form, file="feed.mjpeg" if form == "MJPG" else "feed.y4m")
     guest.sh(f"cd /; nohup {command} > /tmp/uvc 2>&1 &")
     return wait_for_node(guest, True)
@@ -43,13 +43,13 @@ def unplug(guest: Guest) -> str:
 
 
 def configure(guest: Guest, text: str, instance: str = GRABBER) -> None:
-    """Settings of an instance as a technician writes them; the service restarts with them."""
+    """Write an instance's settings as a technician does; the service restarts with them."""
     guest.sh(f"printf '%s\\n' {' '.join(repr(word) for word in text.split())} > /data/ddx/{instance}.conf")
     guest.sh(f"/etc/init.d/S*{GRABBER} restart")
 
 
 def driver_controls(guest: Guest, device: str = "/dev/video0") -> dict[str, int]:
-    """All of the driver's, as it says."""
+    """Each of the driver's controls and its value, as the driver reports them."""
     lines = guest.sh(f"/tmp/v4l control {device}").splitlines()
     return {name: int(value) for name, value in (line.rsplit("=", 1) for line in lines)}
 
@@ -66,7 +66,7 @@ def stats(guest: Guest, instance: str = GRABBER) -> Counters:
 
 
 def wait_for_frames(guest: Guest, frames: int = 1, instance: str = GRABBER, seconds: float = PATIENCE) -> Counters:
-    """Until it has put that number of further frames into the store."""
+    """Wait until the grabber has put that many more frames into the store."""
     deadline = time.monotonic() + seconds
     begin = None
     while True:
@@ -83,7 +83,7 @@ def wait_for_frames(guest: Guest, frames: int = 1, instance: str = GRABBER, seco
 
 
 def checksum(picture: bytes, width: int, height: int) -> int:
-    """As tests/guest/frames counts it: FNV-1a over the eight-byte words of each plane."""
+    """The checksum that tests/guest/frames prints: FNV-1a over the eight-byte words of each plane."""
     luma = width * height
     return checksum_of_planes([picture[:luma], picture[luma:luma // 4 * 5], picture[luma // 4 * 5:luma // 2 * 3]])
 
@@ -126,17 +126,17 @@ def value(guest: Guest, item: str) -> dict[str, Any]:
 
 
 class Reader:
-    """Notes every frame of an item while the test does something else."""
+    """Records every frame of an item in the background."""
 
     def __init__(self, guest: Guest, seconds: float, item: str = "video", keep: int = KEEP) -> None:
         self.guest, self.file = guest, f"/tmp/frames.{item}"
         guest.sh(f"rm -f {self.file}; nohup /tmp/frames {item} {seconds} {keep} > {self.file} 2>&1 & "
                  f"echo $! > {self.file}.pid")
-        if f'"{item}"' in guest.sh("ddxctl list --json"):  # else it waits for the item, and may see it late
+        if f'"{item}"' in guest.sh("ddxctl list --json"):  # otherwise it waits for the item, and may open it late
             guest.wait_until(f"grep -q ready {self.file}")
 
     def stop(self) -> list[Frame]:
-        """All that was published by now."""
+        """Return all frames published by now."""
         pid = self.guest.sh(f"read -r pid < {self.file}.pid; kill $pid 2> /dev/null; echo $pid")
         self.guest.wait_until(f"! [ -d /proc/{pid} ]", pause=0.1)
         return [Frame(*(int(word, 0) for word in line.split()))
@@ -144,33 +144,33 @@ class Reader:
 
 
 def changes(frames: list[Frame]) -> list[int]:
-    """The pictures' checksums, where they differ from the one before."""
+    """The pictures' checksums, without repetitions."""
     return [frame.checksum for index, frame in enumerate(frames)
             if index == 0 or frame.checksum != frames[index - 1].checksum]
 
 
 def shows(frames: list[Frame], wanted: list[int]) -> bool:
-    """These pictures, each as it should be, in this order. A few may be missing: the far side shows each for so long,
-    and when the host stalls it may have shown one before the camera looked again."""
+    """Whether the wanted pictures came, bit-exact and in this order. A few may be missing: each is shown for a fixed
+    time, and a host that stalls may let one pass unseen."""
     seen, due = changes(frames), iter(wanted)
     return all(one in due for one in seen) and len(seen) >= len(wanted) // 2
 
 
 def gaps(frames: list[Frame]) -> int:
-    """Numbers of the driver that are missing, where numbering does not start again."""
+    """The count of frame numbers missing in the driver's sequence, except where numbering restarts."""
     steps = [(after.sequence - before.sequence) % 2**32 for before, after in zip(frames, frames[1:])]
     return sum(step - 1 for step in steps if 0 < step < 2**31)
 
 
 @dataclasses.dataclass
 class Run:
-    """What one run of the grabber gave: every frame, as a reader saw it, and what the run added to the counters."""
+    """One run of the grabber: every frame that a reader saw, and the change of the counters."""
     frames: list[Frame]
     counters: Counters
 
     @property
     def wrong(self) -> list[str]:
-        """in = out + lost, and a reader has seen all that went out."""
+        """Violations of: in = out + lost, and a reader has seen every frame that went out."""
         counters, found = self.counters, []
         if counters.waiting or counters.frames_in != counters.out + counters.lost_total:
             found.append(f"does not add up: {counters}")
@@ -189,7 +189,7 @@ def _difference(after: Counters, before: Counters) -> Counters:
 
 def run_grabber(guest: Guest, settings: str, seconds: float, meanwhile: Callable[[], None] = lambda: None,
                 keep: int = KEEP) -> Run:
-    """From its start to its end, after `meanwhile` and these seconds from its first frame on."""
+    """Start the grabber, call `meanwhile`, and stop it `seconds` or more after its first frames."""
     if '"video"' not in guest.sh("ddxctl list --json"):
         configure(guest, settings)
         wait_for_frames(guest)
@@ -207,8 +207,8 @@ def run_grabber(guest: Guest, settings: str, seconds: float, meanwhile: Callable
 
 
 def said(guest: Guest) -> list[str]:
-    """The lines of the last run, without its name and the times, and without those about single frames."""
+    """The last run's messages without name and time, except those about single frames."""
     text = [line.split(" ", 1)[1] for line in log(guest).splitlines() if " " in line]
-    ends = [index for index, line in enumerate(text[:-1]) if line.startswith("{")]  # the counters are its last word
+    ends = [index for index, line in enumerate(text[:-1]) if line.startswith("{")]  # counters are printed last
     return [line.removeprefix(f"{GRABBER}: ") for line in text[ends[-1] + 1 if ends else 0:]
             if not line.startswith("{") and "the driver lost" not in line]

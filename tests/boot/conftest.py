@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Guests for the boot tests: the image of BOARD (the development image, if not set), as flashed, with each firmware."""
+"""Guests for the boot tests: the image of BOARD (default: the development image), as flashed, with each firmware."""
 import contextlib
 import os
 import pathlib
@@ -22,12 +22,12 @@ from .noise import Noise, noisy
 
 BOARD = os.environ.get("BOARD") or machine.DEV
 MACHINES = machine.machines(BOARD)
-# The development image differs from the product in kernel and loader: with its second firmware, only these matter.
+# The development image's kernel and loader are not the product's: with its second firmware, run only these.
 OFTEN = ("test_slots.py",)
 WORK = OUTPUT / "test" / BOARD / os.environ.get("PYTEST_XDIST_WORKER", "")
-# Of two processes that run tests, one has all that share these guests; files are what else stays together.
+# Tests that share one of these guests run in one process; other tests are grouped by file.
 SHARED = {"guest": "clip", "recorded": "clip", "closed": "clip", "camera_guest": "camera"}
-# Of the guests that ended during this test: whether it has failed may show after they are gone.
+# Evidence of the guests that stopped during this test, which may fail only after that.
 GONE: list[evidence.Evidence] = []
 NOISE: dict[qemu.Guest, Noise] = {}
 
@@ -43,10 +43,10 @@ def pytest_runtest_logstart() -> None:
     GONE.clear()
 
 
-# Outermost, so the last to speak: what guests say is no part of a failure's text, by which its second chance is judged.
+# Outermost, so that it runs last: the failure's text decides about a second run, and guests' messages are not in it.
 @pytest.hookimpl(hookwrapper=True, tryfirst=True)  # type: ignore[misc]
 def pytest_runtest_makereport(item: pytest.Item):  # type: ignore[no-untyped-def]
-    """A failed test keeps the guests' messages."""
+    """Keep the guests' messages of a failed test."""
     report = (yield).get_result()
     if report.failed:
         found = [*GONE, *(evidence.take(guest, True) for guest in qemu.Guest.alive)]
@@ -61,13 +61,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if item not in dropped]
 
 
-# Not where all are there: xdist has asked by then.
+# pytest_collection_modifyitems would be too late: xdist has read the groups by then.
 def pytest_itemcollected(item: pytest.Item) -> None:
     item.add_marker(pytest.mark.xdist_group(together(item)))
 
 
 def together(item: pytest.Item) -> str:
-    """Tests with the same of these are run by the same process, one after the other."""
+    """The group of a test; one process runs all tests of a group."""
     assert isinstance(item, pytest.Function)
     found = item._fixtureinfo.name2fixturedefs
     shared = {group for name, group in SHARED.items() if name in found and found[name][-1].func.__module__ == __name__}
@@ -93,7 +93,7 @@ def image() -> Iterator[pathlib.Path]:
 
 @pytest.fixture(scope="session")
 def root(image: pathlib.Path) -> pathlib.Path:
-    """The image's root file system, unpacked, as it was packed."""
+    """The image's root file system, unpacked."""
     return image.parent / "root"
 
 
@@ -104,7 +104,7 @@ def accel() -> str:
 
 @pytest.fixture(scope="session", params=MACHINES, ids=[one.firmware for one in MACHINES])
 def board(request: pytest.FixtureRequest) -> Machine:
-    """The machine to boot in, one after the other with each firmware that the board has to boot with."""
+    """The machine to boot in, once with each firmware that the board supports."""
     found = request.param
     assert isinstance(found, Machine)
     return found
@@ -112,7 +112,7 @@ def board(request: pytest.FixtureRequest) -> Machine:
 
 @pytest.fixture(scope="session")
 def boot(image: pathlib.Path, accel: str, board: Machine, work: pathlib.Path) -> qemu.Boot:
-    """Starts a guest: boot("name of its log", ...), and what else Guest() takes; `accel` instead of the usual one."""
+    """Start a guest: boot("name of its log", ...) with further arguments of Guest(); `accel` replaces the default."""
     def start(name: str, **options: Any) -> qemu.Guest:
         log = work / f"{name}.{board.firmware}.log"
         return qemu.Guest(image, options.pop("accel", accel), board, log=log, **options)
@@ -121,7 +121,7 @@ def boot(image: pathlib.Path, accel: str, board: Machine, work: pathlib.Path) ->
 
 @contextlib.contextmanager
 def kept(guest: qemu.Guest) -> Iterator[None]:
-    """For later tests; paused while others run, since the machine has two processors."""
+    """Keep a guest for later tests, paused while others run, since the host has two processors."""
     qemu.Guest.kept.append(guest)
     yield
     qemu.Guest.kept.remove(guest)
@@ -132,14 +132,14 @@ def clip() -> pathlib.Path:
     """20 s of numbered frames."""
     path = OUTPUT / "clip.y4m"
     if not path.exists():
-        # Under its name it is complete, also where a run is broken off here, or another one looks for it.
+        # Renamed when complete, so that neither an interrupted nor a parallel run leaves or reads a partial clip.
         default_clip.write(path.with_suffix(f".{os.getpid()}")).rename(path)
     return path
 
 
 @pytest.fixture(scope="session")
 def short_clip(work: pathlib.Path) -> pathlib.Path:
-    """Its first half."""
+    """The first half of `clip`."""
     return default_clip.write(work / "short-clip.y4m", default_clip.SHORT)
 
 
@@ -154,7 +154,7 @@ def guest(boot: qemu.Boot, work: pathlib.Path, short_clip: pathlib.Path) -> Iter
 
 @pytest.fixture(scope="session")
 def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[qemu.Guest]:
-    """A guest with vivid, whose output can show a second of the clip; no recorder runs."""
+    """A guest with vivid and a second of the clip for its output; no recorder runs."""
     feed = default_clip.write(work / "feed.y4m", 1)
     with boot("camera", test_disk=camera.disk(work, board.board, feed), more_memory=256) as running:
         camera.prepare(running)
@@ -166,8 +166,8 @@ def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterato
 
 @pytest.fixture(scope="session")
 def closed(boot: qemu.Boot, board: Machine) -> Iterator[qemu.Guest]:
-    """A guest exactly as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update, and on
-    its serial line a device speaks from power-on."""
+    """A guest as flashed: nothing provisioned, no test disk. Its slot is on trial, as after an update, and a device
+    sends on its serial line from power-on."""
     with boot("closed", console=False, environment=("left=3",)) as running, \
             noisy(running, board.firmware) as talk:
         NOISE[running] = talk
@@ -177,13 +177,13 @@ def closed(boot: qemu.Boot, board: Machine) -> Iterator[qemu.Guest]:
 
 @pytest.fixture
 def noise(closed: qemu.Guest) -> Noise:
-    """What the closed guest hears on its serial line."""
+    """The sender on the closed guest's serial line."""
     return NOISE[closed]
 
 
 @pytest.fixture(scope="session")
 def recorded(guest: qemu.Guest, short_clip: pathlib.Path, work: pathlib.Path) -> session.Result:
-    """The clip has gone through, and the recording was compared with it."""
+    """The result of recording the whole short clip and comparing the recording with it."""
     session.wait_for_clip(guest, default_clip.SHORT * default_clip.RATE)
     session.stop_recorder(guest)
     result = session.collect(guest, short_clip, work / "recorded.y4m")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""IIDC cameras for the boot tests: tests/guest/v4l as a USB camera, its pictures, and what has to come out of them."""
+"""IIDC cameras for the boot tests: tests/guest/v4l as a USB camera, its pictures, and the expected results."""
 import contextlib
 import dataclasses
 import pathlib
@@ -23,18 +23,18 @@ GRABBER, USER = "ddxvideo1394", "ddx1394"
 GUID = "00b09d0100abcdef"
 WIDTH, HEIGHT, FRAMES = 176, 144, 8
 MS = 40
-# Number in the registers, bytes for two pixels, what FFmpeg calls the planes of unpacked().
+# The coding's number in the registers, bytes per two pixels, FFmpeg's name for the planes of unpacked().
 CODINGS = {"MONO8": (0, 2, "gray"), "YUV411": (1, 3, "yuv411p"), "YUV422": (2, 4, "uyvy422"),
            "YUV444": (3, 6, "yuv444p"), "RGB8": (4, 6, "rgb24"), "MONO16": (5, 4, "gray"), "RGB16": (6, 12, "rgb24"),
            "RAW8": (9, 2, "bayer_grbg8"), "RAW16": (10, 4, "bayer_grbg8")}
-LAYOUTS = {"RGB24": "RGB8", "YUV422P": "YUV422"}  # and the coding that has its samples
+LAYOUTS = {"RGB24": "RGB8", "YUV422P": "YUV422"}  # layout: the coding with the same samples
 TWO_BYTES = ("MONO16", "RGB16", "RAW16")
 
 Picture = NDArray[numpy.uint8]
 
 
 def sent(coding: str, number: int) -> Picture:
-    """A frame as the camera sends it, a row of bytes each: noise, but one chroma all over, which no filter changes."""
+    """A frame as the camera sends it, one row of bytes per row: noise, but constant chroma, which no filter changes."""
     numeral, bytes_of_two, _ = CODINGS[coding]
     random = numpy.random.default_rng([numeral, number])
     frame = random.integers(0, 256, (HEIGHT, WIDTH * bytes_of_two // 2), numpy.uint8)
@@ -46,7 +46,7 @@ def sent(coding: str, number: int) -> Picture:
 
 
 def marked(coding: str, frame: Picture) -> Picture:
-    """As it is when the counter in its first bytes has been taken out."""
+    """The frame after the grabber has removed the counter from its first bytes."""
     if coding in TWO_BYTES:
         return frame
     frame = frame.copy()
@@ -55,7 +55,7 @@ def marked(coding: str, frame: Picture) -> Picture:
 
 
 def unpacked(coding: str, frame: Picture) -> bytes:
-    """The planes as FFmpeg reads them."""
+    """The frame as planes that FFmpeg reads."""
     if coding in TWO_BYTES:
         return frame[:, 0::2].tobytes()
     if coding == "YUV411":
@@ -75,7 +75,7 @@ def expected(coding: str, counted: bool) -> list[int]:
     if form == "gray":
         pictures = [luma + bytes([128]) * (WIDTH * HEIGHT // 2) for luma in raw]
     else:
-        rgb = "format=rgb24," if form.startswith("bayer") else ""  # a way that all versions of FFmpeg go alike
+        rgb = "format=rgb24," if form.startswith("bayer") else ""  # the same conversion path in all versions of FFmpeg
         scale = f"{rgb}scale={WIDTH}:{HEIGHT}:flags=bilinear+accurate_rnd"
         done = subprocess.run(
             ["ffmpeg", "-v", "error", "-filter_threads", "1", "-f", "rawvideo", "-pix_fmt", form, "-s",
@@ -87,7 +87,7 @@ def expected(coding: str, counted: bool) -> list[int]:
 
 
 def in_layout(layout: str, number: int) -> list[bytes]:
-    """A frame of the coding that has this layout's samples: the planes in the store, each sample the camera's."""
+    """The planes expected in the store for a layout that takes the camera's samples unchanged."""
     frame = marked(LAYOUTS[layout], sent(LAYOUTS[layout], number))
     if layout == "RGB24":
         return [frame.tobytes()]
@@ -95,7 +95,7 @@ def in_layout(layout: str, number: int) -> list[bytes]:
 
 
 def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:
-    """For the test disk."""
+    """The camera's files for the test disk."""
     found: dict[str, pathlib.Path | str] = {}
     for coding, (numeral, _, _) in CODINGS.items():
         path = work / f"iidc.{numeral}"
@@ -107,7 +107,7 @@ def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:
 @contextlib.contextmanager
 def booted(boot: qemu.Boot, work: pathlib.Path, board: Machine, name: str,
            more: Mapping[str, pathlib.Path | str] | None = None) -> Iterator[Guest]:
-    """A guest in which nothing else grabs or records; `more` files for its test disk."""
+    """A guest without other grabbers and recorders; `more`: further files for its test disk."""
     clip = work / "iidc.y4m"
     default_clip.write(clip, 1)
     disk = camera.disk(work, board.board, clip, {**files(work), **(more or {})})
@@ -118,21 +118,21 @@ def booted(boot: qemu.Boot, work: pathlib.Path, board: Machine, name: str,
 
 
 def end(guest: Guest, file: str) -> None:
-    """The process whose number is there. By a command for each look: the shell forgets its children between them."""
+    """Kill the process whose number is in the file. Each check is a command of its own, so that the shell reaps it."""
     pid = guest.sh(f"read -r pid < {file}; kill $pid; echo $pid")
     guest.wait_until(f"! [ -d /proc/{pid} ]", pause=0.05)
 
 
 def in_kernel(number: object) -> str:
-    """The kernel's folder of the camera at this port, from 1 on. No camera may be plugged in there before the folder is
-    gone: vhci_hcd leaves a port enabled when its camera is gone, so that the kernel takes the next camera for the same
-    one. It then takes back transfers of which that one does not know, and waits for the answer without end."""
+    """The kernel's folder of the camera at a port; ports count from 1. Plug in no camera before the folder is gone:
+    vhci_hcd leaves the port enabled after an unplug, so the kernel takes the next camera for the same one, cancels
+    transfers that it does not know, and waits forever for its answer."""
     return f"/sys/devices/platform/vhci_hcd.0/usb*/*-{number}"
 
 
 @dataclasses.dataclass
 class Camera:
-    """One that is plugged in until it is ended."""
+    """A camera that is plugged in from plug() to unplug()."""
     guest: Guest
     port: int = 0
     guid: str = GUID
@@ -146,14 +146,14 @@ class Camera:
                       f"echo $! > /tmp/iidc{self.port}.pid")
 
     def tell(self, word: str, times: int = 1) -> None:
-        """Until it has happened so often."""
+        """Send the word that number of times; wait each time until the camera has obeyed."""
         for _ in range(times):
             before = self.guest.sh(f"grep -cx 'done {word}' /tmp/iidc{self.port} || :")
             self.guest.sh(f"echo {word} > /tmp/words{self.port}")
             self.guest.wait_until(f"[ $(grep -cx 'done {word}' /tmp/iidc{self.port}) -gt {before} ]", pause=0.02)
 
     def unplug(self) -> str:
-        """Until the kernel has noticed. What it says at its end."""
+        """Unplug, wait until the kernel has noticed, and return the camera's last message."""
         end(self.guest, f"/tmp/iidc{self.port}.pid")
         self.guest.wait_until(f"! [ -e {in_kernel(self.port + 1)} ]", pause=0.05)
         return self.guest.sh(f"tail -n 1 /tmp/iidc{self.port}")
@@ -167,7 +167,7 @@ class Run:
 
 
 class Grabber:
-    """The program as its user, with a reader of its item."""
+    """The grabber, run as its user, with a reader of its item."""
 
     def __init__(self, guest: Guest, arguments: str, name: str) -> None:
         self.guest, self.name = guest, name
@@ -183,7 +183,7 @@ class Grabber:
             raise Failed(f"{failed}\n{said}") from failed
 
     def wait(self, frames: int) -> None:
-        """Until the reader has seen that number of frames."""
+        """Wait until the reader has seen that number of frames."""
         self._wait_until(f"[ $(wc -l < /tmp/frames.{self.name}) -gt {frames} ]")
 
     def count(self) -> int:
@@ -208,13 +208,13 @@ class Grabber:
 
 
 def wrong(run: Run, pictures: list[int], counted: bool = True) -> list[str]:
-    """in = out + lost, and each frame is the picture that its number says, or, where it has none, one of them."""
+    """Violations of: in = out + lost, and each frame shows the picture of its number (any picture if not counted)."""
     counts, found = run.counters, []
     first = run.frames[0] if run.frames else None
-    before = first.number - first.source_lost if first else 0  # the reader found the item when it had these
+    before = first.number - first.source_lost if first else 0  # frames before the reader opened the item
     if counts.waiting or counts.frames_in != counts.out + counts.lost_total or counts.out != before + len(run.frames):
         found.append(f"does not add up: {counts}, {len(run.frames)} frames seen")
     for frame in run.frames:
         if frame.checksum not in pictures or (counted and frame.checksum != pictures[frame.sequence % FRAMES]):
-            found.append(f"{frame} is another picture")
+            found.append(f"{frame} shows a wrong picture")
     return found

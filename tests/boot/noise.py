@@ -15,23 +15,23 @@ from parts.guest.qemu import USERSPACE, Guest
 PAUSE = 0.2       # s
 BURST = 2000      # bytes, at once
 SENTENCE = b"$GPGGA,092750.000,5321.6802,N,00630.3372,W,1,8,1.03,61.7,M,55.2,M,,*76\r\n"
-POSITION = b"\xb5\x62\x01\x07\x5c\x00"  # UBX-NAV-PVT, and 92 bytes that may be anything
-KEYS = b"\x03\x04\x13\x1a\x1c\x1b[B\r\n"   # Ctrl-C, -D, -S, -Z, -\\, an arrow: bytes that a terminal takes for commands
+POSITION = b"\xb5\x62\x01\x07\x5c\x00"  # UBX-NAV-PVT, followed by 92 arbitrary bytes
+KEYS = b"\x03\x04\x13\x1a\x1c\x1b[B\r\n"   # Ctrl-C, -D, -S, -Z, -\\, an arrow key: a terminal's commands
 LOGIN = b"\nroot\n\necho al''ive\n"
 
 
 class Noise:
-    """On the guest's serial line until close(). What the line does not take is lost, as on a wire.
+    """Sends on the guest's serial line until close(). Bytes that the line does not take are lost, as on a wire.
 
-    Until there is a userspace it says nothing that ends with Enter: that would choose in GRUB's menu, and go on. With
-    UEFI it says nothing at all until then: QEMU's firmware takes the line for a keyboard, its own setup's and GRUB's;
-    that cannot be switched off in there, as it can on a board (docs/boards.md)."""
+    Before userspace runs it sends no Enter, which would choose an entry in GRUB's menu. With UEFI it sends nothing
+    until then: QEMU's firmware reads the line as a keyboard for its setup and for GRUB, and cannot be told otherwise,
+    unlike a board's (docs/boards.md)."""
 
     def __init__(self, path: pathlib.Path, firmware: str) -> None:
         self.path = path
         self.from_power_on = firmware == "bios"
         self.sent = 0  # messages
-        self.before = 0  # of them, those before userspace
+        self.before = 0  # messages before userspace
         self._heard = b""
         self._end = threading.Event()
         self._thread = threading.Thread(target=self._speak, daemon=True)
@@ -50,11 +50,11 @@ class Noise:
         return SENTENCE + POSITION + chance.randbytes(94) + KEYS + chance.randbytes(BURST) + LOGIN
 
     def _speak(self) -> None:
-        with contextlib.suppress(PermissionError):  # see _hear(): before QEMU, whatever else keeps the processors busy
+        with contextlib.suppress(PermissionError):  # run before QEMU on a busy host, see _hear()
             os.sched_setscheduler(threading.get_native_id(), os.SCHED_RR, os.sched_param(1))
         chance = random.Random(1)
         while not self._end.is_set():
-            # A machine that is started again has a new line.
+            # A machine that starts again has a new socket.
             with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX) as line:
                 line.connect(str(self.path))
                 line.setblocking(False)
@@ -67,8 +67,8 @@ class Noise:
             self._end.wait(PAUSE)
 
     def _hear(self, line: socket.socket) -> bool:
-        """For a while; false: it has gone. Whatever comes, at once: the guest's bytes are sent one by one, some 270 of
-        them fill the socket, and QEMU's line then loses some and says others twice."""
+        """Read for PAUSE seconds; false: disconnected. Reads at once: QEMU sends single bytes, about 270 of them fill
+        the socket, and its serial line then loses some bytes and repeats others."""
         end = time.monotonic() + PAUSE
         while (left := end - time.monotonic()) > 0:
             if select.select([line], [], [], left)[0]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The other end of a guest's network cable: sends chosen frames, sees each frame that comes."""
+"""The other end of a guest's network cable: sends chosen frames and receives all frames."""
 from __future__ import annotations
 
 import pathlib
@@ -29,7 +29,7 @@ def ethernet(target: bytes, kind: int, content: bytes) -> bytes:
 
 
 def ip(source: bytes, target: bytes, protocol: int, content: bytes) -> bytes:
-    """A packet from what it carries, whose own checksum is filled in."""
+    """An IP packet around `content`, whose own checksum is filled in."""
     if len(target) == 4:
         pseudo = source + target + struct.pack("!HH", protocol, len(content)) if protocol != ICMP else b""
     else:
@@ -43,7 +43,7 @@ def ip(source: bytes, target: bytes, protocol: int, content: bytes) -> bytes:
 
 
 class Outsider:
-    """`folder` holds the sockets that are the cable. Frames that came, the guest's own asking aside, are in `came`."""
+    """`folder` holds the sockets of the cable. `came`: received frames, without the guest's address requests."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
@@ -51,7 +51,7 @@ class Outsider:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8 << 20)
         self._socket.bind(str(folder / "outsider"))
-        self._socket.settimeout(30)  # QEMU takes a frame when the guest has room for it
+        self._socket.settimeout(30)  # QEMU takes a frame only when the guest has room
 
     def card(self) -> tuple[str, ...]:
         """QEMU's options for the guest's card."""
@@ -62,7 +62,7 @@ class Outsider:
         self._socket.sendto(frame, str(self.folder / "guest"))
 
     def receive(self, seconds: float) -> list[bytes]:
-        """Frames that come within that time, or are here (0). Questions for our address are answered."""
+        """Frames that arrive within that time; 0: those that are waiting. Answers requests for our address."""
         found = []
         deadline = time.monotonic() + seconds
         while True:
@@ -80,7 +80,7 @@ class Outsider:
         return found
 
     def _answer(self, frame: bytes) -> bool:
-        """ARP and its successor: where is our address?"""
+        """Answer an ARP or IPv6 neighbour request for our address."""
         if frame[12:22] == struct.pack("!HHHBBH", ARP, 1, IP4, 6, 4, 1) and frame[38:42] == IPV4:
             self.send(ethernet(frame[6:12], ARP, frame[14:20] + b"\0\2" + MAC + IPV4 + frame[22:32]))
             return True
@@ -91,7 +91,7 @@ class Outsider:
         return False
 
     def ipv6_neighbour(self, seconds: float) -> bytes:
-        """The address by which the guest answers a call to all nodes; empty if it does not."""
+        """The address from which the guest answers a ping to all nodes; empty without an answer."""
         call = ip(IPV6, ALL_NODES, ICMP6, struct.pack("!BBHHH", ECHO6, 0, 0, 1, 1))
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A scan of all ports of a guest from outside. A port is closed when the guest says so; any other one counts."""
+"""A scan of all ports of a guest from outside. A port is closed only if the guest refuses it."""
 import struct
 
 from .outsider import ICMP, ICMP6, IP4, IP6, GUEST_MAC, IPV4, IPV6, TCP, UDP, Outsider, ethernet, ip
 
 ALL = range(1, 65536)
 OUR_PORT = 40000
-ROUNDS = 6      # a port that has not answered is asked again that often
-PATIENCE = 3.0  # s for the last answers of a round
+ROUNDS = 6      # probes of a port that does not answer
+PATIENCE = 3.0  # s for a round's last answers
 SYN, RST, ACK = 2, 4, 16
-UNREACHABLE = {ICMP: (3, 3), ICMP6: (1, 4)}  # type and code of "there is no such port"
+UNREACHABLE = {ICMP: (3, 3), ICMP6: (1, 4)}  # type and code of "port unreachable"
 
 
 class Scan:
@@ -18,7 +18,7 @@ class Scan:
     def __init__(self, outsider: Outsider, protocol: int, address: bytes, ports: range) -> None:
         self.outsider, self.protocol, self.address, self.ports = outsider, protocol, address, ports
         self.closed: set[int] = set()
-        self.open: set[int] = set()     # took the connection, or sent something back
+        self.open: set[int] = set()     # accepted the connection, or sent an answer
 
     @property
     def _us(self) -> bytes:
@@ -53,7 +53,7 @@ class Scan:
                 return
             self.open.add(port)
             if protocol == TCP:
-                self._tcp(port, 1001, RST)  # it need not wait for us
+                self._tcp(port, 1001, RST)  # so that it does not wait for us
 
     def run(self) -> set[int]:
         """The ports that are not closed."""
@@ -74,6 +74,6 @@ class Scan:
 
 
 def listening(outsider: Outsider, address: bytes, ports: range) -> set[tuple[str, int]]:
-    """What the guest does not refuse at this address."""
+    """The ports that the guest does not refuse at this address."""
     return {(name, port) for name, protocol in (("tcp", TCP), ("udp", UDP))
             for port in Scan(outsider, protocol, address, ports).run()}

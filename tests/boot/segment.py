@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A network segment between two guests, with a relay in it that loses and repeats packets of the stream, in
-both directions, by a seed."""
+"""A network segment between two guests, with a relay that drops and duplicates packets of the stream in both
+directions, by a seed."""
 from __future__ import annotations
 
 import dataclasses
@@ -10,12 +10,12 @@ import selectors
 import socket
 import threading
 
-MEDIA, REPORTS, REPAIR = 8000, 8001, 8002  # the stream's
+MEDIA, REPORTS, REPAIR = 8000, 8001, 8002  # the stream's ports
 ETHERTYPE, PROTOCOL, HEADER = 12, 23, 14  # offsets in an Ethernet frame with IPv4
 
 
 def stream_port(frame: bytes) -> int | None:
-    """The stream's port that UDP over IPv4 goes to; None if this is something else."""
+    """The stream's port that a frame (UDP over IPv4) goes to; None for other frames."""
     if frame[ETHERTYPE:HEADER] != b"\x08\x00" or frame[PROTOCOL] != 17:
         return None
     udp = HEADER + 4 * (frame[HEADER] & 15)
@@ -36,12 +36,12 @@ class Flow:
 
 
 class Segment:
-    """Two ends, each a guest's network card: what comes in at one goes out at the other. All but the stream passes."""
+    """Connects two guests' network cards. Only the stream's packets may be dropped or duplicated."""
 
     def __init__(self, folder: pathlib.Path, seed: str, drop: float, duplicate: float) -> None:
         self.folder, self.random = folder, random.Random(seed)
         self.drop, self.duplicate = drop, duplicate  # percent
-        self.bad = False       # whether mischief happens now
+        self.bad = False       # whether packets are dropped and duplicated now
         self.media, self.reports, self.repair = Flow(), Flow(), Flow()
         self._flows = {MEDIA: self.media, REPORTS: self.reports, REPAIR: self.repair}
         self._selector = selectors.DefaultSelector()
@@ -70,7 +70,7 @@ class Segment:
         try:
             self._sockets[end].sendto(frame, str(self.folder / f"guest{end}"))
         except OSError:
-            pass  # no receiver yet, or no more
+            pass  # no receiver now
 
     def _relay(self, end: int, frame: bytes) -> None:
         port = stream_port(frame)

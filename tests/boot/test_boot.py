@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""How the machine comes up."""
+"""The boot of an intact machine, and its file systems."""
 import pathlib
 import time
 
@@ -15,7 +15,7 @@ def test_boots_through_grub_from_slot_a(guest: Guest) -> None:
     assert "root=PARTUUID=dd5601de-02" in words
 
 
-def test_it_says_which_version_runs(guest: Guest, root: pathlib.Path) -> None:
+def test_health_shows_the_running_version(guest: Guest, root: pathlib.Path) -> None:
     words = version.parse(guest.sh("cat /etc/os-release"))
     assert words == version.os_release(root) and words["ID"] == "ddxvideo"
     assert words["PRETTY_NAME"].encode() in guest.log.read_bytes()
@@ -24,8 +24,8 @@ def test_it_says_which_version_runs(guest: Guest, root: pathlib.Path) -> None:
     assert guest.sh("ddxvideosave -version").splitlines()[-1] == f"image: {words['VERSION']}"
 
 
-def test_a_slot_on_trial_that_comes_up_has_proven_itself(closed: Guest) -> None:
-    """GRUB has counted this boot, the system takes the count away."""
+def test_a_slot_on_trial_is_accepted_once_it_is_up(closed: Guest) -> None:
+    """GRUB counted this boot; the system removes the count."""
     closed.wait_for_log(USERSPACE)
     deadline = time.monotonic() + PATIENCE
     while closed.environment():
@@ -43,37 +43,37 @@ def test_kernel_is_6_12(guest: Guest) -> None:
     assert guest.sh("uname -r").startswith("6.12.")
 
 
-def test_recordings_have_no_journal_data_has_one(guest: Guest) -> None:
+def test_data_has_a_journal_and_recordings_have_none(guest: Guest) -> None:
     disk = guest.snapshot()
     assert "has_journal" not in FileSystem(disk, 6).features()
     assert "has_journal" in FileSystem(disk, 5).features()
     assert " on /rec type ext4 (rw" in guest.sh("mount")
 
 
-def test_checksums_and_large_files_on_recordings(guest: Guest) -> None:
+def test_recordings_file_system_has_checksums_and_large_files(guest: Guest) -> None:
     assert {"metadata_csum", "flex_bg", "large_file"} <= set(FileSystem(guest.snapshot(), 6).features())
 
 
 def test_nothing_can_be_written_below_an_empty_mount_point(guest: Guest) -> None:
-    guest.sh("mkdir /tmp/bare && mount -o bind / /tmp/bare")  # the root without what is mounted on it
+    guest.sh("mkdir /tmp/bare && mount -o bind / /tmp/bare")  # the root without other mounts
     for folder in ["data", "rec", "test"]:
         assert guest.shell().run(f"touch /tmp/bare/{folder}/x")[0] != 0, folder
     guest.sh("umount /tmp/bare")
 
 
-def test_settings_and_recordings_are_mounted(guest: Guest) -> None:
+def test_data_and_recordings_are_mounted(guest: Guest) -> None:
     for folder in ["/data", "/rec"]:
         guest.sh(f"mountpoint -q {folder}")
     assert guest.sh("stat -c '%U %G %a' /rec") == "ddxsave ddx 2755"
 
 
 def test_programs_run_from_data_and_from_memory(guest: Guest) -> None:
-    """Where docs/programs.md has a program of one's own tried."""
+    """The places where docs/programs.md lets users try their own program."""
     for folder, runs in [("/data", True), ("/run", True), ("/tmp", True), ("/rec", False)]:
         guest.sh(f"cp /bin/busybox {folder}/uname")
         assert (guest.shell().run(f"{folder}/uname")[0] == 0) == runs, folder
         guest.sh(f"rm {folder}/uname")
-    guest.sh("cp /bin/busybox /data/true && mount -o bind /data/true /usr/bin/decode")  # it is off
+    guest.sh("cp /bin/busybox /data/true && mount -o bind /data/true /usr/bin/decode")  # decode is off
     assert guest.sh("cmp /data/true /usr/bin/decode && echo same").strip() == "same"
     guest.sh("umount /usr/bin/decode && rm /data/true")
 
@@ -82,4 +82,4 @@ def test_no_start_has_failed(guest: Guest) -> None:
     for line in guest.sh("cat /run/log/boot").splitlines():
         begin, end, status, name = line.split()
         assert status == "0", name
-        print(f"{name}: {float(end) - float(begin):.2f} s")  # judged by the product's budget: test_budget.py
+        print(f"{name}: {float(end) - float(begin):.2f} s")  # judged in test_budget.py

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The product keeps to board/common/budget.txt. What it takes is in output/<board>/budget.json."""
+"""The product keeps to board/common/budget.txt. The measured values are in output/<board>/budget.json."""
 import json
 import pathlib
 import time
@@ -16,14 +16,14 @@ from parts.media.counters import Counters
 from parts.release import budget
 from parts.release.budget import MIB
 
-# A second of this guest is 500 million instructions of its processors, whatever the host is and has to do.
+# A second of this guest is 500 million instructions, independent of the host and its load.
 COUNTED = ("-icount", "shift=1")
 
 
 @pytest.fixture(scope="session")
 def items(request: pytest.FixtureRequest, image: pathlib.Path, guest: Guest, recorded: Result, board: Machine,
           boot: Boot, work: pathlib.Path) -> list[budget.Item]:
-    """The development image's times are figures of a usual boot."""
+    """Measured values with their verdicts. The development image's times come from a usual boot."""
     first_ns, found = recorded.load.first_ns, budget.starts(guest)
     if board.board != machine.DEV:
         with boot("budget", test_disk=work / "clip.img", accel="tcg", extra=COUNTED) as counted:
@@ -55,7 +55,7 @@ def test_the_product_keeps_to_its_budget(items: list[budget.Item], board: Machin
     assert not [one for one in items if one.verdict == "over"], budget.table(items)
 
 
-def test_the_verdict_itself() -> None:
+def test_verdicts_over_near_and_fine() -> None:
     values = {"image": 32.1, "root": 25.3, "memory": 10.0, "first_frame": 6.0, "start": 0.89}
     verdicts = {one.name: one.verdict for one in budget.judge(values)}
     assert verdicts == {"image": "over", "root": "near", "memory": "fine", "first_frame": "near", "start": "fine"}

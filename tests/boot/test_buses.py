@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""One image, whatever its disk hangs on: the root is found there, and settings and recordings are those beside it."""
+"""One image boots from a disk on any bus, and mounts settings and recordings from the same disk."""
 import pytest
 
 from parts.guest import machine
@@ -7,11 +7,11 @@ from parts.guest.qemu import Boot
 
 from .conftest import BOARD
 
-# What stands in the path of such a disk in /sys/devices, and nowhere in another one's.
+# Part of the path in /sys/devices of a disk on this bus only.
 SEEN_AS = {"virtio": "/virtio", "ide": "/ata", "ahci": "/ata", "usb": "/usb", "nvme": "/nvme/", "sd": "/mmc_host/"}
 DRIVER = {"ide": "ata_piix", "ahci": "ahci"}
 CARD = 1 << 30  # QEMU's SD cards are powers of two
-OTHERS = [bus for bus in machine.meta(BOARD)["disk"].split() if bus != "virtio"]  # which all other tests have
+OTHERS = [bus for bus in machine.meta(BOARD)["disk"].split() if bus != "virtio"]  # all other tests use virtio
 
 
 @pytest.mark.long

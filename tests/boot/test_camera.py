@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideoV4L with vivid, the kernel's camera for tests: its own looped output comes out bit by bit."""
+"""ddxvideoV4L with vivid, the kernel's test camera: pictures from its looped output are recorded bit-exact."""
 import pathlib
 
 import pytest
@@ -29,7 +29,7 @@ def clip(guest: Guest, work: pathlib.Path) -> pathlib.Path:
 
 
 def record(guest: Guest, work: pathlib.Path, name: str, shown: int) -> pathlib.Path:
-    """Record while the clip goes by."""
+    """Record while the clip is shown."""
     guest.sh("mount -o remount,rw /rec; rm -f /rec/*.y4m; /etc/init.d/S*ddxvideosave start")
     session.wait_for_recording(guest)
     guest.sh("touch /tmp/feed/go")
@@ -43,7 +43,7 @@ def pictures(path: pathlib.Path) -> list[bytes]:
     return [frame.data for frame in y4m.read(path)[1]]
 
 
-def test_a_camera_that_appears_gives_frames(guest: Guest) -> None:
+def test_a_camera_that_is_plugged_in_gives_frames(guest: Guest) -> None:
     assert camera.wait_for_frames(guest, 5).out >= 5
 
 
@@ -53,12 +53,12 @@ def test_looped_clip_comes_out_bit_exact(guest: Guest, clip: pathlib.Path, work:
     shown = pictures(clip)
     changes = [picture for index, picture in enumerate(recorded) if index == 0 or picture != recorded[index - 1]]
     due = iter(shown)
-    assert all(picture in due for picture in changes)  # the clip's, bit by bit, in order
-    assert len(changes) >= len(shown) // 2  # the far side takes a picture away in time, seen or not: a host may stall
+    assert all(picture in due for picture in changes)  # the clip's pictures, bit-exact, in order
+    assert len(changes) >= len(shown) // 2  # pictures pass unseen if the host stalls
 
 
 def test_text_in_the_picture_is_noticed(guest: Guest, clip: pathlib.Path, work: pathlib.Path) -> None:
-    """The check itself: the driver writes its text into the same loop."""
+    """Proves that the check can fail: the driver writes text into the same loop."""
     camera.loop(guest, SHOWN_MS)
     camera.control(guest, "OSD Text Mode=Counters Only")
     recorded = pictures(record(guest, work, "spoilt.y4m", SECONDS * 25 * SHOWN_MS // 1000))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A camera's controls: listed, followed, changed on request; compared with what the driver says."""
+"""A camera's controls are listed, followed, and changed on request; judged by the driver's own values."""
 import re
 import time
 from typing import Any
@@ -14,7 +14,7 @@ from .camera import GRABBER
 
 @pytest.fixture(scope="module")
 def guest(camera_guest: Guest) -> Guest:
-    camera.configure(camera_guest, "input=Webcam size=320x180 rate=25")  # each input has controls of its own
+    camera.configure(camera_guest, "input=Webcam size=320x180 rate=25")  # each input has its own controls
     camera.wait_for_frames(camera_guest, 5)
     return camera_guest
 
@@ -33,9 +33,9 @@ def our_name(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
-def test_all_of_the_drivers_are_listed_with_their_values(guest: Guest) -> None:
+def test_each_control_of_the_driver_is_listed_with_its_value(guest: Guest) -> None:
     ours, theirs = parameters(guest), camera.driver_controls(guest)
-    moving = {"gain", "read_only_integer_32_bits"}  # vivid lets them follow the clock
+    moving = {"gain", "read_only_integer_32_bits"}  # vivid changes these with time
     assert {our_name(name) for name in theirs} <= set(ours)
     assert len(theirs) > 30
     for name, value in theirs.items():
@@ -67,14 +67,14 @@ def test_refused_with_the_allowed_range(guest: Guest, words: str, status: int, t
     assert {**before, **moving} == {**after, **moving}
 
 
-def test_the_parameters_follow_what_others_change(guest: Guest) -> None:
+def test_parameters_follow_changes_by_other_programs(guest: Guest) -> None:
     for value in (10, 200):
         camera.control(guest, f"Saturation={value}")
         time.sleep(0.5)
         assert parameters(guest)["saturation"]["value"] == value
 
 
-def test_what_was_asked_for_outlives_a_replug(guest: Guest) -> None:
+def test_requested_values_survive_a_replug(guest: Guest) -> None:
     assert ask(guest, "hue=-33") == (0, "")
     guest.sh("echo vivid.0 > /sys/bus/platform/drivers/vivid/unbind; sleep 1")
     status, text = ask(guest, "hue=5")
@@ -84,7 +84,7 @@ def test_what_was_asked_for_outlives_a_replug(guest: Guest) -> None:
     assert camera.driver_controls(guest)["Hue"] == parameters(guest)["hue"]["value"] == -33
 
 
-def test_requests_cost_no_frame(guest: Guest) -> None:
+def test_requests_lose_no_frame(guest: Guest) -> None:
     def ask_often() -> None:
         for value in range(20):
             assert ask(guest, f"brightness={value}") == (0, "")
@@ -93,7 +93,7 @@ def test_requests_cost_no_frame(guest: Guest) -> None:
     assert run.wrong == [] and camera.gaps(run.frames) == run.counters.lost_total
 
 
-def test_without_the_grabber_nobody_answers(guest: Guest) -> None:
+def test_a_request_without_a_running_grabber_is_refused(guest: Guest) -> None:
     guest.sh(f"/etc/init.d/S*{GRABBER} stop")
     status, said = ask(guest, "brightness=1")
     assert status == 2 and said.startswith("ddxctl: video: brightness: no such field; there are frame, fields, width,")

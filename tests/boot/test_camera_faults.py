@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What goes wrong with cameras, made to go wrong by vivid: counted exactly, told in a line, and over soon."""
+"""Camera faults, injected by vivid, are counted exactly, reported in one line, and repaired soon."""
 import contextlib
 import pathlib
 import time
@@ -19,7 +19,7 @@ from .figures import Figure
 pytestmark = pytest.mark.long
 
 PERIOD = 40_000_000  # ns
-SOON = 2.0  # s; within that it is back
+SOON = 2.0  # s until frames come again
 SETTINGS = "size=320x180 rate=25"
 NODE = "/dev/video0"
 
@@ -36,20 +36,20 @@ def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest
 
 @pytest.fixture(scope="module")
 def vivid(guest: Guest) -> Guest:
-    """After the test of a missing camera."""
+    """The guest with vivid loaded: used after the test of a missing camera."""
     if guest.shell().run(f"ls {NODE}")[0] != 0:
         camera.vivid(guest)
     return guest
 
 
 def bind(guest: Guest, how: str) -> None:
-    """Plug or unplug it: bind, unbind."""
+    """Plug the camera in or out: bind, unbind."""
     guest.sh(f"echo vivid.0 > /sys/bus/platform/drivers/vivid/{how}")
 
 
 @contextlib.contextmanager
 def controlled(guest: Guest, name: str, value: object, usual: object) -> Iterator[None]:
-    """vivid does this meanwhile."""
+    """Set a control of vivid, and restore it afterwards."""
     camera.control(guest, f"{name}={value}")
     try:
         yield
@@ -61,7 +61,7 @@ def longest_pause(frames: list[camera.Frame]) -> float:
     return max(after.published - before.published for before, after in zip(frames, frames[1:])) / 1e9
 
 
-def test_without_a_camera_it_waits_and_says_so_once(guest: Guest, record_property: Figure) -> None:
+def test_a_missing_camera_is_reported_once_and_waited_for(guest: Guest, record_property: Figure) -> None:
     camera.configure(guest, SETTINGS)
     time.sleep(3)
     assert camera.said(guest) == [f"{NODE}: not there"]
@@ -91,12 +91,12 @@ def test_dropped_frames_are_counted_exactly(vivid: Guest, record_property: Figur
     # the numbers have the driver's gaps (a slow vivid sometimes uses one twice)
     for before, after in zip(frames, frames[1:]):
         assert after.number - before.number == max(1, after.sequence - before.sequence)
-    del frames[5]  # the check itself: a frame less is a loss more
+    del frames[5]  # proves that the check can fail
     assert camera.gaps(frames) != run.counters.lost["driver"]
 
 
-def test_skip_keeps_the_rhythm_and_skipped_is_not_lost(vivid: Guest) -> None:
-    """The paper's example: each fifth frame of 25 a second; only wanted ones can be lost."""
+def test_skip_keeps_the_pace_and_skipped_frames_are_not_lost(vivid: Guest) -> None:
+    """The paper's example: each fifth frame of 25 a second; only wanted frames can be lost."""
     def drop() -> None:
         with controlled(vivid, "Percentage of Dropped Buffers", 30, 0):
             time.sleep(6)
@@ -106,12 +106,12 @@ def test_skip_keeps_the_rhythm_and_skipped_is_not_lost(vivid: Guest) -> None:
     assert all(frame.number % 5 == 0 for frame in run.frames)
     missing = run.frames[-1].number // 5 + 1 - len(run.frames)
     assert run.counters.lost_total == run.counters.lost["driver"] == missing > 0
-    assert run.counters.skipped + run.counters.out < 5 * run.counters.frames_in  # some of the skipped were lost, too
+    assert run.counters.skipped + run.counters.out < 5 * run.counters.frames_in  # the driver lost some of them
     spacing = sorted(after.time - before.time for before, after in zip(run.frames, run.frames[1:]))
     assert abs(spacing[len(spacing) // 2] - 200_000_000) < 20_000_000  # 5 Hz
 
 
-def test_damaged_frames_are_counted_apart(vivid: Guest) -> None:
+def test_damaged_frames_are_counted_separately(vivid: Guest) -> None:
     def damage() -> None:
         for _ in range(4):
             camera.control(vivid, "Inject V4L2_BUF_FLAG_ERROR=1")
@@ -120,15 +120,15 @@ def test_damaged_frames_are_counted_apart(vivid: Guest) -> None:
     run = camera.run_grabber(vivid, SETTINGS, 3, damage)
     assert run.wrong == []
     assert run.counters.lost["error"] == 4
-    assert camera.gaps(run.frames) == run.counters.lost_total  # and the driver's own
+    assert camera.gaps(run.frames) == run.counters.lost_total  # includes the driver's own losses
 
 
-def test_a_refused_buffer_costs_nothing(vivid: Guest) -> None:
+def test_a_refused_buffer_loses_no_frame(vivid: Guest) -> None:
     run = camera.run_grabber(vivid, SETTINGS, 3, lambda: camera.control(vivid, "Inject VIDIOC_QBUF Error=1"))
     assert run.wrong == [] and camera.gaps(run.frames) == run.counters.lost_total == run.counters.lost["driver"]
 
 
-def test_a_broken_stream_begins_anew(vivid: Guest, record_property: Figure) -> None:
+def test_a_broken_stream_starts_again(vivid: Guest, record_property: Figure) -> None:
     def break_off() -> None:
         time.sleep(1)
         camera.control(vivid, "Inject Fatal Streaming Error=1")
@@ -142,14 +142,14 @@ def test_a_broken_stream_begins_anew(vivid: Guest, record_property: Figure) -> N
 
 
 @pytest.mark.parametrize("injection", ["Inject VIDIOC_STREAMON Error", "Inject VIDIOC_REQBUFS Error"])
-def test_a_start_that_fails_is_tried_again(vivid: Guest, injection: str) -> None:
+def test_a_failed_start_is_repeated(vivid: Guest, injection: str) -> None:
     vivid.sh(f"/etc/init.d/S*{GRABBER} stop")
     camera.control(vivid, f"{injection}=1")
     run = camera.run_grabber(vivid, SETTINGS, 1)
     assert run.wrong == [] and run.frames
 
 
-def test_a_silent_camera_is_noticed_and_its_return_too(vivid: Guest, record_property: Figure) -> None:
+def test_a_silent_camera_and_its_return_are_reported(vivid: Guest, record_property: Figure) -> None:
     silent = 6.0
     times: list[float] = []
 
@@ -190,7 +190,7 @@ def test_unplugged_and_plugged_in_again(vivid: Guest, go: Callable[[Guest], None
         go(vivid)
         time.sleep(3)
         alive = camera.stats(vivid)
-        assert alive.lost["away"] > 0  # says so while it lasts
+        assert alive.lost["away"] > 0  # counted while it lasts
         bind(vivid, "bind")
         times.append(camera.wait_for_node(vivid, True, NODE))
 
@@ -200,15 +200,14 @@ def test_unplugged_and_plugged_in_again(vivid: Guest, go: Callable[[Guest], None
     assert run.wrong == []
     assert vivid.sh(f"cat /run/service/{GRABBER}/restarts") == before
     assert "unplugged" in text[1] and "back after" in text[-1], text
-    # Where mdev is slow it is not allowed at first; and vivid gives a disconnected camera back once no program has it
-    # open.
+    # Access is denied until mdev has set the rights; vivid restores a disconnected camera when no program has it open.
     assert all(line.endswith("Permission denied") or "unplugged" in line or "back" in line for line in text[2:-1]), text
     pairs = list(zip(run.frames, run.frames[1:]))
     _, first = max(pairs, key=lambda pair: pair[1].published - pair[0].published)
     record_property("back_after_s", round(first.published / 1e9 - times[0], 2))
     assert first.published / 1e9 < times[0] + SOON
     missing = sum(round((after.time - before.time) / PERIOD) - 1 for before, after in pairs)
-    assert abs(run.counters.lost_total - missing) <= len(text)  # by the clock: a frame or so each time
+    assert abs(run.counters.lost_total - missing) <= len(text)  # estimated by the clock: off by about one per gap
     numbers = [frame.number for frame in run.frames]
     assert numbers == sorted(set(numbers))
 
@@ -223,8 +222,8 @@ def test_a_busy_camera_is_waited_for(vivid: Guest) -> None:
     assert text[0] == f"{NODE}: in use by another program" and len(text) == 2
 
 
-def test_numbers_that_wrap(vivid: Guest) -> None:
-    """vivid begins 128 before the end of the driver's 32 bits."""
+def test_frame_numbers_that_wrap(vivid: Guest) -> None:
+    """vivid starts numbering 128 frames before the 32-bit counter wraps."""
     with controlled(vivid, "Wrap Sequence Number", 1, 0):
         run = camera.run_grabber(vivid, SETTINGS, 8)
     assert run.wrong == []
@@ -232,7 +231,7 @@ def test_numbers_that_wrap(vivid: Guest) -> None:
     assert run.counters.lost_total == run.counters.lost["driver"] == camera.gaps(run.frames)
 
 
-def test_times_that_are_no_times(vivid: Guest) -> None:
+def test_invalid_frame_times_are_replaced_by_arrival_times(vivid: Guest) -> None:
     with controlled(vivid, "Wrap Timestamp", "64 Bit", "None"):
         run = camera.run_grabber(vivid, SETTINGS, 3)
     assert run.wrong == []
@@ -240,8 +239,8 @@ def test_times_that_are_no_times(vivid: Guest) -> None:
     assert all(0 <= frame.published - frame.time < 60_000_000_000 for frame in run.frames)
 
 
-def test_times_are_the_drivers(vivid: Guest) -> None:
-    """vivid's times are 0.9 of a period late: they mean the end of the exposure."""
+def test_frame_times_are_those_of_the_driver(vivid: Guest) -> None:
+    """vivid's times are 0.9 periods late, since they mark the end of the exposure."""
     run = camera.run_grabber(vivid, SETTINGS, 4)
     early = sorted(frame.time - frame.published for frame in run.frames)
     assert 20_000_000 < early[len(early) // 2] < 36_000_000

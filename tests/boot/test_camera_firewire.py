@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A FireWire bus with IIDC cameras: the kernel's firewire-core, libdc1394 and ddxvideo1394 are real, the card and the
-cameras are a module. It is made for the development image's kernel."""
+"""A FireWire bus with IIDC cameras: the kernel's firewire-core, libdc1394 and ddxvideo1394 are real; a module for the
+development image's kernel simulates the card and the cameras."""
 import contextlib
 import dataclasses
 import functools
@@ -19,8 +19,8 @@ from . import camera
 
 CAMERAS = 5
 SECOND = 8000  # bus cycles
-STORE = 64  # MiB; what the image gives it is not enough for five such pictures
-ROOM = 8  # frames that a reader may be late by
+STORE = 64  # MiB; the image's setting is too small for five such pictures
+ROOM = 8  # frames that a reader may lag behind
 GRABBER = "ddxvideo1394"
 
 
@@ -28,7 +28,7 @@ GRABBER = "ddxvideo1394"
 class Captured:
     numbers: list[int]
     cycles: list[int]  # since the first frame
-    wrong: list[int]   # bytes of each
+    wrong: list[int]   # wrong bytes in each frame
     damaged: list[int]
     resets: int
 
@@ -55,13 +55,13 @@ def parse(text: str) -> Captured:
 
 
 def planned(numbers: list[int], rate: float) -> list[int]:
-    """When frames of these numbers begin, in cycles since frame 0."""
+    """The cycles, from frame 0 on, at which the frames with these numbers begin."""
     return [int(number * SECOND / rate) for number in numbers]
 
 
 @contextlib.contextmanager
 def plan(guest: Guest, which: int, **frames: tuple[int, int]) -> Iterator[None]:
-    """Faults at frames that are counted since the transmission was switched on: the first one, and how many."""
+    """Plan faults: (first frame, count), where frames are counted from the start of the transmission."""
     for what, (first, count) in frames.items():
         firewire.command(guest, f"{what} {which} {first} {count}")
     try:
@@ -77,8 +77,8 @@ def test_the_cameras_are_found(guest: Guest) -> None:
 
 
 def test_losses_are_gaps_in_the_bus_time(guest: Guest) -> None:
-    """Also around a bus reset, after which requests reach the camera again. A frame that lacks a packet takes one of
-    the next frame, which is lost then."""
+    """Also around a bus reset, after which requests reach the camera again. A frame with a missing packet takes one
+    packet from the next frame, which is then lost."""
     with plan(guest, 2, lose=(6, 3), reset=(12, 1), tear=(15, 1)):
         captured = parse(guest.sh(f"{firewire.PROGRAM} capture 2 30 24 2> /dev/null"))
     assert captured.numbers == [0, 1, 2, 3, 4, 5, 9, 10, 11, 12, 13, 14, 15, *range(17, 28)]
@@ -89,15 +89,15 @@ def test_losses_are_gaps_in_the_bus_time(guest: Guest) -> None:
 
 
 def test_a_damaged_frame_of_many_packets(guest: Guest) -> None:
-    """960, whose headers the kernel reports in two events."""
+    """Of 960 packets, whose headers the kernel reports in two events."""
     with plan(guest, 3, tear=(2, 1)):
         captured = parse(guest.sh(f"{firewire.PROGRAM} capture 3 7.5 5 2> /dev/null"))
     assert captured.numbers == [0, 1, 2, 4, 5] and captured.damaged == [0, 0, 1, 0, 0]
     assert captured.cycles == planned(captured.numbers, 7.5)
 
 
-def test_captures_give_back_what_they_took_of_the_bus(guest: Guest) -> None:
-    """The bus has room for three of them."""
+def test_captures_release_channel_and_bandwidth(guest: Guest) -> None:
+    """The bus has room for three captures."""
     assert guest.sh(f"{firewire.PROGRAM} repeat 4 6 2>&1") == ""
 
 
@@ -121,7 +121,7 @@ def test_unplugged_and_plugged_in_again(guest: Guest) -> None:
 
 @functools.cache
 def checksum(which: int, number: int, width: int = firewire.WIDTH, height: int = firewire.HEIGHT) -> int:
-    """Of the grey picture, as the store has it."""
+    """The checksum of the camera's grey picture in the store."""
     grey = firewire.picture(which, number, width * height)
     return camera.checksum(grey + bytes([128]) * (len(grey) // 2), width, height)
 
@@ -135,7 +135,7 @@ def start(guest: Guest, which: int, rate: float = 15, mode: str = "mode=640x480_
 
 
 def stop(guest: Guest, which: int) -> Counters:
-    """What it has counted."""
+    """Stop the grabber and return its counters."""
     guest.sh(f"ddxctl stop {instance_of(which)}")
     counters = camera.stats(guest, instance_of(which))
     guest.sh(f"ddxctl remove {instance_of(which)}")
@@ -143,21 +143,21 @@ def stop(guest: Guest, which: int) -> Counters:
 
 
 def said(guest: Guest, which: int) -> list[str]:
-    """Its messages, without the times and the counters."""
+    """The grabber's messages without times and counters."""
     text = [line.split(" ", 1)[1] for line in camera.log(guest, instance_of(which)).splitlines() if " " in line]
     name = f"{GRABBER}: camera {firewire.GUID.format(which)}: "
     return [line.removeprefix(name) for line in text if not line.startswith("{")]
 
 
 def judge(which: int, frames: list[camera.Frame], first: int = 0) -> None:
-    """Each frame's number is the one in its pixels, after those `first` frames that came before the camera was switched
-    on last: no loss is counted too much or too little."""
+    """Check that each frame's number is the one in its pixels plus `first`, the frames before the camera was last
+    switched on: so each loss is counted exactly once."""
     numbers = [frame.number for frame in frames]
     assert numbers == sorted(set(numbers))
     assert [frame.checksum for frame in frames] == [checksum(which, number - first) for number in numbers]
 
 
-def test_the_list_of_the_grabber(guest: Guest) -> None:
+def test_the_grabber_lists_cameras_and_modes(guest: Guest) -> None:
     lines = guest.sh(f"{GRABBER} -list").splitlines()
     assert lines[0] == f"0: {firewire.GUID.format(0)} ACME CAM0"
     assert "  640x480_MONO8: 7.5 15 30 fps" in lines
@@ -165,7 +165,7 @@ def test_the_list_of_the_grabber(guest: Guest) -> None:
 
 
 def test_the_grabber_counts_each_loss(guest: Guest) -> None:
-    """Lost and damaged frames, around a bus reset: the planned ones are missing, and those that a slow machine lost."""
+    """Around a bus reset, exactly the planned frames are missing, and those that a slow machine lost."""
     with plan(guest, 2, lose=(20, 3), reset=(28, 1), tear=(32, 1)):
         reader = camera.Reader(guest, 60, "cam2")
         start(guest, 2)
@@ -177,13 +177,13 @@ def test_the_grabber_counts_each_loss(guest: Guest) -> None:
     assert missing >= {20, 21, 22, 32, 33} and 28 not in missing
     assert counters.frames_in == counters.out + counters.lost_total == frames[-1].number + 1
     assert counters.lost["error"] == 1 and counters.lost_total == counters.lost["driver"] + 1
-    before = frames[0].number - frames[0].source_lost  # the reader found the item when it had these, or missed them
+    before = frames[0].number - frames[0].source_lost  # frames before the reader's first one
     assert counters.out == before + len(frames) + sum(frame.missed for frame in frames[1:])
-    assert len(said(guest, 2)) == 2, said(guest, 2)  # that it is there, and of the lost frames
+    assert len(said(guest, 2)) == 2, said(guest, 2)  # one about the camera, one about lost frames
 
 
 def test_a_part_of_the_picture_in_format7(guest: Guest) -> None:
-    """Its packets give the rate, by which losses are counted: 8000 a second, 768 of 100 bytes for a frame."""
+    """Losses are counted by the rate, which follows from the packets: 8000 a second, 768 of 100 bytes per frame."""
     with plan(guest, 4, lose=(9, 3)):
         reader = camera.Reader(guest, 60, "cam4")
         start(guest, 4, 10, "mode=FORMAT7_0 format=MONO8 roi=64,32,320,240")
@@ -198,7 +198,7 @@ def test_a_part_of_the_picture_in_format7(guest: Guest) -> None:
 
 @pytest.mark.long
 def test_the_grabber_finds_a_camera_again_by_its_guid(guest: Guest) -> None:
-    """Beside another one, which goes on."""
+    """Another camera goes on without a break."""
     start(guest, 0)
     start(guest, 1)
     for which in (0, 1):
@@ -206,7 +206,7 @@ def test_the_grabber_finds_a_camera_again_by_its_guid(guest: Guest) -> None:
     readers = [camera.Reader(guest, 60, f"cam{which}") for which in (0, 1)]
     firewire.command(guest, "plug 1 0")
     guest.wait_until(f"grep -q 'waiting for' /run/log/{instance_of(1)}/current", pause=0.1)
-    firewire.command(guest, "plug 0 0")  # now the numbers of all others are other ones
+    firewire.command(guest, "plug 0 0")  # changes the node numbers of the other cameras
     firewire.command(guest, "plug 1 1")
     for which in (1, 0):
         guest.wait_until(f"grep -q 'back after' /run/log/{instance_of(which)}/current", 30, pause=0.1)
@@ -217,14 +217,14 @@ def test_the_grabber_finds_a_camera_again_by_its_guid(guest: Guest) -> None:
         begin = next(index for index, frame in enumerate(frames) if frame.checksum != checksum(which, frame.number))
         judge(which, frames[:begin])
         number = next(number for number in range(20) if checksum(which, number) == frames[begin].checksum)
-        judge(which, frames[begin:], frames[begin].number - number)  # a camera that was switched on counts from 0
+        judge(which, frames[begin:], frames[begin].number - number)  # a camera counts from 0 when it is switched on
         assert counters.frames_in == counters.out + counters.lost_total and counters.lost["away"] > 0
         assert "waiting for" in said(guest, which)[1] and "back after" in said(guest, which)[-1]
 
 
 def begins(which: int, frames: list[camera.Frame]) -> list[int]:
-    """The number of the camera's frame 0, for each time that the camera was switched on: a slow machine takes it for
-    silent, and switches it on again. In between each frame's number is the one in its pixels, as in judge()."""
+    """The number of the camera's frame 0 for each time that it was switched on: a slow machine takes it for silent
+    and switches it on again. In between, each frame's number is the one in its pixels, as in judge()."""
     first: list[int] = []
     for frame in frames:
         if not first or checksum(which, frame.number - first[-1]) != frame.checksum:
@@ -248,15 +248,15 @@ def test_five_grabbers_on_one_bus(guest: Guest) -> None:
         assert len(frames) >= 10 and len(begins(which, frames)) <= 1 + again
         assert again or begins(which, frames) == [0]
         assert counters.frames_in == counters.out + counters.lost_total and counters.lost["store"] == 0, lines
-        assert counters.frames_in == frames[-1].number + 1 or counters.lost["away"], lines  # perhaps at the end
+        assert counters.frames_in == frames[-1].number + 1 or counters.lost["away"], lines  # perhaps lost at the end
 
 
 @pytest.mark.long
-def test_a_camera_that_does_not_answer_is_one_line(guest: Guest) -> None:
+def test_a_camera_that_does_not_answer_is_reported_in_one_line(guest: Guest) -> None:
     firewire.command(guest, "silent 3 1")
     start(guest, 3)
     guest.wait_until(f"grep -q 'does not answer' /run/log/{instance_of(3)}/current", 30, pause=0.1)
-    time.sleep(7)  # one that hangs is killed after 6 s
+    time.sleep(7)  # a grabber that hangs is killed after 6 s
     firewire.command(guest, "silent 3 0")
     camera.wait_for_frames(guest, 3, instance_of(3))
     lines = [line for line in said(guest, 3) if "libdc1394" not in line]
@@ -265,7 +265,7 @@ def test_a_camera_that_does_not_answer_is_one_line(guest: Guest) -> None:
     stop(guest, 3)
 
 
-def test_the_module_leaves_nothing(guest: Guest) -> None:
+def test_the_module_can_be_removed_completely(guest: Guest) -> None:
     firewire.unload(guest)
     assert guest.sh("ls /dev | grep -c '^fw' || true").strip() == "0"
     assert "Oops" not in guest.sh("dmesg") and "WARNING" not in guest.sh("dmesg")

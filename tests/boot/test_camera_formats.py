@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Every pixel format, size and standard; two cameras; a stereo pair in the two fields of one. All through vivid."""
+"""Every pixel format, size and standard; two cameras; a stereo pair in the two fields of one. All with vivid."""
 import pathlib
 from collections.abc import Iterator
 
@@ -18,8 +18,8 @@ from .camera import GRABBER, Reader
 pytestmark = pytest.mark.long
 
 SHOWN_MS, FRAMES = 200, 25
-ROOM = 8  # frames of any size that a reader may be late by
-STORE = 128  # MiB; what the image gives it is not enough for 1080p
+ROOM = 8  # frames of any size that a reader may lag behind
+STORE = 128  # MiB; the image's setting is too small for 1080p
 FIRST, SECOND = "/dev/video0", "/dev/video2"
 PAL, WEBCAM = "input=S-Video standard=PAL skip=3", "input=Webcam rate=10 skip=3"
 GREY = bytes([128]) * (WIDTH * HEIGHT // 2)
@@ -33,7 +33,7 @@ def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest
     with boot("camera-formats", test_disk=disk, more_memory=128 + 2 * STORE) as running:
         camera.prepare(running)
         running.sh("/etc/init.d/S*ddxvideosave stop")
-        camera.vivid(running, "n_devs=2 node_types=0x101,0x101")  # each a camera and a screen, nothing else
+        camera.vivid(running, "n_devs=2 node_types=0x101,0x101")  # each only a camera and an output
         yield running
 
 
@@ -43,11 +43,11 @@ def pictures() -> list[bytes]:
 
 
 def looped(guest: Guest, settings: str, fourcc: str) -> list[camera.Frame]:
-    """What comes in while the clip is shown on the line."""
+    """The frames captured while the clip is shown."""
     camera.configure(guest, f"input=S-Video standard=PAL size=CIF {settings}")
     camera.wait_for_frames(guest)
     camera.loop(guest, SHOWN_MS, fourcc)
-    camera.wait_for_frames(guest, 10)  # the other signal has been noticed
+    camera.wait_for_frames(guest, 10)  # the new signal has been noticed
     reader = Reader(guest, 60)
     guest.sh("sleep 1; touch /tmp/feed/go")
     guest.wait_until("grep -q shown /tmp/feed/log")
@@ -65,7 +65,7 @@ def test_each_format_comes_out_bit_exact(guest: Guest, pictures: list[bytes], fo
 
 
 def planes_in(layout: str, clip: bytes) -> list[bytes]:
-    """A picture of the clip in this layout as the far side shows it: rows of chroma belong to the fields by turns."""
+    """A picture of the clip in this layout, as the output shows it: rows of chroma alternate between the fields."""
     luma, half = WIDTH * HEIGHT, WIDTH // 2
     if layout == "GREY8":
         return [clip[:luma]]
@@ -85,14 +85,14 @@ def test_a_layout_of_the_same_samples_is_bit_exact(guest: Guest, pictures: list[
 
 @pytest.mark.parametrize("layout, number, taken", [
     ("YUV422P", 16, "YUYV"), ("GREY8", 18, "GREY"), ("GREY16", 19, "Y16"), ("RGB24", 20, "RGB24")])
-def test_the_camera_s_own_samples_come_first(guest: Guest, layout: str, number: int, taken: str) -> None:
+def test_the_camera_s_format_needs_the_least_conversion(guest: Guest, layout: str, number: int, taken: str) -> None:
     camera.configure(guest, f"input=Webcam size=320x180 layout={layout}")
     camera.wait_for_frames(guest, 3)
     assert camera.value(guest, "video")["format"] == number
     assert f" {taken} 320x180, to video 320x180" in camera.said(guest)[0]
 
 
-def test_a_reader_that_holds_another_layout_is_named(guest: Guest) -> None:
+def test_readers_that_block_a_new_layout_are_reported(guest: Guest) -> None:
     camera.configure(guest, "input=Webcam size=320x180")
     camera.wait_for_frames(guest, 3)
     reader = Reader(guest, 60)
@@ -114,7 +114,7 @@ def test_an_interlaced_pair_is_stacked(guest: Guest, pictures: list[bytes]) -> N
               + stacked(one[luma + chroma:], WIDTH // 2) for one in pictures]
     frames = looped(guest, "format=YU12 deinterlace=stack", "YU12")
     assert camera.shows(frames, camera.checksums(wanted, WIDTH, HEIGHT))
-    assert not camera.shows(frames, camera.checksums(pictures, WIDTH, HEIGHT))  # the check itself
+    assert not camera.shows(frames, camera.checksums(pictures, WIDTH, HEIGHT))  # proves that the check can fail
     assert {frame.fields for frame in frames} == {2}
 
 
@@ -136,8 +136,8 @@ def test_standards_and_their_rates(guest: Guest) -> None:
         assert chr(video["interlacing"]) == ("t" if standard == "PAL" else "b")
 
 
-def test_a_signal_that_changes_is_followed(guest: Guest) -> None:
-    """Without -standard: what is on the line."""
+def test_a_change_of_the_signal_is_followed(guest: Guest) -> None:
+    """Without -standard, the grabber takes the standard of the signal."""
     camera.configure(guest, "input=S-Video")
     camera.wait_for_frames(guest, 5)
     reader = Reader(guest, 60, keep=ROOM)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""An IIDC camera on USB: the real usbfs, libusb and libdc1394, and at the other end of the cable a program."""
+"""An IIDC camera on USB: usbfs, libusb and libdc1394 are real; a program simulates the camera."""
 import pathlib
 from collections.abc import Iterator
 
@@ -44,8 +44,8 @@ def test_a_layout_with_the_camera_s_own_samples_is_bit_exact(guest: Guest, plugg
         assert wrong(run, pictures) == [], (layout, run.said)
 
 
-def test_frames_that_are_missing_or_damaged_are_counted(guest: Guest, plugged: Camera) -> None:
-    """Two short ones, three times three that were never sent: by the camera's counter, exactly."""
+def test_missing_and_damaged_frames_are_counted(guest: Guest, plugged: Camera) -> None:
+    """Two short frames, and three times three that were never sent: counted exactly, by the camera's counter."""
     grabber = Grabber(guest, "-format MONO8", "faults")
     grabber.wait(FRAMES)
     plugged.tell("short", 2)
@@ -58,8 +58,8 @@ def test_frames_that_are_missing_or_damaged_are_counted(guest: Guest, plugged: C
     assert run.frames[-1].source_lost - run.frames[0].source_lost == camera.gaps(run.frames) - 2 >= 9
 
 
-def test_a_stall_and_another_plug(guest: Guest, plugged: Camera) -> None:
-    """The stream begins again, with what was set before; while the camera is away, a clock counts."""
+def test_a_stall_and_a_replug(guest: Guest, plugged: Camera) -> None:
+    """The stream starts again with its settings; while the camera is away, losses are counted by the clock."""
     grabber = Grabber(guest, "-format MONO8", "again")
     grabber.wait(FRAMES)
     guest.sh("ddxctl set again brightness=42 white_balance_red=17")
@@ -81,7 +81,7 @@ def test_a_feature_and_its_range(guest: Guest, plugged: Camera) -> None:
     grabber = Grabber(guest, "-format MONO8", "set")
     grabber.wait(FRAMES)
     guest.sh("ddxctl set set brightness_auto=1")
-    guest.sh("ddxctl set set brightness=200")  # ends the automatic
+    guest.sh("ddxctl set set brightness=200")  # ends automatic mode
     status, text = guest.shell().run("ddxctl set set brightness=236 2>&1")
     assert (status, text.strip()) == (2, "ddxctl: set: brightness: takes a whole number from 16 to 235, not 236")
     found = {one["name"]: one for one in camera.value(guest, "set.parameters")["parameter"] if one["name"]}
@@ -96,13 +96,13 @@ SILENT = "not found, but a camera that is plugged in does not answer: plug it in
 
 
 def states(run: iidc.Run) -> list[str]:
-    """What it says of the camera itself, without the lost frames."""
+    """The messages about the camera's state, without those about lost frames."""
     lines = [line.split(": ", 1) for line in run.said if "the driver lost" not in line]
     return [state for name, state in lines if name.startswith("camera ")]
 
 
 def test_a_camera_that_never_answers(guest: Guest, plugged: Camera) -> None:
-    """The program goes on and looks again; one that answers at last is taken. Each state is one line."""
+    """The program keeps looking, and takes a camera once it answers. Each state is reported in one line."""
     plugged.tell("silent")
     grabber = Grabber(guest, "-format MONO8", "silent")
     grabber.wait_said("does not answer")
@@ -113,7 +113,7 @@ def test_a_camera_that_never_answers(guest: Guest, plugged: Camera) -> None:
     assert [line.split(",")[0] for line in states(run)] == ["not found", "Test Cam"]
 
 
-def test_a_camera_that_answers_no_more_is_not_called_unplugged(guest: Guest, plugged: Camera) -> None:
+def test_a_silent_camera_is_not_called_unplugged(guest: Guest, plugged: Camera) -> None:
     grabber = Grabber(guest, "-format MONO8", "mute")
     grabber.wait(FRAMES)
     plugged.tell("silent")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""IIDC cameras on USB: every mode, parts of the picture, two cameras at once, many times unplugged."""
+"""IIDC cameras on USB: every mode, parts of the picture, two cameras at once, many replugs."""
 import pathlib
 from collections.abc import Callable, Iterator
 
@@ -15,15 +15,15 @@ from . import camera, iidc
 from .iidc import FRAMES, Camera, Grabber, expected, wrong
 
 pytestmark = pytest.mark.long
-SECONDS = 600  # --seconds that all replugs are for
+SECONDS = 600  # --seconds that the full number of replugs is for
 FRAMES_COME = "'back after\\|Test Cam'"
 MODES = ["160x120_YUV444", "320x240_YUV422", "640x480_YUV411", "640x480_YUV422", "640x480_RGB8", "640x480_MONO8",
          "640x480_MONO16"]
 REPLUGS, SIDE_BY_SIDE = 1000, 2
-WARM_UP, CHUNK = 20, 20  # of each camera
+WARM_UP, CHUNK = 20, 20  # replugs of each camera
 GROWN = 4096  # KiB
 SANITIZED = "sanitized1394"
-# PORT GUID NAME COUNT: each time until the first frame is there, and until program and kernel have noticed the end.
+# Arguments: PORT GUID NAME COUNT. Each cycle waits for the first frame, then until program and kernel see the unplug.
 LOOP = f"""n=0
 while [ $n -lt $4 ]; do
     back=$(grep -c {FRAMES_COME} /tmp/said.$3) gone=$(grep -c unplugged /tmp/said.$3)
@@ -81,7 +81,7 @@ def test_parts_of_the_picture(guest: Guest) -> None:
 
 
 def test_two_cameras_are_two_instances(guest: Guest) -> None:
-    """Each is found by its GUID; when one is unplugged, the other one goes on."""
+    """Each is found by its GUID; when one is unplugged, the other goes on."""
     cameras = [Camera(guest, port, guid_of(port)) for port in (0, 1)]
     for one in cameras:
         one.plug()
@@ -107,15 +107,15 @@ def start(guest: Guest, name: str, guid: str, program: str) -> None:
 
 
 def memory(guest: Guest, name: str) -> tuple[int, int]:
-    """KiB in use, and open files, while the camera is unplugged: the least of some looks, since the program looks for
-    the camera now and then."""
+    """KiB in use, and open files, while the camera is unplugged: the minimum of five samples, since the program opens
+    files when it looks for the camera."""
     look = "grep VmRSS /proc/$pid/status; (set -- /proc/$pid/fd/*; echo $#)"
     found = guest.sh(f"read -r pid < /tmp/run.{name}.pid; for i in 1 2 3 4 5; do {look}; sleep 0.2; done").splitlines()
     return min(int(line.split()[1]) for line in found[0::2]), min(int(line) for line in found[1::2])
 
 
 def replug(guest: Guest, names: list[str], count: int) -> None:
-    """Each camera that number of times, side by side: a replug mostly waits for the kernel's hub and the grabber."""
+    """Replug each camera `count` times, in parallel: a replug mostly waits for the kernel's hub and the grabber."""
     loops = " ".join(f"(sh /test/replug.sh {port} {guid_of(port)} {name} {count} && touch /tmp/done.{name}) &"
                      for port, name in enumerate(names))
     done = " && ".join(f"[ -e /tmp/done.{name} ]" for name in names)
@@ -123,10 +123,10 @@ def replug(guest: Guest, names: list[str], count: int) -> None:
     guest.wait_until(done, PATIENCE + 30 * count, pause=0.5)
 
 
-def test_many_times_unplugged(guest: Guest, board: Machine, request: pytest.FixtureRequest,
+def test_many_replugs_leak_nothing(guest: Guest, board: Machine, request: pytest.FixtureRequest,
                               record_property: Callable[[str, object], None]) -> None:
-    """Under AddressSanitizer where the image is of the processor that the desk has. No error, no leak, and as much
-    memory and as many open files at the end as after the first ones."""
+    """With AddressSanitizer where the image has the host's processor type. No error, no leak, and no more memory or
+    open files at the end than after the first replugs."""
     names = [f"often{port}" for port in range(SIDE_BY_SIDE)]
     total = REPLUGS * int(request.config.getoption("seconds")) // SECONDS
     program = iidc.GRABBER

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A USB camera: the real uvcvideo, and at the other end of the cable (vhci_hcd) a program with numbered frames."""
+"""A USB camera: uvcvideo is real; a program behind vhci_hcd simulates the camera and numbers its frames."""
 import pathlib
 import time
 from collections.abc import Iterator
@@ -35,7 +35,7 @@ def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest
 
 
 def missing(frames: list[camera.Frame]) -> int:
-    """Numbers that lack between one picture and the next, read from the pictures themselves."""
+    """The count of frames missing between pictures, by the numbers in the pictures."""
     known = {check: number for number, check in
              enumerate(camera.checksums((picture(number) for number in range(FRAMES)), WIDTH, HEIGHT))}
     shown = [known[frame.checksum] for frame in frames]
@@ -50,8 +50,8 @@ def test_every_frame_comes_out_bit_exact(guest: Guest) -> None:
     assert unplug(guest).startswith("sent ")
 
 
-def test_gaps_are_what_the_pictures_lack(guest: Guest) -> None:
-    """The driver's frames are not read for two seconds: it drops frames that it has no room for."""
+def test_counted_losses_match_the_numbers_in_the_pictures(guest: Guest) -> None:
+    """The grabber is frozen for two seconds: the driver runs out of buffers and drops frames."""
     def freeze() -> None:
         guest.sh(f"p=$(cat /run/service/{GRABBER}/supervise/pid); kill -STOP $p; sleep 2; kill -CONT $p")
         camera.wait_for_frames(guest, 3)
@@ -60,14 +60,14 @@ def test_gaps_are_what_the_pictures_lack(guest: Guest) -> None:
     result = camera.run_grabber(guest, "", 4, freeze)
     assert result.wrong == []
     assert missing(result.frames) == result.counters.lost["driver"] == result.counters.lost_total > 5
-    del result.frames[3]  # the check itself
+    del result.frames[3]  # proves that the check can fail
     assert missing(result.frames) != result.counters.lost["driver"]
     unplug(guest)
 
 
 def test_damaged_frames_are_lost_in_the_driver(guest: Guest) -> None:
     def damage() -> None:
-        for number in (1, 2, 3):  # each is sent before the next is asked for: signals that meet are one
+        for number in (1, 2, 3):  # one at a time: pending signals merge
             guest.sh("killall -USR1 v4l")
             guest.wait_until(f"grep -qx 'damaged {number}' /tmp/uvc", pause=0.05)
         camera.wait_for_frames(guest, 3)
@@ -94,14 +94,14 @@ def test_unplugged_and_plugged_in_again(guest: Guest) -> None:
     text = camera.said(guest)
     assert result.wrong == []
     assert "unplugged" in text[1] and "back after" in text[-1], text
-    assert {line for line in text[2:-1]} <= {f"{NODE}: Permission denied"}, text  # where mdev is slow
+    assert {line for line in text[2:-1]} <= {f"{NODE}: Permission denied"}, text  # until mdev has set the rights
     first = next(frame for frame in result.frames if frame.published / 1e9 > times[0] - 1)
     assert first.published / 1e9 < times[0] + SOON
     assert result.counters.lost["away"] > 10
     unplug(guest)
 
 
-def test_its_control(guest: Guest) -> None:
+def test_brightness_is_set_and_its_range_checked(guest: Guest) -> None:
     plug(guest)
     camera.configure(guest, "")
     camera.wait_for_frames(guest, 3)
@@ -113,7 +113,7 @@ def test_its_control(guest: Guest) -> None:
 
 
 def test_jpeg_pictures(guest: Guest, work: pathlib.Path) -> None:
-    """They are decoded on the way; the recording shows each number in its turn."""
+    """JPEG frames are decoded; the recording shows each number in order."""
     plug(guest, "MJPG")
     camera.configure(guest, "")
     camera.wait_for_frames(guest, 3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A wrong clock spoils no recording: none is written over, they keep their order, and steps harm no frame."""
+"""A wrong clock harms no recording: none is overwritten, they keep their order, and clock steps lose no frame."""
 import hashlib
 import pathlib
 
@@ -16,13 +16,13 @@ pytestmark = pytest.mark.long
 
 SECONDS = 4
 FRAMES = SECONDS * default_clip.RATE
-# The battery's clock at each boot, and what the recording's name says of it.
+# The hardware clock at each boot, and the date in the recording's name.
 CLOCKS = [("2026-03-01T12:00:00", "20260301"), ("1970-01-01T00:00:10", "19700101"), ("2038-01-19T03:14:00", "20380119"),
           ("1970-01-01T00:00:10", "19700101")]
 
 
 def recordings(guest: Guest, work: pathlib.Path) -> dict[str, pathlib.Path]:
-    """All of them, by the name of their first file, in the order of their numbers."""
+    """All recordings by the name of their first file, in the order of their numbers."""
     partition = FileSystem(guest.snapshot())
     return {names[0]: partition.take_all(names, work / f"clock-{names[0]}") for names in partition.recordings()}
 
@@ -44,11 +44,11 @@ def test_recordings_of_any_year_stay_and_keep_their_order(boot: Boot, work: path
         assert len(found) == number and f"-{number:06d}-{day}T" in last
         assert compare(clip, found[last]).missing == []
         now = {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in found.items()}
-        assert {name: now[name] for name in digests} == digests  # older ones are what they were
+        assert {name: now[name] for name in digests} == digests  # older recordings are unchanged
         digests = now
 
 
-def test_a_step_of_the_clock_disturbs_no_frame(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
+def test_a_clock_step_loses_no_frame(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
     disk = testdisk.make(work / "step.img", clip)
     with boot("step", test_disk=disk) as guest:
         for step in ("2001-01-01 00:00:00", "2037-12-31 23:59:59", "1999-06-01 12:00:00"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""No door is open unless the provisioning file opens it."""
+"""There is no login unless the provisioning file opens one."""
 import pathlib
 import time
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The technician's hand: ddxctl switches services on and off, at once, for the next boot, and for the next image."""
+"""ddxctl switches services on and off at once, for later boots, and for the next image."""
 import json
 import pathlib
 
@@ -26,7 +26,7 @@ def run(guest: Guest, command: str) -> tuple[int, str]:
 
 
 def runs(guest: Guest, name: str) -> None:
-    """A new service folder is seen within some seconds."""
+    """Wait until the service runs; runsvdir sees a new service folder within seconds."""
     guest.wait_until(f"ddxctl status {name} | grep -q state=running")
 
 
@@ -39,7 +39,7 @@ def test_services_are_those_of_the_tables(guest: Guest) -> None:
     assert table[0].split() == ["SERVICE", "ENABLED", "STATE", "PID", "RESTARTS"] and len(table) == len(found) + 1
 
 
-def test_health_is_one_screen_and_points_at_what_is_wrong(guest: Guest, recorded: session.Result) -> None:
+def test_health_fits_one_screen_and_names_each_problem(guest: Guest, recorded: session.Result) -> None:
     status, screen = run(guest, "ddxctl health")
     lines = screen.splitlines()
     assert len(lines) <= 24 and all(len(line) <= 120 for line in lines)
@@ -61,7 +61,7 @@ def test_health_is_one_screen_and_points_at_what_is_wrong(guest: Guest, recorded
 @pytest.mark.parametrize("lines, says", [
     ("enabled=off", f"/data/ddx/{SEND}.conf: line 1: enabled=off: yes or no is needed"),
     ("enabled=yes port=99999", "-port 99999: a number from 2 to 65532 is needed")])
-def test_what_cannot_be_meant_is_told_and_not_tried_again(guest: Guest, lines: str, says: str) -> None:
+def test_invalid_settings_are_reported_and_not_retried(guest: Guest, lines: str, says: str) -> None:
     file = f"/data/ddx/{SEND}.conf"
     guest.sh(f"printf '%s\\n' {lines} > {file}")
     run(guest, f"ddxctl start {SEND}")
@@ -69,7 +69,7 @@ def test_what_cannot_be_meant_is_told_and_not_tried_again(guest: Guest, lines: s
     assert services(guest)[SEND]["restarts"] == 0
     guest.wait_until(f"ddxctl logs {SEND} | grep -qF -e '{says}'")
     assert f"! service    {SEND} is misconfigured; ddxctl logs {SEND}" in run(guest, "ddxctl health")[1]
-    guest.sh(f"ddxctl disable {SEND}")  # which mends the line, too
+    guest.sh(f"ddxctl disable {SEND}")  # also repairs the line
     assert services(guest)[SEND]["state"] == "stopped"
     guest.sh(f"rm {file}")
 
@@ -93,14 +93,14 @@ def test_what_cannot_be_meant_is_told_and_not_tried_again(guest: Guest, lines: s
     ("reset all", "needs a word: settings or everything"),
     ("reset settings disks", "unexpected 'disks'; recordings is possible"),
 ])
-def test_a_wrong_word_changes_nothing_and_is_told_the_right_ones(guest: Guest, words: str, says: str) -> None:
+def test_a_wrong_word_changes_nothing_and_valid_words_are_listed(guest: Guest, words: str, says: str) -> None:
     status, text = run(guest, f"ddxctl {words}")
     assert status == 2 and text.startswith("ddxctl: ") and says in text and len(text.splitlines()) == 1
     assert run(guest, f"ls -A /data/ddx | grep {SEND}")[0] == 1
 
 
 @pytest.mark.long
-def test_a_toggle_holds_now_after_a_boot_and_in_another_image(boot: Boot, tmp_path: pathlib.Path) -> None:
+def test_a_toggle_holds_now_after_a_boot_and_in_the_other_slot(boot: Boot, tmp_path: pathlib.Path) -> None:
     with boot("toggle", keep=tmp_path, prepare=fill_slot_b) as guest:
         guest.shell()
         assert services(guest)[SAVE]["state"] == "running"
@@ -135,7 +135,7 @@ def test_a_toggle_holds_now_after_a_boot_and_in_another_image(boot: Boot, tmp_pa
 
 
 @pytest.mark.long
-def test_a_reset_takes_settings_and_leaves_recordings(boot: Boot, tmp_path: pathlib.Path) -> None:
+def test_a_reset_removes_settings_and_keeps_recordings(boot: Boot, tmp_path: pathlib.Path) -> None:
     with boot("reset", keep=tmp_path) as guest:
         guest.shell()
         guest.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo; echo x > /rec/old.y4m")
@@ -160,7 +160,7 @@ def test_a_reset_takes_settings_and_leaves_recordings(boot: Boot, tmp_path: path
 
 
 def held(guest: Guest, slot: str) -> None:
-    """What was toggled in the first boot."""
+    """Check that the toggles of the first boot still hold."""
     assert f"ddx.slot={slot}" in guest.sh("cat /proc/cmdline")
     runs(guest, REAR)
     found = services(guest)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A disk that hangs, is full or fails: losses are counted and in the index, and no other program notices."""
+"""A disk that hangs, is full or fails: losses are counted and indexed, and no other program is affected."""
 import contextlib
 import pathlib
 import time
@@ -22,13 +22,13 @@ pytestmark = [
 ]
 
 SMALL = 96   # MiB
-SOON = 30.0  # s; wanted are 2, but emulated machines are slow
+SOON = 30.0  # s; the goal is 2, but emulated machines are slow
 
 
 @contextlib.contextmanager
 def recording(boot: Boot, work: pathlib.Path, clip: pathlib.Path, name: str, settings: str = "",
               megabytes: int = 2048, cold: bool = True) -> Iterator[tuple[Guest, SlowDisk]]:
-    """A guest that records the clip, again and again, on a disk of its own. `cold`: no file is ready before."""
+    """A guest that records the clip in a loop on a separate disk. `cold`: without files prepared in advance."""
     test = disk_session.test_disk(work, clip, settings)
     with SlowDisk(megabytes) as disk, \
             boot(name, test_disk=test, provision=disk_session.QUIET, extra=disk.drive()) as guest:
@@ -43,7 +43,7 @@ def out(guest: Guest, program: str) -> int:
 
 
 def wait_for_out(guest: Guest, program: str, frames: int) -> None:
-    """Until that number of further frames is out."""
+    """Wait until the program has put out that many more frames."""
     aim = out(guest, program) + frames
     end = time.monotonic() + PATIENCE
     while out(guest, program) < aim:
@@ -52,14 +52,14 @@ def wait_for_out(guest: Guest, program: str, frames: int) -> None:
 
 
 def source_is_unaffected(guest: Guest) -> None:
-    """The clip goes on, and the store loses nothing of it."""
+    """Check that the clip goes on and the store loses none of its frames."""
     wait_for_out(guest, LOAD, 50)
     load = session.follow(guest, 0)[LOAD]
     assert load.lost_total == 0 and load.starts == 1
 
 
 def test_a_disk_that_hangs(boot: Boot, work: pathlib.Path, clip: pathlib.Path, record_property: Figure) -> None:
-    """Two seconds cost nothing; five, longer than the ring, cost what counters, index and pictures agree on."""
+    """Two seconds lose nothing; five are longer than the ring: counters, index and pictures show the same loss."""
     with recording(boot, work, clip, "disk-hangs") as (guest, disk):
         wait_for_out(guest, SAVE, 50)
         disk.frozen(2)
@@ -73,14 +73,14 @@ def test_a_disk_that_hangs(boot: Boot, work: pathlib.Path, clip: pathlib.Path, r
                         "lost_by_pictures": result.found.lost, "lost_counted": result.save.lost,
                         "longest_write_ms": result.stall_ms}.items():
         record_property(name, value)
-    assert (result.stall_ms or 0) > 4500  # it did hang
+    assert (result.stall_ms or 0) > 4500  # the disk did hang
     assert result.found.disagreements == [] and result.found.wrong == 0
     assert result.found.lost == result.save.lost["ring"] > 20
     assert result.save.lost_total == result.found.lost
 
 
 def test_a_full_disk(boot: Boot, work: pathlib.Path, clip: pathlib.Path, record_property: Figure) -> None:
-    """As the image has it: what was recorded is kept, and the recorder says that it has stopped."""
+    """With the image's settings: the recordings are kept, and the recorder reports that it has stopped."""
     with recording(boot, work, clip, "disk-full", "segment=8\nonce=yes\n", SMALL) as (guest, disk):
         log = f"/run/log/{SAVE}/current"
         guest.wait_until(f'grep -q "recording stopped, No space left" {log}')
@@ -92,7 +92,7 @@ def test_a_full_disk(boot: Boot, work: pathlib.Path, clip: pathlib.Path, record_
 
 
 def test_a_disk_that_fails(boot: Boot, work: pathlib.Path, clip: pathlib.Path, record_property: Figure) -> None:
-    """One line, soon; the frames that were not safe are counted as lost."""
+    """Reported soon, in one line; frames that were not yet safe on disk are counted as lost."""
     with recording(boot, work, clip, "disk-fails", "once=yes\n") as (guest, disk):
         wait_for_out(guest, SAVE, 50)
         log = f"/run/log/{SAVE}/current"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The recordings' disk is pulled out while recording and plugged in again: said soon, and it goes on by itself."""
+"""The recordings' disk is pulled out while recording, and plugged in again: reported soon; recording resumes."""
 import json
 import pathlib
 
@@ -33,7 +33,7 @@ def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib
     test = testdisk.make(work / "unplugged.img", clip, {f"{LOAD}.conf": "loop=\n", f"{SAVE}.conf": "segment=8\n"})
     extra = ("-device", "qemu-xhci,id=usb", "-blockdev", json.dumps(node))
     with boot("disk-unplugged", test_disk=test, extra=extra, provision=f"service={SAVE} off\n") as guest:
-        guest.sh("umount /rec")  # the image's own
+        guest.sh("umount /rec")  # the image's partition
         plug(guest)
         guest.sh(f"ddxctl enable {SAVE}")
         wait_for_out(guest, SAVE, 100)
@@ -45,7 +45,7 @@ def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib
         record_property("seconds_until_told", round(told, 1))
         assert "! disk       /rec is not mounted" in guest.sh("ddxctl health || true")
         source_is_unaffected(guest)
-        assert guest.sh("touch /rec/here 2> /dev/null || ls -A /rec") == ""  # nothing is written below it, nor can be
+        assert guest.sh("touch /rec/here 2> /dev/null || ls -A /rec") == ""  # the mount point is read-only
 
         out = session.follow(guest, 0)[SAVE].out
         plug(guest)
@@ -57,5 +57,5 @@ def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib
     record_property("recorder", {"in": save.frames_in, "out": save.out, "lost": save.lost})
     recorded = [one["frames"] for one in found if "frames" in one]
     assert len(recorded) >= 2 and save.out >= out + 100
-    assert sum(recorded) == save.out  # what was promised, before the disk went and after it came
+    assert sum(recorded) == save.out  # frames counted as recorded, before and after the unplug
     assert save.frames_in == save.out + save.lost_total and save.lost["restart"] + save.lost["write"] > 0

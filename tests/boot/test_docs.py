@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What docs/technician.md has typed at the machine works as it stands there: make docs, without its pictures."""
+"""The commands in docs/technician.md work as printed: make docs, without its pictures."""
 import pathlib
 
 import pytest
@@ -17,6 +17,6 @@ def test_each_command_of_the_technicians_page(boot: Boot, image: pathlib.Path, w
     users = docs.laptops(work / "docs")
     with boot("docs", **docs.provide(image, work / "docs", users)) as guest:
         docs.prepare(guest)
-        assert not docs.check(guest, users, docs.ROBOT, "ddxctl enable ddxvideo")  # the check itself
+        assert not docs.check(guest, users, docs.ROBOT, "ddxctl enable ddxvideo")  # proves that the check can fail
         assert not docs.check(guest, users, docs.LAPTOP, "scp root@robot1:/nothing .")
         assert [line for line in commands if not docs.check(guest, users, *line)] == []

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Each service in turn is killed, hangs, and dies again and again: it is back, that is counted, frames flow again, and
-no other service notices. How long it took is a figure."""
+"""Each service in turn is killed, hangs, and dies repeatedly: it comes back, that is counted, frames flow again, and no
+other service is affected. The durations are figures."""
 import pathlib
 from collections.abc import Iterator
 
@@ -22,8 +22,8 @@ pytestmark = pytest.mark.long
 
 SERVICES = tables.services()
 LOOKED_AFTER = [name for name in SERVICES if name != HEALTH]  # the watchdog supervises it: test_health.py
-LONG_RUN = 11  # s; one that ran for this time is started again at once
-DISK = 8 << 30  # bytes; all that is recorded meanwhile fits
+LONG_RUN = 11  # s; a service that ran this long is restarted at once
+DISK = 8 << 30  # bytes; enough for all recordings of these tests
 SETTINGS = {LOAD: "loop=\nrate=0.4\n", SAVE: "segment=16\n", stream.SEND: "interface=lo\ncodec=mpeg4\n",
             stream.DECODE: "interface=lo\n", "ddxvideoSVS": "calib=/test/stereo.yml\n",
             "catalog": "c=/test/exports.conf\n"}
@@ -31,7 +31,7 @@ SETTINGS = {LOAD: "loop=\nrate=0.4\n", SAVE: "segment=16\n", stream.SEND: "inter
 
 @pytest.fixture(scope="module")
 def guest(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> Iterator[Guest]:
-    """All of them run: a clip goes round and round, and is recorded and streamed."""
+    """A guest with all services: a clip plays in a loop, and is recorded and streamed."""
     files = {f"{name}.conf": "enabled=yes\n" + SETTINGS.get(name, "") for name in SERVICES}
     files["exports.conf"] = "interface lo\n"
     files["stereo.yml"] = calibration.text(calibration.ideal(352, 144))
@@ -49,12 +49,12 @@ def restarts(guest: Guest) -> dict[str, object]:
 
 
 def once_more(before: dict[str, object], name: str, times: int = 1) -> dict[str, object]:
-    """These restarts, and `times` more of one service."""
+    """The restart counts `before`, plus `times` for one service."""
     return {**before, name: int(str(before[name])) + times}
 
 
 def flows(guest: Guest) -> None:
-    """Frames go the whole way again."""
+    """Wait until new frames reach the end of the chain."""
     for name in (SAVE, stream.DECODE):
         camera.wait_for_frames(guest, 10, name)
 
@@ -73,8 +73,8 @@ def test_killed(guest: Guest, record_property: Figure, name: str) -> None:
 
 
 @pytest.mark.parametrize("signal", ["KILL", "STOP"])
-def test_worker_of_the_store(guest: Guest, record_property: Figure, signal: str) -> None:
-    """Dead or hung, another one goes on in its place; no service ends, and nothing that is recorded is lost."""
+def test_a_worker_of_the_store_is_replaced(guest: Guest, record_property: Figure, signal: str) -> None:
+    """A new worker replaces a dead or hung one; no service stops, and no recorded frame is lost."""
     before, pid = restarts(guest), state(guest, "store")["pid"]
     worker, begin = guest.sh(f"pgrep -P {pid}").strip(), uptime(guest)
     guest.sh(f"(kill -{signal} {worker}; until now=$(pgrep -P {pid}) && [ $now != {worker} ]; "
@@ -93,7 +93,7 @@ def test_hung(guest: Guest, record_property: Figure, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SERVICES)
-def test_dies_again_and_again(guest: Guest, record_property: Figure, name: str) -> None:
+def test_dies_repeatedly(guest: Guest, record_property: Figure, name: str) -> None:
     before = restarts(guest)
     guest.sh(crash_loop.at_once([name]))
     screen = guest.shell().run("ddxctl health")[1]

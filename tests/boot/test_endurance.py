@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Does anything grow while services are switched, and while video flows? In an emulated machine, with
-what its kernel keeps; the short form of `make test-long T=endurance`."""
+"""Nothing grows while services are switched, or while video flows, in an emulated machine, kernel memory included: the
+short form of `make test-long T=endurance`."""
 import pathlib
 
 import pytest

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A disk that was full of old data, flashed, boots and serves; another one in the same machine is left alone."""
+"""A disk full of old data boots after it was flashed; a second disk in the machine is not touched."""
 import os
 import pathlib
 import subprocess
@@ -13,11 +13,11 @@ from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 
 NOISE = 2**20
-ROOM = 64  # MiB more than the image needs, as a real card has
+ROOM = 64  # MiB beyond the image's size, as on a real card
 
 
 def loop_device(file: pathlib.Path) -> str:
-    """A disk made of the file; empty where there are no loop devices or no rights to them."""
+    """A loop device of the file; empty without loop devices or rights to them."""
     done = subprocess.run(["losetup", "--find", "--show", file], env={**os.environ, **SBIN}, capture_output=True,
                           text=True, check=False)
     return done.stdout.strip() if done.returncode == 0 else ""
@@ -46,17 +46,17 @@ def flashed(image: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> It
     disk.unlink()
 
 
-# Linux calls the disk that is booted vda, and another one sda, which comes before that; then the other way round.
+# The booted disk is vda and the second one sda, which sorts before it; then the reverse.
 @pytest.mark.parametrize("bus, other, name", [
     ("virtio", ("-device", "qemu-xhci", "-device", "usb-storage,drive=other"), "vda"),
     ("usb", ("-device", "virtio-blk-pci,drive=other", "-global", "usb-storage.bootindex=0"), "sda")])
 def test_a_flashed_disk_boots_and_serves(image: pathlib.Path, flashed: pathlib.Path, accel: str, board: Machine,
                                          tmp_path: pathlib.Path, bus: str, other: tuple[str, ...], name: str) -> None:
     strange = tmp_path / "strange.qcow2"
-    # As it comes from the image: with the same labels, and a ddx.txt that opens no console.
+    # The second disk: the image itself, with the same labels, and a ddx.txt that opens no console.
     run(["qemu-img", "create", "-q", "-f", "qcow2", "-F", "raw", "-b", image.resolve(), strange])
     extra = ("-drive", f"if=none,id=other,file={strange},format=qcow2", *other)
-    # Nothing but what was flashed tells it anything.
+    # The machine gets no settings but those that were flashed.
     with Guest(flashed, accel, board, console=False, extra=extra, bus=bus) as guest:
         assert guest.sh("hostname") == "flashed"
         guest.wait_until('[ "$(blkid | grep -c DDXDATA)" = 2 ]')

@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A robot with four cameras for a minute: a stereo pair and its range, a USB camera, an IIDC camera; all are recorded.
+"""A robot with four cameras for a minute: a stereo pair and its range, a USB and an IIDC camera; all are recorded.
 
-An emulated machine (two processors, no KVM) carries these rates: 2 pairs a second of 320x180 with 32 disparities, 5
-frames a second of CIF from the USB camera and of 176x144 from the IIDC camera. The grabber counts frames that a
-camera's driver cannot deliver, and ddxvideoSVS pairs for which there is no time; from the store to the disk, no frame
-may be lost.
+An emulated machine (two processors, no KVM) can handle 2 pairs a second of 320x180 with 32 disparities, 5 frames a
+second of CIF from the USB camera and of 176x144 from the IIDC camera. The grabber counts frames that a camera's driver
+cannot deliver, and ddxvideoSVS the pairs that it has no time for; from store to disk, no frame may be lost.
 """
 import pathlib
 import time
@@ -26,7 +25,7 @@ from .figures import Figure
 pytestmark = pytest.mark.long
 
 SECONDS = 60
-LEAST = SECONDS // 4  # frames of each item: fewer are no robot
+LEAST = SECONDS // 4  # frames of each item, at least
 EYE, DISPARITIES, MS = (320, 180), 32, 200
 UVC = f"/tmp/v4l uvc YUYV {WIDTH} {HEIGHT} {MS} /test/feed.y4m"
 RANGER = "ddxvideoSVS"
@@ -47,14 +46,14 @@ def recorder(item: str) -> str:
 
 
 def plug(guest: qemu.Guest) -> None:
-    """Recorders are there before the cameras give frames."""
+    """Plug the cameras in once their recorders run."""
     for item in SIZES:
         guest.wait_until(f"ddxctl stats --json | grep -q '\"{recorder(item)}\"'")
     guest.sh(f"/etc/init.d/S*{GRABBER} stop")
-    guest_camera.vivid(guest, "n_devs=2 node_types=0x1,0x1")  # each a camera, nothing else
+    guest_camera.vivid(guest, "n_devs=2 node_types=0x1,0x1")  # each only a camera
     for node in ("/dev/video0", "/dev/video1"):
         camera.wait_for_node(guest, True, node)
-        guest_camera.control(guest, "Timestamp Source=Start of Exposure", node)  # else its times are in the future
+        guest_camera.control(guest, "Timestamp Source=Start of Exposure", node)  # otherwise its times are in the future
     guest.sh("modprobe -a uvcvideo vhci_hcd")
     guest.sh(f"cd /; nohup {UVC} > /tmp/uvc 2>&1 &")
     camera.wait_for_node(guest, True, "/dev/video2")
@@ -65,7 +64,7 @@ def plug(guest: qemu.Guest) -> None:
 
 
 def stop(guest: qemu.Guest) -> dict[str, Counters]:
-    """In the order of the frames' way, so that each stage has seen all of the one before it."""
+    """Stop each stage after the one before it, so that it has seen all frames; return the counters."""
     for service in (GRABBER, iidc.GRABBER):
         guest.sh(f"/etc/init.d/S*{service} stop")
     guest.wait_until(f"ddxctl stats --json | grep '\"{RANGER}\"' | grep -q '\"waiting\":0'")
@@ -76,7 +75,7 @@ def stop(guest: qemu.Guest) -> dict[str, Counters]:
 
 
 def times_in(recording: pathlib.Path, size: tuple[int, int]) -> list[int]:
-    """When its frames were captured (ns of the guest's clock), from outside."""
+    """The capture times of a recording's frames (ns of the guest's clock), read without our programs."""
     header, frames = y4m.read(recording)
     assert (header.width, header.height) == size
     found = list(frames)
@@ -104,7 +103,7 @@ def test_nothing_is_lost_on_the_way_to_the_disk(boot: qemu.Boot, work: pathlib.P
             assert one.frames_in == one.out + one.lost_total and not one.waiting, one
         written = {item: counted[name].out for item, name in GRABBERS.items()}
         pairs = counted[RANGER]
-        if pairs.starts == 1:  # else it was held up for so long that ddxhealth started it again
+        if pairs.starts == 1:  # otherwise it hung for so long that ddxhealth restarted it
             assert pairs.frames_in == written["left"] + written["right"], pairs
         assert pairs.lost["store"] == pairs.lost["picture"] == 0, pairs
         written["range"] = pairs.out // 2

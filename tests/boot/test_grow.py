@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""On a disk that is larger than the image, recordings get the rest of it, while they are being made."""
+"""On a disk larger than the image, the recordings' partition grows to the whole disk while recording."""
 import pathlib
 import shutil
 import time
@@ -13,13 +13,12 @@ from parts.guest.qemu import Boot, Guest
 from parts.media.recording import FileSystem
 
 CARD = 32 << 30  # bytes
-# Seconds after the recordings' check began: while table and file system grow; while what is new is still on its way to
-# the disk.
+# Seconds after the recordings' check began: while table and file system grow; while the changes are written to disk.
 CUTS = [1.5, 6.0]
 
 
 def room(guest: Guest) -> int:
-    """Bytes that the recording file system has."""
+    """The size of the recordings' file system in bytes."""
     return int(guest.sh("stat -f -c '%b %S' /rec").split()[0]) * 4096
 
 
@@ -34,8 +33,8 @@ def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pat
         wait_until_grown(guest)
         assert room(guest) > 0.95 * CARD
         session.wait_for_recording(guest)
-        said = guest.sh("/usr/libexec/ddx/grow 2>&1")  # as the next boot will do
-        assert "ddxgrow: /dev/vda: nothing to do" in said and "Nothing to do!" in said  # the second one is resize2fs
+        said = guest.sh("/usr/libexec/ddx/grow 2>&1")  # as on the next boot
+        assert "ddxgrow: /dev/vda: nothing to do" in said and "Nothing to do!" in said  # the latter from resize2fs
         guest.sh("/etc/init.d/S*ddxvideosave stop; mount -o remount,ro /rec")
         snapshot = guest.snapshot()
         assert mbr.partition(snapshot, 6).end == CARD
@@ -44,7 +43,7 @@ def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pat
 
 @pytest.fixture(scope="module")
 def used(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    """A disk that something was recorded on before it was copied to a larger card."""
+    """A disk with a recording, to be copied to a larger card."""
     folder = tmp_path_factory.mktemp("used")
     with boot("used", keep=folder) as guest:
         guest.shell()
@@ -57,7 +56,7 @@ def used(boot: Boot, tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 @pytest.mark.long
 @pytest.mark.parametrize("seconds", CUTS)
 def test_power_is_cut_while_it_grows(boot: Boot, used: pathlib.Path, tmp_path: pathlib.Path, seconds: float) -> None:
-    """The next boot brings it to its end; what had been recorded is there."""
+    """The next boot completes the growing, and keeps the recording."""
     shutil.copy(used / "disk.qcow2", tmp_path)
     with boot("cut", keep=tmp_path) as guest:
         guest.wait_for_log(b"Starting storage: OK")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What hangs is killed and comes back, what was lost meanwhile is counted, and a machine that cannot be helped is reset
-by its watchdog."""
+"""A program that hangs is killed and restarted, its losses are counted, and a machine that does not recover is reset by
+its watchdog."""
 import pathlib
 import time
 from collections.abc import Iterator
@@ -15,11 +15,11 @@ from . import camera
 from .figures import Figure
 
 SAVE, HEALTH = "ddxvideosave", "ddxhealth"
-BACK = 30.0    # s after which a program that hangs is replaced; wanted are 10, but emulated machines are slow
-TIMEOUT = 20   # s; the watchdog's here
-# QEMU's hardware watchdog, and a machine that really starts again
+BACK = 30.0    # s until a program that hangs is replaced; the goal is 10, but emulated machines are slow
+TIMEOUT = 20   # s; the watchdog's
+# QEMU's hardware watchdog; the machine does start again
 DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
-FED = f'grep -q "after {TIMEOUT} s" /run/log/{HEALTH}/current'  # ddxhealth has begun with it
+FED = f'grep -q "after {TIMEOUT} s" /run/log/{HEALTH}/current'  # ddxhealth feeds the watchdog
 
 
 def uptime(guest: Guest) -> float:
@@ -32,11 +32,11 @@ def state(guest: Guest, name: str) -> dict[str, str]:
 
 
 def hang(guest: Guest, name: str) -> float:
-    """Stop it for good; seconds until another process runs in its place."""
+    """SIGSTOP the service; return the seconds until another process has replaced it."""
     old = state(guest, name)
     assert old["state"] == "running"
     begin = uptime(guest)
-    guest.sh(f"kill -STOP {old['pid']} $(pgrep -P {old['pid']})")  # a store's worker, too
+    guest.sh(f"kill -STOP {old['pid']} $(pgrep -P {old['pid']})")  # also a store's worker
     supervise = f"/run/service/{name}/supervise"
     guest.wait_until(f"read -r pid < {supervise}/pid && [ ${{pid:-{old['pid']}}} != {old['pid']} ]", pause=0.1)
     guest.wait_until(f"ddxctl status {name} | grep -q state=running", pause=0.1)
@@ -47,7 +47,7 @@ def hang(guest: Guest, name: str) -> float:
 
 
 def pictures(guest: Guest, work: pathlib.Path) -> list[int]:
-    """The numbers in all that was recorded, in the order of the recordings."""
+    """The frame numbers in all recordings, in order."""
     partition = FileSystem(guest.snapshot())
     found: list[int] = []
     for names in partition.recordings():
@@ -74,7 +74,7 @@ def test_a_recorder_that_hangs_is_replaced_and_its_loss_is_counted(
     assert save.frames_in == load.out == 500
     assert save.out + save.lost_total == save.frames_in
     assert save.lost["restart"] > 100
-    assert shown == sorted(set(shown)) and len(shown) == save.out  # what its files lack is what was counted
+    assert shown == sorted(set(shown)) and len(shown) == save.out  # the counted losses are those missing in the files
 
 
 @pytest.mark.long
@@ -118,8 +118,8 @@ def test_the_watchdog_is_fed_also_while_programs_hang(guarded: Guest) -> None:
 
 
 @pytest.mark.long
-def test_what_dies_again_and_again_is_given_time_and_shown(guarded: Guest) -> None:
-    """A disk that is not there: started again at once, then after 1, 2, 4, 8, 8 ... s."""
+def test_a_service_that_dies_repeatedly_is_delayed_and_reported(guarded: Guest) -> None:
+    """A recorder without its disk is restarted at once, then after 1, 2, 4, 8, 8 ... s."""
     bad = f"{SAVE}.bad"
     guarded.sh(f"printf 'enabled=yes\\noutput=/none/such\\n' > /data/ddx/{bad}.conf")
     guarded.sh(f"ddxctl start {bad}; sleep 20")
@@ -132,8 +132,8 @@ def test_what_dies_again_and_again_is_given_time_and_shown(guarded: Guest) -> No
 
 
 @pytest.mark.long
-def test_a_recorder_that_cannot_be_helped_is_a_reason_for_a_reset(guarded: Guest, record_property: Figure) -> None:
-    """The command to kill it is not read. The watchdog is not fed from then on."""
+def test_a_recorder_that_cannot_be_restarted_causes_a_reset(guarded: Guest, record_property: Figure) -> None:
+    """Its frozen supervisor cannot kill it, so the watchdog is no longer fed."""
     guarded.wait_until(f"ddxctl stats --json | grep -q '\"instance\":\"{SAVE}\"'")
     runsv = guarded.sh(f"pgrep -x -f 'runsv {SAVE}'")
     guarded.shell().begin(f"kill -STOP {runsv} {state(guarded, SAVE)['pid']}")
@@ -147,8 +147,8 @@ def test_a_recorder_that_cannot_be_helped_is_a_reason_for_a_reset(guarded: Guest
 
 
 @pytest.mark.long
-def test_a_dead_machine_is_reset_and_tells_why(guarded: Guest, record_property: Figure) -> None:
-    """The kernel runs, but the watchdog is not fed: QEMU reports its expiry."""
+def test_a_dead_machine_is_reset_and_health_reports_it(guarded: Guest, record_property: Figure) -> None:
+    """The kernel runs, but the watchdog is not fed: QEMU reports that it expired."""
     pid = state(guarded, HEALTH)["pid"]
     guarded.shell().begin(f"kill -STOP {pid}")
     begin = time.monotonic()

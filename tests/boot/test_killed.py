@@ -18,7 +18,7 @@ pytestmark = [
 ]
 
 
-def test_it_records_again(image: pathlib.Path, accel: str, clip: pathlib.Path, tmp_path: pathlib.Path,
+def test_records_again_after_power_cuts(image: pathlib.Path, accel: str, clip: pathlib.Path, tmp_path: pathlib.Path,
                           record_property: Figure) -> None:
     plug = Plug(image, accel, tmp_path, clip)
     done: list[Kill] = []
@@ -27,7 +27,7 @@ def test_it_records_again(image: pathlib.Path, accel: str, clip: pathlib.Path, t
     with plug.boot() as guest:
         plug.judge(guest, last)
         pictures, wrong = plug.end(guest)
-        guest.sh("ddxctl disable ddxvideosave")  # the check itself
+        guest.sh("ddxctl disable ddxvideosave")  # proves that the check can fail
         guest.process.kill()
     record_property("seconds_until_recording_again", [one.again for one in kills])
     record_property("pictures", {"recorded": pictures, "wrong": wrong})

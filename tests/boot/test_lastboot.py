@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the kernel said last is there after a reset."""
+"""The kernel's last messages are available after a reset."""
 import pathlib
 
 import pytest
@@ -12,12 +12,12 @@ pytestmark = pytest.mark.long
 
 RESET = ("-action", "reboot=reset")
 WORDS = "the last words of this machine"
-MEMORY = 1600  # MiB more: the next kernel, which lies anywhere, then lies over them one time in fifty
+MEMORY = 1600  # MiB more, so that the next kernel, loaded anywhere, overwrites them only one time in fifty
 ATTEMPTS = 3
 
 
 def last_words(guest: Guest, command: str) -> str:
-    """What is kept of a boot that ends with this command, or, if there is none, with a reset from outside."""
+    """The messages kept of a boot that ends with this command, or, if empty, with a reset from outside."""
     for _ in range(ATTEMPTS):
         guest.shell()
         if command:
@@ -32,7 +32,7 @@ def last_words(guest: Guest, command: str) -> str:
     return ""
 
 
-def test_why_the_kernel_stopped_is_told_after_the_reset(boot: Boot) -> None:
+def test_a_kernel_panic_is_reported_after_the_reset(boot: Boot) -> None:
     with boot("lastboot-panic", extra=RESET, more_memory=MEMORY) as guest:
         assert "! last boot" not in run(guest, "ddxctl health")[1]
         assert guest.sh("ddxctl logs lastboot") == ""
@@ -41,8 +41,8 @@ def test_why_the_kernel_stopped_is_told_after_the_reset(boot: Boot) -> None:
         assert "! last boot  the kernel: Kernel panic - not syncing: sysrq triggered crash; ddxctl logs" in screen
 
 
-def test_the_console_is_there_after_a_reset_that_nobody_saw_coming(boot: Boot, image: pathlib.Path) -> None:
-    """As the hardware watchdog's: the kernel has no time to say anything more."""
+def test_the_console_s_text_survives_a_sudden_reset(boot: Boot, image: pathlib.Path) -> None:
+    """Like the watchdog's reset: the kernel cannot write a last message."""
     if "CONFIG_PSTORE_CONSOLE=y" not in (image.parent / "kernel/boot/config").read_text():
         pytest.skip("Debian's kernel, in the development image, has no PSTORE_CONSOLE; the product's has")
     with boot("lastboot-reset", extra=RESET, more_memory=MEMORY) as guest:

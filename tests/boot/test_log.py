@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The logger in the image: off until switched on, then every value of a clip's items is in a log that others read."""
+"""The logger in the image is off by default; switched on, it logs every value of a clip's items, readable by others."""
 import pathlib
 
 from parts.guest import qemu, session
@@ -7,8 +7,8 @@ from parts.media import clip as default_clip, logs
 from parts.media.recording import FileSystem
 
 FRAMES = default_clip.RATE * default_clip.SHORT
-RATE = 4  # times as fast
-# What the logger has counted.
+RATE = 4  # speed factor
+# The logger's count of written values.
 OUT = "out=$(ddxctl stats --json | sed -n '/\"ddxlog\"/s/.*\"out\":\\([0-9]*\\).*/\\1/p');"
 
 
@@ -17,7 +17,7 @@ def test_a_clip_is_logged(guest: qemu.Guest, recorded: session.Result, work: pat
     guest.sh("ddxctl enable ddxlog")
     guest.wait_until("ddxctl status ddxlog | grep -q state=running")
     guest.wait_until("ddxctl list | grep -q ddxlog.stats")
-    guest.wait_until(f"{OUT} [ -n \"$out\" ] && [ \"$out\" -ge 1 ]")  # it has found what is there
+    guest.wait_until(f"{OUT} [ -n \"$out\" ] && [ \"$out\" -ge 1 ]")  # it has found the existing items
     guest.sh("ddxctl set video.frame value=777")
     guest.sh(f"/usr/bin/ddxvideoload /test/clip.y4m -name second -instance second -readers 0 -rate {RATE}")
     guest.sh("sleep 2")
@@ -36,4 +36,4 @@ def test_a_clip_is_logged(guest: qemu.Guest, recorded: session.Result, work: pat
     told = [one.value for one in log.values["ddxlog/lost"] if one.value["item"] == "second.frame"][-1]
     assert told["in"] == FRAMES == told["out"] + sum(told["lost"].values()) and told["out"] == len(frames)
     assert [one.value.value for one in log.values["video.frame"]] == [FRAMES - 1, 777]
-    assert "second" not in log.values and "second.parameters" in log.values  # pictures are ddxvideosave's
+    assert "second" not in log.values and "second.parameters" in log.values  # pictures are not logged

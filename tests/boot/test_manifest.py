@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The image has what board/common/manifest.txt says."""
+"""The image contains exactly what board/common/manifest.txt lists."""
 import pathlib
 import re
 
@@ -11,7 +11,7 @@ from parts.release import manifest
 
 from .conftest import BOARD
 
-# Kinds of lines, and which word of theirs is spoilt. Ports are asked from outside: test_ssh.py, test_ports.py
+# Kinds of lines, and the word that is falsified. Ports are scanned from outside in test_ssh.py and test_ports.py.
 SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
           "partition": 3}
 ELSEWHERE = {"port"}
@@ -23,7 +23,7 @@ def services(root: pathlib.Path) -> list[str]:
 
 
 def complaints(root: pathlib.Path, image: pathlib.Path) -> dict[str, list[str]]:
-    """What is not as the manifest says, by the kind of its line."""
+    """Differences from the manifest, by kind of line."""
     accounts = manifest.accounts(root)
     disk = manifest.disk(image)
     return {"applet": manifest.applets(root), "program": manifest.programs(root),
@@ -60,19 +60,19 @@ def test_disk_layout(image: pathlib.Path) -> None:
 
 
 def test_the_image_fits_a_card_of_1_gb(image: pathlib.Path) -> None:
-    """As docs/technician.md says; such a card may have some percent less."""
+    """As docs/technician.md promises; a card may be some percent smaller than its label."""
     assert "a card of 1 GB" in (TOP / "docs/technician.md").read_text()
     assert image.stat().st_size < 900e6
 
 
-def test_each_kind_of_line_can_be_spoilt() -> None:
+def test_each_kind_of_line_has_a_falsified_case() -> None:
     assert {line.split()[0] for line in manifest.lines()} == SPOILT.keys() | ELSEWHERE
 
 
 @pytest.mark.parametrize("kind", SPOILT)
-def test_a_spoilt_line_is_seen(root: pathlib.Path, image: pathlib.Path, monkeypatch: pytest.MonkeyPatch,
+def test_a_falsified_line_is_found(root: pathlib.Path, image: pathlib.Path, monkeypatch: pytest.MonkeyPatch,
                                kind: str) -> None:
-    """The check itself: of each kind, the last line is made wrong."""
+    """Proves that the check can fail: the last line of each kind is falsified."""
     lines = manifest.lines()
     last = max(number for number, line in enumerate(lines) if line.split()[0] == kind)
     words = lines[last].split()
@@ -83,8 +83,8 @@ def test_a_spoilt_line_is_seen(root: pathlib.Path, image: pathlib.Path, monkeypa
 
 
 @pytest.mark.skipif(BOARD == machine.DEV, reason="the development image's FFmpeg is built for this machine")
-def test_ffmpeg_looks_at_the_processor_it_runs_on(root: pathlib.Path) -> None:
-    """What newer ones can do is built in; `configure` takes the last word of each pair."""
+def test_ffmpeg_detects_processor_features_at_run_time(root: pathlib.Path) -> None:
+    """Code for newer processors is built in; `configure` takes the last word of each pair."""
     library = next(path for path in (root / "usr/lib").glob("libavutil.so.*") if not path.is_symlink())
     words = re.search(rb"--prefix=[^\0]*", library.read_bytes())
     assert words

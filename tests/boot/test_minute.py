@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A minute of everything at once: a camera, the recorder, the sender, decode, and a reader that is far too slow."""
+"""A minute under full load: a camera, the recorder, the sender, decode, and a reader that is far too slow."""
 import dataclasses
 import functools
 import pathlib
@@ -22,37 +22,37 @@ from .figures import Figure
 
 pytestmark = pytest.mark.long
 
-PROMPT = 100_000  # µs from the capture to the decoded picture, for 99 of 100 frames
-WINDOW = 9        # s, six of them make the minute; the rest of it is beginning and end
+PROMPT = 100_000  # µs from capture to decoded picture, 99th percentile
+WINDOW = 9        # s; six windows in the minute, without its beginning and end
 FROZEN = 2        # s that the sender is stopped
-WAITED = 0.25     # of a window's time, that QEMU's threads may wait for a processor if its latencies are to be judged
-LEAST = 3         # such windows
+WAITED = 0.25     # largest share of a judged window that QEMU's threads waited for a processor
+LEAST = 3         # judged windows
 USB_RATE, USB_FRAMES = 1000 // MS, 250
 
 
 @dataclasses.dataclass
 class Minute:
-    """What is left of it: the recordings' files, the last counters, the latencies of the minute itself."""
+    """The results: the recordings' files, the last counters, and the latencies."""
     recorded: pathlib.Path
     shown: pathlib.Path
     ends: dict[str, Counters]
-    prompt: float  # µs, p99 of the quieter half of the windows that may be judged, else of all
+    prompt: float  # µs, p99 of the quieter half of the judged windows, otherwise of all windows
     whole: float   # µs, p99 of all
-    judged: bool   # whether the host left enough windows in peace
-    waited: list[float]  # in each window, how much of it QEMU's threads waited for a processor
-    missed: int    # by the slow reader
+    judged: bool   # whether enough windows may be judged
+    waited: list[float]  # for each window, the share that QEMU's threads waited for a processor
+    missed: int    # frames, by the slow reader
 
 
 class Crowd:
-    """All that reads beside the recorder, and mischief: the sender is frozen for a while."""
+    """All readers besides the recorder; the sender is frozen for a while."""
 
     def __init__(self, guest: Guest) -> None:
         self.guest = guest
         self.marks: list[list[int]] = []
-        self.waits: list[tuple[float, float]] = []  # at each mark: when it was, and how long QEMU has waited by then
+        self.waits: list[tuple[float, float]] = []  # at each mark: time, and QEMU's total waiting time
 
     def begin(self) -> None:
-        """Once frames flow."""
+        """Call once frames flow."""
         self.guest.sh("nohup /tmp/frames video 600 1 500 > /tmp/slow 2>&1 &")
         camera.wait_for_frames(self.guest, 25, stream.DECODE)
         self.mark()
@@ -62,7 +62,7 @@ class Crowd:
         self.waits.append((time.monotonic(), host_load.waited(self.guest.process.pid)))
 
     def minute(self) -> None:
-        """Left in peace but for the mischief."""
+        """Run the windows undisturbed, then freeze the sender."""
         end = time.monotonic()
         for window in range(6):
             if window == 1:
@@ -76,7 +76,7 @@ class Crowd:
         self.guest.sh(f"{pid}; kill -STOP $p; sleep {FROZEN}; kill -CONT $p")
 
     def end(self, work: pathlib.Path, name: str) -> Minute:
-        """After the camera was stopped."""
+        """Call after the camera was stopped."""
         stream.stop(self.guest)
         lines = self.guest.sh("killall frames; cat /tmp/slow").splitlines()
         session.stop_recorder(self.guest)
@@ -93,14 +93,14 @@ class Crowd:
 
 
 def judge_stream(minute: Minute, rate: float, figure: Figure) -> None:
-    """Nothing waits for the sender; what it missed is counted, and what decode showed is what was due."""
+    """Check that nothing waits for the sender, its losses are counted, and decode showed the right pictures."""
     ends = minute.ends
     found = stream.judge(minute.shown, minute.recorded, ends[stream.SEND], ends[stream.DECODE],
                          ends[stream.RECORDER])
     assert found.disagreements == [] and found.wrong == []
     assert found.sent.lost["store"] >= (FROZEN - 0.5) * rate
     assert found.lost_decode == 0
-    assert minute.missed > ends[session.SAVE].out / 2  # the slow reader was slow, however few frames the camera made
+    assert minute.missed > ends[session.SAVE].out / 2  # the slow reader was slow at any camera rate
     slowness = host_load.slowness()
     for name, value in {"recorded": minute.ends[session.SAVE].out, "sent": found.sent.out, "lost": found.sent.lost,
                         "shown": len(found.shown), "missed": minute.missed,
@@ -115,12 +115,12 @@ def judge_stream(minute: Minute, rate: float, figure: Figure) -> None:
 
 
 class Slow(AssertionError):
-    """All is right, but late."""
+    """The results are right, but late."""
 
 
 def once_more_if_slow(test: Callable[..., None]) -> Callable[..., None]:
-    """What the host takes away is known for whole windows only, and makes a good stream late; a slow one is late
-    twice."""
+    """Run a late test a second time: the host's load is known only per window and delays a good stream, but a slow
+    stream is late twice."""
     @functools.wraps(test)
     def twice(**arguments: Any) -> None:
         try:
@@ -154,7 +154,7 @@ def test_vivid(boot: qemu.Boot, image: pathlib.Path, work: pathlib.Path, board: 
         minute = crowd.end(work, "vivid")
     result = origin.judge(minute.recorded, minute.ends[GRABBER], minute.ends[session.SAVE])
     assert result.disagreements == [] and result.lost_record == 0 and result.good
-    assert result.outside.clip > 1400  # with those that vivid itself lost: a busy machine is no shorter a minute
+    assert result.outside.clip > 1400  # includes frames lost by vivid: a busy host does not shorten the minute
     late = max(at - origin.times[0] - number * source.SHOWN_MS for number, at in enumerate(origin.times))
     record_property("lost_by_vivid", result.load.lost["driver"])
     record_property("far_side_late_ms", late)

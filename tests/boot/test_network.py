@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What ddx.txt says of network, clock and services is so; what it says wrong is shown; without it there is nothing."""
+"""ddx.txt sets network, clock and services; wrong lines are reported; without it the network is off."""
 import pathlib
 import time
 from collections.abc import Iterator
@@ -24,7 +24,7 @@ service=ddxvideosend on
 service=ddxvideosave off
 ntp=192.168.7.1
 """
-WRONG_LINE = 1 + 4  # the test opens the console in a line before these
+WRONG_LINE = 1 + 4  # one line that opens the console comes first
 
 
 def cards(*numbers: int) -> tuple[str, ...]:
@@ -39,16 +39,16 @@ def told(boot: Boot) -> Iterator[Guest]:
         yield guest
 
 
-def test_interfaces_are_as_told(told: Guest) -> None:
+def test_interfaces_are_as_provisioned(told: Guest) -> None:
     told.wait_until("ip -o addr show eth0 | grep -q 10.0.2.15/24")
     told.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
     assert told.sh("hostname") == "robot1"
     told.wait_until("grep -q 10.0.2.3 /etc/resolv.conf")
     assert "via 10.0.2.2 dev eth0" in told.sh("ip route show default")
-    assert told.sh("cat /sys/class/net/eth2/flags") == "0x1002"  # not up: its line was wrong
+    assert told.sh("cat /sys/class/net/eth2/flags") == "0x1002"  # down, because its line was wrong
 
 
-def test_a_wrong_line_is_shown(told: Guest) -> None:
+def test_a_wrong_line_is_reported(told: Guest) -> None:
     text = f"ddx.txt, line {WRONG_LINE}: network=eth2 192.168.8.300/24: dhcp is needed, or an address"
     told.wait_for_log(text.encode())
     status, screen = run(told, "ddxctl health")
@@ -56,7 +56,7 @@ def test_a_wrong_line_is_shown(told: Guest) -> None:
 
 
 def test_an_interface_that_comes_back_is_set_up_again(told: Guest) -> None:
-    """Also when it is back before anybody could see that it was gone."""
+    """Also when it is back before its supervisor saw that it was gone."""
     told.sh("sv pause /run/service/network.eth1")
     told.sh("echo 1 > /sys/class/net/eth1/device/../remove")
     told.wait_until("! test -d /sys/class/net/eth1")
@@ -66,30 +66,30 @@ def test_an_interface_that_comes_back_is_set_up_again(told: Guest) -> None:
     told.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
 
 
-def test_a_lease_is_asked_for_again_when_the_cable_is_back(told: Guest) -> None:
+def test_a_lease_is_renewed_when_the_cable_is_back(told: Guest) -> None:
     asked = "grep -c 'renew' /run/log/network.eth0/current"
     before = int(told.sh(f"{asked} || true"))
     for up in (False, True):
         told.monitor("set_link", name="card0", up=up)
         told.wait_until(f"grep -q {int(up)} /sys/class/net/eth0/carrier")
-        time.sleep(3)  # what looks every 2 s has seen it
+        time.sleep(3)  # the carrier is polled every 2 s
     told.wait_until(f"test $({asked}) -gt {before}")
 
 
-def test_services_are_as_told_until_the_technician_says_otherwise(told: Guest) -> None:
+def test_services_are_as_provisioned_until_ddxctl_changes_them(told: Guest) -> None:
     runs(told, "ddxvideosend")
     assert services(told)["ddxvideosave"]["enabled"] is False
     told.sh("ddxctl enable ddxvideosave")
     runs(told, "ddxvideosave")
 
 
-def test_root_s_programs_can_do_their_own_job_and_no_more(told: Guest) -> None:
+def test_root_s_programs_have_only_the_capabilities_they_need(told: Guest) -> None:
     told.wait_until("pidof ntpd udhcpc | grep -q ' '")
     assert unconfined(told) == ({"network", "udhcpc", "ntpd"}, [])
 
 
 @pytest.mark.long
-def test_the_time_comes_from_the_network_and_disturbs_no_frame(boot: Boot, work: pathlib.Path, tmp_path: pathlib.Path,
+def test_network_time_sets_the_clock_and_loses_no_frame(boot: Boot, work: pathlib.Path, tmp_path: pathlib.Path,
                                                                clip: pathlib.Path) -> None:
     disk = testdisk.make(work / "ntp.img", clip)
     segment = Segment(tmp_path, "1", 0, 0)

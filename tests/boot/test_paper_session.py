@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The session that the paper's users know, typed into a shell of the image. ddxlog aside."""
+"""The paper's example session, except ddxlog, typed into a shell of the image."""
 import json
 import re
 import time
@@ -18,7 +18,7 @@ RECORDED = 15
 
 
 def frame_after(guest: qemu.Guest, other: int) -> int:
-    """The number that the viewer shows on the screen, of a newer frame than this."""
+    """Wait until the viewer shows a frame newer than `other`; return its number."""
     deadline = time.monotonic() + PATIENCE
     while (found := Seen(ppm(guest.screen())).frame() or 0) <= other:
         assert time.monotonic() < deadline, guest.sh("cat /tmp/viewed")
@@ -60,5 +60,5 @@ def test_as_typed(boot: qemu.Boot) -> None:
     steps = [(after - before) / period for before, after in zip(times, times[1:])]
     assert all(abs(step - round(step)) < 0.3 for step in steps), steps  # every fifth of the camera's frames
     assert "going on without" in decoded and "receiving H.264" in decoded
-    assert json.loads(linked.splitlines()[-1])["in"] == 0  # no other machine reads an item of this one
+    assert json.loads(linked.splitlines()[-1])["in"] == 0  # no other machine reads our items
 

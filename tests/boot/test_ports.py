@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a stranger on the same cable can reach: the ports in board/common/manifest.txt if all is on, else none."""
+"""Ports open to the network: those in board/common/manifest.txt with all services on, otherwise none."""
 import pathlib
 import struct
 import tempfile
@@ -23,7 +23,7 @@ KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBkvAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcdA
 ADDRESS = "10.0.0.1/24"
 LOWER = range(1, 10000)
 LOWEST = range(1, 2048)
-# Linux says "no such port" a few times a second only; it is to say so for each of them.
+# Linux limits "port unreachable" to a few a second; the scan needs one for each closed port.
 TALKATIVE = "sysctl -w net.ipv4.icmp_ratelimit=0 net.ipv4.icmp_msgs_per_sec=1000000 net.ipv4.icmp_msgs_burst=10000 " \
             "net.ipv6.icmp.ratelimit=0"
 
@@ -37,35 +37,35 @@ def outsider() -> Iterator[Outsider]:
 
 
 def everywhere(guest: Guest, outsider: Outsider, ports: range = ALL) -> set[tuple[str, int]]:
-    """The scan at both of its addresses: the one it was given and the one that IPv6 makes itself. There the lower ports
-    will do: programs that listen by IPv6 alone are rare, and would be a user's service."""
+    """The scan of both addresses: the given one, and IPv6's link-local one. There the lower ports are enough: only a
+    user's service would listen on IPv6 alone."""
     guest.sh(TALKATIVE)
     neighbour = outsider.ipv6_neighbour(60)
-    assert neighbour, "no answer by IPv6: is it on at all?"
+    assert neighbour, "no answer over IPv6: is it on?"
     by_ipv6 = LOWER if ports == ALL else ports
     return listening(outsider, GUEST_IPV4, ports) | listening(outsider, neighbour, by_ipv6)
 
 
 def call(outsider: Outsider) -> None:
-    """Ask for the guest in each way that does not need its help."""
+    """Look for the guest with each protocol that discovers machines."""
     question = struct.pack("!HHBBH", 1, IP4, 6, 4, 1) + MAC + IPV4 + bytes(6) + GUEST_IPV4
     connect = struct.pack("!HHIIBBHHH", 40000, 22, 1000, 0, 5 << 4, SYN, 1024, 0, 0)
     outsider.send(ethernet(b"\xff" * 6, ARP, question))
     outsider.send(ethernet(GUEST_MAC, IP4, ip(IPV4, GUEST_IPV4, TCP, connect)))
 
 
-def test_an_image_that_was_told_nothing_is_silent_and_has_no_open_port(boot: Boot, outsider: Outsider) -> None:
+def test_an_unprovisioned_image_is_silent_and_has_no_open_port(boot: Boot, outsider: Outsider) -> None:
     with boot("ports-none", extra=outsider.card()) as guest:
         guest.wait_until("test -d /sys/class/net/eth0")
-        guest.sh("sleep 2")  # a program might react to it
+        guest.sh("sleep 2")  # a program might react to the interface
         call(outsider)
         assert outsider.ipv6_neighbour(3) == b"" and outsider.came == []
-        guest.sh(f"ip link set eth0 up && ip addr add {ADDRESS} dev eth0")  # as a user might, by hand
-        assert everywhere(guest, outsider, LOWEST) == set()  # with everything on, the next test looks at all of them
+        guest.sh(f"ip link set eth0 up && ip addr add {ADDRESS} dev eth0")  # as a user might do
+        assert everywhere(guest, outsider, LOWEST) == set()  # the next test scans all ports
         assert len(outsider.came) > 3 * len(LOWEST)  # it did answer
 
 
-def test_with_everything_on_only_what_was_declared_is_open(boot: Boot, work: pathlib.Path, outsider: Outsider) -> None:
+def test_with_all_services_on_only_declared_ports_are_open(boot: Boot, work: pathlib.Path, outsider: Outsider) -> None:
     clip = default_clip.write(work / "ports.y4m", SECONDS)
     send = "enabled=yes\ncodec=mpeg4\ninterface=eth0\n"
     disk = testdisk.make(work / "ports.img", clip, {"ddxvideosend.conf": send, "ddxvideoload.conf": "readers=2\n"})
@@ -81,6 +81,6 @@ def test_with_everything_on_only_what_was_declared_is_open(boot: Boot, work: pat
         assert len(stream) > 10  # the sender has sent
         assert manifest.ports({(kind, port, "") for kind, port in found}) == []
 
-        # The same look sees what is there beyond that.
+        # Proves that the scan finds further ports.
         guest.sh("dropbear -E -R -p 4444 -r /run/other-key 2> /dev/null; ntpd -l")
         assert everywhere(guest, outsider, LOWER) - found == {("tcp", 4444), ("udp", 123)}

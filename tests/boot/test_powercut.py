@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The power goes while the machine records: the short form of `make test-long T=powercut`, and what it stands on."""
+"""Power cuts while recording: the short form of `make test-long T=powercut`, and its preconditions."""
 import pathlib
 import statistics
 import subprocess
@@ -17,14 +17,14 @@ from .figures import Figure
 pytestmark = pytest.mark.long
 
 CUTS = {False: 10, True: 4}
-SECONDS = 12  # recorded before them
+SECONDS = 12  # of recording before the cuts
 MARK = b"without flushes"
 
 
 @pytest.mark.parametrize("naive", [False, True], ids=["recorder", "naive"])
-def test_what_is_left_of_recordings(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
+def test_recordings_survive_power_cuts(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
                                     naive: bool, record_property: Figure) -> None:
-    """A file that simply grows loses more than it may: else the test is broken."""
+    """The naive recorder must lose more than allowed; otherwise the test proves nothing."""
     if subprocess.run(["losetup", "-f"], capture_output=True, check=False).returncode:
         pytest.skip("no loop devices here: no disk was mounted as a power cut leaves it")
     log = tmp_path / "writes"
@@ -42,7 +42,7 @@ def mark(guest: Guest) -> None:
 
 
 def flushes(image: pathlib.Path, log: pathlib.Path) -> tuple[list[int], list[int]]:
-    """From each write of the index to the next one, before and after the mark."""
+    """The number of flushes between consecutive writes of the index, before and after the mark."""
     part = mbr.partition(image, powercut.REC)
     before: list[int] = []
     after: list[int] = []
@@ -52,23 +52,23 @@ def flushes(image: pathlib.Path, log: pathlib.Path) -> tuple[list[int], list[int
         if entry.data.startswith(MARK):
             found = after
         count += entry.is_flush
-        if numbers and min(numbers) != last + 1:  # else the next block of the same promise
+        if numbers and min(numbers) != last + 1:  # otherwise the next block of the same checkpoint
             found += [count] if last else []
             count = 0
         last = max([last, *numbers])
     return before, after
 
 
-def test_each_promise_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
+def test_each_checkpoint_is_flushed(boot: Boot, image: pathlib.Path, clip: pathlib.Path, tmp_path: pathlib.Path,
                                  record_property: Figure) -> None:
-    """The disk gets two flushes: one for the frames, one for the index that promises them."""
+    """The disk gets two flushes: one for the frames, one for the index that refers to them."""
     log = tmp_path / "writes"
     disk = testdisk.make(tmp_path / "test.img", clip, {"ddxvideoload.conf": "loop=\n"})
     with boot("flushes", writes=log, test_disk=disk) as guest:
         guest.wait_until("ls /rec/pool/*.index")
         time.sleep(10)
         mark(guest)
-        guest.sh("mount -o remount,nobarrier /rec")  # the check itself
+        guest.sh("mount -o remount,nobarrier /rec")  # proves that the check can fail
         time.sleep(5)
         guest.sh("touch /data/file; fsync /data/file")  # QEMU closes its log at a flush
         guest.process.kill()

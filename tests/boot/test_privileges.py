@@ -8,18 +8,18 @@ import pytest
 from parts.guest import session
 from parts.guest.qemu import Guest
 
-# What starts and supervises the others, what mounts disks, the shells that the test's own provisioning file opened, and
-# `console` without input, which only sleeps.
+# Supervisors, mount scripts, the shells that the test's provisioning file opened, and `console` without input, which
+# only sleeps.
 ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}
-# A service is one of the first three, one after the other, before it is what it is: for some milliseconds. And BusyBox'
-# timeout, with which the tests look, stays for a second after the program that it watched.
+# For milliseconds at its start a service is each of the first three programs. BusyBox' timeout, which the tests use,
+# stays for a second after its program.
 PASSING = {"run", "chpst", "setpriv", "timeout"}
 REALTIME = {"ddxlog", "ddxvideoV4L", "ddxvideosave"}
 SWITCHED_ON = ("ddxlog", "ddxvideosend", "decode", "catalog")
 OWN = {"store": 901, "store-worker": 901, "ddxvideosave": 903, "ddxvideoV4L": 904, "ddxvideosend": 905, "decode": 906,
        "ddxhealth": 907, "svlogd": 908, "ddxlog": 909, "catalog": 914}
-# Root's in the network: the names of their processes, and what these may do (/usr/include/linux/capability.h). SSH is
-# missing: it lets root in.
+# Root's processes in the network, and their capabilities (/usr/include/linux/capability.h). SSH is not listed, since it
+# lets root in.
 ADDRESSES, TIME = 1 << 10 | 1 << 12 | 1 << 13, 1 << 25  # bind to low ports, administer, raw sockets; set the time
 CONFINED = {"network": ADDRESSES, "udhcpc": ADDRESSES, "wifi": ADDRESSES, "wpa_supplicant": ADDRESSES, "ntpd": TIME}
 
@@ -27,7 +27,7 @@ Fields = dict[str, str]
 
 
 def look(guest: Guest) -> list[Fields]:
-    """/proc/<pid>/status of each process; threads of the kernel have no program."""
+    """/proc/<pid>/status of each process except kernel threads, which have no program."""
     text = guest.sh("for p in /proc/[0-9]*; do readlink $p/exe > /dev/null && grep -H : $p/status; done; true")
     found: dict[str, Fields] = {}
     for pid, name, value in re.findall(r"^/proc/(\d+)/status:(\w+):[ \t]*(.*?)[ \t]*$", text, re.M):
@@ -36,7 +36,7 @@ def look(guest: Guest) -> list[Fields]:
 
 
 def unconfined(guest: Guest) -> tuple[set[str], list[str]]:
-    """Names of root's processes that may do just one thing, and of what may do more than it should."""
+    """Root's confined processes by name, and those with more capabilities than they should have."""
     roots = [one for one in look(guest) if one["Name"] not in ROOTS and "0" in one["Uid"].split()]
     found = {one["Name"] for one in roots if one["Name"] in CONFINED}
     return found, [f"{one['Name']}: {one['CapPrm']}, {one['CapBnd']}" for one in roots
@@ -51,7 +51,7 @@ def processes(guest: Guest, recorded: session.Result) -> list[Fields]:
         guest.wait_until(f"ddxctl status {one} | grep -q state=running")
     for _ in range(10):
         found = look(guest)
-        if not any(one.get("Name", "run") in PASSING for one in found):  # one that is ending may have no name any more
+        if not any(one.get("Name", "run") in PASSING for one in found):  # a process that is exiting may have no name
             break
         time.sleep(1)
     for one in SWITCHED_ON:
@@ -64,49 +64,49 @@ def test_each_service_is_its_own_user(processes: list[Fields]) -> None:
     assert {name: users.get(name) for name in OWN} == {name: {number} for name, number in OWN.items()}
 
 
-def test_nobody_but_supervisors_is_root(processes: list[Fields]) -> None:
+def test_only_supervisors_run_as_root(processes: list[Fields]) -> None:
     for one in processes:
         if one["Name"] not in ROOTS:
             assert "0" not in one["Uid"].split() + one["Gid"].split() + one["Groups"].split(), one["Name"]
 
 
-def test_no_capabilities_and_no_way_to_get_any(processes: list[Fields]) -> None:
+def test_services_have_no_capabilities_and_cannot_gain_any(processes: list[Fields]) -> None:
     for one in processes:
         if one["Name"] not in ROOTS:
             held = [one[kind] for kind in ("CapInh", "CapPrm", "CapEff", "CapAmb")]
             assert set(held) == {"0" * 16} and one["NoNewPrivs"] == "1", one["Name"]
-    root = next(one for one in processes if one["Name"] == "init")  # the check itself
+    root = next(one for one in processes if one["Name"] == "init")  # proves that the check can fail
     assert root["CapEff"] != "0" * 16 and root["NoNewPrivs"] == "0"
 
 
 def fails_as(guest: Guest, user: str, command: str) -> bool:
-    """As that service may do it."""
+    """Whether the command fails with that service's rights."""
     return guest.shell().run(f"chpst -u {user}:ddx sh -c '{command}' 2> /dev/null")[0] != 0
 
 
-def test_a_service_cannot_take_what_another_one_owns(guest: Guest, processes: list[Fields]) -> None:
-    """In the group are those, too, that talk to the network."""
+def test_a_service_cannot_remove_another_service_s_files(guest: Guest, processes: list[Fields]) -> None:
+    """The group contains services that talk to the network."""
     assert guest.sh("stat -c '%U %G %a' /run/ddx /rec /rec/log").splitlines() == [
         "ddxstore ddx 3775", "ddxsave ddx 2755", "ddxlogger ddx 2755"]
     for user in ("ddxsend", "ddxseen", "ddxgrab"):
         assert fails_as(guest, user, "mv /run/ddx/store-* /run/ddx/mine || rm -f /run/ddx/store-*"), user
         assert fails_as(guest, user, "touch /rec/x") and fails_as(guest, user, "touch /rec/log/x"), user
-    assert not fails_as(guest, "ddxsend", "touch /run/ddx/own && rm /run/ddx/own")  # a store of its own
+    assert not fails_as(guest, "ddxsend", "touch /run/ddx/own && rm /run/ddx/own")  # its own store
     assert not fails_as(guest, "ddxlogger", "touch /rec/log/x && rm /rec/log/x")
 
 
-def test_store_and_recorder_are_the_last_to_go_when_memory_is_short(guest: Guest, processes: list[Fields]) -> None:
+def test_store_and_recorder_are_killed_last_when_memory_is_short(guest: Guest, processes: list[Fields]) -> None:
     for one in processes:
         wanted = "-900" if one["Name"] in ("store", "store-worker", "ddxvideosave") else "0"
         status, text = guest.shell().run(f"cat /proc/{one['Pid']}/oom_score_adj")
         assert status != 0 or text.strip() == wanted, one["Name"]
 
 
-def test_real_time_is_for_programs_that_would_lose_frames(guest: Guest, processes: list[Fields]) -> None:
+def test_only_programs_that_would_lose_frames_have_real_time_priority(guest: Guest, processes: list[Fields]) -> None:
     """FIFO, without root, and for no other process."""
     for one in processes:
         if one["Name"] in ROOTS:
             continue
         status, text = guest.shell().run(f"chrt -p {one['Pid']}")
-        if status == 0:  # else it was one of those that were switched on
+        if status == 0:  # otherwise the process has exited
             assert ("SCHED_FIFO" in text) == (one["Name"] in REALTIME), (one["Name"], text)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A board's image runs on each kind of processor that its boards have."""
+"""A board's image runs on each processor type of its boards."""
 import dataclasses
 import pathlib
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A clip that a camera made, larger than CIF: pedestrians, from OpenCV's examples in Debian."""
+"""A real clip, larger than CIF: pedestrians, from OpenCV's examples in Debian."""
 import pathlib
 
 import pytest
@@ -19,7 +19,7 @@ def footage(work: pathlib.Path) -> pathlib.Path:
 
 
 def test_real_footage_is_recorded_bit_exact(boot: qemu.Boot, work: pathlib.Path, footage: pathlib.Path) -> None:
-    # Slowly: what an emulated machine copies in a second is no figure of ours.
+    # Slowly, since an emulated machine copies little.
     disk = testdisk.make(work / "footage.img", footage, {"ddxvideoload.conf": f"rate={SLOWLY}\n"})
     with boot("footage", test_disk=disk, more_memory=testdisk.more_memory(footage)) as guest:
         guest.shell()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""No frame is lost, counted from outside; and when one is, it shows."""
+"""No frame is lost, counted from outside; a loss that is provoked is found."""
 import pathlib
 
 from parts.guest import qemu, session
@@ -25,19 +25,19 @@ def test_frames_keep_their_pace(recorded: session.Result, work: pathlib.Path) ->
     assert times[0] == 0
     period = 1_000_000_000 // default_clip.RATE
     late = sorted(time - index * period for index, time in enumerate(times))
-    # None too early by more than the first one was late; and a host that stalls makes a few late, not most of them.
+    # No frame is earlier than the first one's lateness explains; a host that stalls makes a few frames late, not most.
     assert late[0] > -500_000_000 and late[len(late) // 2] < 500_000_000
 
 
-def test_a_loss_in_the_guest_is_counted_right(guest: qemu.Guest, recorded: session.Result, short_clip: pathlib.Path,
+def test_a_loss_in_the_guest_is_counted_exactly(guest: qemu.Guest, recorded: session.Result, short_clip: pathlib.Path,
                                               work: pathlib.Path) -> None:
-    """A recorder is frozen for three seconds: what it missed is what its file lacks, and the verdict is bad."""
+    """A recorder is frozen for three seconds: it counts exactly the frames missing in its file; the verdict is bad."""
     def start(program: str, options: str) -> None:
         guest.sh(f"/usr/bin/{program} {options} -name loss -instance loss.{program} > /tmp/loss.{program} 2>&1 & "
                  f"echo $! > /tmp/loss.pid")
 
     def wait(program: str) -> None:
-        """Until it has said how it ended."""
+        """Wait until the program has printed its last counters."""
         guest.wait_until(f"grep -q '\"instance\":\"loss.{program}\"' /tmp/loss.{program}")
 
     start(session.LOAD, "/test/clip.y4m -readers 1")
@@ -61,9 +61,9 @@ def test_a_loss_in_the_guest_is_counted_right(guest: qemu.Guest, recorded: sessi
     assert result.disagreements == []
 
 
-def test_frames_missing_in_a_file_are_found(recorded: session.Result, short_clip: pathlib.Path,
+def test_changed_recordings_are_found(recorded: session.Result, short_clip: pathlib.Path,
                                                work: pathlib.Path) -> None:
-    """The check itself: frames taken out of a good recording, two exchanged, one changed."""
+    """Proves that the check can fail: frames are removed from a good recording, two are swapped, one is changed."""
     header, frames = y4m.read(work / "recorded.y4m")
     line = f"YUV4MPEG2 {' '.join(header.parameters)}\n".encode()
     every = [(frame.parameters, frame.data) for frame in frames]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Recordings are taken home on a USB stick while the recorder goes on, and nothing is lost by that."""
+"""Recordings are exported to a USB stick while the recorder goes on and loses nothing."""
 import json
 import pathlib
 import subprocess
@@ -17,7 +17,7 @@ from parts.media.recording import FileSystem
 
 SAVE = "ddxvideosave"
 STICK_MB = 64
-SLOW = 3_000_000  # bytes a second: the stick, so that there is time to pull it out
+SLOW = 3_000_000  # bytes a second: slow enough to pull the stick out in time
 USB = ("-device", "qemu-xhci,id=usb")
 
 
@@ -31,7 +31,7 @@ def stick(work: pathlib.Path) -> pathlib.Path:
 
 @pytest.fixture(scope="module")
 def recorder(boot: Boot, work: pathlib.Path, clip: pathlib.Path, stick: pathlib.Path) -> Iterator[Guest]:
-    """A machine that records without an end into files of 8 MB, with a slow stick plugged in."""
+    """A machine that records continuously into files of 8 MB, with a slow stick plugged in."""
     disk = testdisk.make(work / "stick-test.img", clip, {"ddxvideoload.conf": "loop=\nreaders=1\n",
                                                          "ddxvideosave.conf": "segment=8\n"})
     extra = (*USB, "-drive", f"if=none,id=stick,file={stick},format=raw,cache=unsafe,throttling.bps-write={SLOW}",
@@ -48,7 +48,7 @@ def ctl(guest: Guest, words: str, seconds: float = PATIENCE) -> tuple[int, str]:
 
 
 def book(guest: Guest) -> counters.Counters:
-    """What the recorder has counted until now."""
+    """The recorder's counters."""
     return counters.of(SAVE, guest.sh("ddxctl stats --json"))[0]
 
 
@@ -60,7 +60,7 @@ def listed(guest: Guest) -> list[dict[str, Any]]:
     return [json.loads(line) for line in ctl(guest, "list --json")[1].splitlines()]
 
 
-def test_what_is_recorded_now_is_one_recording(recorder: Guest) -> None:
+def test_a_running_recording_is_listed_as_one(recorder: Guest) -> None:
     found = listed(recorder)
     assert [one["state"] for one in found] == ["recording"] and len(found[0]["files"]) > 1
 
@@ -96,12 +96,12 @@ def test_an_export_while_recording(recorder: Guest, stick: pathlib.Path, work: p
     ("/dev/sdz", "there is no such device"),
     ("/nowhere", "there is no such device or folder"),
 ])
-def test_where_nothing_may_be_written(recorder: Guest, target: str, says: str) -> None:
+def test_targets_that_are_refused(recorder: Guest, target: str, says: str) -> None:
     status, text = ctl(recorder, f"export newest {target}")
     assert status == 2 and says in text and len(text.splitlines()) == 1
 
 
-def test_a_full_stick_is_refused_before(recorder: Guest, stick: pathlib.Path) -> None:
+def test_a_full_stick_is_refused_before_copying(recorder: Guest, stick: pathlib.Path) -> None:
     names = on_stick(stick)
     recorder.wait_until(f"[ $(ls /rec/*.y4m | wc -l) -gt {STICK_MB // 8} ]")
     status, text = ctl(recorder, "export all usb")
@@ -111,7 +111,7 @@ def test_a_full_stick_is_refused_before(recorder: Guest, stick: pathlib.Path) ->
 
 
 def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
-    """In the recording on the machine; where its frames are, its bytes tell."""
+    """In a frame of a recording on the machine."""
     before = book(recorder)
     name = listed(recorder)[0]["files"][0]
     assert ctl(recorder, f"verify {name}")[0] == 0
@@ -133,8 +133,8 @@ def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
     assert book(recorder).lost_total == before.lost_total
 
 
-def test_a_stick_that_is_pulled_out(recorder: Guest, stick: pathlib.Path) -> None:
-    """One clear line; what has its name on the stick is whole."""
+def test_a_stick_that_is_pulled_out_is_reported(recorder: Guest, stick: pathlib.Path) -> None:
+    """In one clear line; files with their final name on the stick are complete."""
     recorder.sh("mkdir -p /run/old && mount /dev/sda /run/old && rm -f /run/old/* && umount /run/old")
     newest = listed(recorder)[0]["files"][:4]
     recorder.sh(f"(ddxctl recordings export {' '.join(newest)} usb; echo status $?) > /run/said 2>&1 &")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The menu's rescue entry, chosen over the serial line: a shell, and neither services nor their file systems."""
+"""The boot menu's rescue entry, chosen over the serial line: a shell without services and their file systems."""
 
 from parts.guest.channel import Timeout
 from parts.guest.qemu import USERSPACE, Boot, Guest
@@ -14,8 +14,8 @@ def choose(guest: Guest) -> None:
     menu = guest.channel("ttyS0")
     try:
         menu.wait(b"Rescue", 60)
-        # One key after the other, when the menu has answered: GRUB loses a key that comes while it draws, on a screen
-        # with UEFI for seconds. Without an answer the key is sent again. At its last entry the menu stays where it is.
+        # Each key waits for the menu's answer to the one before, since GRUB loses keys while it draws (seconds with
+        # UEFI). A key without an answer is sent again, which is harmless at the menu's last entry.
         chosen = b""
         for _ in range(KEYS):
             menu.send(DOWN)
@@ -37,7 +37,7 @@ def choose(guest: Guest) -> None:
     menu.close()  # a connected client that does not read stops the guest
 
 
-def test_rescue_touches_nothing(boot: Boot) -> None:
+def test_rescue_starts_no_service_and_mounts_nothing(boot: Boot) -> None:
     with boot("rescue", serial=True, environment=("left=3",)) as guest:
         choose(guest)
         guest.shell()
@@ -47,9 +47,9 @@ def test_rescue_touches_nothing(boot: Boot) -> None:
             assert guest.shell().run(f"mountpoint -q {folder}")[0] != 0, folder
         assert guest.shell().run("pidof store ddxvideosave ddxvideoload resize2fs")[0] != 0
         assert guest.sh("ls /run/service") == ""
-        # GRUB has counted a boot of a slot on trial, and it proves nothing
+        # GRUB counts the boot, but the rescue shell does not accept the slot
         assert guest.environment() == {"left": "2"}
-        # what it is for: the file systems can be looked after, by hand
+        # the file systems can be repaired by hand
         guest.sh(f"e2fsck -fn $({OWN} 6) && e2fsck -fy $({OWN} 5)")
         guest.sh(f"mount -t ext4 -o ro $({OWN} 6) /rec && umount /rec")
         guest.reset()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Settings or recordings that cannot be repaired, and a check that takes long: both are reported, everything else runs
-meanwhile, and nothing is formatted without a command."""
+"""Settings or recordings that cannot be repaired, and a check that takes long, are reported; everything else runs, and
+nothing is formatted without a command."""
 import pathlib
 import time
 
@@ -27,7 +27,7 @@ def told(guest: Guest) -> str:
 
 
 def frames_flow(guest: Guest) -> None:
-    """A hundred more, and the store lost none."""
+    """Wait for a hundred more frames, of which the store loses none."""
     begin = session.follow(guest, 0)[LOAD].out
     while (now := session.follow(guest, 0)[LOAD]).out < begin + 100:
         time.sleep(0.3)
@@ -46,7 +46,7 @@ def test_ruined_recordings(boot: Boot, image: pathlib.Path, work: pathlib.Path, 
         assert "state=waiting" in guest.sh(f"ddxctl status {SAVE}")
         assert guest.sh("touch /rec/here 2> /dev/null || ls -A /rec") == ""
         guest.sh(FORMAT)
-        guest.wait_until("mountpoint -q /rec")  # it had not given up
+        guest.wait_until("mountpoint -q /rec")  # mounted by the next attempt
         session.wait_for_recording(guest)
         frames_flow(guest)
         guest.sh(f"ddxctl stop {SAVE}")
@@ -57,7 +57,7 @@ def test_ruined_recordings(boot: Boot, image: pathlib.Path, work: pathlib.Path, 
 
 def test_a_check_that_takes_long(boot: Boot, image: pathlib.Path, work: pathlib.Path, clip: pathlib.Path,
                                  record_property: Figure) -> None:
-    """Many files, and no superblock: the thorough check reads them all."""
+    """Without a superblock the thorough check reads all of many files."""
     part = mbr.partition(image, RECORDINGS)
     large = work / "many-files.ext4"
     large.unlink(missing_ok=True)
@@ -80,7 +80,7 @@ def test_a_check_that_takes_long(boot: Boot, image: pathlib.Path, work: pathlib.
 
 
 def test_ruined_settings(boot: Boot, image: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """What a technician has switched off stays off, and what he switches now holds."""
+    """Services that were switched off stay off, and new toggles hold."""
     part = mbr.partition(image, SETTINGS)
 
     def off(guest: Guest, name: str) -> bool:

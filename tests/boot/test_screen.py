@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideoplay, judged by what is on the screen: whole pictures, in order; and the console when it is gone."""
+"""ddxvideoplay, judged by the screen: whole pictures, in order; and the console after it has exited."""
 import base64
 import functools
 import re
@@ -20,12 +20,12 @@ from parts.media.seen import Seen, glyphs, ppm
 
 PLAY, ITEM = "ddxvideoplay", "screen"
 SETTINGS = f"/data/ddx/{PLAY}.conf"
-DUMPS = 30  # of different frames
+DUMPS = 30  # screens with different frames
 PIXELS = "fit=pixels\\ntext=off\\n"
 PIECE = 16384
-PAUSE = 0.02  # s in which the guest goes on, between two looks
+PAUSE = 0.02  # s that the guest runs between screen dumps
 LENGTH = clip.SHORT * clip.RATE
-BAND = 8   # rows of which each band is compared with the neighbours of the frame that is due
+BAND = 8   # rows; each band is compared with the neighbours of the expected frame
 NEAR = 2   # frames
 COLOUR = (124, 136)  # U, V
 ALARM = (0xff, 0xc0, 0x20)
@@ -33,7 +33,7 @@ SINCE = r"{} since \d\d:\d\d:\d\d \(\d+ s\)"
 
 
 def place(screen: Picture, pixels: bool) -> tuple[int, int, int, int]:
-    """Where the clip's picture is: left, top, width, height."""
+    """The position of the clip's picture: left, top, width, height."""
     height, width = screen.shape[:2]
     scale = 1 if pixels else min(width / clip.WIDTH, height / clip.HEIGHT)
     wide, high = int(clip.WIDTH * scale + 1e-6), int(clip.HEIGHT * scale + 1e-6)
@@ -41,7 +41,7 @@ def place(screen: Picture, pixels: bool) -> tuple[int, int, int, int]:
 
 
 def sample(screen: Picture, pixels: bool = False) -> Picture:
-    """The clip's picture in the clip's size: of each of its pixels, the one in the middle."""
+    """The picture on the screen, scaled back to the clip's size by taking the middle of each pixel."""
     left, top, wide, high = place(screen, pixels)
     columns = left + ((numpy.arange(clip.WIDTH) + 0.5) * wide / clip.WIDTH).astype(int)
     rows = top + ((numpy.arange(clip.HEIGHT) + 0.5) * high / clip.HEIGHT).astype(int)
@@ -56,7 +56,7 @@ def number(picture: Picture) -> int | None:
 
 @functools.cache
 def expected(frame: int) -> NDArray[numpy.float64]:
-    """Each second pixel of a frame of the clip, which has a colour of its own."""
+    """Each second pixel of a frame of the clip, as colours."""
     data = numpy.frombuffer(clip.picture(frame), numpy.uint8).astype(float)
     size = clip.WIDTH * clip.HEIGHT
     luma = data[:size].reshape(clip.HEIGHT, clip.WIDTH)[::2, ::2] * 1.164 - 18.6
@@ -66,7 +66,7 @@ def expected(frame: int) -> NDArray[numpy.float64]:
 
 
 def torn(picture: Picture, frame: int) -> list[int]:
-    """Rows that show another frame than the one whose number is at the top."""
+    """Rows that show another frame than the number at the top."""
     near = [(frame + step) % LENGTH for step in range(-NEAR, NEAR + 1)]
     errors = numpy.array([numpy.abs(picture[::2, ::2] - expected(one)).mean(axis=(1, 2)) for one in near])
     bands = errors.reshape(len(near), -1, BAND).sum(axis=2)
@@ -76,7 +76,7 @@ def torn(picture: Picture, frame: int) -> list[int]:
 # ---- The text ----
 
 def alarm(screen: Picture) -> str:
-    """The last line on the screen, if it is in the colour of what is missing; else nothing."""
+    """The last line on the screen if it has the colour of alarms; otherwise empty."""
     height, scale = screen.shape[0], 2
     top = height - 10 * scale
     found = ""
@@ -88,13 +88,13 @@ def alarm(screen: Picture) -> str:
 
 
 def is_grey(picture: Picture) -> bool:
-    """Of its upper half, where no text is."""
+    """Whether the upper half, where no text is, is grey."""
     upper = picture[:len(picture) // 2]
     return bool((upper.max(axis=2).astype(int) - upper.min(axis=2) <= 2).all())
 
 
 def wait_for_alarm(guest: Guest, text: str) -> Picture:
-    """The screen that says so; "": that nothing is missing."""
+    """Wait until the screen shows this alarm ("": none), and return the screen."""
     deadline = time.monotonic() + PATIENCE
     while True:
         screen = ppm(guest.screen())
@@ -102,12 +102,12 @@ def wait_for_alarm(guest: Guest, text: str) -> Picture:
         if re.fullmatch(text, said):
             return screen
         if time.monotonic() > deadline:
-            raise Failed(f"the screen does not say {text!r}, but {said!r}")
+            raise Failed(f"the screen shows {said!r}, not {text!r}")
         time.sleep(5 * PAUSE)
 
 
 def wait_for_frame(guest: Guest, other: int | None, pixels: bool = False) -> Picture:
-    """The first screen with a picture of the clip, another one than this."""
+    """Wait for a screen that shows a frame of the clip, but not `other`."""
     end = time.monotonic() + PATIENCE
     while number(sample(screen := ppm(guest.screen()), pixels)) in (None, other):
         if time.monotonic() > end:
@@ -119,17 +119,17 @@ def wait_for_frame(guest: Guest, other: int | None, pixels: bool = False) -> Pic
 # ---- Programs in the guest ----
 
 def start(guest: Guest, settings: str = "", name: str = ITEM) -> Picture:
-    """The service with these settings, if it does not run with them already; a screen with a picture of the clip."""
+    """Start the service with these settings unless it runs with them; return a screen with a picture of the clip."""
     text = f"enabled=yes\\nname={name}\\n{settings}"
     guest.sh(f"printf '{text}' > /tmp/{PLAY}; pidof {PLAY} && cmp -s /tmp/{PLAY} {SETTINGS} || "
              f"{{ cp /tmp/{PLAY} {SETTINGS}; /etc/init.d/S*{PLAY} restart; }}")
     wait_for_frame(guest, None, "pixels" in settings)
-    return wait_for_alarm(guest, "")  # a slow machine is late with frames, which are grey then
+    return wait_for_alarm(guest, "")  # late frames are grey on a slow machine
 
 
 def console_of(guest: Guest) -> Picture:
-    """The screen with a line of text on the console. (This card's driver forgets what was there before.) The kernel
-    draws text a moment after it was written: until two looks in a row show the same."""
+    """The screen with a line of text on the console (this card's driver forgets the old text). The kernel draws text
+    with a delay: wait until two dumps in a row are equal."""
     guest.sh("printf '\\033[2J\\033[Hconsole\\033[?25l' > /dev/tty1")
     shown, same, end = ppm(guest.screen()), False, time.monotonic() + PATIENCE
     while not (same and shown.any() and is_grey(shown)) and time.monotonic() < end:
@@ -140,12 +140,12 @@ def console_of(guest: Guest) -> Picture:
 
 
 def fetch(guest: Guest, path: str, at: int) -> bytes:
-    """A piece of a file of the guest: the console drops what is too much at once."""
+    """A piece of a guest's file: the console drops output that is too long."""
     return base64.b64decode(guest.sh(f"dd if={path} bs={PIECE} skip={at} count=1 2> /dev/null | base64"))
 
 
 def difference(guest: Guest, shown: Picture, item: str, places: tuple[float, ...] = (0, 0.5, 1)) -> int:
-    """The largest between the screen and a snapshot of the item, in rows at these heights: 1 is the bottom."""
+    """The largest difference between the screen and a snapshot of the item, in rows at these heights (1: bottom)."""
     guest.sh(f"ddxvideosnap -name {item} /tmp/still.ppm")
     left, top, wide, high = place(shown, pixels=True)
     ours = shown[top:top + high, left:left + wide].tobytes()
@@ -165,20 +165,20 @@ def load(guest: Guest, options: str, name: str = ITEM) -> None:
 
 @pytest.fixture(scope="module")
 def console(guest: Guest, recorded: session.Result) -> Picture:
-    """Before any program has drawn anything."""
+    """The screen before any program has drawn."""
     return console_of(guest)
 
 
 @pytest.fixture(scope="module")
 def screen(guest: Guest, console: Picture) -> Iterator[Guest]:
-    """The guest, with the clip played over and over in an item without a recorder."""
+    """The guest, with the clip played in a loop in an item without a recorder."""
     load(guest, "/test/clip.y4m -loop")
     yield guest
     guest.sh(f"/etc/init.d/S*{PLAY} stop; rm -f {SETTINGS}; kill -9 $(cat /tmp/{ITEM}.pid); true")
 
 
 def watch(guest: Guest, dumps: int, seconds: float = PATIENCE) -> None:
-    """`dumps` frames are seen, each of them whole, and none goes backwards."""
+    """Check that `dumps` frames are whole and none goes backwards."""
     seen: list[int] = []
     end = time.monotonic() + seconds
     while len(set(seen)) < dumps:
@@ -212,7 +212,7 @@ def test_a_writer_that_stops(screen: Guest) -> None:
     assert not is_grey(wait_for_alarm(screen, ""))
 
 
-def test_its_pixels_are_those_of_a_snapshot(screen: Guest) -> None:
+def test_pixels_equal_those_of_a_snapshot(screen: Guest) -> None:
     shown = start(screen, PIXELS)
     frame = number(sample(shown, pixels=True))
     assert frame is not None, "torn: no number"
@@ -225,7 +225,7 @@ def test_its_pixels_are_those_of_a_snapshot(screen: Guest) -> None:
 
 @pytest.mark.parametrize("layout", ["GREY16", "RGB24"])
 def test_other_layouts(screen: Guest, layout: str) -> None:
-    """Of one colour, with the lightness of the clip's first frame; in the middle, where no edge is: 4:2:0 mixes the
+    """A frame of one colour with the clip's luma; compared in the middle, away from edges, since 4:2:0 mixes the
     colours of neighbours."""
     size, head = clip.WIDTH * clip.HEIGHT, len("FRAME\n")
     screen.sh("{ head -n 1; head -c " + str(size + head) + "; } < /test/clip.y4m > /tmp/tinted.y4m")
@@ -240,7 +240,7 @@ def test_other_layouts(screen: Guest, layout: str) -> None:
 
 
 @pytest.mark.parametrize(("signal", "settings"), [("TERM", ""), ("KILL", PIXELS)])
-def test_the_console_is_back_after_the_end(screen: Guest, console: Picture, signal: str, settings: str) -> None:
+def test_the_console_is_restored_on_exit(screen: Guest, console: Picture, signal: str, settings: str) -> None:
     start(screen, settings)
     screen.sh(f"sv once /run/service/{PLAY}; pid=$(cat /run/service/{PLAY}/supervise/pid); kill -{signal} $pid; "
               f"while kill -0 $pid 2> /dev/null; do sleep 0.02; done")
@@ -249,7 +249,7 @@ def test_the_console_is_back_after_the_end(screen: Guest, console: Picture, sign
 
 
 def view(guest: Guest, condition: Callable[[Seen], object]) -> Seen:
-    """What the viewer shows, as soon as the condition holds."""
+    """Wait until what the viewer shows meets the condition."""
     deadline = time.monotonic() + PATIENCE
     while not condition(seen := Seen(ppm(guest.screen()))):
         if time.monotonic() > deadline:
@@ -258,8 +258,8 @@ def view(guest: Guest, condition: Callable[[Seen], object]) -> Seen:
     return seen
 
 
-def test_the_viewer_takes_screen_and_keys(screen: Guest, console: Picture) -> None:
-    """In the background of a terminal without the keys; in the foreground with them."""
+def test_the_viewer_uses_screen_and_keyboard(screen: Guest, console: Picture) -> None:
+    """In the background of a terminal without the keyboard; in the foreground with it."""
     screen.sh(f"/etc/init.d/S*{PLAY} stop")
     mode = screen.sh("stty -g < /dev/tty")
     screen.sh(f"ddxvideoview -name {ITEM} < /dev/tty > /tmp/view.log 2>&1 & echo $! > /tmp/view.pid")
@@ -283,13 +283,13 @@ def test_the_viewer_takes_screen_and_keys(screen: Guest, console: Picture) -> No
     back = view(screen, lambda seen: seen.frame() == first)
     assert back.label == "PAUSED" and number(sample(back.area)) == (first or 0) % LENGTH
     terminal.send("q")
-    terminal.wait(END)  # what is sent before is the viewer's
+    terminal.wait(END)  # earlier keys go to the viewer
     assert terminal.run(f"[ \"$(stty -g < /dev/tty)\" = {mode} ]") == (0, "")
     assert (console_of(screen) == console).all()
 
 
-def test_a_store_that_is_killed(screen: Guest) -> None:
-    """One of our own, since the robot's has others to serve. Frames go on without it."""
+def test_frames_come_again_after_the_store_was_killed(screen: Guest) -> None:
+    """Uses its own store, since other programs need the image's. Frames go on without the store."""
     def run(command: str) -> None:
         name = command.split()[0]
         screen.sh(f"(cd /tmp/own && DDX_DIR=/tmp/own exec chpst -u ddxplay:ddx {command} > {name}.log 2>&1) & "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideoplay on other graphics cards: for long, with another program on the screen, without a monitor for a while."""
+"""ddxvideoplay on other graphics cards: for an hour, beside another program, and with the monitor unplugged."""
 import pathlib
 import time
 from collections.abc import Callable, Iterator
@@ -16,14 +16,14 @@ from .test_screen import (ITEM, PLAY, console_of, load, number, sample, start, v
 pytestmark = pytest.mark.long
 
 DUMPS, SECONDS = 500, 900
-HOUR = 6      # of --seconds, which are ten minutes
-LOOK = 20     # s between two looks
+HOUR = 6      # times --seconds, which is ten minutes by default
+LOOK = 20     # s between samples
 GROWTH = 256  # KiB
 CONNECTOR = "/sys/class/drm/card0-Virtual-1/status"
 
 
 def ready(guest: Guest, driver: str) -> None:
-    """A guest whose screen has this driver, with the clip played over and over."""
+    """Prepare a guest whose screen has this driver, with the clip played in a loop."""
     guest.shell()
     guest.sh("for name in ddxvideosave ddxvideoload; do /etc/init.d/S*$name stop; done; true")
     guest.wait_until(f"grep -q DRIVER={driver} /sys/class/drm/card0/device/uevent")
@@ -45,8 +45,8 @@ def test_virtio(virtio: Guest) -> None:
 
 def test_an_hour_without_growth(virtio: Guest, pytestconfig: pytest.Config,
                                 record_property: Callable[[str, object], None]) -> None:
-    """After the first quarter, memory and open files do not grow; newer frames are shown at each look. At few frames a
-    second, which an emulated processor shows in time. The least number of files in a quarter counts."""
+    """After the first quarter, memory and open files do not grow, and each sample shows newer frames. The frame rate is
+    low enough for an emulated processor. The number of files is the least of a quarter."""
     virtio.sh(f"kill $(cat /tmp/{ITEM}.pid)")
     load(virtio, "/test/clip.y4m -loop -rate 0.1")
     shown = start(virtio)
@@ -65,7 +65,7 @@ def test_an_hour_without_growth(virtio: Guest, pytestconfig: pytest.Config,
 
 
 def test_a_monitor_that_is_unplugged(virtio: Guest) -> None:
-    """Its connector is forced off, and on again."""
+    """The connector is forced off and on again."""
     before = start(virtio)
     virtio.sh(f"echo off > {CONNECTOR}")
     virtio.wait_until(f"grep -q 'the monitor is unplugged; trying again' /run/log/{PLAY}/current", pause=0.1)
@@ -76,8 +76,8 @@ def test_a_monitor_that_is_unplugged(virtio: Guest) -> None:
     watch(virtio, 5)
 
 
-def test_two_on_one_screen(virtio: Guest) -> None:
-    """The second one says so once, and has the screen after the first one has exited. So has a viewer."""
+def test_two_programs_on_one_screen(virtio: Guest) -> None:
+    """The second one reports once that the screen is in use, and takes it after the first exits; so does a viewer."""
     start(virtio)
     virtio.sh(f"chpst -u ddxplay:ddx {PLAY} -name {ITEM} -instance second > /tmp/second 2>&1 & "
               "echo $! > /tmp/second.pid")
@@ -97,8 +97,8 @@ def test_two_on_one_screen(virtio: Guest) -> None:
 
 
 @pytest.mark.skipif(BOARD == machine.DEV, reason="Debian's kernel has no simpledrm")
-def test_the_mode_that_the_firmware_has_set(boot: qemu.Boot, work: pathlib.Path, short_clip: pathlib.Path) -> None:
-    """A card that the kernel has no driver for: simpledrm shows pictures in the mode of UEFI, or of GRUB by a BIOS."""
+def test_the_mode_set_by_the_firmware(boot: qemu.Boot, work: pathlib.Path, short_clip: pathlib.Path) -> None:
+    """A card without a kernel driver: simpledrm shows pictures in the mode set by UEFI, or by GRUB with a BIOS."""
     disk = testdisk.make(work / "simple.img", short_clip)
     with boot("simple", test_disk=disk, screen=True, extra=("-vga", "qxl")) as guest:
         ready(guest, "simple-framebuffer")
@@ -113,7 +113,7 @@ def test_the_mode_that_the_firmware_has_set(boot: qemu.Boot, work: pathlib.Path,
 
 
 @pytest.mark.skipif(BOARD == machine.DEV, reason="Debian's kernel has no simpledrm")
-def test_without_screen_on_nothing_changes(boot: qemu.Boot, board: machine.Machine) -> None:
+def test_without_screen_on_there_is_no_screen(boot: qemu.Boot, board: machine.Machine) -> None:
     if board.firmware != "bios":
         pytest.skip("UEFI sets a mode")
     with boot("text", extra=("-vga", "qxl")) as guest:

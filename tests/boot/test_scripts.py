@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Every script that ships is read by the shell that will run it."""
+"""The image's shell can parse every script in the image."""
 import pathlib
 import subprocess
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The serial line belongs to the robot: bytes of a device there, from power-on, are no commands."""
+"""The serial line belongs to the robot: bytes that a device sends there from power-on are not commands."""
 import time
 
 from parts.guest.qemu import USERSPACE, Guest
@@ -7,8 +7,8 @@ from parts.guest.qemu import USERSPACE, Guest
 from .noise import PAUSE, SENTENCE, Noise
 
 
-def test_the_machine_comes_up_beside_a_device_that_speaks(closed: Guest, noise: Noise) -> None:
-    """Bytes in GRUB's countdown would stop it for ever, a Ctrl-S our own output, a Ctrl-C what runs."""
+def test_the_machine_boots_while_a_device_sends(closed: Guest, noise: Noise) -> None:
+    """A byte could stop GRUB's countdown forever, Ctrl-S our output, Ctrl-C a program."""
     closed.wait_for_log(USERSPACE)
     assert noise.before > 5 or not noise.from_power_on
     closed.wait_for_log(b"Starting ddxhealth: OK")
@@ -22,7 +22,7 @@ def test_the_machine_comes_up_beside_a_device_that_speaks(closed: Guest, noise: 
 
 
 def test_a_break_and_a_letter_do_not_reset_the_machine(guest: Guest) -> None:
-    """As a device at another speed looks: for the kernel's console that was SysRq, and `b` the reset."""
+    """A device at another speed sends breaks: to the kernel's console that would be SysRq, and `b` a reset."""
     guest.sh("exec 9< /dev/ttyS0")
     line = guest.channel("ttyS0")
     guest.monitor("chardev-send-break", id="ttyS0")

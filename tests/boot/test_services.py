@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Services: they run, as their own users, and come back."""
+"""Services run as their own users and are restarted."""
 import time
 
 from parts.guest import session
@@ -33,7 +33,7 @@ def test_none_died_while_recording(guest: Guest, recorded: session.Result) -> No
         assert status(guest, program)[1]["restarts"] == "0", program
 
 
-def test_loader_is_complete_and_not_started_again(guest: Guest, recorded: session.Result) -> None:
+def test_the_finished_loader_is_not_restarted(guest: Guest, recorded: session.Result) -> None:
     code, fields = status(guest, "ddxvideoload")
     assert (code, fields["state"]) == (3, "complete")
 
@@ -47,7 +47,7 @@ def test_stop_and_start(guest: Guest, recorded: session.Result) -> None:
 
 
 def test_a_killed_service_is_back_within_a_second_and_counted(guest: Guest, recorded: session.Result) -> None:
-    """One that ran for ten seconds. (How long it took goes to the budget's table: judged are count and process.)"""
+    """Killed after ten seconds. Judged are count and process; the time goes to the budget's table."""
     before = status(guest, "ddxvideosave")[1]
     guest.sh(f"sleep 10; kill -9 {before['pid']}")
     guest.wait_until(f"! [ \"$(cat {SUPERVISE}/pid)\" = {before['pid']} ] && [ -s {SUPERVISE}/pid ]")
@@ -57,8 +57,8 @@ def test_a_killed_service_is_back_within_a_second_and_counted(guest: Guest, reco
     assert int(after["restarts"]) == int(before["restarts"]) + 1
 
 
-def test_another_worker_of_the_store_goes_on(guest: Guest, recorded: session.Result) -> None:
-    """It is no other store: the service has not ended, and no other one has noticed."""
+def test_a_new_worker_of_the_store_takes_over(guest: Guest, recorded: session.Result) -> None:
+    """The store stays the same: the service has not stopped, and no other service is affected."""
     before = status(guest, "store")[1]
     worker = guest.sh(f"pgrep -P {before['pid']}").strip()
     guest.sh(f"kill -9 {worker}")
@@ -70,8 +70,8 @@ def test_another_worker_of_the_store_goes_on(guest: Guest, recorded: session.Res
     assert guest.sh(f"stat -c %U /proc/$(pgrep -P {before['pid']})") == USERS["store"]
 
 
-def test_what_hangs_is_replaced(guest: Guest, recorded: session.Result) -> None:
-    """While nothing is recorded; with a clip, and its losses counted: test_health.py."""
+def test_a_service_that_hangs_is_replaced(guest: Guest, recorded: session.Result) -> None:
+    """Without a recording; test_health.py does it with a clip and counts the losses."""
     print(f"replaced after {hang(guest, 'ddxvideosave'):.1f} s")
 
 
@@ -85,7 +85,7 @@ def test_a_stopped_process_does_not_block_the_stop(guest: Guest, recorded: sessi
     guest.sh("/etc/init.d/S*ddxvideosave start")
 
 
-def test_settings_of_the_technician_win_and_are_not_sourced(guest: Guest, recorded: session.Result) -> None:
+def test_settings_override_defaults_and_are_not_run_as_shell_code(guest: Guest, recorded: session.Result) -> None:
     evil = "$(touch /tmp/evil)`touch /tmp/evil`;touch /tmp/evil'"
     file = "/data/ddx/ddxvideosave.conf"
     guest.sh(f"printf '%s\\n' 'enabled=no' 'touch /tmp/evil' > {file}")
@@ -93,7 +93,7 @@ def test_settings_of_the_technician_win_and_are_not_sourced(guest: Guest, record
     assert status(guest, "ddxvideosave")[1]["enabled"] == "no"
     quoted = "'" + evil.replace("'", "'\\''") + "'"
     guest.sh(f"printf '%s\\n' name={quoted} > {file}; /etc/init.d/S*ddxvideosave restart")
-    guest.wait_until("ps -o args | grep -q -- '-nam[e]'")  # it was started with them
+    guest.wait_until("ps -o args | grep -q -- '-nam[e]'")  # started with these settings
     assert guest.shell().run("ls /tmp/evil")[0] != 0
     guest.sh(f"rm {file}; /etc/init.d/S*ddxvideosave restart")
 

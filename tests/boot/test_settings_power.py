@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The power goes at any write of a toggle: afterwards its settings are the old ones or the new ones, never less."""
+"""After a power cut at any write of a toggle, the settings are the old or the new ones, complete."""
 import pathlib
 
 import pytest
@@ -13,7 +13,7 @@ from .figures import Figure
 
 pytestmark = pytest.mark.long
 
-DICE = 3  # disks of the second kind for each cut
+DICE = 3  # disks with random lost writes for each cut
 
 
 @pytest.mark.parametrize("naive", [False, True], ids=["ddxctl", "naive"])
@@ -21,7 +21,7 @@ def test_settings_survive_a_power_cut_at_any_write(boot: Boot, image: pathlib.Pa
                                                    naive: bool, record_property: Figure) -> None:
     log = tmp_path / "writes"
     with boot("power-naive" if naive else "power", writes=log, keep=tmp_path) as guest:
-        # Into the log of writes, by way of a slot that is empty.
+        # Marks the log of writes by writing into the empty slot.
         toggle(guest.sh, lambda text: guest.sh(f"printf '{text.decode()}' | dd of=/dev/vda3 bs=512 conv=sync,notrunc "
                                                "oflag=direct 2> /dev/null"), naive)
         guest.poweroff()

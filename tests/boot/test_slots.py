@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Two roots on the disk: when one cannot be booted, or does not prove itself, the other one is. Of a damaged card, what
-can be mended is."""
+"""Two roots on the disk: if one cannot be booted or does not come up, the other is booted. Damaged file systems are
+repaired."""
 import pathlib
 from collections.abc import Callable, Iterator
 
@@ -16,7 +16,7 @@ SLOT_BYTES = 64 << 20
 
 
 def fill_slot_b(disk: Disk) -> None:
-    """What an update will do: the root of slot A, once more."""
+    """Copy slot A's root to slot B, as an update does."""
     disk.write(SLOT["B"], disk.read(SLOT["A"], SLOT_BYTES))
 
 
@@ -33,14 +33,14 @@ def booted(guest: Guest, slot: str) -> None:
     assert f"ddx.slot={slot}" in words
     assert f"root=PARTUUID=dd5601de-0{'AB'.index(slot) + 2}" in words
     assert "squashfs (ro" in guest.sh("mount | grep ' on / '")
-    # where GRUB would have waited ten seconds for a key
+    # GRUB would wait ten seconds for a key
     assert guest.log.read_bytes().count(b"Press any key") == 0
 
 
 @pytest.fixture(scope="module")
 def damaged(boot: Boot, image: pathlib.Path) -> Iterator[Guest]:
-    """A card that has lost slot A, and the superblocks of settings and recordings; slot B has used up its chances as an
-    update, so slot A is the chosen one from now on."""
+    """A card with damaged slot A and without the superblocks of settings and recordings. Slot B has used up its
+    attempts as an update, so slot A is the chosen one."""
     def damage(disk: Disk) -> None:
         fill_slot_b(disk)
         spoil(disk, "A")
@@ -53,7 +53,7 @@ def damaged(boot: Boot, image: pathlib.Path) -> Iterator[Guest]:
 
 
 def test_the_other_slot_is_booted(damaged: Guest) -> None:
-    """The boot menu goes on to it, and has counted the boot as one of the chosen slot."""
+    """The boot menu falls back to slot B, and counts the boot for the chosen slot."""
     booted(damaged, "B")
     assert "ddx.counted=begun=1" in damaged.sh("cat /proc/cmdline").split()
     damaged.wait_until("[ -e /run/slot.failed ] && [ ! -e /run/grubenv ]")
@@ -68,13 +68,13 @@ def test_the_kernel_s_options_are_those_of_its_slot(damaged: Guest, root: pathli
     assert "ramoops.mem_name=ddxlog" in options and words[-len(options):] == options
 
 
-def test_a_boot_that_was_not_counted_is_a_complaint(damaged: Guest) -> None:
+def test_a_boot_that_was_not_counted_is_reported(damaged: Guest) -> None:
     screen = damaged.sh("echo 'not counted' > /run/slot.wrong; ddxctl health; rm /run/slot.wrong")
     assert "! slot       slot A was to be booted, and did not come up" in screen
     assert "! slot       not counted" in screen
 
 
-def test_file_systems_without_a_superblock_are_mended(damaged: Guest) -> None:
+def test_file_systems_without_a_superblock_are_repaired(damaged: Guest) -> None:
     damaged.wait_until("mountpoint -q /rec")
     device = damaged.sh("/usr/libexec/ddx/own-partition 6")
     told = f"{device} is there, after a repair that may have cost recordings; see /run/log/check.DDXREC"
@@ -85,17 +85,17 @@ def test_file_systems_without_a_superblock_are_mended(damaged: Guest) -> None:
     assert health.count("! slot") == 1
     assert "! disk       /data had to be repaired, and there is no copy on /rec; settings are what is left" in health
     assert "beware: /data had to be repaired" in damaged.shell().run("ddxctl disable ddxvideoload")[1]
-    damaged.wait_until("grep -q ddxvideoload.conf /rec/.ddx/settings")  # now there is one
+    damaged.wait_until("grep -q ddxvideoload.conf /rec/.ddx/settings")  # now there is a copy
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("prepare, environment, slot, after", [
-    # it had its chances
+    # its attempts are used up
     (fill_slot_b, ("slot=A", "left=0"), "B", {"slot": "B", "failed": "A"}),
-    # an update that was cut off
+    # an interrupted update
     (spoilt_b, ("slot=B", "left=2"), "A", {"slot": "B", "left": "1"}),
 ], ids=["no-boots-left", "bad-update"])
-def test_a_slot_has_its_chances(boot: Boot, prepare: Callable[[Disk], None], environment: tuple[str, ...],
+def test_an_exhausted_slot_is_not_booted(boot: Boot, prepare: Callable[[Disk], None], environment: tuple[str, ...],
                                 slot: str, after: dict[str, str]) -> None:
     with boot("chances", environment=environment, prepare=prepare) as guest:
         guest.shell()
@@ -105,9 +105,9 @@ def test_a_slot_has_its_chances(boot: Boot, prepare: Callable[[Disk], None], env
 
 
 @pytest.mark.long
-def test_a_proven_slot_that_rots_gives_way(boot: Boot, root: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """Its kernel is there, and nothing else. Three boots end in a panic, then the other slot is booted; in the next
-    boot it has one more chance."""
+def test_an_accepted_slot_that_rots_is_replaced(boot: Boot, root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """Only its kernel is readable. After three panics the other slot is booted; the next boot tries the damaged slot
+    once more."""
     kernel, rotten = tmp_path / "root", tmp_path / "rotten"
     (kernel / "boot").mkdir(parents=True)
     for file in (root / "boot").iterdir():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""SSH: only keys in ddx.txt log in; recordings come out; no other port is open."""
+"""SSH: only keys in ddx.txt can log in; recordings can be copied; no other port is open."""
 import pathlib
 import re
 import subprocess
@@ -59,18 +59,18 @@ def robot(boot: Boot, work: pathlib.Path, place: pathlib.Path) -> Iterator[Robot
         yield Robot(guest, port, place)
 
 
-def test_who_has_the_key_is_in(robot: Robot) -> None:
+def test_the_provisioned_key_logs_in(robot: Robot) -> None:
     done = robot.ssh("id -u; ddxctl services")
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("0\n") and "ddxvideosave" in done.stdout
 
 
-def test_nobody_else_is(robot: Robot) -> None:
+def test_another_key_is_refused(robot: Robot) -> None:
     done = robot.ssh("true", key="other")
-    assert done.returncode == 255 and "Permission denied (publickey)" in done.stderr  # a password is not even asked for
+    assert done.returncode == 255 and "Permission denied (publickey)" in done.stderr  # not even a password prompt
 
 
-def test_recordings_come_out(robot: Robot, tmp_path: pathlib.Path) -> None:
+def test_recordings_can_be_copied(robot: Robot, tmp_path: pathlib.Path) -> None:
     partition = FileSystem(robot.guest.snapshot())
     name = partition.recordings()[0][0]
     wanted = partition.take(name, tmp_path / "wanted.y4m").read_bytes()
@@ -81,9 +81,9 @@ def test_recordings_come_out(robot: Robot, tmp_path: pathlib.Path) -> None:
     assert (tmp_path / "rsync.y4m").read_bytes() == (tmp_path / "sftp.y4m").read_bytes() == wanted
 
 
-# That of clients before OpenSSH 9.0, which need a program scp on the robot, and that of later ones.
+# Clients before OpenSSH 9.0 need the program scp on the robot; later ones use SFTP.
 @pytest.mark.parametrize("protocol", ["-O", "-s"])
-def test_scp_finds_the_recordings(robot: Robot, tmp_path: pathlib.Path, protocol: str) -> None:
+def test_scp_copies_recordings(robot: Robot, tmp_path: pathlib.Path, protocol: str) -> None:
     run(["scp", protocol, "-q", *robot.options("mine"), "-P", str(robot.port), "root@127.0.0.1:/rec/*.y4m", tmp_path])
     partition = FileSystem(robot.guest.snapshot())
     names = [name for files in partition.recordings() for name in files]
@@ -92,7 +92,7 @@ def test_scp_finds_the_recordings(robot: Robot, tmp_path: pathlib.Path, protocol
         assert (tmp_path / name).read_bytes() == partition.take(name, tmp_path / "wanted").read_bytes()
 
 
-def test_what_listens_is_what_was_declared(robot: Robot) -> None:
+def test_only_declared_ports_listen(robot: Robot) -> None:
     for name in ("decode", "ddxvideosend"):
         runs(robot.guest, name)
     robot.guest.wait_until("netstat -uln | grep -q :7411")
@@ -101,8 +101,8 @@ def test_what_listens_is_what_was_declared(robot: Robot) -> None:
 
 
 @pytest.mark.long
-def test_the_machine_keeps_its_own_key(robot: Robot, boot: Boot) -> None:
-    """A second boot, on the same disk: the client knows it already, and would refuse another one."""
+def test_the_host_key_survives_a_reboot(robot: Robot, boot: Boot) -> None:
+    """After a second boot on the same disk the client sees the known key; it would refuse another one."""
     assert robot.ssh("true").returncode == 0
     known = (robot.folder / "known_hosts").read_text()
     assert "ssh-ed25519" in known

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A stream in the image: from the store through the network to decode, while the recorder runs."""
+"""A stream in the image, from the store through the network to decode, while the recorder runs."""
 import json
 import pathlib
 import re
@@ -11,13 +11,13 @@ SECONDS = 8
 FRAMES = SECONDS * default_clip.RATE
 
 
-def test_off_until_wanted(guest: qemu.Guest) -> None:
+def test_the_sender_is_off_by_default(guest: qemu.Guest) -> None:
     code, text = guest.shell().run("/etc/init.d/S*ddxvideosend status")
     assert code == 3 and "enabled=no state=stopped" in text
 
 
 def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
-    """MPEG-4, since an emulated processor is too slow for H.264: each frame that is shown is the one that is said."""
+    """Each frame shown has the number that decode prints. MPEG-4: an emulated processor is too slow for H.264."""
     clip = work / "stream.y4m"
     default_clip.write(clip, SECONDS)
     settings = {"ddxvideosend.conf": "enabled=yes\ncodec=mpeg4\ninterface=lo\n", "ddxvideoload.conf": "readers=3\n"}
@@ -25,7 +25,7 @@ def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
         guest.shell()
         guest.sh("decode -headless -interface lo -print > /tmp/shown 2> /tmp/said &")
         guest.wait_until("netstat -uln | grep -q :8000", pause=0.1)
-        # The third reader, after recorder and sender: the clip begins. The loader may not have made the item yet.
+        # The clip begins with the third reader, after recorder and sender. The loader may not have made the item yet.
         guest.sh("until ddxctl watch video; do sleep 0.1; done > /dev/null 2>&1 &")
         session.wait_for_clip(guest, FRAMES)
         sent = f"\"ddxvideosend\",\"in\":{FRAMES},\"out\":[0-9]*,\"waiting\":0"
@@ -36,7 +36,7 @@ def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
         said = guest.sh("cat /tmp/said /run/log/ddxvideosend/current")
         session.stop_recorder(guest)
         result = session.collect(guest, clip, work / "stream-recorded.y4m")
-    assert result.good, result.disagreements  # the recording path takes no notice
+    assert result.good, result.disagreements  # the recording is not affected
     *lines, packets, frames = shown.splitlines()
     counters, book = json.loads(packets), json.loads(frames)
     numbers = [int(match[1]) for line in lines if (match := re.match(r"frame (\d+) ", line))]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Two cameras, each with a recorder of its own, onto one disk: every frame of each, and none of the other."""
+"""Two cameras, each with its own recorder, on one disk: all frames of each, and none of the other."""
 import pathlib
 import time
 
@@ -27,13 +27,13 @@ def test_each_is_recorded(boot: qemu.Boot, work: pathlib.Path, board: Machine, r
     with boot("two-cameras", test_disk=disk, more_memory=128) as guest:
         camera.prepare(guest)
         guest.sh(f"ddxctl add {SAVE}.rear name=rear segment=16")
-        guest.wait_until(f"ddxctl stats --json | grep -q {SAVE}.rear")  # both recorders are there before the cameras
+        guest.wait_until(f"ddxctl stats --json | grep -q {SAVE}.rear")  # both recorders run before the cameras
         for item, instance, number in [("video", GRABBER, 0), ("rear", f"{GRABBER}.rear", 2)]:
             size = "CIF" if item == "video" else "QCIF"
             settings = f"camera={number}\\nname={item}\\ninput=S-Video\\nstandard=PAL\\nformat=YU12\\nsize={size}\\n"
             guest.sh(f"printf '{settings}' > /data/ddx/{instance}.conf")
         guest.sh(f"/etc/init.d/S*{GRABBER} restart")
-        guest_camera.vivid(guest, "n_devs=2 node_types=0x101,0x101")  # each a camera and a screen
+        guest_camera.vivid(guest, "n_devs=2 node_types=0x101,0x101")  # each a camera and an output
         camera.wait_for_frames(guest, instance=GRABBER)
         camera.wait_for_frames(guest, instance=f"{GRABBER}.rear")
         time.sleep(SECONDS)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The paper's session on two machines: what is written on one is read on the other, by name."""
+"""The paper's session on two machines: values written on one are read on the other, by name."""
 from __future__ import annotations
 
 import json
@@ -33,7 +33,7 @@ def test_the_other_machine_s_items(boot: qemu.Boot) -> None:
             begin(laptop, "laptop", "10.0.0.2")
             begin(robot, "carol", "10.0.0.1")
             robot.sh("catalog > /tmp/linked 2>&1 &")
-            laptop.sh(f"printf 'item {ITEM}\\n' > /data/ddx/exports.conf")  # the service's own rules leave out counters
+            laptop.sh(f"printf 'item {ITEM}\\n' > /data/ddx/exports.conf")  # the default rules exclude counters
             laptop.sh("printf 'c=/data/ddx/exports.conf\\n' > /data/ddx/catalog.conf; ddxctl enable catalog")
             exchange(robot, laptop, "carol")
             exchange(laptop, robot, "laptop")
@@ -43,7 +43,7 @@ def test_the_other_machine_s_items(boot: qemu.Boot) -> None:
 
 def exchange(writer: Guest, reader: Guest, name: str) -> None:
     reader.wait_until(f"ddxctl catalog | grep -q '^{name}  *heard'")
-    writer.sh("/etc/init.d/S*ddxvideosave stop")  # its item stays, and can be written
+    writer.sh("/etc/init.d/S*ddxvideosave stop")  # its item stays, and is free for another writer
     before = value(writer, ITEM)
     for count in (4711, 4712):
         writer.sh(f"ddxctl set {ITEM} in={count}")

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A robot and an operator, the same image in two machines, and a network between them that loses 30 % of the packets in
-both directions."""
+"""A robot and an operator run the same image; the network between them loses 30 % of the packets in both directions."""
 import dataclasses
 import json
 import pathlib
@@ -21,9 +20,9 @@ from .segment import Segment
 pytestmark = pytest.mark.long
 
 SEED, DROP, DUPLICATE = "17", 30.0, 10.0
-QUIET, BAD = 2, 10  # s of the clip's 20 that the network is good at first, and bad then
-END = 3  # s after that: MPEG-4 has had key frames since, so the last pictures are right again
-SHOWN = 0.9  # of the frames sent; emulated machines take their time to report
+QUIET, BAD = 2, 10  # s of the clip's 20 with a good network, then with a bad one
+END = 3  # s later the pictures are right again, after MPEG-4's next key frame
+SHOWN = 0.9  # share of the frames sent; reports of emulated machines are late
 
 
 def network(guest: Guest, address: str) -> None:
@@ -31,7 +30,7 @@ def network(guest: Guest, address: str) -> None:
 
 
 def service(guest: Guest, program: str, settings: str, instance: str = "") -> None:
-    """As a technician switches it on."""
+    """Switch a service on as a technician does."""
     guest.sh(f"printf '{settings}' > /data/ddx/{program}{instance}.conf; /etc/init.d/S*{program} start")
 
 
@@ -40,8 +39,8 @@ def packets(guest: Guest, instance: str) -> dict[str, int]:
 
 
 def arrive(operator: Guest, segment: Segment) -> None:
-    """What is on its way reaches decode, and its counters, which decode writes once a second; what does not is
-    missing."""
+    """Wait until packets on their way have reached decode's counters, which are written once a second; packets that do
+    not arrive in time show up as missing."""
     end = time.monotonic() + 20
     while time.monotonic() < end:
         found = packets(operator, stream.DECODE)
@@ -51,9 +50,9 @@ def arrive(operator: Guest, segment: Segment) -> None:
 
 
 def disagreements(segment: Segment, sent: dict[str, int], received: dict[str, int]) -> list[str]:
-    """What the programs at both ends count other than what the relay between them did."""
+    """Counters at both ends that differ from the relay's."""
     media, repair, reports = segment.media, segment.repair, segment.reports
-    # A packet may be restored before decode reads it from the other socket: then it comes as a duplicate.
+    # A packet restored before decode reads it from the other socket counts as a duplicate.
     early = received["duplicate"] - media.duplicated
     never = received["lost"] - received["late"] + received["restored"] - early
     known = ("restored", "repair_useless", "repair_expired", "repair_refused", "repair_corrupt")
@@ -70,7 +69,7 @@ def disagreements(segment: Segment, sent: dict[str, int], received: dict[str, in
     return [f"{what}: {ours} and {theirs}" for what, (ours, theirs) in both.items() if ours != theirs]
 
 
-def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path,
+def test_a_stream_through_a_lossy_network(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path,
                                         record_property: Figure) -> None:
     disk = testdisk.make(work / "robot.img", clip, {"ddxvideoload.conf": "readers=2\n"})
     with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
@@ -80,7 +79,7 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
             network(operator, "10.0.0.2")
             service(operator, "ddxvideosave", "name=seen\\n", ".seen")
             service(operator, "decode", "enabled=yes\\ninterface=eth0\\n")
-            operator.wait_until("cat /proc/net/udp* | grep -q ':1F40 '")  # port 8000: before anybody sends
+            operator.wait_until("cat /proc/net/udp* | grep -q ':1F40 '")  # port 8000 is open before anything is sent
             network(robot, "10.0.0.1")
             service(robot, "ddxvideosend", "enabled=yes\\ncodec=mpeg4\\ninterface=eth0\\n")
             mended = watch(robot, segment)
@@ -99,7 +98,7 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
     record_property("network", {name: dataclasses.asdict(flow) for name, flow in {
         "media": segment.media, "repair": segment.repair, "reports": segment.reports}.items()})
     record_property("decode_packets", received)
-    assert result.good, result.disagreements  # the robot has noticed nothing
+    assert result.good, result.disagreements  # the robot is not affected
     assert all(flow.dropped > 10 and flow.duplicated > 3 for flow in (segment.media, segment.repair, segment.reports))
     assert disagreements(segment, sent, received) == []
     assert received["restored"] > 0.8 * segment.media.dropped
@@ -115,7 +114,7 @@ def test_a_stream_through_a_bad_network(boot: qemu.Boot, work: pathlib.Path, cli
 
 
 def watch(robot: Guest, segment: Segment) -> float:
-    """The clip goes by; in its midst the network is bad. Since when it was good again, in seconds of the clip."""
+    """Wait until the clip has played, with a bad network in its middle; return the second when it was good again."""
     camera.wait_for_frames(robot, 25 * QUIET, session.LOAD)
     segment.bad = True
     camera.wait_for_frames(robot, 25 * BAD, session.LOAD)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Wi-Fi as ddx.txt wants it: with two radios made of software, one of them an access point that leads to a cable."""
+"""Wi-Fi as ddx.txt sets it, with two simulated radios, one of them an access point bridged to the wired card."""
 import time
 from collections.abc import Iterator
 
@@ -24,14 +24,14 @@ CARD = ("-netdev", "user,id=net,ipv6=off", "-device", "virtio-net-pci,netdev=net
 
 
 class AccessPoint:
-    """The second radio, with the wired card behind it: a station that joins it gets a lease from there. The machine
-    itself has no other way to the cable."""
+    """The second radio, bridged to the wired card: a station that joins it gets a lease from there. The machine itself
+    reaches the cable only through it."""
 
     def __init__(self, guest: Guest) -> None:
         self.guest = guest
         guest.sh("modprobe bridge && ip link add br0 type bridge && ip link set eth0 master br0 && "
                  "ip link set eth0 up && ip link set br0 up")
-        guest.sh("sysctl -w net.ipv4.conf.all.arp_ignore=1")  # the bridge does not answer for wlan0's address
+        guest.sh("sysctl -w net.ipv4.conf.all.arp_ignore=1")  # so that the bridge does not answer for wlan0's address
 
     def on(self, phrase: str) -> None:
         text = "\\n".join(["network={", f'ssid="{NAME}"', "mode=2", "frequency=2412", "key_mgmt=WPA-PSK", "proto=RSN",
@@ -48,7 +48,7 @@ class AccessPoint:
 
 @pytest.fixture(scope="module")
 def robot(boot: Boot) -> Iterator[Guest]:
-    """The radios appear when everything else runs, as an adapter that is plugged in later."""
+    """The radios appear after the boot, like an adapter that is plugged in later."""
     with boot("wifi", provision=PROVISION, extra=CARD) as guest:
         guest.shell()
         assert "! network    wlan0: there is no such adapter" in run(guest, "ddxctl health")[1]
@@ -64,7 +64,7 @@ def point(robot: Guest) -> AccessPoint:
 
 
 def is_in(robot: Guest) -> None:
-    """Something arrives, by the radio."""
+    """Wait until data arrives by radio."""
     robot.wait_until("ip -o addr show wlan0 | grep -q 10.0.2.15/24")
     robot.wait_until("ping -c 1 -W 2 10.0.2.2 > /dev/null")
 
@@ -77,7 +77,7 @@ def complains(robot: Guest, text: str, seconds: float = PATIENCE) -> str:
     return screen
 
 
-def test_it_joins_and_gets_a_lease_and_data_flows(robot: Guest, point: AccessPoint) -> None:
+def test_joins_a_network_and_gets_a_lease(robot: Guest, point: AccessPoint) -> None:
     is_in(robot)
     before = int(robot.sh("cat /sys/class/net/wlan0/statistics/rx_bytes"))
     robot.sh("ping -c 3 -s 1000 10.0.2.2")
@@ -102,12 +102,12 @@ def test_an_access_point_that_comes_back_is_joined_again(robot: Guest, point: Ac
     is_in(robot)
     point.off()
     complains(robot, "! network    wlan0: in no wireless network\n")
-    assert run(robot, "ping -c 1 -W 2 10.0.2.2")[0] != 0  # there is no other way
+    assert run(robot, "ping -c 1 -W 2 10.0.2.2")[0] != 0  # there is no other path
     point.on(PHRASE)
     is_in(robot)
 
 
-def test_a_wrong_passphrase_is_told_and_harms_nothing_else(robot: Guest, point: AccessPoint) -> None:
+def test_a_wrong_passphrase_is_reported_and_harms_nothing_else(robot: Guest, point: AccessPoint) -> None:
     point.off()
     point.on(OTHER)
     screen = complains(robot, f"! network    wlan0: in no wireless network; is the passphrase of {NAME} right?")

@@ -60,7 +60,7 @@ def logs(robot: NativeMachine, wanted: dict[str, int]) -> str:
 
 
 @pytest.mark.parametrize("names", [OTHERS, ("store",)], ids=["all-but-store", "store"])
-def test_what_dies_again_and_again_is_given_time_and_shown(robot: NativeMachine, names: tuple[str, ...]) -> None:
+def test_a_service_that_dies_repeatedly_is_delayed_and_reported(robot: NativeMachine, names: tuple[str, ...]) -> None:
     robot.sh(crash_loop.at_once(names))
     screen = robot.run("ddxctl health")[1]
     for name in names:

@@ -47,7 +47,7 @@ def command(robot: NativeMachine, name: str) -> str:
     return robot.sh(f"xargs -0 < /proc/$(cat /run/service/{name}/supervise/pid)/cmdline")
 
 
-def test_a_toggle_holds_now_after_a_boot_and_in_another_image(root: pathlib.Path, newer: pathlib.Path,
+def test_a_toggle_holds_now_after_a_boot_and_in_the_other_slot(root: pathlib.Path, newer: pathlib.Path,
                                                               tmp_path: pathlib.Path) -> None:
     keep = tmp_path / "disk"
     with NativeMachine(root, keep) as robot:

@@ -6,10 +6,10 @@
  *   firewire capture CAMERA FPS FRAMES
  *   firewire repeat CAMERA TIMES
  *
- * Each frame is a line: its number (as its pixels say), its bus cycle since the first one, how many of its bytes are
- * wrong, and whether the library calls it damaged. The last line is the bus's generation before and after. There are as
- * many buffers as frames, so that none is lost however slow the machine is. With "repeat" a capture begins and ends so
- * often. A failure is one line and exit status 1.
+ * Prints a line for each frame: its number (from its pixels), its bus cycle since the first one, the number of wrong
+ * bytes, and whether the library calls it damaged. The last line is the bus's generation before and after. There are as
+ * many buffers as frames, so that a slow machine loses none. "repeat" starts and stops a capture TIMES times. A failure
+ * is one line and exit status 1.
  */
 #include <dc1394/dc1394.h>
 #include <inttypes.h>
@@ -18,7 +18,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define CYCLES 8000 /* a second; bus times have eight of them */
+#define CYCLES 8000 /* a second; bus times wrap after eight seconds */
 #define CHECK(call) check(call, #call)
 
 static void check(dc1394error_t error, const char *what) {
@@ -125,7 +125,7 @@ static void try_camera(dc1394_t *library, unsigned which, const char *rate, unsi
     dc1394_camera_free(camera);
 }
 
-/* Each capture takes a channel and bandwidth, and has to give them back. */
+/* Each capture allocates a channel and bandwidth, and must release them. */
 static void repeat(dc1394_t *library, unsigned which, unsigned times) {
     dc1394camera_t *camera = find(library, which);
     for (unsigned i = 0; i < times; i++) {

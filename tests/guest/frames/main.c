@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * frames ITEM SECONDS [KEEP [MS]]: a line for each frame of a video item: its number, the source's number, what the
- * source has lost so far, its time in ns, when it was published, fields, width, height, how many were missed, a
- * checksum. Before them "ready". It may be late by KEEP frames, or by as many as the store has room for. With MS it is
- * a slow reader, which holds each frame for so long. Told to stop (TERM) it ends with the last frame that was published
- * by then. Built into one static file with libddx, so that it runs in any image.
+ * frames ITEM SECONDS [KEEP [MS]]: prints "ready", then a line for each frame of a video item: its number, the source's
+ * number, the source's losses so far, its time in ns, when it was published, fields, width, height, the count of missed
+ * frames, a checksum. It may lag behind by KEEP frames, or by as many as the store has room for. With MS it is a slow
+ * reader, which holds each frame that long. After TERM it stops with the last frame published by then. Built into one
+ * static file with libddx, so that it runs in any image.
  */
 #define DDXVIDEO_UNDECLARED /* any video item will do */
 #include <ddxvideo.h>
@@ -17,7 +17,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#define PATIENCE 60.0 /* s, until there is an item */
+#define PATIENCE 60.0 /* s to wait for the item */
 #define KEEP 64
 
 static volatile sig_atomic_t told;
@@ -27,7 +27,7 @@ static void on_signal(int number) {
     told = 1;
 }
 
-/* FNV-1a over words of eight bytes: emulated machines are slow. */
+/* FNV-1a over words of eight bytes, because emulated machines are slow. */
 static uint64_t checksum(const struct ddxvideo_picture *view) {
     uint64_t sum = UINT64_C(14695981039346656037);
     for (int i = 0; i < 3; i++)
@@ -54,7 +54,7 @@ int main(int argc, char **argv) {
     }
     if (!item || ddx_store_keep(item, keep))
         return 1;
-    setvbuf(stdout, NULL, _IOLBF, 0); /* a test may read before the end, or kill it */
+    setvbuf(stdout, NULL, _IOLBF, 0); /* a test may read the output early, or kill this program */
     signal(SIGTERM, on_signal);
     int64_t stop = 0, end = ddx_time_now() + (int64_t)(atof(argv[2]) * 1e9);
     for (bool ready = false; ddx_time_now() < end; ready = true) {

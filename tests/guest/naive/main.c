@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * naive ITEM FILE: what a recorder looks like that knows nothing of disks: each frame's planes are written into a file
- * that grows, and while that takes its time the store keeps KEEP frames. Ends with TERM; says how many frames it has
- * written and how many it has missed. Built into one static file with libddx.
+ * naive ITEM FILE: a recorder without precautions against slow disks and power cuts: appends each frame's planes to a
+ * file, while the store keeps KEEP frames. Stops on TERM and prints the numbers of frames written and missed. Built
+ * into one static file with libddx.
  */
 #define DDXVIDEO_UNDECLARED /* any video item will do */
 #include <ddxvideo.h>
@@ -44,7 +44,7 @@ int main(int argc, char **argv) {
         struct ddxvideo_picture view;
         int error = ddx_store_acquire(item, &frame, 0.2, DDX_IN_ORDER);
         if (error == -ETIMEDOUT && stop)
-            break; /* the source has stopped before TERM is sent */
+            break; /* the source stops before TERM is sent */
         if (error == -ETIMEDOUT)
             continue;
         if (error || ddxvideo_view(item, frame.data, &view))

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* v4l control DEVICE              lists all: name=value
- * v4l control DEVICE NAME=VALUE   sets; of a menu the value may be the beginning of an entry's text */
+/* v4l control DEVICE              lists all controls: name=value
+ * v4l control DEVICE NAME=VALUE   sets one; a menu's value may be the beginning of an entry's text */
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* v4l feed DEVICE OUTPUT FOURCC FIELD MS CLIP FOLDER
  *
- * Shows a 4:2:0 clip as YU12, NV12, YUYV, UYVY or GREY on an output device, one each MS milliseconds:
- * the first one until FOLDER/go is there, the last one until FOLDER/end is. In FOLDER/times is for each frame
- * since when it was on the screen, in ms of CLOCK_MONOTONIC, as the driver says; of the first one, when FOLDER/go
- * was there. A busy guest is late now and then. */
+ * Shows a 4:2:0 clip as YU12, NV12, YUYV, UYVY or GREY on an output device, a frame each MS milliseconds:
+ * the first one until FOLDER/go exists, the last one until FOLDER/end exists. Writes to FOLDER/times when each
+ * frame came on the screen, in ms of CLOCK_MONOTONIC, by the driver; for the first one, when FOLDER/go
+ * appeared. A busy guest is late at times. */
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -23,7 +23,7 @@ static void wait_for_file(const char *folder, const char *name) {
 
 static unsigned char *put_row(unsigned char *to, const char *fourcc, const struct clip *clip, const unsigned char *y,
                               unsigned row) {
-    /* Of interlaced 4:2:0 the rows of chroma belong to the fields by turns, as those of luma. */
+    /* In interlaced 4:2:0, rows of chroma alternate between the fields like those of luma. */
     unsigned chroma = row / 4 * 2 + row % 2, half = clip->width / 2;
     const unsigned char *u = y + clip->width * clip->height + chroma * half, *v = u + half * clip->height / 2;
     bool luma_first = *fourcc == 'Y';
@@ -36,7 +36,7 @@ static unsigned char *put_row(unsigned char *to, const char *fourcc, const struc
     return to;
 }
 
-/* A frame in the device's layout; its size. */
+/* Converts a frame to the device's layout; returns its size. */
 static size_t pack(unsigned char *to, const char *fourcc, const struct clip *clip, const unsigned char *frame) {
     size_t luma = (size_t)clip->width * clip->height;
     if (!strcmp(fourcc, "YUYV") || !strcmp(fourcc, "UYVY")) {
@@ -64,12 +64,12 @@ static void setup(int fd, int output, const char *fourcc, unsigned field, const 
         fail("the driver wants %ux%u, field %u", format.fmt.pix.width, format.fmt.pix.height, format.fmt.pix.field);
 }
 
-/* Which frame of the clip is in the buffer that was queued as this one: the first ones all have the first frame. */
+/* The clip's frame in the n-th queued buffer; the first buffers all hold the first frame. */
 static unsigned frame_in(unsigned queued) {
     return queued < BUFFERS ? 0 : queued - BUFFERS + 1;
 }
 
-/* The next buffer that the driver is done with; at that moment the next one came on the screen. */
+/* Takes the next buffer that the driver is done with; at that time the following one came on the screen. */
 static void take_back(int fd, struct v4l2_buffer *buffer, int64_t *since) {
     static unsigned taken;
     call(fd, VIDIOC_DQBUF, buffer, "take a buffer");
@@ -128,7 +128,7 @@ int feed(int argc, char **argv) {
     since[0] = go;
     for (unsigned number = 0; number < clip.frames; number++)
         fprintf(times, "%lld\n", (long long)since[number]);
-    sleep_ms(500); /* so that a camera sees it */
+    sleep_ms(500); /* so that a camera captures it */
     fclose(times);
     printf("shown %u\n", clip.frames);
     fflush(stdout);

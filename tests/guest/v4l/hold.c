@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* v4l hold DEVICE MS: streams, and looks at nothing. */
+/* v4l hold DEVICE MS: streams without reading the frames. */
 #include <stdlib.h>
 
 #include "v4l.h"

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* v4l iidc PORT GUID WIDTH HEIGHT MS FILE [OPTION...]
  *
- * A USB camera of the IIDC standard (vhci_hcd): registers by control requests, frames by one bulk transfer each. It has
- * FORMAT7_0 of this size, in all codings, and the modes of FORMAT0. It shows the frames of FILE.CODING again and again,
- * of its whole sensor, in the coding that the host has chosen (its number). Options: `counter`, it can write the number
- * of a frame into the first pixels; `bayer`, it says its pattern; `depth12`, samples of 16 bits have 12 in use.
+   * A USB camera of the IIDC standard (vhci_hcd): registers by control requests, frames by one bulk transfer each. It
+   * has FORMAT7_0 of this size, in all codings, and the modes of FORMAT0. It shows the frames of FILE.CODING in a loop
+   * (CODING: number of the coding that the host chose), each of the whole sensor. Options: `counter`, it can write a
+   * frame's number into the first pixels; `bayer`, it reports its pattern; `depth12`, samples of 16 bits use 12.
  *
- * Words on standard input, one by one, each answered by `done WORD` when it has happened: `short`, a frame of half its
- * bytes; `stall`, the endpoint stalls once; `skip`, three frames that are never sent; `silent`, no more answers;
- * `answer`, the end of that. When it is ended by TERM it says how many frames it sent, and its brightness. */
+   * Commands on standard input, one per line, each confirmed by `done WORD`: `short`, send half a frame; `stall`, stall
+   * the endpoint once; `skip`, three frames are never sent; `silent`, stop answering requests; `answer`, answer again.
+   * On TERM it prints the number of frames sent, and its brightness. */
 #include <fcntl.h>
 #include <signal.h>
 #include <stdlib.h>
@@ -47,7 +47,7 @@ static uint32_t get_quad(const uint8_t *from) {
     return (uint32_t)from[0] | (uint32_t)from[1] << 8 | (uint32_t)from[2] << 16 | (uint32_t)from[3] << 24;
 }
 
-/* Registers: whole quadlets, the least byte first. */
+/* Registers: whole quadlets, least significant byte first. */
 static int registers_request(const struct usb_request *request, uint8_t *data) {
     uint32_t address = (uint32_t)request->index << 16 | request->value;
     if (silent)
@@ -82,7 +82,7 @@ static int answer(const struct usb_request *request, uint8_t *data) {
 
 /* ---- Frames ---- */
 
-/* The part of the sensor that the host wants, in as many bytes as it waits for. */
+/* The part of the sensor that the host wants, in the number of bytes that it expects. */
 static void draw(const struct clip *files, unsigned number, uint8_t *to, size_t size) {
     struct iidc_picture picture = iidc_picture(&registers);
     const struct clip *file = &files[picture.coding];
@@ -105,7 +105,7 @@ static void did(const char *word) {
     fflush(stdout);
 }
 
-/* The requests of the test, from a FIFO that no program may have open for writing. */
+/* The test's next command; the FIFO may be without a writer. */
 static const char *next_word(void) {
     static char word[16];
     static unsigned length;
@@ -122,7 +122,7 @@ static const char *next_word(void) {
     return NULL;
 }
 
-/* What is to happen with the next frame; NULL: nothing. Other words are obeyed at once. */
+/* The command for the next frame, or NULL. Commands that concern no frame are carried out at once. */
 static const char *word_for_frame(void) {
     const char *word = next_word();
     if (word && (!strcmp(word, "silent") || !strcmp(word, "answer"))) {
@@ -146,7 +146,7 @@ static bool spoil(struct usb_device *device, const char *word, unsigned *number,
     return !strcmp(word, "short");
 }
 
-/* The host waits for it. */
+/* The host must be waiting for it. */
 static void send_frame(struct usb_device *device, const struct clip *files, const char *word, unsigned *number,
                        unsigned *sent) {
     static uint8_t memory[IIDC_LARGEST];
@@ -193,7 +193,7 @@ int iidc(int argc, char **argv) {
             send_frame(&device, files, word, &number, &sent);
             word = NULL;
         }
-        number++; /* a frame that the host did not wait for is lost inside the camera */
+        number++; /* without a waiting host the frame is lost inside the camera */
     }
     printf("sent %u brightness %u\n", sent, registers.feature[0] & 0xfff);
     return 0;

@@ -15,11 +15,11 @@
 #define PACKET_UNIT 4
 #define PACKET_GREATEST 4096
 
-/* Bits of a pixel, by the number of the coding: MONO8, YUV 4:1:1, 4:2:2, 4:4:4, RGB8, MONO16, RGB16, two signed ones
- * that it has not, RAW8, RAW16. */
+/* Bits of a pixel by coding number: MONO8, YUV 4:1:1, 4:2:2, 4:4:4, RGB8, MONO16, RGB16, two signed ones (not
+ * supported), RAW8, RAW16. */
 static const unsigned coding_bits[IIDC_CODINGS] = {8, 12, 16, 24, 24, 16, 48, 0, 0, 8, 16};
 
-/* FORMAT0, by the number of the mode. */
+/* FORMAT0, by mode number. */
 static const struct {
     unsigned width, height, coding;
 } modes[] = {{160, 120, 3}, {320, 240, 2}, {640, 480, 1}, {640, 480, 2}, {640, 480, 4}, {640, 480, 0}, {640, 480, 5}};

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The registers of an IIDC 1.31 camera: configuration ROM, modes of FORMAT0, one of FORMAT7, two features. */
+/* The registers of an IIDC 1.31 camera: configuration ROM, modes of FORMAT0, one mode of FORMAT7, two features. */
 #ifndef IIDC_REGISTERS_H
 #define IIDC_REGISTERS_H
 
@@ -13,7 +13,7 @@
 struct iidc_registers {
     uint64_t guid;
     unsigned width, height; /* of the sensor */
-    bool counter, bayer;    /* what it can do */
+    bool counter, bayer;    /* capabilities */
     unsigned depth;         /* of samples of 16 bits */
     bool counter_on, sending;
     uint32_t rate, mode, format, iso;               /* as the host wrote them */
@@ -21,7 +21,7 @@ struct iidc_registers {
     uint32_t feature[4];                            /* brightness, and others up to white balance */
 };
 
-/* What it sends now. */
+/* The picture that it sends now. */
 struct iidc_picture {
     unsigned sensor_width, sensor_height, left, top, width, height, coding, bits;
 };

@@ -17,7 +17,7 @@
 
 enum { CMD_SUBMIT = 1, CMD_UNLINK, RET_SUBMIT, RET_UNLINK };
 
-/* Every message begins with these, all in network order. */
+/* The header of every message, in network order. */
 struct message {
     uint32_t command, number, device, direction, endpoint;
     union {
@@ -28,7 +28,7 @@ struct message {
         struct {
             uint32_t status, length, start, packets, errors, padding[2];
         } done;
-        uint32_t unlink; /* the number of what is to be taken back; in the answer: status */
+        uint32_t unlink; /* number of the transfer to cancel; in the answer: status */
     };
 };
 _Static_assert(sizeof(struct message) == 48, "the protocol");
@@ -123,9 +123,9 @@ static bool was_unanswered(const struct usb_device *device, uint32_t number) {
     return false;
 }
 
-/* Transfers are asked for in the order of their numbers, but vhci_hcd may take one back before it has asked for it:
- * it sends what waits of the one kind, then of the other. Told that we know none, it would give it back as done, and
- * unplug us for the answer that it gets later on. */
+/* Transfers are requested in the order of their numbers, but vhci_hcd may cancel one before requesting it, since it
+ * sends all waiting messages of one kind, then of the other. If we answered that we do not know the transfer, it would
+ * complete it, and unplug us for the later answer. */
 static void serve_unlink(struct usb_device *device, const struct message *message) {
     uint32_t number = ntohl(message->unlink), by = ntohl(message->number);
     for (unsigned i = 0; i < device->pending_count; i++) {
@@ -167,7 +167,7 @@ static void serve_message(struct usb_device *device) {
     device->newest = ntohl(message.number);
     if (!message.endpoint) {
         serve_control(device, &message);
-        (void)was_taken_back(device); /* too late: it is done */
+        (void)was_taken_back(device); /* already done */
     } else if (was_taken_back(device)) {
         return;
     } else if (device->pending_count < USB_PENDING) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A USB device made of software: the kernel's vhci_hcd takes its end of a socket for a cable (the USB/IP protocol), so
- * that the real driver for its kind talks to it. When the process ends it is unplugged.
+ * A simulated USB device: a socket to the kernel's vhci_hcd is the cable (the USB/IP protocol), so the real driver for
+ * its class talks to it. When the process exits, the device is unplugged.
  */
 #ifndef USB_H
 #define USB_H
@@ -19,11 +19,11 @@ struct usb_request {
 };
 
 struct usb_device {
-    /* Answer a control request: bytes for `data` (at most 512), or what came in it. The length, -1 to
+    /* Answers a control request: fills `data` (at most 512 bytes) or reads it. Returns the length, -1 to
      * refuse, or USB_NO_ANSWER: the host waits until it gives up. */
     int (*control)(const struct usb_request *request, uint8_t *data);
     int socket;
-    /* Transfers from the one IN endpoint that the host waits for, oldest first. */
+    /* Transfers of the IN endpoint that the host waits for, oldest first. */
     struct {
         uint32_t number, length;
     } pending[USB_PENDING];
@@ -31,8 +31,8 @@ struct usb_device {
     /* Control requests that get no answer. */
     uint32_t unanswered[USB_PENDING];
     unsigned unanswered_count;
-    uint32_t newest; /* number of the latest transfer that was asked for */
-    /* Transfers that were taken back before they came, and which of the host's messages said so. */
+    uint32_t newest; /* number of the latest requested transfer */
+    /* Transfers cancelled before they were requested, and the host's messages that did so. */
     struct {
         uint32_t number, by;
     } early[USB_PENDING];
@@ -42,7 +42,7 @@ struct usb_device {
 /* Plug it in. */
 void usb_plug(struct usb_device *device, unsigned port);
 
-/* Serve the host for that number of milliseconds at most, or until there is another transfer waiting. */
+/* Serve the host for at most `ms`, or until another transfer is waiting. */
 void usb_serve(struct usb_device *device, long ms, bool until_pending);
 
 /* Complete the oldest waiting transfer with these bytes. False if there is none. */

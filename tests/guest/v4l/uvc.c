@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* v4l uvc YUYV|MJPG WIDTH HEIGHT MS FILE
  *
- * A USB camera (vhci_hcd) that shows a file again and again, a frame each MS milliseconds while the host wants them:
- * YUYV a 4:2:0 clip, MJPG JPEG pictures one after the other. One control: brightness, 0 to 200 in steps of 2.
- * USR1: the next frame is sent as damaged, and then it prints "damaged" and how many they were. A signal that follows
- * before that may be one with it. Ended by TERM it prints how many it sent, and how many of them damaged. */
+ * A USB camera (vhci_hcd) that shows a file in a loop, a frame each MS milliseconds while the host requests them:
+ * YUYV: a 4:2:0 clip, MJPG: concatenated JPEG pictures. One control: brightness, 0 to 200 in steps of 2.
+ * USR1: sends the next frame as damaged, then prints "damaged" and their count; a further signal before that may
+ * merge with it. On TERM it prints the number of frames sent, and of damaged ones. */
 #include <signal.h>
 #include <stdlib.h>
 #include <string.h>
@@ -37,7 +37,7 @@ static void on_signal(int number) {
         stop = 1;
 }
 
-/* ---- What it says of itself ---- */
+/* ---- Descriptors ---- */
 
 static int device_descriptor(uint8_t *to) {
     const uint8_t bytes[] = {18, 1, LE16(0x200), 0xef, 2, 1, 64, LE16(0x1d6b), LE16(0x0102), LE16(1), 0, 2, 0, 1};
@@ -152,7 +152,7 @@ static int string_descriptor(unsigned number, uint8_t *to) {
     return 2 * sizeof(name);
 }
 
-/* ---- What it is asked ---- */
+/* ---- Requests ---- */
 
 static void fill_probe(void) {
     const uint8_t bytes[26] = {LE16(1), 1,       1,       LE32(source.interval),          LE16(0),      LE16(0),
@@ -162,7 +162,7 @@ static void fill_probe(void) {
 
 static int stream_request(const struct usb_request *request, uint8_t *data) {
     switch (request->request) {
-    case SET_CUR: return 0; /* there is one choice only */
+    case SET_CUR: return 0; /* there is only one format */
     case GET_LEN: data[0] = sizeof(probe); return 2;
     case GET_INFO: data[0] = 3; return 1;
     default: memcpy(data, probe, sizeof(probe)); return sizeof(probe);
@@ -225,7 +225,7 @@ static void to_yuyv(const struct clip *clip, unsigned number, uint8_t *to) {
         }
 }
 
-/* The next JPEG picture at *at, from the beginning again after the last one. */
+/* The next JPEG picture at *at; after the last one, the first. */
 static size_t next_jpeg(const struct clip *file, size_t *at, const uint8_t **picture) {
     if (*at + 4 > file->size)
         *at = 0;
@@ -280,7 +280,7 @@ int uvc(int argc, char **argv) {
     for (unsigned number = 0; !stop; number++) {
         while (!device.pending_count && !stop)
             usb_serve(&device, 100, true);
-        if (due < now_ms() - IDLE_MS) /* the host did not want any */
+        if (due < now_ms() - IDLE_MS) /* the host requested none */
             due = now_ms();
         usb_serve(&device, due > now_ms() ? due - now_ms() : 0, false);
         due += atol(argv[4]);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Runs in the guest, as one static program with a name for each job: the far side of a camera. Shares nothing with the
- * programs under test. A failure is one line and exit status 1.
+ * Simulated cameras and helpers that run in the guest: one static program with a subcommand for each. Shares no code
+ * with the programs under test. A failure is one line and exit status 1.
  */
 #ifndef V4L_H
 #define V4L_H
@@ -19,7 +19,7 @@ int uvc(int argc, char **argv);     /* be a USB camera */
 __attribute__((format(printf, 1, 2), noreturn)) void fail(const char *format, ...);
 
 int open_device(const char *path);
-void call(int fd, unsigned long request, void *argument, const char *what); /* ioctl() that has to succeed */
+void call(int fd, unsigned long request, void *argument, const char *what); /* ioctl() that must succeed */
 void *map(int fd, const struct v4l2_buffer *buffer);
 void sleep_ms(long ms);
 int64_t now_ms(void);
@@ -30,7 +30,7 @@ struct clip {
     size_t size, frame_size;
     unsigned width, height, frames;
 };
-void file_read(struct clip *clip, const char *path); /* its bytes alone */
+void file_read(struct clip *clip, const char *path); /* only the bytes */
 void clip_read(struct clip *clip, const char *path);
 const unsigned char *clip_frame(const struct clip *clip, unsigned number);
 

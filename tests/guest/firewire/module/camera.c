@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0
 /*
- * A camera's configuration ROM and its registers, as IIDC 1.30 has them; format 0, the modes of 8 and 16 bits; mode 0
- * of format 7, a part of 640x480 in MONO8.
+ * A camera's configuration ROM and registers by IIDC 1.30: format 0, modes of 8 and 16 bits; format 7, mode 0: a part
+ * of 640x480 in MONO8.
  */
 #include "vfirewire.h"
 
@@ -43,7 +43,7 @@ static const struct {
 	{0x800, 0x82000080},
 };
 
-/* What follows from size and packets; whole packets are sent. */
+/* Derived from size and packets; whole packets are sent. */
 static void set_format7(u32 *registers)
 {
 	u32 pixels = (registers[SIZE / 4] >> 16) * (registers[SIZE / 4] & 0xffff);

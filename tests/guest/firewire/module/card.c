@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0
-/* The card: its cycle timer, bus resets, and the module's life. */
+/* The card: its cycle timer, bus resets, loading and unloading of the module. */
 #include <linux/dma-mapping.h>
 #include <linux/ktime.h>
 #include <linux/math64.h>
@@ -53,7 +53,7 @@ static u32 self_id(unsigned int node, unsigned int gap)
 	return 2u << 30 | node << 24 | 1 << 22 | gap << 16 | SCODE_400 << 14;
 }
 
-/* The card has five ports, which takes two quadlets; it is the root, and the only one that can manage the bus. */
+/* The card has five ports, which takes two quadlets; it is the root and the only possible bus manager. */
 static unsigned int fill_self_ids(u32 *ids)
 {
 	static const u8 gap_counts[] = {63, 5, 7};
@@ -121,7 +121,7 @@ static int update_phy_reg(struct fw_card *card, int address, int clear_bits, int
 	return 0;
 }
 
-/* Every packet was sent when send_request() returned. */
+/* Nothing to cancel: every packet was sent when send_request() returned. */
 static int cancel_packet(struct fw_card *card, struct fw_packet *packet)
 {
 	return -ENOENT;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0 */
 /*
- * What a controller's driver and firewire-core need of each other: drivers/firewire/core.h of Linux 6.12, which no
- * package of kernel headers holds. Linux 6.13 and later may differ, so the build refuses them.
+ * The interface of a controller's driver and firewire-core: drivers/firewire/core.h of Linux 6.12, which is in no
+ * package of kernel headers. Linux 6.13 and later may differ, so the build refuses them.
  */
 #ifndef CARD_DRIVER_H
 #define CARD_DRIVER_H

@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: GPL-2.0
 /*
- * /sys/module/vfirewire/parameters/do: what a test does to the bus. Commands:
- *   reset                   a bus reset, now
+ * /sys/module/vfirewire/parameters/do: commands of a test to the bus:
+ *   reset                   a bus reset now
  *   plug CAMERA 0|1         pull the cable, or plug it in
- *   silent CAMERA 0|1       give no answer to requests
- *   lose CAMERA FIRST COUNT these frames are not sent; they are counted from 0 since the transmission was switched on
+ *   silent CAMERA 0|1       do not answer requests
+ *   lose CAMERA FIRST COUNT these frames are not sent; they count from 0 when the transmission is switched on
  *   tear CAMERA FIRST COUNT these frames lack a packet
  *   reset CAMERA FIRST COUNT a bus reset before each of these frames
- * Reading it gives a line for each camera, with counts since its transmission was switched on.
+ * Reading it returns a line for each camera, with counts since its transmission was switched on.
  */
 #include <linux/moduleparam.h>
 #include <linux/string.h>

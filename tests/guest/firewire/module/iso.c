@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0
 /*
- * Isochronous reception, packet by packet into the buffers of an application, as an OHCI controller does it: a buffer
- * that waits for a frame's beginning lets packets pass, and packets that find no buffer are lost.
+ * Isochronous reception, packet by packet into an application's buffers, like an OHCI controller: a buffer that waits
+ * for the start of a frame skips packets, and packets without a buffer are lost.
  */
 #include <linux/highmem.h>
 #include <linux/slab.h>
@@ -21,7 +21,7 @@ struct entry {
 
 struct context {
 	struct fw_iso_context base;
-	struct list_head link; /* in vf_bus.contexts, while it receives */
+	struct list_head link; /* in vf_bus.contexts while receiving */
 	struct list_head queued, done;
 	u32 sync, tags;
 	void *header; /* one page */
@@ -34,7 +34,7 @@ static struct context *context_of(struct fw_iso_context *base)
 	return container_of(base, struct context, base);
 }
 
-/* Bytes 0 to 3 of a frame are its number; the rest depends on camera, number and place. */
+/* Bytes 0 to 3 of a frame are its number; the rest depends on camera, number and position. */
 static u8 pixel(const struct vf_packet *packet, unsigned int place)
 {
 	if (place < 4)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: GPL-2.0
-/* Asynchronous requests of the host, to itself and to the cameras. Each is answered before the function returns. */
+/* Asynchronous requests of the host to itself and to the cameras, answered before the function returns. */
 #include "vfirewire.h"
 
 #define MOST_BYTES 512
@@ -7,7 +7,7 @@
 struct request {
 	unsigned int tcode, extended, length;
 	u64 offset;
-	__be32 *data; /* that it brings */
+	__be32 *data; /* of the request */
 };
 
 static struct request parse(struct fw_packet *packet)
@@ -33,7 +33,7 @@ static void finish(struct fw_card *card, struct fw_packet *packet, int ack)
 	packet->callback(packet, card, ack);
 }
 
-/* The answer is made first: once the callback was called, the packet may be gone. */
+/* Build the answer first: the callback may free the packet. */
 static void respond(struct fw_card *card, struct fw_packet *packet, int rcode, void *data, size_t length)
 {
 	struct fw_packet response = {
@@ -50,7 +50,7 @@ static void respond(struct fw_card *card, struct fw_packet *packet, int rcode, v
 	fw_core_handle_response(card, &response);
 }
 
-/* The registers that an OHCI controller answers itself; firewire-core relies on that. */
+/* The registers that an OHCI controller itself serves; firewire-core relies on that. */
 static int lock_csr(const struct request *request, __be32 *old)
 {
 	u32 *csr = &vf_bus.csr[(request->offset - CSR_REGISTER_BASE - CSR_BUS_MANAGER_ID) / 4];
@@ -155,7 +155,7 @@ void vf_send_request(struct fw_card *card, struct fw_packet *packet)
 		finish(card, packet, RCODE_NO_ACK);
 }
 
-/* The cameras ask for nothing, so a response is always for the host itself. */
+/* Cameras send no requests, so a response is always for the host itself. */
 void vf_send_response(struct fw_card *card, struct fw_packet *packet)
 {
 	packet->timestamp = vf_timestamp(vf_cycle());

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0
 /*
- * A camera's pictures, frame by frame, each handed over when its last packet is due. The packets' times are the planned
- * ones: a machine that is late does not change them.
+ * A camera's pictures, frame by frame, each delivered when its last packet is due. The packets have their planned
+ * times, even on a machine that is late.
  */
 #include <linux/delay.h>
 #include <linux/jiffies.h>
@@ -12,7 +12,7 @@
 
 struct stream {
 	unsigned int session, packets, packet_size, channel;
-	unsigned int cycles, frames; /* cycles of the bus for that number of frames */
+	unsigned int cycles, frames; /* bus cycles per that number of frames */
 };
 
 static bool is_on(const struct vf_camera *camera)
@@ -32,7 +32,7 @@ static void set_format0(const u32 *registers, struct stream *stream)
 	stream->frames = 3 << rate;
 }
 
-/* In format 7 a frame follows on the other, packet by packet. */
+/* In format 7, frames follow each other without a gap. */
 static void set_format7(const u32 *registers, struct stream *stream)
 {
 	stream->packets = stream->cycles = registers[VF_PACKETS / 4];
@@ -40,7 +40,7 @@ static void set_format7(const u32 *registers, struct stream *stream)
 	stream->frames = 1;
 }
 
-/* What the camera was set to, and whether it is on at all. */
+/* Reads the camera's settings; false when it is off. */
 static bool begin(struct vf_camera *camera, struct stream *stream)
 {
 	guard(spinlock_irqsave)(&vf_bus.lock);
@@ -66,7 +66,7 @@ static bool contains(const struct vf_frames *frames, unsigned int number)
 	return number - frames->first < frames->count;
 }
 
-/* Which packet of a frame is missing: none (-1), or all of them (-2). */
+/* The packet of a frame that is missing; none: -1, all: -2. */
 static int missing(struct vf_camera *camera, const struct stream *stream, unsigned int number)
 {
 	guard(spinlock_irqsave)(&vf_bus.lock);
@@ -115,7 +115,7 @@ static void send_frame(struct vf_camera *camera, const struct stream *stream, un
 	}
 }
 
-/* Until a cycle; false when the stream was stopped before. */
+/* Sleeps until a cycle; false when the stream was stopped before. */
 static bool sleep_until(struct vf_camera *camera, unsigned int session, u64 cycle)
 {
 	s64 left;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0 */
 /*
- * A FireWire bus without hardware: one card, and up to five IIDC cameras on its ports. The kernel's firewire-core does
- * all the rest, so that /dev/fw*, isochronous reception and bus resets are the real ones.
+ * A FireWire bus without hardware: one card with up to five IIDC cameras. The kernel's firewire-core does the rest, so
+ * /dev/fw*, isochronous reception and bus resets are real.
  */
 #ifndef VFIREWIRE_H
 #define VFIREWIRE_H
@@ -17,16 +17,16 @@
 
 #define VF_CAMERAS 5
 #define VF_REGISTERS 0x400 /* quadlets of a camera's command registers */
-#define VF_CSRS 4 /* bus manager, bandwidth, channels high and low: what an OHCI controller answers itself */
+#define VF_CSRS 4 /* bus manager, bandwidth, channels high and low: served by an OHCI controller itself */
 
 #define VF_FRAMERATE 0x600
 #define VF_MODE 0x604
 #define VF_FORMAT 0x608
 #define VF_ISO 0x60c
 #define VF_ISO_EN 0x614
-#define VF_FORMAT7 0xa00 /* registers of its mode 0 */
-#define VF_PACKET (VF_FORMAT7 + 0x44) /* upper half: bytes of a packet */
-#define VF_PACKETS (VF_FORMAT7 + 0x48) /* of a frame */
+#define VF_FORMAT7 0xa00 /* registers of format 7, mode 0 */
+#define VF_PACKET (VF_FORMAT7 + 0x44) /* upper half: bytes per packet */
+#define VF_PACKETS (VF_FORMAT7 + 0x48) /* packets per frame */
 
 /* Frames of a camera: numbers from `first` on, counted since its transmission was switched on. */
 struct vf_frames {
@@ -36,7 +36,7 @@ struct vf_frames {
 struct vf_camera {
 	unsigned int index;
 	bool plugged;
-	bool silent;			/* gives no answer to requests */
+	bool silent;			/* does not answer requests */
 	unsigned int session;		/* how often the transmission was switched on */
 	struct vf_frames lose;		/* these are not sent */
 	struct vf_frames tear;		/* these lack a packet */
@@ -49,15 +49,15 @@ struct vf_camera {
 
 struct vf_bus {
 	struct fw_card card;
-	spinlock_t lock;		/* of all that follows */
+	spinlock_t lock;		/* protects all that follows */
 	struct work_struct reset;
 	bool closing;
 	int generation;
-	unsigned int nodes;		/* cameras that the last bus reset found */
-	struct vf_camera *node[VF_CAMERAS]; /* by node number; the card's is the one after the last camera's */
+	unsigned int nodes;		/* cameras found by the last bus reset */
+	struct vf_camera *node[VF_CAMERAS]; /* by node number; the card has the number after the last camera's */
 	u32 csr[VF_CSRS];
 	__be32 rom[256];
-	struct list_head contexts;	/* that receive */
+	struct list_head contexts;	/* that are receiving */
 	unsigned int cameras;
 	struct vf_camera camera[VF_CAMERAS];
 };
@@ -65,7 +65,7 @@ struct vf_bus {
 extern struct vf_bus vf_bus;
 extern const struct fw_card_driver vf_driver;
 
-u64 vf_cycle(void);			/* of 125 us, since some time */
+u64 vf_cycle(void);			/* 125 us each; arbitrary origin */
 u32 vf_timestamp(u64 cycle);		/* as in the header of an isochronous packet */
 void vf_schedule_reset(void);
 
@@ -80,7 +80,7 @@ int vf_camera_write(struct vf_camera *camera, u64 offset, const __be32 *data, si
 int vf_stream_start(struct vf_camera *camera);
 void vf_stream_stop(struct vf_camera *camera);
 
-/* A packet of a camera's picture. */
+/* A packet of a picture. */
 struct vf_packet {
 	unsigned int camera, number;	/* of the frame */
 	unsigned int offset, length;	/* in the frame, in bytes */
