@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The image's scripts on the desk: under its own BusyBox, in a root of their own, with processes of their own."""
+"""Runs the image's scripts on the desk, under its BusyBox, in their own root folder and process namespace."""
 from __future__ import annotations
 
 import contextlib
@@ -23,7 +23,7 @@ SETUP = 'mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && exec chr
 
 
 class Appliance:
-    """A root folder, for as long as its holder lives; what runs in it ends with it."""
+    """A root folder; its programs are killed with the holder process."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.root = folder / "root"
@@ -40,11 +40,11 @@ class Appliance:
                       "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "sh", "-c"]
 
     def install(self, script: str, to: str) -> None:
-        """A script of the source tree."""
+        """Copy a script of the source tree."""
         self.add(to, (TOP / script).read_text())
 
     def install_service(self) -> None:
-        """What starts services."""
+        """Copy the scripts that start services."""
         for script in SERVICE:
             self.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
 
@@ -68,9 +68,9 @@ class Appliance:
 
 @contextlib.contextmanager
 def with_service(folder: pathlib.Path) -> Iterator[Appliance]:
-    """A root folder with the scripts of services; skips the test where that cannot be."""
+    """A root folder with the scripts of services; skips the test without root."""
     if os.geteuid() != 0:
-        pytest.skip("a root folder of one's own takes root")
+        pytest.skip("a separate root folder needs root")
     appliance = Appliance(folder)
     appliance.install_service()
     yield appliance

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Writes an item, or reads one of another machine:
- *   catalog_client write ITEM         creates it; for each number N on standard input N values, one a millisecond
+ *   catalog_client write ITEM         creates it; for each number N on standard input, writes N values, one a ms
  *   catalog_client read HOST ITEM     prints each value in hexadecimal; HOST "-": this machine
- *   catalog_client items COUNT        creates items i0, i1, ... with a value each, until standard input is closed
- *   catalog_client visit HOST COUNT   reads the newest value of each of these, and prints how many there were
+ *   catalog_client items COUNT        holds items i0, i1, ... with a value each until standard input is closed
+ *   catalog_client visit HOST COUNT   reads the newest value of each of these, and prints their number
  */
 #include <ddx.h>
 #include <errno.h>
@@ -126,7 +126,7 @@ static int create_items(DDX_STORE_ID *id, int count) {
     return getchar() != EOF;
 }
 
-/* The items stay open until all were read. */
+/* The items stay open until all have been read. */
 static int visit_items(DDX_STORE_ID *id, int count) {
     for (int i = 0; i < count; i++) {
         DDX_STORE_ITEM *item;

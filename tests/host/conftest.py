@@ -18,7 +18,7 @@ from .stream import Stream
 
 @pytest.fixture(scope="session", autouse=True)
 def programs() -> None:
-    """Whatever is tested is built from this tree as it is now."""
+    """Build the tested programs from the current tree."""
     if "DDX_ROOT" not in os.environ:
         native.build()
 
@@ -32,7 +32,7 @@ def desk(tmp_path: pathlib.Path) -> Iterator[Desk]:
 
 @pytest.fixture
 def small_disk(tmp_path: pathlib.Path) -> Iterator[pathlib.Path]:
-    """Full after 64 KiB."""
+    """A file system of 64 KiB."""
     folder = tmp_path / "small"
     folder.mkdir()
     mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "none", folder], capture_output=True, text=True)
@@ -51,15 +51,15 @@ def stream(tmp_path: pathlib.Path) -> Iterator[Stream]:
 
 @pytest.fixture(scope="session")
 def root() -> pathlib.Path:
-    """The image's, for a machine in namespaces on this machine's kernel; no test may change it."""
+    """The image's root, for a machine in namespaces on the host's kernel; no test may change it."""
     if os.geteuid() != 0:
-        pytest.skip("a machine in namespaces of its own takes root")
+        pytest.skip("a machine in its own namespaces needs root")
     return build.dev([native.build()]).parent / "root"
 
 
 @pytest.fixture(scope="session")
 def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    """A second of numbered frames; some modules have another one."""
+    """A second of numbered frames; some modules override it."""
     return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", 1)
 
 

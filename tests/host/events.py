@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A script of events on a real writer and a real recorder, drawn from a seed; then the files against the counters.
+"""Random events, drawn from a seed, on a real writer and recorder; then the files are compared with the counters.
 
-What is in the files is read here, frame by frame, by code that shares nothing with the programs: each picture says its
-number in every byte that it has.
+The files are read frame by frame, by code that shares nothing with the programs: each byte of a picture holds its
+number.
 """
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def write_clips(folder: pathlib.Path) -> list[pathlib.Path]:
 
 
 def read_numbers(path: pathlib.Path) -> list[int]:
-    """The numbers of the frames in a recording; anything else in it, a part of a frame too, is an error."""
+    """The numbers of the frames in a recording; anything else in it, or a partial frame, is an error."""
     data = path.read_bytes()
     end = data.index(b"\n")
     words = {word[:1]: word[1:] for word in data[:end].split()[1:]}
@@ -60,12 +60,12 @@ def read_numbers(path: pathlib.Path) -> list[int]:
 
 
 class Script:
-    """One seed. The desk is the caller's; `disk` is the folder to record into, `room` whether it can be filled up."""
+    """The events of one seed. `disk`: the folder to record into; `room`: whether it can be filled up."""
 
     def __init__(self, seed: int, desk: Desk, clips: list[pathlib.Path], disk: pathlib.Path, room: bool) -> None:
         self.random = random.Random(seed)
         self.desk, self.clips, self.disk, self.room = desk, clips, disk, room
-        self.kept = desk.folder / "kept"  # what was recorded before the disk went
+        self.kept = desk.folder / "kept"  # files saved before the disk was unplugged
         self.kept.mkdir()
         self.folder = disk / "rec"
         self.folder.mkdir(exist_ok=True)
@@ -75,11 +75,11 @@ class Script:
         self.writer: Process | None = None
         self.frozen: set[int] = set()
         self.size = 0
-        self.unwanted = 0  # written while no recorder was wanted
+        self.unwanted = 0  # frames written while no recorder was requested
         self.starts = 0
         self.log: list[str] = []
 
-    # ---- Looks ----
+    # ---- Observations ----
 
     def note(self, text: str) -> None:
         self.log.append(f"{self.desk.sequence('video')}: {text}")
@@ -92,7 +92,7 @@ class Script:
         return process is not None and process.poll() is None
 
     def let_run(self, frames: int) -> None:
-        """Until that number of frames is written, if there is a writer."""
+        """Wait until that many frames are written, if there is a writer."""
         begin = self.desk.sequence("video")
         if self.writer is not None and self.alive(self.writer) and self.writer.pid not in self.frozen:
             wait_until(lambda: not self.alive(self.writer) or self.desk.sequence("video") >= begin + frames)
@@ -103,7 +103,7 @@ class Script:
         if process is not None and self.alive(process):
             process.send_signal(signal.SIGSTOP)
             pid = process.pid
-            wait_until(lambda: not self.alive(process) or stopped(pid))  # it may have been about to end
+            wait_until(lambda: not self.alive(process) or stopped(pid))  # it may have been about to exit
             if self.alive(process):
                 self.frozen.add(pid)
 
@@ -120,7 +120,7 @@ class Script:
 
     def start_writer(self) -> None:
         if not self.alive(self.writer):
-            # None is waited for: a recorder that is not there yet misses frames, and has to say so.
+            # The writer does not wait for a recorder: a recorder that starts late misses frames, and must count them.
             self.writer = self.desk.start("ddxvideoload", self.clips[self.size], "-loop")
             begin = self.desk.sequence("video")
             wait_until(lambda: not self.alive(self.writer) or self.desk.sequence("video") > begin)
@@ -143,7 +143,7 @@ class Script:
         return bool(book and book["starts"] > starts and book["running"] and book.get("follows", 1))
 
     def stop_recorder(self) -> None:
-        """On request: frames written until the next start are not accounted for."""
+        """Stop the recorder on request: frames written until its next start need not be counted."""
         if self.recorder is None or not self.alive(self.recorder) or self.filler.exists():
             return
         self.freeze(self.writer)
@@ -180,16 +180,16 @@ class Script:
                 shutil.move(file, self.kept / f"{len(list(self.kept.iterdir()))}.y4m")
 
     def unplug(self) -> None:
-        """The folder goes with what is being recorded; what was finished has been brought home before."""
-        self.start_recorder()  # what a killed one left is its successor's to find, as long as it is there
+        """Remove the folder with the current recording; finished files have been saved before."""
+        self.start_recorder()  # completes the files of a killed recorder while they exist
         self.freeze(self.recorder)
         open_now = opened(self.recorder.pid) if self.recorder is not None and self.alive(self.recorder) else set()
         self.bring_home(open_now)
         shutil.rmtree(self.folder)
         self.folder.mkdir()
         self.thaw(self.recorder)
-        if any(name.startswith(f"{self.folder}/") for name in open_now):  # the folder itself is only looked at
-            # It notices within a second. Killed before that, the case would look like a moved file.
+        if any(name.startswith(f"{self.folder}/") for name in open_now):  # the folder itself is open only for reading
+            # It notices within a second. If it were killed before, its file would look like a moved one.
             assert self.recorder is not None and self.recorder.wait(60) == 1
 
     def change_size(self) -> None:
@@ -207,7 +207,7 @@ class Script:
         for first in self.random.sample((self.start_recorder, self.start_writer), 2):
             if first == self.start_recorder and self.writer is not None:
                 self.freeze(self.writer)
-                self.unwanted += self.desk.sequence("video")  # before anybody wanted them
+                self.unwanted += self.desk.sequence("video")  # before a recorder was requested
             first()
             self.thaw(self.writer)
         for _ in range(self.random.randint(4, 9)):
@@ -218,13 +218,13 @@ class Script:
         self.finish()
 
     def finish(self) -> None:
-        """All programs continue, and are then stopped."""
+        """Continue all programs, then stop them."""
         self.note("finish")
         self.free()
         self.thaw(self.recorder)
         self.start_writer()
         self.thaw(self.writer)
-        for _ in range(3):  # one may be about to notice that its disk was full, or is gone
+        for _ in range(3):  # one may be about to notice a full or removed disk
             self.start_recorder()
             self.let_run(3)
         self.stop_writer()
@@ -235,7 +235,7 @@ class Script:
         self.recorder.wait(60)
 
     def caught_up(self, written: int) -> bool:
-        """One that fails even now leaves it to the next one."""
+        """Whether the recorder has counted all frames; false if it failed again: the next one counts them."""
         self.start_recorder()
         return int(self.book("ddxvideosave")["sequence"]) >= written
 
@@ -256,7 +256,7 @@ class Script:
         assert written - self.unwanted == in_files + sum(lost.values()), story
         assert saved["in"] == written - self.unwanted and not saved["waiting"], story
         assert set(lost) <= {"store", "ring", "write", "restart"}, story
-        for one in numbers:  # in order, except where a writer started again
+        for one in numbers:  # in order, except where a writer restarted
             assert all(b > a or b < 200 for a, b in zip(one, one[1:])), story
 
 
@@ -278,7 +278,7 @@ def opened(pid: int) -> set[str]:
 
 
 def play(seed: int, folder: pathlib.Path, clips: list[pathlib.Path]) -> None:
-    """The whole of it, in a folder of its own."""
+    """Run one seed in its own folder."""
     home = folder / str(seed)
     disk = home / "disk"
     disk.mkdir(parents=True)

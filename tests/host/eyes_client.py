@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Two cameras by hand: eyes_client.py LEFT RIGHT, the sizes of their pictures. Writes what lines of standard input say,
-`ITEM MILLISECONDS VALUE`: a picture of this value, which is also its frame number, captured that long after the start;
-answers each line."""
+"""Two cameras: eyes_client.py LEFT RIGHT, the sizes of their pictures. For each line `ITEM MILLISECONDS VALUE` on
+standard input, writes a picture of this value, which is also its frame number, captured that long after the start, and
+answers the line."""
 from __future__ import annotations
 
 import sys

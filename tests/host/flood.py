@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Garbage for the ports of a stream: flood.py SSRC COUNT RATE ADDRESS PORT=KIND...
 
-Sends COUNT datagrams, at most RATE a second, to the ports by turns. SSRC is the media stream's, in hex. Kinds: `media`,
-`repair` and `reports`, see there. Prints how many went to each port, as JSON.
+Sends COUNT datagrams, at most RATE a second, to the ports in turn. SSRC is the media stream's, in hex. Kinds: the
+functions `media`, `repair` and `reports`. Prints the number sent to each port, as JSON.
 """
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ import sys
 import time
 from collections.abc import Callable
 
-BURST = 20    # datagrams between two looks at the clock
-MADE = 4000   # different ones of each kind, sent over and over
-SOCKETS = 16  # more addresses than the sender listens to
+BURST = 20    # datagrams between checks of the clock
+MADE = 4000   # different datagrams of each kind, sent in a loop
+SOCKETS = 16  # more addresses than the sender accepts
 LARGEST = 1400
 H264, MPEG4, REPAIR, FEEDBACK = 96, 97, 98, 206
 PLI, STATE = 1, 15  # formats of feedback
@@ -29,7 +29,7 @@ def noise(source: random.Random, _: int) -> bytes:
 
 
 def media(source: random.Random, ssrc: int) -> bytes:
-    """RTP of other streams, encrypted or not, of other payload types, cut off, or with lengths that cannot be."""
+    """RTP of other streams, encrypted or not, of other payload types, truncated, or with impossible lengths."""
     own = source.random() < 0.2
     first = 0x80 | source.choice([0, 0x10, 0x10, 0x20, 0x0f])
     kind = source.choice([0, 33, 98, 127] if own else [H264, H264, MPEG4, MPEG4, 33])
@@ -41,7 +41,7 @@ def media(source: random.Random, ssrc: int) -> bytes:
 
 
 def repair(source: random.Random, ssrc: int) -> bytes:
-    """Repair packets of this stream whose window or density cannot be, and of other streams."""
+    """Repair packets of this stream with an impossible window or density, and of other streams."""
     own = source.random() < 0.7
     shape = source.choice([0xf000, 0xf101, 0xffff, 0x0001, 0xe010]) if own else 0xf000 | source.randint(1, 256)
     head = struct.pack(">BBHII", 0x81, REPAIR, source.randrange(1 << 16), source.randrange(1 << 32),
@@ -52,7 +52,7 @@ def repair(source: random.Random, ssrc: int) -> bytes:
 
 
 def reports(source: random.Random, ssrc: int) -> bytes:
-    """Reports of many receivers of this stream that lost anything; wishes for a new picture; other RTCP."""
+    """Reports of many receivers of this stream with arbitrary losses; requests for a new picture; other RTCP."""
     head = struct.pack(">II", source.randrange(1 << 32), ssrc if source.random() < 0.9 else source.randrange(1 << 32))
     if source.random() < 0.2:
         return bytes([0x80 | PLI, FEEDBACK, 0, 2]) + head
@@ -69,7 +69,7 @@ MAKERS: dict[str, Maker] = {"media": media, "repair": repair, "reports": reports
 
 
 def made(kind: str, ssrc: int) -> list[bytes]:
-    """Half of them are noise."""
+    """The datagrams of a kind, and as much noise."""
     source = random.Random(kind)
     return [(noise if number % 2 else MAKERS[kind])(source, ssrc) for number in range(MADE)]
 
@@ -85,7 +85,7 @@ def main() -> None:
         sockets[number // len(targets) % SOCKETS].sendto(ports[port][sent[port] % MADE], (address, port))
         sent[port] += 1
         if number % BURST == BURST - 1:
-            due = max(due + BURST / rate, time.monotonic() - BURST / rate)  # what is late is not made up for
+            due = max(due + BURST / rate, time.monotonic() - BURST / rate)  # do not catch up when late
             time.sleep(max(0, due - time.monotonic()))
     print(json.dumps(sent))
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Sends records of the topic ddx/catalog: 32 machines, and after a line on standard input those that no catalog sends.
-Prints how many there were each time, and stays until standard input is closed."""
+"""Sends records of the topic ddx/catalog: 32 machines, and after a line on standard input, records that no catalog
+sends. Prints their number each time, and runs until standard input is closed."""
 from __future__ import annotations
 
 import dataclasses
@@ -50,7 +50,7 @@ def machine(number: int, name: str) -> dict[str, Any]:
 
 
 def hostile(own: int) -> list[dict[str, Any]]:
-    """`own` is the id of the machine that hears this."""
+    """`own` is the id of the machine under attack."""
     return [*(machine(33 + i, f"m{33 + i}") for i in range(8)),
             *(machine(100 + i, name) for i, name in enumerate(BAD_NAMES)),
             *(item(1, name) for name in BAD_NAMES),

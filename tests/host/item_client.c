@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Video items good and bad, written and viewed in one process: item_client TEST. Exit status 0 if all is as it
- * should be. */
+/* item_client TEST: valid and invalid video items, written and viewed in one process. Exit status 0: passed. */
 #define DDXVIDEO_UNDECLARED
 #include <ddxvideo.h>
 #include <errno.h>
@@ -24,7 +23,7 @@ static void fill(struct ddxvideo_frame *frame, int value) {
         memset(frame->plane[i], value + i, (size_t)frame->stride[i] * (size_t)frame->rows[i]);
 }
 
-/* Reads every byte that a view shows. */
+/* Reads every byte of a view. */
 static void check_planes(const struct ddxvideo_picture *view, int value) {
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < view->stride[i] * view->rows[i]; j++)
@@ -84,7 +83,7 @@ static void set(struct ddxvideo_geometry *geometry, size_t field, int value) {
     memcpy((char *)geometry + field, &value, sizeof(value));
 }
 
-/* A writer that tells lies: whatever the numbers are, a view is refused or lies within the planes. */
+/* A writer with false geometry: a view is refused or lies within the planes. */
 static void hostile(void) {
     struct ddxvideo_geometry geometry = {.width = 64, .height = 48, .fields = 1};
     const size_t count = sizeof(values) / sizeof(*values);
@@ -119,7 +118,7 @@ static void hostile(void) {
     CHECK(refused > 500 && refused < 1210);
 }
 
-/* Each layout: its planes, and none for what it does not have; a viewer that does not ask for it sees nothing. */
+/* Each layout has its planes and no others; a viewer that does not request it sees no frame. */
 static void layouts(void) {
     static const struct {
         int format, bytes[3];
@@ -150,7 +149,7 @@ static void layouts(void) {
         check_planes(&view, 7);
         CHECK(ddxvideo_view(reader, held.data, &view) == (table[i].format < 16 ? 0 : -EPROTOTYPE));
         CHECK(!ddx_store_release(reader));
-        /* Its samples are of one C type. */
+        /* Samples have one C type. */
         geometry.format = table[i].format == DDX_VIDEO_GREY16 ? DDX_VIDEO_GREY8 : DDX_VIDEO_GREY16;
         geometry.height = 2;
         CHECK(ddxvideo_loan(writer, &geometry, &frame) == -EPROTOTYPE);
@@ -176,7 +175,7 @@ static void lie(DDX_STORE_ITEM *writer, DDX_STORE_ITEM *reader, struct ddxvideo_
     CHECK(!ddx_store_release(reader));
 }
 
-/* Whatever format a frame says, of whatever item: what is seen lies within the item's planes. */
+/* A frame with any format number, in any item: a view lies within the item's planes. */
 static void false_formats(void) {
     for (int real = 15; real <= 20; real++) {
         struct ddxvideo_geometry geometry = {.width = 64, .height = 48, .fields = 1, .format = real < 16 ? 0 : real};
@@ -189,7 +188,7 @@ static void false_formats(void) {
     }
 }
 
-/* The paper's seven fields and nothing else, with a bound of its own. */
+/* Only the paper's seven fields, with its own size limit. */
 static struct {
     int frame, fields, width, height;
     char y[4800], u[1200], v[1200];
@@ -226,7 +225,7 @@ static void paper_writer(void) {
     check_planes(&view, 9);
 }
 
-/* A grabber of that kind: 20 frames, once there is a reader. */
+/* A grabber with such an item: 20 frames, once there is a reader. */
 static void paper_grabber(void) {
     DDX_STORE_ITEM *writer = create_paper_video();
     while (ddx_store_readers(writer) < 1)
@@ -237,7 +236,7 @@ static void paper_grabber(void) {
     }
 }
 
-/* 20 frames, a quarter of which claim to be larger than they are. */
+/* 20 frames; a quarter of them claim to be larger than they are. */
 static void broken_grabber(void) {
     const struct ddxvideo_geometry geometry = {.width = 64, .height = 48, .fields = 1};
     DDX_STORE_ITEM *writer;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Preloaded: the program is killed at its $LAST_CALL-th frame, as $LAST_ACT says: `before` ddx_store_publish(), or
- * `after` it; or when a frame is `written` to disk or sent, and before it is counted as out. $LAST_SIGNAL: by which.
+ * Preloaded: kills the program with $LAST_SIGNAL at its $LAST_CALL-th frame. $LAST_ACT: `before` or `after`
+ * ddx_store_publish(), or `written`: the frame is on disk or sent, but not yet counted as out.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A stream through the lossy link that goes on until the test stops it. Each frame at the operator is judged by the
-number in its picture while it is shown; nothing is recorded, so it may last for minutes."""
+"""A stream through the lossy link that runs until the test stops it. Each frame at the operator is judged live by the
+number in its picture; nothing is recorded, so it may run for minutes."""
 from __future__ import annotations
 
 import contextlib
@@ -24,11 +24,11 @@ from .two_ends import Outcome, Shown, play, settled
 CLIENT = pathlib.Path(__file__).with_name("numbers_client.py")
 Memory = dict[str, int]  # KiB of each program
 HANGS = 60               # s
-GROWTH = 2048            # KiB, after the first quarter of the samples: less than a second of the flood has
+GROWTH = 2048            # KiB, after the first quarter of the samples: less than a second of the flood
 
 
 class Numbers:
-    """The numbers of all frames of item `seen`, and those in their pictures."""
+    """The numbers of all frames of item `seen`, and the numbers in their pictures."""
 
     def __init__(self, desk: Desk) -> None:
         self.path = desk.folder / "numbers"
@@ -39,7 +39,7 @@ class Numbers:
         wait_until(lambda: bool(self.path.read_text()))
 
     def wait(self, frames: int) -> Shown:
-        """Until there are `frames` of them."""
+        """Wait until there are `frames` of them."""
         wait_until(lambda: self.path.read_text().count("\n") > frames)
         words = [line.split() for line in self.path.read_text().splitlines()[1:]]
         return [(int(said), None if drawn == "-" else int(drawn)) for said, drawn in words]
@@ -50,7 +50,7 @@ class Numbers:
 
 
 class End:
-    """decode at one end, and what it shows."""
+    """decode at one end, and the frames it shows."""
 
     def __init__(self, desk: Desk, node: Node, *options: object) -> None:
         self.desk, self.numbers = desk, Numbers(desk)
@@ -59,7 +59,7 @@ class End:
         wait_until(lambda: "decode.packets" in desk.run("ddxctl", "list").stdout)
 
     def finish(self) -> tuple[Shown, dict[str, int], Counters]:
-        """What was shown; packets' and frames' counters."""
+        """Return the frames shown, and the counters of packets and frames."""
         seen = self.numbers.wait(self.desk.out("decode"))
         (_, packets, frames), = finish(self.decode)
         return seen, packets, frames
@@ -67,27 +67,27 @@ class End:
 
 @dataclasses.dataclass
 class Lasted(Outcome):
-    """Of a stream that was stopped; `coded` is empty without a decode on the robot."""
-    before: Counts          # of the link, when the sender was told to stop
+    """The result of a stopped stream; `coded` is empty without a decode on the robot."""
+    before: Counts          # the link's counts when the sender was stopped
 
     def right(self, frames: int) -> int:
-        """Pictures with the number of their frame, of a clip of `frames` frames."""
+        """The count of pictures that show their frame's number, for a clip of `frames` frames."""
         return sum(said % frames == drawn for said, drawn in self.seen)
 
     def disagreements(self) -> list[str]:
-        """The sums that are wrong."""
+        """Sums of counters that are wrong."""
         return self.wrong_sums(("frames counted and seen", self.shown["out"], len(self.seen)))
 
     def wrong(self, frames: int) -> Shown:
-        """Pictures of other frames than decode said. A picture may be so coarse that it shows another number: then
-        decode on the robot, which misses no packet, has the same one."""
+        """Pictures that do not show the number that decode reported. A coarse picture may show another number, but then
+        decode on the robot, which misses no packet, has the same picture."""
         coded = dict(self.coded)
         return [(said, drawn) for said, drawn in self.seen
                 if drawn not in (None, said % frames, coded.get(said))]
 
 
 class Lasting:
-    """Begun by lasting()."""
+    """A running stream; see lasting()."""
 
     def __init__(self, link: Link, robot: Desk, ends: list[End], clip: pathlib.Path, back: Pattern,
                  *options: object) -> None:
@@ -99,7 +99,7 @@ class Lasting:
         self.loader = robot.start("ddxvideoload", clip, "-loop", "-readers", 1)
 
     def wait_for(self, frames: int) -> None:
-        """Until `frames` frames have come to the sender."""
+        """Wait until `frames` frames have reached the sender."""
         end = time.monotonic() + HANGS
         while int(self.robot.stats("ddxvideosend")["in"]) < frames:
             assert time.monotonic() < end, "no frames come to the sender"
@@ -111,19 +111,19 @@ class Lasting:
         return found[1]
 
     def memory(self) -> Memory:
-        """KiB that the programs hold now."""
+        """The programs' resident memory in KiB."""
         named = {"sender": self.sender, "decode": self.ends[0].decode}
         return {name: resident(process.pid) for name, process in named.items()}
 
     def samples(self, frames: int, step: int = RATE) -> Iterator[Memory]:
-        """The memory each second, until `frames` more frames have come."""
+        """Sample the memory every `step` frames, until `frames` more frames have come."""
         begin = self.robot.stats("ddxvideosend")["in"]
         for number in range(begin + step, begin + frames + 1, step):
             self.wait_for(number)
             yield self.memory()
 
     def finish(self) -> Lasted:
-        """The clip stops; a last frame, when the link is good, so that the operator knows of all frames."""
+        """Stop the clip; send a last frame over a good link, so that the operator knows of all frames."""
         assert stop(self.loader)[0] == 0
         self.settle()
         self.link.lose(NOTHING, self.back)
@@ -144,7 +144,7 @@ class Lasting:
 @contextlib.contextmanager
 def lasting(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, *options: object,
             local: bool = False) -> Iterator[Lasting]:
-    """With a clip that is played over and over. `local`: a decode on the robot as well."""
+    """Start a stream of a clip that plays in a loop. `local`: also run a decode on the robot."""
     with Link(delay_ms=2) as link, contextlib.ExitStack() as stack:
         desks = []
         for name in ("robot", "operator"):
@@ -158,13 +158,13 @@ def lasting(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, *options: o
         for end in ends:
             stack.callback(end.numbers.end)
         stream = Lasting(link, robot, ends, clip, loss, *options)
-        wait_until(lambda: all(end.desk.out("decode") for end in ends))  # decode knows of no frame before its first one
+        wait_until(lambda: all(end.desk.out("decode") for end in ends))  # decode does not know earlier frames
         link.lose(loss)
         yield stream
 
 
 def passed_on(way: Way, size: int) -> bool:
-    """Whether that number of bytes has come to the link, and no packet is on its way."""
+    """Whether `size` bytes have reached the link, and no packet is on its way."""
     return way.bytes >= size and way.packets == way.lost + way.delivered
 
 
@@ -175,7 +175,7 @@ def first_frame(clip: pathlib.Path, path: pathlib.Path) -> pathlib.Path:
 
 
 def grown(samples: list[Memory]) -> list[str]:
-    """Programs that hold more memory at the end than after the first quarter of the time."""
+    """Programs that hold more memory at the end than after the first quarter of the samples."""
     first, last = samples[len(samples) // 4], samples[-1]
     return [f"{name}: {first[name]} KiB, then {last[name]}" for name in first if last[name] - first[name] > GROWTH]
 

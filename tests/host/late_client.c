@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * late_client FRAMES KEEP: reads FRAMES frames of "video" in order, of which the store keeps KEEP; prints as JSON the
- * numbers of frames read and missed, the longest time from write to read, and the longest time between two writes (us).
+ * late_client FRAMES KEEP: reads FRAMES frames of "video" in order, with KEEP frames kept by the store; prints as JSON
+ * the numbers of frames read and missed, and the longest times from write to read and between two writes (us).
  */
 #include <ddx.h>
 #include <errno.h>

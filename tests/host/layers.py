@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The layers of each folder in C, the lowest first. A module, that is NAME.c, NAME.h or both, includes and calls what
-lower lines have; those of one line may know each other, not in a circle. test_layers.py holds the sources to it."""
+"""The layers of each C folder, lowest first. A module (NAME.c, NAME.h or both) includes and calls modules of lower
+lines; those in one line may depend on each other, but not in a circle. Checked by test_layers.py."""
 
 TABLES = {
     "package/ddx/ddxctl": """

@@ -71,7 +71,7 @@ def test_bad_usage_is_tried_once_until_somebody_starts_it(appliance: Appliance) 
         wait_until(lambda: status(appliance)[1]["state"] == "misconfigured")
         assert status(appliance) == (1, {"enabled": "yes", "state": "misconfigured", "pid": "-", "restarts": "0"})
         assert starts.read_text() == "2\n" * times
-    code.write_text("1\n")  # the check itself: any other end
+    code.write_text("1\n")  # proves that the check can fail: any other exit
     appliance.run(f"{THING} start")
     wait_until(lambda: starts.read_text().count("1\n") > 1)
     appliance.run(f"{THING} stop")
