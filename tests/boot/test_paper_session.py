@@ -25,7 +25,7 @@ def frame_after(guest: qemu.Guest, other: int) -> int:
     return found
 
 
-def test_as_typed(boot: qemu.Boot) -> None:
+def test_the_paper_s_session(boot: qemu.Boot) -> None:
     network = ("-netdev", "user,id=net,restrict=on", "-device", "virtio-net-pci,netdev=net")
     with boot("session", more_memory=128, extra=network) as guest:
         guest.shell()

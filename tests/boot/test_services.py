@@ -28,7 +28,7 @@ def test_run_as_their_own_users(guest: Guest, recorded: session.Result) -> None:
         assert "\t0\t" not in ids and "900" in ids
 
 
-def test_none_died_while_recording(guest: Guest, recorded: session.Result) -> None:
+def test_no_service_died_while_recording(guest: Guest, recorded: session.Result) -> None:
     for program in [*USERS, "ddxvideoload"]:
         assert status(guest, program)[1]["restarts"] == "0", program
 

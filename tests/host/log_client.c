@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Writes an item whose values contain their numbers: log_client NAME FIRST COUNT MICROSECONDS READERS [LAYOUT] Values
- * FIRST to FIRST + COUNT - 1, MICROSECONDS apart, once there are READERS readers. Prints "<number> <time>" for each.
- * LAYOUT: sample, other (fields of their own), extent (a picture's array in part), int, noise (does not compress).
+ * log_client NAME FIRST COUNT MICROSECONDS READERS [LAYOUT]: writes an item whose values contain their numbers: FIRST
+ * to FIRST + COUNT - 1, MICROSECONDS apart, once there are READERS readers. Prints "<number> <time>" for each. LAYOUT:
+ * sample, other (other fields), extent (an array used in part), int, noise (does not compress).
  */
 #include <errno.h>
 #include <stdio.h>

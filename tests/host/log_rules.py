@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What log_client writes, and what a log of it must hold. Logs are read by PyPI's mcap (tools/parts/media/logs.py)."""
+"""The expected contents of log_client's logs, read with PyPI's mcap (tools/parts/media/logs.py)."""
 from __future__ import annotations
 
 import pathlib
@@ -15,7 +15,7 @@ Written = list[tuple[int, int]]  # number and CLOCK_MONOTONIC of each value
 
 
 def begin(desk: Desk, config: str = CONFIG, instance: str = "ddxlog", wrapper: tuple[str, ...] = ()) -> Process:
-    """A logger that has looked at the store once."""
+    """Start a logger, and wait until it has looked at the store once."""
     (desk.folder / f"{instance}.conf").write_text(config)
     logger = desk.start("ddxlog", "-c", f"{instance}.conf", "-instance", instance, wrapper=wrapper)
     wait_until(lambda: f"{instance}.stats" in desk.run("ddxctl", "list").stdout)
@@ -52,7 +52,7 @@ def _wrapped(number: int, bits: int) -> int:
 
 
 def check_sample(value: Any, number: int) -> None:
-    """Every field, worked out here."""
+    """Check every field against its calculated value."""
     assert value.number == number and value.flag == number % 256 and value.last == number * 3 % 65536
     assert abs(value.ratio - _float(number / 3)) <= abs(number) * 1e-7
     assert bytes(value.text).rstrip(b"\0") == f"n{number % 1000000}".encode()
@@ -64,7 +64,7 @@ def check_sample(value: Any, number: int) -> None:
 
 
 def check_log(log: logs.Log, topic: str, expected: Written, first_sequence: int = 1) -> None:
-    """Every value is there once, in order, with its fields, its number and the time of its write."""
+    """Check that every value is there once, in order, with its fields, its number and the time of its write."""
     values = log.values.get(topic, [])
     assert [one.value.number for one in values] == [number for number, _ in expected]
     assert log.sequences(topic) == list(range(first_sequence, first_sequence + len(expected)))
@@ -76,5 +76,5 @@ def check_log(log: logs.Log, topic: str, expected: Written, first_sequence: int 
 
 
 def losses(log: logs.Log, item: str) -> dict[str, Any]:
-    """What the file itself says at its end of an item."""
+    """An item's losses as recorded at the end of the file."""
     return dict([one.value for one in log.values["ddxlog/lost"] if one.value["item"] == item][-1])

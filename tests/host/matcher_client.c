@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The matcher alone, for another processor: matcher_client WIDTH HEIGHT DISPARITIES. Left and right picture come from
- * standard input; of each variant that the processor has, the disparities go to standard output, its name to stderr.
+ * matcher_client WIDTH HEIGHT DISPARITIES: the matcher alone, for another processor. Reads left and right picture from
+ * standard input; for each variant that the processor supports, writes the disparities to stdout, its name to stderr.
  */
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""numbers_client.py ITEM: of each frame of an item of CIF pictures, a line with the number that its writer gave it and
-the number in its picture (- if none can be read). Prints `ready` first, and stops at SIGTERM."""
+"""numbers_client.py ITEM: prints `ready`, then for each frame of an item of CIF pictures its writer's number and the
+number in its picture (- if unreadable). Stops at SIGTERM."""
 import contextlib
 import signal
 import sys
@@ -10,7 +10,7 @@ import ddx  # found by PYTHONPATH
 
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 
-KEEP = 64  # frames: a stream that restores a packet shows all frames since then at once
+KEEP = 64  # frames: a stream that restores a packet shows all waiting frames at once
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A client exactly as the paper's users write it: it knows libddx and the seven fields of a video, nothing else. Prints
- * frame number, size, and a sum over the picture, once by copy and once in place.
+ * A client as in the paper: uses only libddx and the seven fields of a video. Prints frame number, size, and a sum over
+ * the picture, once by copy and once in place.
  */
 #include <ddx.h>
 #include <errno.h>
@@ -49,7 +49,7 @@ int main(int argc, char **argv) {
     if (!id)
         return 1;
     while (!(item = ddx_store_lookup_item(id, "video", NULL, 0)))
-        if (errno == EPROTOTYPE) { /* there is a video, and it is none of the paper's */
+        if (errno == EPROTOTYPE) { /* the video does not have the paper's type */
             fprintf(stderr, "%s\n", ddx_error_text(errno));
             ddx_store_close(id);
             return 3;

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes pictures, CIF without other sides: pictures_client.py ITEM LAYOUT [WIDTH HEIGHT]. For each number on standard
-input a picture; answers with the SHA-256 of what ROS is to see of it."""
+"""pictures_client.py ITEM LAYOUT [WIDTH HEIGHT]: for each number on standard input, writes a picture (default: CIF) and
+answers with the SHA-256 that ROS must get."""
 from __future__ import annotations
 
 import hashlib
@@ -14,7 +14,7 @@ import ddxvideo
 
 
 def rgb(y: Any, u: Any, v: Any) -> Any:
-    """Of planes in limited range, by ITU-R BT.601."""
+    """Convert planes in limited range by ITU-R BT.601."""
     luma = 298 * (y.astype(int) - 16)
     u, v = (np.repeat(np.repeat(plane.astype(int) - 128, 2, 0), 2, 1) for plane in (u, v))
     colours = np.stack([luma + 409 * v, luma - 100 * u - 208 * v, luma + 516 * u], axis=-1)

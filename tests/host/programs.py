@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Programs of the desk build, each test with a store of its own."""
+"""Programs of the desk build; each test has its own store."""
 from __future__ import annotations
 
 import functools
@@ -15,11 +15,11 @@ from typing import Any
 from parts.common import MORTAL
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
-# Other builds are tested by naming their install tree, and what its users must be compiled with:
+# To test another build, name its install tree and the compiler flags of its users:
 # DDX_ROOT=output/address/root/usr DDX_CFLAGS=-fsanitize=address,undefined
 ROOT = pathlib.Path(os.environ.get("DDX_ROOT", TOP / "output/desk/root/usr"))
 
-KEEP = 64  # frames that the store keeps for a recorder: most of a second where frames come fastest
+KEEP = 64  # frames that the store keeps for a recorder: most of a second at the highest rate
 
 Process = subprocess.Popen[str]
 Counters = dict[str, Any]
@@ -30,7 +30,7 @@ def library_folder() -> pathlib.Path:
 
 
 class Desk:
-    """A folder with its own store, and the programs that talk to it."""
+    """A folder with its own store, and the programs that use it."""
 
     def __init__(self, folder: pathlib.Path, memory: str = "64M", store: str | pathlib.Path = "store") -> None:
         self.folder = folder
@@ -57,8 +57,7 @@ class Desk:
                               cwd=self.folder, capture_output=True, text=True, timeout=timeout)
 
     def stats(self, instance: str) -> Counters:
-        """The counters of an instance, from the store. They are waited for: a program makes its item first, and writes
-        the counters a moment later."""
+        """Wait for the counters of an instance in the store: a program creates the item before it writes them."""
         found: list[Counters] = []
 
         def look() -> bool:
@@ -70,28 +69,28 @@ class Desk:
         return dict(found[0])
 
     def out(self, instance: str) -> int:
-        """Frames so far; none as long as it is not in the store."""
+        """The frames put out so far; 0 while the counters are not in the store."""
         lines = self.run("ddxctl", "stats", "--json").stdout.splitlines()
         return sum(int(counters["out"]) for line in lines if (counters := json.loads(line))["instance"] == instance)
 
     def item(self, name: str) -> dict[str, Any]:
-        """What the store says of an item; nothing if there is no such item."""
+        """The store's information on an item; empty without such an item."""
         found = json.loads(self.run("ddxctl", "list", "--json").stdout)["items"]
         return next((dict(one) for one in found if one["name"] == name), {})
 
     def readers(self, item: str) -> int | None:
-        """How many an item has; None if there is no such item."""
+        """The number of an item's readers; None without such an item."""
         return self.item(item).get("readers")
 
     def sequence(self, item: str) -> int:
-        """Number of the newest value, without reading it; 0 if there is none."""
+        """The number of the newest value, without reading it; 0 without a value."""
         return int(self.item(item).get("sequence", 0))
 
     def end(self) -> None:
         for process in reversed(self.processes):
             if process.poll() is None:
                 process.terminate()
-                process.send_signal(signal.SIGCONT)  # some are stopped
+                process.send_signal(signal.SIGCONT)  # some are frozen
                 try:
                     process.wait(5)
                 except subprocess.TimeoutExpired:
@@ -102,20 +101,20 @@ class Desk:
 
 
 def worker_of(store: Process) -> int:
-    """The process that does the store's work; 0: there is none just now."""
+    """The process of the store's worker; 0 if there is none now."""
     children = pathlib.Path(f"/proc/{store.pid}/task/{store.pid}/children").read_text().split()
     return int(children[0]) if children else 0
 
 
 def send_signal(process: Process, number: int) -> None:
-    """To a store's worker, too; the holder first, or it would see to another one."""
+    """Signal a program; for a store, its holder before its worker, which the holder would otherwise replace."""
     process.send_signal(number)
     if worker := worker_of(process):
         os.kill(worker, number)
 
 
 def stop(process: Process, number: int = signal.SIGTERM) -> tuple[int, Counters]:
-    """End a program; its exit status, and its counters (empty if it printed none)."""
+    """Stop a program; return its exit status and counters (empty if it printed none)."""
     process.send_signal(number)
     return result(process)
 
@@ -131,12 +130,12 @@ def lost(counters: Counters) -> int:
 
 
 def start_recorder(desk: Desk, *options: object, wrapper: tuple[str, ...] = ()) -> Process:
-    """One that may come late, on a machine that has other things to do: the store keeps more frames for it."""
+    """Start a recorder for which the store keeps more frames, since a busy machine may delay it."""
     return desk.start("ddxvideosave", "-keep", KEEP, *options, wrapper=wrapper)
 
 
 def wait_for_recorder(desk: Desk, instance: str = "ddxvideosave") -> None:
-    """Until it accounts for each frame that is written from now on, also of an item that does not exist yet."""
+    """Wait until it accounts for each frame written from now on, also of an item that does not exist yet."""
     def follows() -> bool:
         book = desk.run("ddxctl", "show", f"{instance}.stats", "--json").stdout
         return '"running":1' in book and '"follows":1' in book
@@ -145,7 +144,7 @@ def wait_for_recorder(desk: Desk, instance: str = "ddxvideosave") -> None:
 
 
 def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
-    """One of the C files here, to be preloaded."""
+    """Compile one of the C files here for LD_PRELOAD."""
     library = folder / f"{name}.so"
     subprocess.run(["gcc", "-Wall", "-Wextra", "-Werror", "-shared", "-fPIC",
                     pathlib.Path(__file__).with_name(f"{name}.c"), "-o", library], check=True)
@@ -153,16 +152,16 @@ def preload(name: str, folder: pathlib.Path) -> pathlib.Path:
 
 
 def wait_until(condition: Callable[[], bool], seconds: float = 60) -> None:
-    """The time is for a machine that hangs: no test passes or fails by it."""
+    """Wait for the condition; the limit only stops a test that hangs."""
     end = time.monotonic() + seconds
     while not condition():
-        assert time.monotonic() < end, "waited in vain"
+        assert time.monotonic() < end, "timed out waiting for a condition"
         time.sleep(0.02)
 
 
 def record(desk: Desk, clip: pathlib.Path, output: pathlib.Path, *load: object, instance: str = "ddxvideosave",
            keep: int = KEEP) -> tuple[Counters, Counters]:
-    """Play a clip and record it, from the first frame to the last; the counters of both."""
+    """Play a clip and record all of it; return the counters of both programs."""
     saver = desk.start("ddxvideosave", "-output", output, "-instance", instance, "-keep", keep)
     loader = desk.run("ddxvideoload", clip, "-readers", "1", "-instance", f"load.{instance}", *load)
     assert loader.returncode == 0, loader.stderr
@@ -171,11 +170,11 @@ def record(desk: Desk, clip: pathlib.Path, output: pathlib.Path, *load: object, 
     return json.loads(loader.stdout.splitlines()[-1]), saved
 
 
-Y4M_BYTES = {"C422": 2, "C444": 3, "Cmono": 1, "Cmono16": 2}  # a pixel; of 4:2:0 1.5
+Y4M_BYTES = {"C422": 2, "C444": 3, "Cmono": 1, "Cmono16": 2}  # per pixel; 4:2:0 has 1.5
 
 
 def read_y4m(path: pathlib.Path) -> Iterator[tuple[str, bytes]]:
-    """Header line and b"", then FRAME line and picture of each whole frame."""
+    """Yield header line and b"", then FRAME line and picture of each whole frame."""
     with open(path, "rb") as file:
         header = file.readline().decode().rstrip("\n")
         yield header, b""
@@ -209,7 +208,7 @@ def ffmpeg(*arguments: object) -> bytes:
 
 def make_clip(path: pathlib.Path, size: str = "352x288", rate: str = "25", frames: int = 25, format: str = "yuv420p",
               *more: object) -> pathlib.Path:
-    """A moving test picture, no frame like another."""
+    """Write a clip of a moving test picture, each frame different."""
     path.write_bytes(picture_of(size, rate, frames, format, *more))
     return path
 
@@ -221,13 +220,13 @@ def picture_of(size: str, rate: str, frames: int, format: str, *more: object) ->
 
 
 def frame_md5(path: pathlib.Path) -> list[str]:
-    """FFmpeg's own opinion about the frames of a file."""
+    """FFmpeg's checksums of a file's frames."""
     lines = ffmpeg("-i", path, "-f", "framemd5", "-").decode().splitlines()
     return [line.split(",")[-1].strip() for line in lines if not line.startswith("#")]
 
 
 class Compiler:
-    """Builds a C program of the tests against what is installed, as a user would."""
+    """Compiles a C program of the tests against the installed libraries, as a user does."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder

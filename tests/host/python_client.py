@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a program in Python may do with a store: python_client.py FUNCTION; test_python.py runs each."""
+"""python_client.py FUNCTION: what a Python program may do with a store; test_python.py runs each function."""
 from __future__ import annotations
 
 import fractions
@@ -49,7 +49,7 @@ def plain_number(store: ddx.Store) -> None:
 
 
 def wrong_values(store: ddx.Store) -> None:
-    """Whatever is refused is not written, not in part either."""
+    """A refused value is not written, not even in part."""
     with store.create("sensor", "SENSOR", SENSOR) as out, store.item("sensor") as item:
         out.write(VALUE)
         cases: list[tuple[type[Exception], dict[str, Any]]] = [
@@ -65,7 +65,7 @@ def wrong_values(store: ddx.Store) -> None:
 
 
 def no_copy(store: ddx.Store) -> None:
-    """Two handles see the same pages: what is written after a look at them is seen in the view taken before."""
+    """Two handles share their pages: a view shows data written after it was taken."""
     with store.create("picture", "PICTURE", PICTURE, {"y": 76800}) as out, store.item("picture") as item:
         with out.loan() as loan:
             loan["width"] = 320
@@ -77,7 +77,7 @@ def no_copy(store: ddx.Store) -> None:
             assert frame.view("y").ctypes.data == frame.address + item.fields[1].offset
             assert refused(ValueError, lambda: frame["y"].__setitem__(0, 1))
             refused(ValueError, lambda: setattr(frame["y"].flags, "writeable", True))
-            # It cannot change while it is held, whatever is written.
+            # A held value does not change while others are written.
             for level in range(10):
                 with out.loan() as loan:
                     loan["y"][:] = level
@@ -112,7 +112,7 @@ def missed(store: ddx.Store) -> None:
         with store.item("count") as late:
             late.keep(5)
             refused(TimeoutError, lambda: late.acquire(0, ddx.NEXT))
-            # Room for five is there soon after the first read; until then it misses some, and the count says so.
+            # The store makes room for five soon after the first read; until then values are missed and counted.
             read: list[int] = []
             for attempt in range(1, 100):
                 for number in range(4):
@@ -127,7 +127,7 @@ def missed(store: ddx.Store) -> None:
 
 
 def awaited(store: ddx.Store) -> None:
-    """Before there is an item; then everything from the first value on."""
+    """A reader that waits for an item gets every value from the first one on."""
     with store.item("later", awaited=True) as item:
         item.keep(4)
         assert item.type == "" and item.fields == []
@@ -165,7 +165,7 @@ def unknown_field(store: ddx.Store) -> None:
 
 
 def video_planes(store: ddx.Store) -> None:
-    """Views without a copy: rows and columns of each plane, with the header that every video program reads."""
+    """Views without a copy: rows and columns of each plane, and the common video header."""
     ntsc = fractions.Fraction(30000, 1001)
     with ddxvideo.create_video(store, "video", 64, 48, ntsc, fields=2) as out, store.item("video") as item:
         with out.loan() as loan:
@@ -194,7 +194,7 @@ def video_planes(store: ddx.Store) -> None:
 
 
 def video_colours(store: ddx.Store) -> None:
-    """The eight corners of the colour cube, in both ranges, with whichever converter is installed."""
+    """The eight corners of the colour cube, in both ranges, with the installed converter."""
     with ddxvideo.create_video(store, "video", 16, 8) as out:
         for full, corners in ((1, ((16, 128, 128, 0, 0, 0), (235, 128, 128, 255, 255, 255), (81, 90, 240, 0, 0, 255),
                                    (41, 240, 110, 255, 0, 0), (145, 54, 34, 0, 255, 0))),
@@ -209,12 +209,12 @@ def video_colours(store: ddx.Store) -> None:
 
 
 def video_layouts(store: ddx.Store) -> None:
-    """Planes of each layout, and its colours; what knows 4:2:0 alone is refused."""
+    """Planes and colours of each layout; functions for 4:2:0 only are refused."""
     shapes: dict[str, list[tuple[int, ...]]] = {
         "YUV420P": [(6, 8), (3, 4), (3, 4)], "YUV422P": [(6, 8), (6, 4), (6, 4)], "YUV444P": [(6, 8)] * 3,
         "GREY8": [(6, 8)], "GREY16": [(6, 8)], "RGB24": [(6, 8, 3)]}
     assert list(shapes) == list(ddxvideo.LAYOUTS)
-    red = {1: [76], 3: [81, 90, 240]}  # luma alone, and with its chroma
+    red = {1: [76], 3: [81, 90, 240]}  # without and with chroma
     for name, planes in shapes.items():
         with ddxvideo.create_video(store, name, 8, 6, layout=name) as out:
             with out.loan() as loan:

@@ -1,13 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A bad network between sender and receiver: relay.py FROM TO SEED WHAT=PERCENT ...  (UDP ports of 127.0.0.1)
+"""A bad network between sender and receiver: relay.py FROM TO SEED FAULT=PERCENT ...  (UDP ports of 127.0.0.1)
 
-WHAT: drop, duplicate, reorder (a packet that up to three later ones overtake), delay (one that comes 200 ms late),
-damage (another byte in it), foreign (an H.264 packet of another source, or another payload type), garbage (no RTP).
-`copy=FILE` keeps what came.
+FAULT: drop, duplicate, reorder (up to three later packets overtake), delay (200 ms), damage (a changed byte), foreign
+(an H.264 packet of another source, or another payload type), garbage (no RTP). `copy=FILE` saves received packets.
 
-At first everything passes. USR1 begins the mischief, and `bad` is printed; USR1 again ends it, and `good` is printed
-when what waited has gone on. TERM: prints what it did, as JSON. What comes from TO, reports, goes back to the sender.
+At first every packet passes. USR1 switches the faults on and prints `bad`; the next USR1 switches them off and prints
+`good` once all delayed packets are sent. TERM prints the counts as JSON. Reports from TO go back to the sender.
 """
 from __future__ import annotations
 
@@ -19,7 +18,7 @@ import sys
 import time
 from types import FrameType
 
-HOLD = 0.005  # s that a reordered packet waits at most
+HOLD = 0.005  # s; longest wait of a reordered packet
 LATE = 0.2
 
 
@@ -39,7 +38,7 @@ class Relay:
             else:
                 self.percent[name] = float(value)
         self.did = {name: 0 for name in ["came", *self.percent]}
-        self.held: list[tuple[float, int, bytes]] = []  # when it goes on, how many may overtake it still, packet
+        self.held: list[tuple[float, int, bytes]] = []  # time to send, packets that may still overtake, packet
         self.quiet, self.ended = True, False
         self.said = "good"
 
@@ -53,7 +52,7 @@ class Relay:
         self.inlet.sendto(packet, self.target)
 
     def stranger(self) -> bytes:
-        """A packet of another stream: an unknown source, or a payload type that is not ours."""
+        """A packet of another stream: an unknown source or payload type."""
         number = self.random.getrandbits(16)
         if self.random.random() < 0.5:
             head = bytes([0x80, 96]) + number.to_bytes(2, "big")
@@ -62,7 +61,7 @@ class Relay:
         return head + self.random.randbytes(8) + self.random.randbytes(self.random.randint(1, 1000))
 
     def rubbish(self) -> bytes:
-        """Of any length, but not RTP's version 2; or too short for RTP."""
+        """A packet of any length that is not RTP version 2, or is too short for RTP."""
         if self.random.random() < 0.3:
             return b"\x80" + self.random.randbytes(self.random.randint(0, 10))
         return bytes([self.random.getrandbits(7)]) + self.random.randbytes(self.random.randint(0, 1400))
@@ -112,7 +111,7 @@ class Relay:
 
     def run(self) -> None:
         idle = False
-        while not (self.ended and idle):  # what came before TERM goes on
+        while not (self.ended and idle):  # packets received before TERM are sent
             self.inlet.settimeout(0.002 if self.held or self.ended else 0.05)
             try:
                 self.receive()

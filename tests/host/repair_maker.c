@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Repair packets over media packets, for a sender in Python: repair_maker COUNT. Standard input: RTP packets, the size
- * of each before it (2 bytes, big endian); standard output: COUNT repair packets over all of them, likewise.
+ * repair_maker COUNT: repair packets for a sender in Python. Reads RTP packets, each preceded by its size (2 bytes, big
+ * endian), from standard input; writes COUNT repair packets over all of them in the same form.
  */
 #include <stdio.h>
 #include <stdlib.h>

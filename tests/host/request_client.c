@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* request_client serve ITEM MS      takes requests for level (0 to 100) and gain (0 to 7); answers after MS
- * request_client ask ITEM N NAME    sets NAME to 0, 1, ... N-1, each by a request of its own
- * request_client lose INSTANCE N REASON   counts N frames that were lost for a reason of this name */
+ * request_client ask ITEM N NAME    sets NAME to 0, 1, ... N-1, with a request for each
+ * request_client lose INSTANCE N REASON   counts N frames lost for this reason */
 #include <ddx_request.h>
 #include <ddx_stats.h>
 #include <errno.h>

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A node of ROS 2, with the Python of tools/parts/image/peers.py:
+"""A ROS 2 node, run by the Python of tools/parts/image/peers.py:
     ros_peer.py listen TOPIC,... PACKAGE/msg/TYPE prints each message as a line of JSON; bytes as SHA-256
     ros_peer.py late TOPIC PACKAGE/msg/TYPE       the same with durability transient_local
     ros_peer.py talk TOPIC PACKAGE/msg/TYPE       publishes each line of JSON of standard input while it has a reader;
-                                                  prints how many readers it has found so far
-    ros_peer.py find TOPIC                        type of the topic, and its hash, as ROS finds them
+                                                  prints the number of readers found
+    ros_peer.py find TOPIC                        the topic's type and hash as seen by ROS
 """
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ QOS = rclpy.qos.QoSProfile(depth=50, reliability=rclpy.qos.ReliabilityPolicy.REL
 
 
 def plain(value: Any) -> Any:
-    """What JSON can hold."""
+    """Convert a message to JSON types."""
     if hasattr(value, "get_fields_and_field_types"):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, array.array) and value.typecode == "B" and len(value) > 64:

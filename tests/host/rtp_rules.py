@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a stream of ours has to be like on the wire, judged from captured packets and the RFCs alone."""
+"""Rules for our streams on the wire, checked on captured packets by the RFCs alone."""
 from __future__ import annotations
 
 import dataclasses
 import pathlib
 
 LARGEST = 1200
-SMALL = 780  # bytes of payload that one packet can certainly have
+SMALL = 780  # bytes of payload that fit in any packet
 H264, MPEG4 = 96, 97
 NTP_EPOCH = 2208988800
 
@@ -21,13 +21,13 @@ class Packet:
     ssrc: int
     payload: bytes
     capture: float = 0  # s since 1970
-    number: int = -1  # of the frame in its source's count
+    number: int = -1  # the frame's number at its source
     count: int = -1
-    elements: tuple[int, ...] = ()  # ids of the header extension, in their order
+    elements: tuple[int, ...] = ()  # ids of the header extension, in order
 
 
 def captured(path: pathlib.Path) -> list[bytes]:
-    """What relay.py kept."""
+    """The packets that relay.py saved."""
     data, found = path.read_bytes(), []
     while data:
         size = int.from_bytes(data[:4], "big")
@@ -45,7 +45,7 @@ def parse(data: bytes) -> Packet:
         assert data[12:14] == b"\xbe\xde"
         words = int.from_bytes(data[14:16], "big")
         elements, packet.payload = data[16:16 + 4 * words], data[16 + 4 * words:]
-        assert words in (1, 6), "8 bytes, and 28 once a frame"
+        assert words in (1, 6), "8 bytes, or 28 once per frame"
         while elements:
             if not elements[0]:
                 elements = elements[1:]
@@ -72,7 +72,7 @@ def begins_video_packet(payload: bytes) -> bool:
 
 
 def h264_types(payload: bytes) -> list[int]:
-    """Types of the NAL units that begin in a payload; RFC 6184, 5.2."""
+    """Types of the NAL units that start in a payload; RFC 6184, 5.2."""
     kind = payload[0] & 31
     if kind == 28:
         return [payload[1] & 31] if payload[1] & 0x80 else []
@@ -95,7 +95,7 @@ def frames_of(packets: list[Packet]) -> list[list[Packet]]:
 
 
 def is_even(frame: list[Packet]) -> bool:
-    """Fragments are equal in size; what is not fragmented is parameter sets, in one packet, or all of a small frame."""
+    """Whether fragments have equal size, and only parameter sets and a whole small frame are unfragmented."""
     sizes = [packet.size for packet in frame if packet.payload[0] & 31 == 28]
     whole = [h264_types(packet.payload) for packet in frame if packet.payload[0] & 31 != 28]
     slices = [kinds for kinds in whole if not set(kinds) <= {6, 7, 8}]
@@ -105,7 +105,7 @@ def is_even(frame: list[Packet]) -> bool:
 
 
 def broken_rules(packets: list[Packet], rate: int = 25) -> set[str]:
-    """The rules that these packets of one stream break."""
+    """The rules that one stream's packets break."""
     broken = set()
     types = {packet.type for packet in packets}
     if len(types) != 1 or len({packet.ssrc for packet in packets}) != 1:

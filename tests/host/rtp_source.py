@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A sender that is not ours: frames of FFmpeg's encoders, or of no encoder at all, as RTP packets."""
+"""A foreign sender: frames of FFmpeg's encoders, or made without an encoder, as RTP packets."""
 from __future__ import annotations
 
 import pathlib
@@ -24,7 +24,7 @@ Frames = list[bytes]
 
 
 def encode(codec: int, frames: int, size: str, pixels: str = "yuv420p") -> Frames:
-    """The first frame is a key frame, and has all headers."""
+    """Encoded frames; the first one is a key frame with all headers."""
     words = {H264: "libx264 -preset ultrafast -tune zerolatency -threads 1 -x264-params aud=1 -f h264",
              MPEG4: "mpeg4 -f m4v"}[codec]
     data = ffmpeg("-f", "lavfi", "-i", "testsrc2=size=64x48:rate=25", "-frames:v", frames, "-pix_fmt", pixels,
@@ -45,20 +45,20 @@ class Bits:
         return self
 
     def golomb(self, *values: int) -> Bits:
-        """Unsigned Exp-Golomb; a signed 0 is the same."""
+        """Append values as unsigned Exp-Golomb, which is also right for a signed 0."""
         for value in values:
             self.text += "0" * (len(f"{value + 1:b}") - 1) + f"{value + 1:b}"
         return self
 
     def bytes(self, tail: bytes = b"") -> bytes:
-        """With the stop bit."""
+        """The bits with the stop bit."""
         text = self.text + "1"
         text += "0" * (-len(text) % 8)
         return int(text, 2).to_bytes(len(text) // 8, "big") + tail
 
 
 def large_h264(width: int, height: int, references: int = 1) -> bytes:
-    """A frame of some hundred bytes that claims to be of this size: parameter sets, and noise as its slice."""
+    """A frame of a few hundred bytes that claims this size: parameter sets, and noise as its slice."""
     sps = Bits().fixed(8, 66, 0, 62).golomb(0, 0, 2, references).fixed(1, 0).golomb(width // 16 - 1, height // 16 - 1)
     pps = Bits().golomb(0, 0).fixed(1, 0, 0).golomb(0, 0, 0).fixed(1, 0, 0, 0).golomb(0, 0, 0).fixed(1, 0, 0, 0)
     slice_head = Bits().golomb(0, 7, 0).fixed(4, 0).golomb(0).fixed(1, 0, 0).golomb(0)
@@ -76,7 +76,7 @@ def large_mpeg4(width: int, height: int) -> bytes:
 
 
 def payloads(codec: int, frame: bytes) -> list[bytes]:
-    """RFC 6184, 5.6 and 5.8; RFC 6416, where any cut is allowed."""
+    """Payloads by RFC 6184, 5.6 and 5.8, or by RFC 6416, which allows any split."""
     if codec == MPEG4:
         return [frame[at:at + LARGEST] for at in range(0, len(frame), LARGEST)]
     found = []
@@ -93,7 +93,7 @@ def payloads(codec: int, frame: bytes) -> list[bytes]:
 
 
 class Source:
-    """Sends frames to decode, one after the other; its numbers go on."""
+    """Sends frames to decode, with continuous packet numbers."""
 
     def __init__(self, network: Network, codec: int, ssrc: int = 1) -> None:
         self.network, self.codec, self.ssrc = network, codec, ssrc
@@ -114,6 +114,6 @@ class Source:
 
 
 def memory_mib(pid: int) -> int:
-    """The most that the process has taken."""
+    """The peak memory of the process in MiB."""
     line = next(line for line in pathlib.Path(f"/proc/{pid}/status").read_text().splitlines() if "VmHWM" in line)
     return int(line.split()[1]) >> 10

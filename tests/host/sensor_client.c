@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A sensor's item, with all that a type may have: written once, or again and again until killed ("hold"). */
+/* A sensor's item with every feature of types: written once, or in a loop until killed ("hold"). */
 #include <string.h>
 #include <unistd.h>
 

@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Preloaded: a disk that stands still for as long as a test wants. While the file $STALLED_SYNC exists fdatasync() and
- * syncfs() do not return, and while $STALLED_OPEN does, the first open() of a recording does not; later ones do. While
- * $STALLED_FSYNC exists, fsync() does not return. While $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST the
- * first file that is locked is locked already.
+ * Preloaded: a disk that stalls as long as a test wants. While the file $STALLED_SYNC exists, fdatasync() and syncfs()
+ * do not return; likewise $STALLED_OPEN and the first open() of a recording, $STALLED_FSYNC and fsync(). While
+ * $FAILED_SYNC exists, fdatasync() fails. With $LOCKED_FIRST, the first lock is already taken.
  *
- * Linux reports a failed write to the disk once: where the file $FAILED_FLUSH exists the next fdatasync() or syncfs()
- * of a file whose path ends with $FAILED_OF removes it and fails, and with $FAILED_FSYNC the next fsync(). $FLUSHED
- * gets a byte for each fdatasync() that succeeds.
+ * Linux reports a failed write once: if the file $FAILED_FLUSH exists, the next fdatasync() or syncfs() of a file whose
+ * path ends with $FAILED_OF removes it and fails; with $FAILED_FSYNC, the next fsync(). $FLUSHED gets a byte for each
+ * fdatasync() that succeeds.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -95,5 +94,5 @@ int open(const char *path, int flags, ...) {
     return (int)syscall(SYS_openat, AT_FDCWD, path, flags, mode);
 }
 
-/* What open() is called with 64-bit offsets. */
+/* The name of open() with 64-bit offsets. */
 int open64(const char *path, int flags, ...) __attribute__((alias("open")));

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Calibrations and clips of stereo pairs, and what came of them."""
+"""Calibrations and clips of stereo pairs, and their results."""
 from __future__ import annotations
 
 import json
@@ -26,7 +26,7 @@ def write_calibration(path: pathlib.Path, matrices: Matrices, size: tuple[int, i
 
 
 def found(make: str, *arguments: object) -> Any:
-    """One of the pairs; on a machine that cannot get it, the test is skipped."""
+    """One of the pairs; skips the test if it cannot be downloaded."""
     try:
         return getattr(stereo_pairs, make)(*arguments)
     except Failed as error:
@@ -34,7 +34,7 @@ def found(make: str, *arguments: object) -> Any:
 
 
 def write_clip(path: pathlib.Path, stacked: Iterable[Grey], fields: int = 2, levels: str = "FULL") -> pathlib.Path:
-    """Grey pictures at 25 Hz."""
+    """Write a clip of grey pictures at 25 Hz."""
     pictures = list(stacked)
     height, width = pictures[0].shape
     header = f"YUV4MPEG2 W{width} H{height} F25:1 Ip Cmono XDDX_FIELDS={fields} XCOLORRANGE={levels}\n"
@@ -49,7 +49,7 @@ def start(desk: Desk, file: pathlib.Path, *options: object) -> Process:
 
 
 def settled(desk: Desk, frames: int) -> Counters:
-    """The counters, when that number of frames came in and none waits."""
+    """Wait until that number of frames came in and none is waiting; return the counters."""
     def look() -> bool:
         counters = desk.stats(SVS)
         return bool(counters["in"] >= frames and counters["waiting"] == 0)
@@ -64,7 +64,7 @@ def check_sum(counters: Counters) -> None:
 
 def run_clip(desk: Desk, stacked: list[Grey], matrices: Matrices, disparities: int, options: Sequence[object] = (),
              load: Sequence[object] = (), levels: str = "FULL") -> dict[str, Any]:
-    """Stacked pictures through the program, into range.y4m and disparity.y4m; item range.stereo."""
+    """Run the program on stacked pictures; records range.y4m and disparity.y4m, returns item range.stereo."""
     rows, width = stacked[0].shape
     clip = write_clip(desk.folder / "clip.y4m", stacked, levels=levels)
     file = write_calibration(desk.folder / "stereo.yml", matrices, (width, rows // 2))
@@ -87,15 +87,15 @@ def run_clip(desk: Desk, stacked: list[Grey], matrices: Matrices, disparities: i
 
 
 def disparities_in(file: pathlib.Path, height: int, width: int) -> list[Map]:
-    """Of each frame, in pixels."""
+    """The disparities of each frame, in pixels."""
     return [numpy.frombuffer(picture, "<u2").reshape(height, width).astype(numpy.float32) / numpy.float32(16)
             for picture in pictures(file)]
 
 
 def ranged(desk: Desk, pair: Pair, *options: object, top: str = "left",
            matrices: Matrices | None = None) -> tuple[list[bytes], Map, dict[str, Any]]:
-    """A clip of this pair through the program: the range pictures, the disparities of the last one, and what metres
-    take."""
+    """Run the program on a clip of this pair; return the range pictures, the last disparities, and the values needed to
+    calculate metres."""
     height, width = pair.left.shape
     eyes = [pair.left, pair.right] if top == "left" else [pair.right, pair.left]
     stereo = run_clip(desk, [numpy.vstack(eyes)] * 3, matrices or calibration.ideal(width, height), pair.disparities,

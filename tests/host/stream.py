@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Sender and decode in a network of their own: multicast goes over its loopback, and nothing leaves the machine."""
+"""Sender and decode in their own network: multicast uses its loopback, and nothing leaves the machine."""
 from __future__ import annotations
 
 import base64
@@ -18,13 +18,13 @@ from .programs import Counters, Desk, Process, pictures, start_recorder, stop, w
 GROUP, PORT = "239.255.20.5", 8000  # as network.h
 RELAYED = 9000
 TO_RELAY = ("-group", "none", "-to", f"127.0.0.1:{RELAYED}")
-# A machine without IPv6 fails in the tests of IPv6 alone.
+# Without IPv6, only the tests of IPv6 fail.
 SETUP = "ip link set lo up multicast on && ip route add 224.0.0.0/4 dev lo && " \
         "{ ip -6 route add local ff00::/8 dev lo; echo ready; exec cat; }"
 
 
 class Network:
-    """A network namespace, for as long as its holder lives."""
+    """A network namespace that exists as long as its holder process."""
 
     def __init__(self) -> None:
         root = os.geteuid() == 0
@@ -39,7 +39,7 @@ class Network:
 
 
 class Stream:
-    """A store, a network, and what runs in it."""
+    """A store, a network, and the programs in it."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.desk = Desk(folder)
@@ -50,7 +50,7 @@ class Stream:
         return self.desk.start("ddxvideosend", *options, wrapper=(*self.network.inside, *wrapper))
 
     def decode(self, *options: object) -> Process:
-        """Without a window; its pictures go into item `seen`. Listens when this returns."""
+        """Start decode without a window, with its pictures in item `seen`; wait until it listens."""
         process = self.desk.start("decode", "-headless", "-print", "-name", "seen", *options,
                                   wrapper=self.network.inside)
         instance = options[options.index("-instance") + 1] if "-instance" in options else "decode"
@@ -58,7 +58,7 @@ class Stream:
         return process
 
     def record(self, clip: pathlib.Path) -> Process:
-        """Record what decode shows, into seen.y4m: play the clip's first frame, so that the item `seen` exists."""
+        """Record decode's pictures into seen.y4m; plays the clip's first frame, so that item `seen` exists."""
         short = self.folder / "short.y4m"
         header, first, *_ = clip.read_bytes().split(b"FRAME", 2)
         short.write_bytes(header + b"FRAME" + first)
@@ -74,14 +74,14 @@ class Stream:
         return dict(json.loads(done.stdout.splitlines()[-1]))
 
     def play_frames(self, clip: pathlib.Path, frames: int, instance: str = "ddxvideosend", count: str = "out") -> None:
-        """Play the clip again and again until that number of further frames has gone through a program."""
+        """Play the clip in a loop until that many more frames have passed through a program."""
         before = int(self.desk.stats(instance)[count])
         loader = self.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
         wait_until(lambda: int(self.desk.stats(instance)[count]) >= before + frames, 120)
         assert stop(loader)[0] == 0
 
     def relay(self, *words: object, seed: str = "1", offset: int = 0) -> Process:
-        """relay.py between what is sent to port RELAYED + offset and decode's port + offset; see there."""
+        """Start relay.py from port RELAYED + offset to decode's port + offset."""
         ports = (RELAYED + offset, PORT + offset)
         process = self.desk.start(pathlib.Path(__file__).with_name("relay.py"), *ports, seed, *words,
                                   wrapper=(*self.network.inside, "/usr/bin/python3", "-B"))
@@ -89,7 +89,7 @@ class Stream:
         return process
 
     def packets(self, instance: str) -> dict[str, int]:
-        """The packets' counters in the store; empty before the program has begun."""
+        """The packet counters in the store; empty before the program has started."""
         done = self.desk.run("ddxctl", "show", "--json", f"{instance}.packets")
         return find_numbers(json.loads(done.stdout)) if done.returncode == 0 else {}
 
@@ -99,19 +99,19 @@ class Stream:
 
 
 def turn(relay: Process, network: str) -> None:
-    """To the other network: the bad or the good one."""
+    """Switch the relay to the `bad` or `good` network."""
     relay.send_signal(signal.SIGUSR1)
     assert relay.stdout and relay.stdout.readline() == f"{network}\n"
 
 
 def make_key(path: pathlib.Path, mode: int = 0o600) -> None:
-    """A key file for encrypted streams."""
+    """Write a key file for encrypted streams."""
     path.write_bytes(base64.b64encode(os.urandom(30)) + b"\n")
     path.chmod(mode)
 
 
 def find_numbers(value: Any) -> dict[str, int]:
-    """All that is name: number, however deep."""
+    """All pairs of name and number, at any depth."""
     found: dict[str, int] = {}
     if isinstance(value, dict):
         for key, inner in value.items():
@@ -122,8 +122,7 @@ def find_numbers(value: Any) -> dict[str, int]:
 
 
 def finish(*processes: Process) -> list[tuple[list[str], dict[str, int], Counters]]:
-    """Stop programs of a stream, one after the other: the lines that each printed, its packets' and its frames'
-    counters."""
+    """Stop programs of a stream in order; return for each its printed lines, packet counters and frame counters."""
     results = []
     for process in processes:
         process.terminate()
@@ -140,7 +139,7 @@ def printed(lines: list[str]) -> list[int]:
 
 
 def drawn(y4m: pathlib.Path, width: int = 352, height: int = 288) -> list[int | None]:
-    """The frame numbers that the pictures show."""
+    """The frame numbers in the pictures."""
     return [frame_number(picture, width, height) for picture in pictures(y4m)]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Announcements of streams (SAP): what listeners of the network get, and what `decode -list` makes of it."""
+"""Announcements of streams (SAP): the packets on the network, and the output of `decode -list`."""
 from __future__ import annotations
 
 import dataclasses
@@ -38,12 +38,12 @@ for word in sys.argv[1:]:
 """
 PYTHON = ("/usr/bin/python3", "-B", "-c")
 ADDRESS = "10.0.0.1"
-GROUPS = {"239.255.20.5": "239.255.255.255", "ff15::5": "ff05::2:7ffe"}  # of a stream, of its announcements
+GROUPS = {"239.255.20.5": "239.255.255.255", "ff15::5": "ff05::2:7ffe"}  # stream: announcements
 
 
 @dataclasses.dataclass
 class Message:
-    """RFC 2974, 6."""
+    """A SAP packet; RFC 2974, 6."""
     deletion: bool
     hash: int
     origin: str
@@ -87,7 +87,7 @@ def group(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture(autouse=True)
 def address(stream: Stream) -> None:
-    """127.0.0.1 is no source of packets to a group: a machine without another address announces nothing."""
+    """Add an address: 127.0.0.1 cannot send to a group, so without another one nothing is announced."""
     subprocess.run([*stream.network.inside, "ip", "addr", "add", f"{ADDRESS}/32", "dev", "lo"], check=True)
 
 
@@ -99,26 +99,26 @@ def listener(stream: Stream, group: str) -> Iterator[Listener]:
 
 
 def start_list(stream: Stream) -> Process:
-    """It has joined the groups when this returns."""
+    """Start `decode -list` and wait until it has joined the groups."""
     process = stream.desk.start("decode", "-list", "-interface", "lo", wrapper=stream.network.inside)
     assert process.stdout and process.stdout.readline().split() == ["address", "port", "codec", "age", "name"]
     return process
 
 
 def throw(stream: Stream, *datagrams: bytes) -> None:
-    """To the announcements' port of this machine."""
+    """Send to the announcements' port of this machine."""
     subprocess.run([*stream.network.inside, *PYTHON, THROW, *(one.hex() for one in datagrams)], check=True)
 
 
 def listed(process: Process) -> list[list[str]]:
-    """The lines of the table, in words."""
+    """The lines of the table, split into words."""
     process.terminate()
     out, _ = process.communicate(timeout=60)
     assert process.returncode == 0
     return [line.split() for line in out.splitlines()]
 
 
-def test_a_stream_is_announced_and_taken_back(stream: Stream, tmp_path: pathlib.Path, listener: Listener,
+def test_a_stream_is_announced_and_withdrawn(stream: Stream, tmp_path: pathlib.Path, listener: Listener,
                                               group: str) -> None:
     small, large = (make_clip(tmp_path / f"{size}.y4m", size, "25", 3) for size in ("64x48", "96x64"))
     listing = start_list(stream)
@@ -129,12 +129,12 @@ def test_a_stream_is_announced_and_taken_back(stream: Stream, tmp_path: pathlib.
     assert not first.deletion and first.line("s") == name
     assert first.origin == ("::1" if ":" in group else ADDRESS)
     assert first.line("o").split()[2:] == ["1", "IN", "IP6" if ":" in group else "IP4", first.origin]
-    # Beside origin and name, the announcement is the description that players open as a file.
+    # Except for origin and name, the announcement equals the description file for players.
     described = (tmp_path / "stream.sdp").read_text().splitlines()
     assert first.text.splitlines()[3:] == described[3:] and "m=video 8002 RTP/AVP 96" in described
     address, port, codec, _, unit, *rest = listed(listing)[0]
     assert (address, port, codec, unit, " ".join(rest)) == (group, "8002", "H264", "s", name)
-    # Another picture size is another description: the first is taken back at once.
+    # A new picture size makes a new description: the first is withdrawn at once.
     stream.play(large)
     gone, second = listener.next(), listener.next()
     assert gone.deletion and gone.hash == first.hash and gone.text == f"o={first.line('o')}\r\n"
@@ -144,7 +144,7 @@ def test_a_stream_is_announced_and_taken_back(stream: Stream, tmp_path: pathlib.
     assert last.deletion and last.hash == second.hash and last.origin == second.origin
 
 
-def test_no_announcement(stream: Stream, tmp_path: pathlib.Path) -> None:
+def test_cases_without_an_announcement(stream: Stream, tmp_path: pathlib.Path) -> None:
     listener = Listener(stream, "239.255.255.255")
     senders = [stream.send("-interface", "lo", "-sap", "no"),
                stream.send("-group", "none", "-to", "127.0.0.1", "-instance", "direct")]
@@ -160,8 +160,8 @@ def message(hash: int, name: bytes, deletion: bool = False) -> bytes:
     return bytes([0x24 if deletion else 0x20, 0]) + hash.to_bytes(2, "big") + bytes([10, 0, 0, 9]) + text
 
 
-def test_the_list(stream: Stream) -> None:
-    """What was taken back, or is no announcement, is not in it; a name cannot change the terminal."""
+def test_the_list_shows_valid_announcements_only(stream: Stream) -> None:
+    """Withdrawn and invalid announcements are left out; control characters in names have no effect."""
     listing = start_list(stream)
     throw(stream, message(1, b"one"), message(2, b"two"), message(1, b"one", deletion=True), message(2, b"two"),
           message(3, b"\x1b[2J\xc2\x9b"), b"", b"\x20", message(4, b"cut")[:40], b"x" * 5000)

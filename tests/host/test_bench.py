@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The benchmark's own measuring: what goes wrong must show. No times of this machine are judged but injected ones."""
+"""The benchmark's measuring: injected faults and delays must show. Other times of this machine are not judged."""
 from __future__ import annotations
 
 import dataclasses
@@ -26,7 +26,7 @@ from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
 from parts.common import MORTAL, TOP
 
 Run = Callable[..., Slice]
-CASE = Case("cif-1x2-zerocopy", 152064, 2, "zerocopy", 15000, 40, ("ddx", "futex"))  # slowly: others are busy here
+CASE = Case("cif-1x2-zerocopy", 152064, 2, "zerocopy", 15000, 40, ("ddx", "futex"))  # slowly: the machine may be busy
 
 
 @pytest.fixture(scope="module")
@@ -43,27 +43,27 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
                                         ("ddx", "direct")])
 def test_frames_arrive_whole(measured: Run, peer: str, mode: str) -> None:
     found = measured(peer, mode)
-    assert found.torn == 0 or peer == "futex"  # nothing keeps that one from writing where a late reader reads
+    assert found.torn == 0 or peer == "futex"  # its writer may overwrite a frame that is being read
     assert len(found.latency) + found.lost == CASE.frames * CASE.readers
-    assert len(found.latency) > CASE.readers  # on a busy machine a reader may miss some
+    assert len(found.latency) > CASE.readers  # a reader may miss some on a busy machine
     assert found.p50 > 0 and found.writer_cpu > 0 and found.reader_cpu > 0
 
 
 @pytest.mark.parametrize("peer", ["futex", "ddx"])
 def test_a_frame_that_is_not_sent_is_lost(measured: Run, peer: str) -> None:
-    for number in (20, 50):  # in the midst, and the last one
+    for number in (20, 50):  # one in the middle, and the last one
         found = measured(peer, skip=number)
         assert found.lost >= CASE.readers
         assert len(found.latency) + found.lost == CASE.frames * CASE.readers
 
 
 @pytest.mark.parametrize("mode", ["zerocopy", "copy", "direct"])
-def test_a_torn_frame_is_seen(measured: Run, mode: str) -> None:
+def test_a_torn_frame_is_counted(measured: Run, mode: str) -> None:
     for _ in range(10):
         found = measured("ddx", mode, tear=20)
         assert found.lost >= found.torn
         if found.torn:
-            break  # else the busy machine let both readers miss just this one
+            break  # otherwise both readers missed this frame on a busy machine
     assert 1 <= found.torn <= CASE.readers
 
 
@@ -73,8 +73,8 @@ def test_a_delay_shows_in_the_latency(measured: Run) -> None:
     assert min(measured("futex").latency) < 3000
 
 
-def test_a_core_that_others_have_shows(measured: Run) -> None:
-    """Losses are then no program's fault, so this must be visible. A thread's niceness is that of what it starts."""
+def test_a_busy_core_is_reported(measured: Run) -> None:
+    """Losses on a busy core are no program's fault, so the load must be reported. Niceness is inherited."""
     yielding = ThreadPoolExecutor(1, initializer=lambda: os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), 19))
     hogs = [subprocess.Popen([*MORTAL, "taskset", "-c", str(core), sys.executable, "-c", "while True: pass"])
             for core in cpus()]
@@ -106,8 +106,8 @@ def test_report_and_picture(measured: Run, tmp_path: pathlib.Path) -> None:
 @pytest.mark.parametrize("words", [("bench.py", "-rounds", "1", "-cases", "cif-1x1-zero,direct"), ("bench_stream.py",),
                                    ("bench_replay.py",), ("bench_loss.py",), ("bench_stereo.py",),
                                    ("bench_view.py",), ("bench_catalog.py",)], ids=lambda words: str(words[0]))
-def test_each_part_runs(words: tuple[str, ...]) -> None:
-    """`make bench` in short: what it starts and reads still fits the programs. Figures are not judged."""
+def test_each_benchmark_runs(words: tuple[str, ...]) -> None:
+    """A short `make bench`: options and output still fit the programs. Figures are not judged."""
     done = subprocess.run([*MORTAL, sys.executable, "-B", TOP / "tools" / words[0], *words[1:], "-short"], timeout=120,
                           stdin=subprocess.DEVNULL, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
@@ -119,7 +119,7 @@ def test_each_part_runs(words: tuple[str, ...]) -> None:
     assert re.search(found, done.stdout), done.stdout
 
 
-def test_a_peer_that_is_not_installed_is_left_out(monkeypatch: pytest.MonkeyPatch,
+def test_a_peer_that_is_not_installed_is_reported_and_left_out(monkeypatch: pytest.MonkeyPatch,
                                                   capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(Chromium, "program", "no-such-browser")
     cases = [LossCase(name, "iid 30", "real") for name in (OURS, Chromium.name)]
@@ -127,10 +127,10 @@ def test_a_peer_that_is_not_installed_is_left_out(monkeypatch: pytest.MonkeyPatc
     assert capsys.readouterr().out.count("no-such-browser is not installed") == 1
 
 
-def test_unreadable_numbers_follow_from_those_around() -> None:
-    """As many pictures as numbers are missing; else none of them has a number."""
+def test_unreadable_numbers_are_inferred_from_their_neighbours() -> None:
+    """Only if as many pictures as numbers are missing; otherwise none of them gets a number."""
     assert with_inferred([5, None, None, 8, None, 11, None, 12, None]) == [5, 6, 7, 8, None, 11, None, 12, None]
     assert with_inferred([None, 1, 2]) == [None, 1, 2]
-    assert with_inferred([215, 215, 215, 218]) == [215, 216, 217, 218]  # no rate was left for the number
+    assert with_inferred([215, 215, 215, 218]) == [215, 216, 217, 218]  # one picture too coarse to show its number
     assert with_inferred([5, 5, 6]) == [5, 5, 6]  # shown twice
-    assert with_inferred([9, None, 3, 4]) == [9, None, 3, 4]  # a number that damage changed
+    assert with_inferred([9, None, 3, 4]) == [9, None, 3, 4]  # a number changed by damage

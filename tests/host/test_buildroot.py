@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The product's tree, as far as it can be looked at without building it."""
+"""The product's Buildroot tree, checked without a build."""
 import hashlib
 import os
 import pathlib
@@ -21,15 +21,15 @@ PYTHON = "/usr/bin/python3"
 OURS = sorted(name for name, path in trees.defconfigs().items() if path.is_relative_to(trees.BUILDROOT))
 
 
-def test_every_board_is_whole() -> None:
+def test_every_board_has_all_its_files() -> None:
     assert len(buildroot.boards()) >= 2
     for board in buildroot.boards():
         assert {"title", "qemu", "cpu", "firmware"} <= set(machine.meta(board))
         assert (trees.boards()[board] / "kernel.fragment").is_file()
 
 
-def test_boards_differ_in_nothing_but_the_machine() -> None:
-    """The long lists of the defconfigs cannot drift apart unseen."""
+def test_defconfigs_differ_only_in_the_machine() -> None:
+    """The long lists of the defconfigs stay equal."""
     machine = ("BR2_x86_", "BR2_i386", "BR2_TIME_BITS_64", "BR2_TARGET_GRUB2_X86_64_EFI",
                "BR2_LINUX_KERNEL_NEEDS_HOST_LIBELF")
     texts = {board: [line.replace(f"board/{board}/", "board/BOARD/") for line in
@@ -40,7 +40,7 @@ def test_boards_differ_in_nothing_but_the_machine() -> None:
         assert lines == first, board
 
 
-def test_every_theme_is_used_and_every_option_named_once() -> None:
+def test_every_fragment_is_used_and_every_option_set_once() -> None:
     themes = sorted((TOP / "board/common/kernel").glob("*.fragment"))
     text = (TOP / "configs/ddxvideo_miniitx_defconfig").read_text()
     seen: dict[str, pathlib.Path] = {}
@@ -53,7 +53,7 @@ def test_every_theme_is_used_and_every_option_named_once() -> None:
 
 @pytest.mark.parametrize("board", OURS)
 def test_the_kernel_s_source_is_verified(board: str) -> None:
-    """Buildroot itself has no hash for a version that is given by number, and would say no more than a warning."""
+    """Buildroot has no hash for a kernel version given by number, and would only warn."""
     text = (TOP / f"configs/ddxvideo_{board}_defconfig").read_text()
     version = re.search(r'^BR2_LINUX_KERNEL_CUSTOM_VERSION_VALUE="(.*)"$', text, re.M)
     assert version and "BR2_DOWNLOAD_FORCE_CHECK_HASHES=y" in text
@@ -66,7 +66,7 @@ def test_the_kernel_s_source_is_verified(board: str) -> None:
 
 
 def test_the_licences_of_our_packages_are_verified() -> None:
-    """Or legal-info says "no hash file" of each, among the lines that are worth reading."""
+    """Otherwise legal-info warns "no hash file" for each, which hides relevant warnings."""
     packages = [path for path in TOP.glob("package/*/*.mk") if "_SITE_METHOD = local" in path.read_text()]
     assert packages
     for package in packages:
@@ -77,8 +77,8 @@ def test_the_licences_of_our_packages_are_verified() -> None:
 
 
 @pytest.mark.skipif(not buildroot.present(), reason="no Buildroot here")
-def test_another_kernel_s_source_is_refused(tmp_path: pathlib.Path) -> None:
-    """By Buildroot's own check, with the files of hashes that Buildroot itself names for each of the two packages."""
+def test_a_changed_kernel_source_is_refused(tmp_path: pathlib.Path) -> None:
+    """Uses Buildroot's check, with the hash files that Buildroot names for the two packages."""
     env = {**os.environ, "BUILDROOT_OUTPUT": str(tmp_path / "out")}
     variables = ["LINUX_HASH_FILES", "LINUX_HEADERS_HASH_FILES"]
     found = subprocess.run([PYTHON, "-B", TOP / "tools/buildroot.py", "make", "miniitx", "-s", "printvars",
@@ -106,7 +106,7 @@ def test_a_dropped_option_is_found(tmp_path: pathlib.Path, wanted: str, have: st
     assert ("CONFIG_A" in done.stderr) == (not good)
 
 
-def test_a_third_board_is_data_only(tmp_path: pathlib.Path) -> None:
+def test_a_third_board_needs_only_data(tmp_path: pathlib.Path) -> None:
     for folder in ["board", "buildroot-external", "tools"]:
         shutil.copytree(TOP / folder, tmp_path / folder)
     shutil.copytree(TOP / "board/pc104", tmp_path / "board/third")
@@ -124,7 +124,7 @@ def test_a_third_board_is_data_only(tmp_path: pathlib.Path) -> None:
 
 
 def ffmpeg_parts(text: str, pattern: str) -> dict[str, set[str]]:
-    """encoder, decoder ... and what of each kind is wanted."""
+    """The wanted parts by kind: encoder, decoder ..."""
     found: dict[str, set[str]] = {}
     for kind, names in re.findall(pattern, text):
         found.setdefault(kind.lower(), set()).update(re.split("[, ]", names))
@@ -132,23 +132,23 @@ def ffmpeg_parts(text: str, pattern: str) -> dict[str, set[str]]:
 
 
 @pytest.mark.parametrize("board", OURS)
-def test_both_kinds_of_image_have_the_same_parts_of_ffmpeg(board: str) -> None:
+def test_both_kinds_of_image_have_the_same_ffmpeg_parts(board: str) -> None:
     development = ffmpeg_parts((TOP / "board/common/ffmpeg.config").read_text(), r"--enable-(\w+)=(\S+)")
     text = (TOP / f"buildroot-external/configs/ddxvideo_{board}_defconfig").read_text()
     assert ffmpeg_parts(text, r'FFMPEG_(\w+)S="([^"-]+)"') == development
     assert set(development) == {"encoder", "decoder", "muxer", "protocol"}
 
 
-def test_the_desks_programs_encrypt_with_libsrtps_own_cryptography() -> None:
-    """As the product's do. Where libsrtp2 was not found, the programs would be built without it."""
+def test_desk_programs_use_libsrtp_without_openssl() -> None:
+    """As in the product. Without libsrtp2 the programs would be built without encryption."""
     root = native.build()
     assert "/stream/secure.c" in (OUTPUT / "desk/ddxvideo/compile_commands.json").read_text()
     libraries = run(["pkg-config", "--static", "--libs", "libsrtp2"], env=native.environment(root)).split()
     assert [word for word in libraries if word.startswith("-l")] == ["-lsrtp2"]
 
 
-def test_the_desks_programs_have_the_patched_libdc1394() -> None:
-    """Inside themselves; another one of this machine would be without the patch."""
+def test_desk_programs_contain_the_patched_libdc1394() -> None:
+    """Linked statically; the system's library lacks the patch."""
     root = native.build()
     assert "/grab/iidc/bus.c" in (OUTPUT / "desk/ddxvideo/compile_commands.json").read_text()
     assert "dc1394" not in run(["ldd", root / "usr/bin/ddxvideo1394"], env=native.environment(root))
@@ -156,8 +156,8 @@ def test_the_desks_programs_have_the_patched_libdc1394() -> None:
     assert "U libusb_cancel_transfer" in symbols and "raw1394" not in symbols
 
 
-def test_the_desk_and_the_product_have_the_same_cyclonedds() -> None:
-    """Inside of the catalog, without the parts that would bring OpenSSL or C++."""
+def test_desk_and_product_have_the_same_cyclonedds() -> None:
+    """Linked statically into the catalog, without the parts that need OpenSSL or C++."""
     root = native.build()
     assert {"-DENABLE_SSL=OFF", "-DENABLE_SECURITY=OFF"} < set(cyclonedds.options())
     libraries = run(["ldd", root / "usr/bin/catalog"], env=native.environment(root))
@@ -165,7 +165,7 @@ def test_the_desk_and_the_product_have_the_same_cyclonedds() -> None:
     assert "11.0.1" in (root / native.LIBRARIES / "pkgconfig/CycloneDDS.pc").read_text()
 
 
-def test_two_builds_that_differ_say_where(tmp_path: pathlib.Path) -> None:
+def test_the_comparison_of_builds_names_each_difference(tmp_path: pathlib.Path) -> None:
     for name, text in [("first", "one"), ("second", "two")]:
         (tmp_path / name / "usr/bin").mkdir(parents=True)
         (tmp_path / name / "usr/bin/same").write_text("same")

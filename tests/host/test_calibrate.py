@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideocalib: a clip that makes no calibration is refused in one line, and no file is written."""
+"""ddxvideocalib: an unusable clip is refused in one line, and no file is written."""
 from __future__ import annotations
 
 import importlib
@@ -66,9 +66,9 @@ def test_bad_options(calibrate: Any, monkeypatch: pytest.MonkeyPatch, capsys: py
     assert left.value.code == 2 and text in capsys.readouterr().err
 
 
-def test_two_clips_are_as_one(calibrate: Any, monkeypatch: pytest.MonkeyPatch,
+def test_two_clips_give_the_result_of_one(calibrate: Any, monkeypatch: pytest.MonkeyPatch,
                               capsys: pytest.CaptureFixture[str]) -> None:
-    """The same file comes of it; eyes that are exchanged are noticed, and so is a picture's name without a format."""
+    """The file is the same; swapped eyes and a picture's name without a format are refused."""
     boards = [found("chessboard", number) for number in stereo_pairs.CHESSBOARDS[:4]]
     write_clip(pathlib.Path("both.y4m"), [numpy.vstack(board) for board in boards])
     for eye, name in enumerate(["left.y4m", "right.y4m"]):

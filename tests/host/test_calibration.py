@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Calibrations that cannot be used are refused in one line, before anything is written; rectification is OpenCV's."""
+"""Unusable calibrations are refused in one line, before anything is written; rectification equals OpenCV's."""
 from __future__ import annotations
 
 import pathlib
@@ -72,13 +72,13 @@ def refused(path: pathlib.Path, text: str) -> None:
     (lambda text: "#" * 70000 + text, "is no calibration"),
     (lambda text: "\0" + text, "is no calibration"),
 ])
-def test_what_is_no_calibration(tmp_path: pathlib.Path, change: Callable[[str], str], text: str) -> None:
+def test_files_that_are_no_calibration(tmp_path: pathlib.Path, change: Callable[[str], str], text: str) -> None:
     path = write_calibration(tmp_path / "stereo.yml", ideal(WIDTH, HEIGHT), (WIDTH, HEIGHT))
     path.write_text(change(path.read_text()))
     refused(path, text)
 
 
-def test_no_file(tmp_path: pathlib.Path) -> None:
+def test_a_missing_calibration(tmp_path: pathlib.Path) -> None:
     refused(tmp_path / "none.yml", "No such file or directory; ddxvideocalib makes a calibration")
 
 
@@ -89,7 +89,7 @@ def test_no_file(tmp_path: pathlib.Path) -> None:
     ((64, 16), 2, "pictures of 64x16 are too small for 80 disparities"),
 ], ids=["size", "centre", "fields", "disparities"])
 def test_pictures_that_do_not_fit(desk: Desk, size: tuple[int, int] | None, fields: int, text: str) -> None:
-    """They are counted, a line says why, and pictures that fit are taken again."""
+    """They are counted and reported in a line; afterwards pictures that fit are accepted."""
     wide = {} if size else ideal(2 * WIDTH, 2 * HEIGHT)
     file = write_calibration(desk.folder / "stereo.yml", wide or ideal(WIDTH, HEIGHT), size)
     process = start(desk, file, "-disparities", 80 if "disparities" in text else 64)
@@ -103,8 +103,8 @@ def test_pictures_that_do_not_fit(desk: Desk, size: tuple[int, int] | None, fiel
     assert stop(process)[0] == 0 and desk.item("range") == {}
 
 
-def test_rectified_as_by_opencv(desk: Desk) -> None:
-    """With strong distortion and turned cameras, pixels differ from OpenCV's by one level at most."""
+def test_rectification_equals_opencv_s(desk: Desk) -> None:
+    """With strong distortion and rotated cameras, pixels differ from OpenCV's by one level at most."""
     cv2 = pytest.importorskip("cv2", reason="no python3-opencv to rectify with")
     matrices = dict(ideal(160, 120))
     camera = numpy.array([[150, 0, 84], [0, 152, 57], [0, 0, 1.0]])

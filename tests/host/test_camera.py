@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The grabbers where there is no camera: wrong usage, and waiting. Cameras are in tests/boot/test_camera*.py."""
+"""The grabbers without a camera: wrong usage, and waiting. Tests with cameras: tests/boot/test_camera*.py."""
 from __future__ import annotations
 
 import json
@@ -34,19 +34,19 @@ def test_wrong_usage_is_one_line(desk: Desk, arguments: list[str], text: str) ->
 
 
 @pytest.mark.parametrize("camera, state", [("/dev/video99", "not there"), ("/dev/null", "no video device")])
-def test_it_waits_and_says_why_once(desk: Desk, camera: str, state: str) -> None:
+def test_the_v4l_grabber_waits_and_reports_why_once(desk: Desk, camera: str, state: str) -> None:
     grabber = desk.start(GRABBER, "--camera", camera, "-size", "CIF")
     wait_until(lambda: state in desk.errors(grabber))
     time.sleep(1)
     assert desk.errors(grabber) == f"{GRABBER}: {camera}: {state}\n"
     found = json.loads(desk.run("ddxctl", "list", "--json").stdout)
-    assert [item["name"] for item in found["items"]] == [f"{GRABBER}.stats"]  # nothing in the way of another source
+    assert [item["name"] for item in found["items"]] == [f"{GRABBER}.stats"]  # another program may write the video item
     status, counters = stop(grabber)
     assert status == 0
     assert (counters["in"], counters["out"], counters["skipped"], sum(counters["lost"].values())) == (0, 0, 0, 0)
 
 
-def test_it_is_there_before_the_store(tmp_path: pathlib.Path) -> None:
+def test_a_grabber_may_start_before_the_store(tmp_path: pathlib.Path) -> None:
     desk = Desk(tmp_path)
     stop(desk.store)
     grabber = desk.start(GRABBER, "-camera", "99")
@@ -85,7 +85,7 @@ def test_good_usage_of_the_iidc_grabber(desk: Desk, arguments: list[str]) -> Non
     assert desk.run(IIDC, "-check", *arguments).returncode == 0
 
 
-def test_it_waits_for_an_iidc_camera_and_says_so_once(desk: Desk) -> None:
+def test_the_iidc_grabber_waits_and_reports_it_once(desk: Desk) -> None:
     grabber = desk.start(IIDC, "-camera", "00b09d0100abcdef", "-name", "right")
     wait_until(lambda: "not there" in desk.errors(grabber))
     time.sleep(1)
@@ -94,7 +94,7 @@ def test_it_waits_for_an_iidc_camera_and_says_so_once(desk: Desk) -> None:
     assert stop(grabber)[0] == 0
 
 
-def test_the_list_says_that_there_is_no_camera(desk: Desk) -> None:
+def test_the_list_reports_that_there_is_no_camera(desk: Desk) -> None:
     result = desk.run(IIDC, "-list")
     assert result.returncode == 1 and not result.stdout
     assert result.stderr.splitlines()[-1].startswith(f"{IIDC}: found no IIDC camera")

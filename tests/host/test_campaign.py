@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A long run that is stopped continues where it was; results of another build, commit or option do not mix with it."""
+"""A stopped campaign continues; it does not mix with results of another build, commit or option."""
 import pathlib
 from collections.abc import Callable
 from typing import Any
@@ -28,7 +28,7 @@ def image(tmp_path: pathlib.Path) -> pathlib.Path:
 
 @pytest.fixture
 def make(tmp_path: pathlib.Path, image: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> Make:
-    """The same run, once more; a commit of its own."""
+    """Start or continue the campaign, at any commit."""
     def make(commit: str = "abc", **options: Any) -> Campaign:
         monkeypatch.setenv("DDX_COMMIT", commit)
         return Campaign(tmp_path / "run.jsonl", [image], [tmp_path / "disk.qcow2", tmp_path / "folder"], **options)
@@ -72,7 +72,7 @@ def test_another_build_starts_over(make: Make, image: pathlib.Path, tmp_path: pa
     assert list(campaign.read(run.file)[1]) == ["other"]
 
 
-def test_a_line_that_was_cut_off_does_not_count(make: Make) -> None:
+def test_a_truncated_line_does_not_count(make: Make) -> None:
     run = make()
     run.add("whole", 1)
     with run.file.open("a") as file:
@@ -84,7 +84,7 @@ def test_a_line_that_was_cut_off_does_not_count(make: Make) -> None:
 
 
 @pytest.mark.parametrize("content", ["", "[]\n", "[1, 2]\n[3]\n", '{"about": {}}\n{"x": 1}\n', "\0\0\n", "3\n"])
-def test_a_file_of_another_kind_is_replaced(make: Make, tmp_path: pathlib.Path, content: str) -> None:
+def test_an_invalid_results_file_is_replaced(make: Make, tmp_path: pathlib.Path, content: str) -> None:
     (tmp_path / "run.jsonl").write_text(content)
     assert not make().results
 
@@ -99,7 +99,7 @@ def test_a_file_of_another_kind_is_replaced(make: Make, tmp_path: pathlib.Path, 
 def test_each_tool_starts_over_with_another_image(tool: Any, options: dict[str, Any], leftovers: list[str],
                                                   image: pathlib.Path, tmp_path: pathlib.Path,
                                                   monkeypatch: pytest.MonkeyPatch) -> None:
-    """A guest's disk that lies over the former image, and the writes of a former build, are of no use."""
+    """A disk overlay of another image, and the logged writes of another build, cannot be used."""
     monkeypatch.setattr(tool, "WORK", tmp_path)
     run = tool.campaign([image], **options)
     run.add("step", {})
@@ -111,7 +111,7 @@ def test_each_tool_starts_over_with_another_image(tool: Any, options: dict[str, 
     assert not any((tmp_path / name).exists() for name in leftovers)
 
 
-def test_the_first_of_two_builds_is_kept_for_its_sources_only(tmp_path: pathlib.Path,
+def test_the_first_of_two_builds_is_kept_only_for_the_same_sources(tmp_path: pathlib.Path,
                                                               monkeypatch: pytest.MonkeyPatch) -> None:
     built: list[str] = []
     place = tmp_path / "board"

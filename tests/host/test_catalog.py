@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Stores of two machines, linked: each has a network of its own."""
+"""Catalogs link the stores of two machines, each in its own network namespace."""
 from __future__ import annotations
 
 import json
@@ -20,11 +20,11 @@ from parts.link.loss import NOTHING, Iid
 from .programs import ROOT, Compiler, Counters, Desk, Process, library_folder, lost, stop, wait_until
 
 VALUES = 200
-STEP = 4  # at a time: fewer than are kept for a reader that has missed some
-KEPT = 8  # of small values, for readers that have missed them
+STEP = 4  # values at a time: fewer than are kept for a reader that missed some
+KEPT = 8  # small values, for readers that missed them
 
 
-# Goes before a program whose clock is ahead.
+# Runs a program with a clock that is ahead.
 AHEAD = 1000
 SHIFTED = (sys.executable, "-c", f"""
 import ctypes, os, sys
@@ -37,7 +37,7 @@ os.execvp(sys.argv[1], sys.argv[1:])
 
 
 class Machine:
-    """A store, and its catalog in the node's network."""
+    """A store and its catalog in the node's network."""
 
     def __init__(self, folder: pathlib.Path, name: str, node: Node, client: pathlib.Path,
                  clock: tuple[str, ...] = (), rules: str = "") -> None:
@@ -48,7 +48,7 @@ class Machine:
         self.catalog = self.start_catalog()
 
     def end(self) -> None:
-        self.catalog.kill()  # told to stop, it would wait a second for what another machine has not confirmed
+        self.catalog.kill()  # on TERM it would wait a second for unconfirmed data
         self.desk.end()
 
     def start_catalog(self) -> Process:
@@ -64,7 +64,7 @@ class Machine:
         return process
 
     def table(self) -> dict[str, Any]:
-        """What the catalog says of itself and of other machines."""
+        """The catalog's table of itself and of other machines."""
         shown = self.desk.run("ddxctl", "show", "catalog.machines", "--json").stdout
         return dict(json.loads(shown)["value"]) if shown else {"name": "", "machine": []}
 
@@ -73,7 +73,7 @@ class Machine:
         return dict(json.loads(text)) if text else {"machines": [], "items": [], "refused": 0}
 
     def time(self, item: str) -> int:
-        """Of the newest value, ns."""
+        """The time of the newest value, ns."""
         return int(json.loads(self.desk.run("ddxctl", "show", item, "--json").stdout)["time_ns"])
 
     def counters(self) -> Counters:
@@ -108,7 +108,7 @@ def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Itera
     client, both = compile_client("catalog_client"), list[Machine]()
 
     def begin(*names: str, clock: tuple[str, ...] = (), rules: str = "") -> tuple[Machine, Machine]:
-        """The first one has that clock and those rules."""
+        """Start two machines; the first one has this clock and these rules."""
         both.append(Machine(tmp_path / "0", names[0], link.robot, client, clock, rules))
         both.append(Machine(tmp_path / "1", names[1], link.operator[0], client))
         return both[0], both[1]
@@ -129,7 +129,7 @@ def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machi
     write(writer, 3)
     here, there = robot.start("read", "-", "sensor"), laptop.start("read", "robot", "sensor")
     first = read(there, 1)
-    assert first == read(here, 1)  # the newest one
+    assert first == read(here, 1)  # the newest value
     for _ in range(VALUES // STEP):
         write(writer, STEP)
         assert read(there, STEP) == read(here, STEP)
@@ -140,7 +140,7 @@ def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machi
         assert status == 0 and counters["in"] == counters["out"] == VALUES + 1 and lost(counters) == 0
 
 
-def test_what_ddxctl_shows(machines: tuple[Machine, Machine]) -> None:
+def test_ddxctl_shows_machines_and_mirrors(machines: tuple[Machine, Machine]) -> None:
     robot, laptop = machines
     write(robot.start("write", "sensor"), 1)
     read(laptop.start("read", "robot", "sensor"), 1)
@@ -158,13 +158,13 @@ def test_what_ddxctl_shows(machines: tuple[Machine, Machine]) -> None:
     assert re.search("^robot +heard +[0-9]+ ", text, re.M) and re.search("^robot:sensor +SENSOR +heard +1$", text, re.M)
 
 
-def test_where_no_catalog_runs(desk: Desk) -> None:
+def test_ddxctl_without_a_catalog(desk: Desk) -> None:
     shown = desk.run("ddxctl", "catalog")
     assert shown.returncode == 1 and "no catalog runs here" in shown.stderr
 
 
 def test_nothing_is_sent_without_a_reader(machines: tuple[Machine, Machine], link: Link) -> None:
-    """The packets are counted by the link."""
+    """The link counts the packets."""
     robot, laptop = machines
 
     def packets() -> int:
@@ -184,10 +184,10 @@ def test_nothing_is_sent_without_a_reader(machines: tuple[Machine, Machine], lin
     wait_until(lambda: robot.desk.readers("left") == 0)
     before, taken = packets(), robot.counters()["in"]
     write(writers["left"], VALUES)
-    assert packets() - before < VALUES / 4  # of the machines' own: they say that they are there
+    assert packets() - before < VALUES / 4  # only announcements of the machines
     assert robot.counters()["in"] == taken
     assert robot.desk.readers("left") == 0
-    assert laptop.desk.item("robot:left")["writer_pid"] == 0  # of such the store allows one program some hundred
+    assert laptop.desk.item("robot:left")["writer_pid"] == 0  # a program may hold only a few hundred writers
     read(laptop.start("read", "robot", "left"), 1)
 
 
@@ -214,12 +214,12 @@ def test_values_lost_on_the_way_are_sent_again_or_counted(machines: tuple[Machin
     counters = laptop.counters()
     assert counters["in"] == counters["out"] + counters["lost"]["network"]
     assert len(set(seen)) == len(seen) == counters["out"] >= 41 + KEPT
-    assert counters["lost"]["network"] >= 10  # the writer keeps eight, and sent one or two of 21 when the link was back
+    assert counters["lost"]["network"] >= 10  # of 21 values the writer kept eight, and sent one or two after the outage
 
 
 @pytest.mark.parametrize("end", [0, 1])
-def test_a_catalog_that_is_killed(machines: tuple[Machine, Machine], end: int) -> None:
-    """Its successor goes on; the reader keeps what it has open."""
+def test_a_restarted_catalog_continues(machines: tuple[Machine, Machine], end: int) -> None:
+    """Readers keep their open items."""
     robot, laptop = machines
     writer = robot.start("write", "sensor")
     reader = laptop.start("read", "robot", "sensor")
@@ -231,11 +231,11 @@ def test_a_catalog_that_is_killed(machines: tuple[Machine, Machine], end: int) -
     wait_until(lambda: robot.desk.readers("sensor") == 1)
     write(writer, 3)
     while not read(reader, 1)[0].startswith("04000000"):
-        pass  # what was sent before the other end noticed is lost with the catalog
+        pass  # values sent before the other end notices are lost
 
 
-def test_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
-    """The mirror keeps its last value, and goes on when the network is back."""
+def test_mirrors_continue_after_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
+    """The mirror keeps its last value during the partition."""
     robot, laptop = machines
     writer = robot.start("write", "sensor")
     reader = laptop.start("read", "robot", "sensor")
@@ -256,7 +256,7 @@ def test_a_partition(machines: tuple[Machine, Machine], link: Link) -> None:
     assert read(reader, 1)[0].startswith("07000000")
 
 
-def test_of_two_machines_with_one_name_the_later_one_takes_another(begin: Begin, tmp_path: pathlib.Path) -> None:
+def test_the_later_of_two_machines_with_one_name_takes_another(begin: Begin, tmp_path: pathlib.Path) -> None:
     first, second = begin("carol", "carol")
     wait_until(lambda: [len(one.table()["name"]) for one in (first, second)] == [5, 10])
     name = second.table()["name"]
@@ -277,14 +277,14 @@ def test_of_two_machines_with_one_name_the_later_one_takes_another(begin: Begin,
     assert f"! catalog    another machine is called carol, too; this one is {name} for others" in screen.stdout
 
 
-def test_times_of_a_mirror_are_those_of_its_machine(begin: Begin) -> None:
-    """The robot's clock is ahead."""
+def test_times_of_a_mirror_are_in_the_reader_s_clock(begin: Begin) -> None:
+    """The clock of the mirrored robot is ahead."""
     robot, laptop = begin("robot", "laptop", clock=SHIFTED)
     writer = robot.start("write", "sensor")
     reader = laptop.start("read", "robot", "sensor")
 
     def clock() -> dict[str, Any]:
-        machines = laptop.table()["machine"] or [{"offset": 0, "bound": -1}]  # not known yet
+        machines = laptop.table()["machine"] or [{"offset": 0, "bound": -1}]  # not yet known
         return {name: machines[0][name] for name in ("offset", "bound")}
 
     def agrees() -> bool:
@@ -298,8 +298,8 @@ def test_times_of_a_mirror_are_those_of_its_machine(begin: Begin) -> None:
     wait_until(agrees)
 
 
-def test_what_is_not_sent_is_counted_once(begin: Begin) -> None:
-    """Where it was left out; the other end counts what was sent."""
+def test_values_not_sent_are_counted_once(begin: Begin) -> None:
+    """The sending end counts values left out by its rules; the other end counts values lost on the network."""
     robot, laptop = begin("robot", "laptop", rules="bandwidth 8K\nitem slow rate=2\nitem *\n")
     writers = [robot.start("write", name) for name in ("sensor", "slow")]
     readers = [laptop.start("read", "robot", name) for name in ("sensor", "slow")]
@@ -307,7 +307,7 @@ def test_what_is_not_sent_is_counted_once(begin: Begin) -> None:
         write(writer, 1)
         read(reader, 1)
         write(writer, VALUES)
-    for reader in readers:  # the newest value comes as soon as that is allowed
+    for reader in readers:  # the newest value comes once the rules allow it
         while not read(reader, 1)[0].startswith(f"{VALUES + 1:02x}000000"):
             pass
 
@@ -322,7 +322,7 @@ def test_what_is_not_sent_is_counted_once(begin: Begin) -> None:
     assert lost(laptop.counters()) == 0
 
 
-def test_items_whose_topics_would_be_one(machines: tuple[Machine, Machine]) -> None:
+def test_items_with_the_same_topic_name(machines: tuple[Machine, Machine]) -> None:
     robot, laptop = machines
     names = ("a.b", "a_b", "a-b", "a_", "a.")
     for count, name in enumerate(names, 1):
@@ -332,7 +332,7 @@ def test_items_whose_topics_would_be_one(machines: tuple[Machine, Machine]) -> N
 
 
 def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], link: Link) -> None:
-    """And gets it back, as when a lease has ended. DDS itself would not notice."""
+    """And gets it back, as after an expired lease. DDS alone would not notice."""
     robot, laptop = machines
     writer, reader = robot.start("write", "sensor"), laptop.start("read", "robot", "sensor")
     write(writer, 1)
@@ -379,7 +379,7 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
      "item a rate=0.5 latched\nexcept b\nitem *\n"
      "accept /c as c type=std_msgs/msg/Int8\npeer 10.0.0.1\nmulticast no\n", None),
 ])
-def test_rules(tmp_path: pathlib.Path, text: str, told: str | None) -> None:
+def test_rules_are_checked(tmp_path: pathlib.Path, text: str, told: str | None) -> None:
     (tmp_path / "exports.conf").write_text(text)
     done = subprocess.run([ROOT / "bin/catalog", "-c", "exports.conf", "-check"], cwd=tmp_path, capture_output=True,
                           text=True, timeout=60, env={"LD_LIBRARY_PATH": str(library_folder())})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Catalogs for a long time, and many of them. pytest's option `--seconds` chooses another length, to try the tests."""
+"""Catalogs running for long, and many of them. pytest's option `--seconds` shortens the runs."""
 from __future__ import annotations
 
 import json
@@ -20,13 +20,13 @@ __all__ = ["begin", "link", "machines"]  # fixtures
 
 PARTITIONS, SUBSCRIPTIONS = 1000, 10000  # in ten minutes
 SECONDS = 600
-AWAY = 10      # each tenth partition lasts until the machines are away for each other
-TOGETHER = 100  # subscriptions
-GROWTH = 1536  # KiB after the first quarter: DDS keeps up to 2,048 messages for later ones
+AWAY = 10      # each tenth partition lasts until the machines report each other as away
+TOGETHER = 100  # simultaneous subscriptions
+GROWTH = 1536  # KiB after the first quarter: DDS keeps up to 2,048 message buffers for reuse
 MACHINES = 30
-MEMORY = 12288  # KiB that the catalog of each of them has for itself
+MEMORY = 12288  # KiB of private memory of each catalog
 Figure = Callable[[str, object], None]
-Look = dict[str, tuple[int, int]]  # of each program KiB of memory of its own, and open files
+Look = dict[str, tuple[int, int]]  # for each program: KiB of private memory, open files
 
 
 def look(process: Process) -> tuple[int, int]:
@@ -41,7 +41,7 @@ def look_at(both: tuple[Machine, Machine]) -> Look:
 
 
 def grown(looks: list[Look]) -> list[str]:
-    """Programs that hold more at the end than after the first quarter. A file may be open for a moment."""
+    """Programs that hold more at the end than after the first quarter; files opened briefly do not count."""
     quarter = len(looks) // 4
     first, last = looks[quarter:2 * quarter], looks[-quarter:]
     return [f"{name}: {[one[name] for one in looks]}" for name in looks[0]
@@ -49,7 +49,7 @@ def grown(looks: list[Look]) -> list[str]:
             or min(one[name][1] for one in last) > min(one[name][1] for one in first)]
 
 
-def test_growth_is_seen() -> None:
+def test_growth_is_detected() -> None:
     def looks(*steady: tuple[int, int]) -> list[Look]:
         return [{"robot": (4000, 9)}, *({"robot": one} for one in steady)]
 
@@ -61,7 +61,7 @@ def test_growth_is_seen() -> None:
 @pytest.mark.long
 def test_a_thousand_partitions(machines: tuple[Machine, Machine], link: Link, pytestconfig: pytest.Config,
                                record_property: Figure) -> None:
-    """Values flow again after each. One of ten lasts until the lease has ended."""
+    """Values flow again after each partition; one of ten lasts until the lease has expired."""
     robot, laptop = machines
     writer, reader = robot.start("write", "sensor"), laptop.start("read", "robot", "sensor")
     written, looks = 1, list[Look]()
@@ -89,7 +89,7 @@ def test_a_thousand_partitions(machines: tuple[Machine, Machine], link: Link, py
 
 
 def readers(machine: Machine) -> int:
-    """Of all items i0, i1, ..."""
+    """The number of readers of the items i0, i1, ..."""
     items = json.loads(machine.desk.run("ddxctl", "list", "--json").stdout)["items"]
     return sum(one["readers"] for one in items if re.fullmatch("i[0-9]+", one["name"]))
 
@@ -97,7 +97,7 @@ def readers(machine: Machine) -> int:
 @pytest.mark.long
 def test_ten_thousand_subscriptions(machines: tuple[Machine, Machine], pytestconfig: pytest.Config,
                                     record_property: Figure) -> None:
-    """A hundred items at a time, each of which is subscribed again when it has no subscriber any more."""
+    """A hundred items at a time; each is subscribed again once it has no subscriber."""
     robot, laptop = machines
     read(robot.start("items", str(TOGETHER)), 1)
     looks = list[Look]()
@@ -118,7 +118,7 @@ def test_ten_thousand_subscriptions(machines: tuple[Machine, Machine], pytestcon
 
 @pytest.mark.long
 def test_thirty_machines(tmp_path: pathlib.Path, compile_client: Compiler, record_property: Figure) -> None:
-    """Each in a network namespace of its own. Each knows all others by name, and reads an item of the next one."""
+    """Each has its own network namespace, knows all others by name, and reads an item of the next machine."""
     with Link(operators=MACHINES - 1, meet=True) as switch:
         client, all_machines = compile_client("catalog_client"), list[Machine]()
         try:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Items of a machine, as other implementations of ROS 2 and DDS see them on the other end of a link."""
+"""A machine's items as seen by other implementations of ROS 2 and DDS at the other end of a link."""
 from __future__ import annotations
 
 import json
@@ -37,7 +37,7 @@ PART = "float64 x\nint16[3] a\n"
 
 @pytest.fixture(scope="session")
 def others() -> pathlib.Path:
-    """Where the other implementations are."""
+    """The folder of the other implementations."""
     try:
         return peers.peers()
     except Failed as error:
@@ -46,7 +46,7 @@ def others() -> pathlib.Path:
 
 @pytest.fixture(scope="session")
 def dust() -> pathlib.Path:
-    """A program of Dust DDS, which shares no code with the others."""
+    """A program with Dust DDS, which shares no code with the others."""
     try:
         return cargo.program(HERE / "dust_peer")
     except Failed as error:
@@ -54,7 +54,7 @@ def dust() -> pathlib.Path:
 
 
 class Laptop:
-    """The other end: it has no catalog, and no store."""
+    """The other end, without a catalog or a store."""
 
     def __init__(self, folder: pathlib.Path, others: pathlib.Path, inside: tuple[str, ...]) -> None:
         self.folder, self.others, self._inside = folder, others, inside
@@ -106,7 +106,7 @@ def begin(tmp_path: pathlib.Path, link: Link, compile_client: Compiler) -> Itera
 
 
 def values(robot: Machine, *words: str) -> Process:
-    """Writes an item of any type."""
+    """Start a writer of an item of any type."""
     return client(robot, "values_client.py", *words)
 
 
@@ -119,7 +119,7 @@ def client(robot: Machine, *words: str) -> Process:
 
 
 def put(writer: Process, value: dict[str, Any]) -> str:
-    """The writer's answer."""
+    """Write a value; return the writer's answer."""
     assert writer.stdin and writer.stdout
     writer.stdin.write(json.dumps(value) + "\n")
     writer.stdin.flush()
@@ -128,7 +128,7 @@ def put(writer: Process, value: dict[str, Any]) -> str:
     return answer
 
 
-# Hash of a type, by its definition alone: TYPE, then the name and the text of each message.
+# The hash of a type from its definition alone. Arguments: TYPE, then name and text of each message.
 ROSBAGS = """
 import sys
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
@@ -145,14 +145,14 @@ def hash_of(laptop: Laptop, kind: str, *definitions: str) -> str:
 
 
 def shown_value(reader: Process) -> str:
-    """What `cyclonedds subscribe` prints of the next message, without spaces."""
+    """The next message printed by `cyclonedds subscribe`, without spaces."""
     text = ""
     while not text.endswith("\n)\n"):
         text += read(reader, 1)[0]
     return re.sub(r"\s", "", text[text.index("SENSOR_("):])
 
 
-def test_a_tool_of_dds_finds_the_type_and_reads_the_values(begin: Begin, laptop: Laptop) -> None:
+def test_cyclonedds_finds_the_type_and_reads_the_values(begin: Begin, laptop: Laptop) -> None:
     writer = begin("").start("write", "sensor")
     write(writer, 3)
     tool = [laptop.start("cyclonedds", command, "--suppress-progress-bar", "--color", "none", "--runtime", "1s",
@@ -167,8 +167,8 @@ def test_a_tool_of_dds_finds_the_type_and_reads_the_values(begin: Begin, laptop:
         assert field in shown
 
 
-def test_a_third_implementation_reads_the_values(begin: Begin, laptop: Laptop, dust: pathlib.Path) -> None:
-    """Each value of 20, in order; each field, and no other field, is equal."""
+def test_dust_dds_reads_the_values(begin: Begin, laptop: Laptop, dust: pathlib.Path) -> None:
+    """All 20 values arrive in order, with exactly the item's fields, all equal."""
     robot = begin("")
     writer = robot.start("write", "sensor")
     write(writer, 1)
@@ -187,7 +187,7 @@ def test_a_third_implementation_reads_the_values(begin: Begin, laptop: Laptop, d
     assert lost(robot.counters()) == 0
 
 
-# The same by the .msg files of a package, which ROS's own parser must take as well.
+# ROS's parser must accept the .msg files of a package.
 ROSIDL = """
 import pathlib, sys
 from rosidl_adapter.parser import parse_message_file
@@ -197,7 +197,7 @@ for path in pathlib.Path(sys.argv[1]).glob("*.msg"):
 
 
 def test_ros_finds_the_type_and_its_hash(begin: Begin, laptop: Laptop, tmp_path: pathlib.Path) -> None:
-    """The hash is that of the package that `ddxctl rosmsgs` writes."""
+    """The hash equals that of the package written by `ddxctl rosmsgs`."""
     robot = begin("")
     write(robot.start("write", "sensor"), 1)
     node = laptop.ros("find", "/robot/sensor")
@@ -217,7 +217,7 @@ VECTOR = "struct { double x; double y; double z; }"
 IMU = f"""struct {{ struct {{ double x; double y; double z; double w; }} orientation; double orientation_covariance[9];
     {VECTOR} angular_velocity; double angular_velocity_covariance[9];
     {VECTOR} linear_acceleration; double linear_acceleration_covariance[9]; }}"""
-# Fields of many sizes after a name of any length.
+# Fields of several sizes after a name of any length.
 FIX = """struct { struct { int8_t status; uint16_t service; } status; double latitude; double longitude;
     double altitude; double position_covariance[9]; uint8_t position_covariance_type; }"""
 
@@ -237,7 +237,7 @@ def fix(number: int) -> dict[str, Any]:
 
 
 def test_ros_reads_items_as_its_own_messages(begin: Begin, laptop: Laptop) -> None:
-    """Each value, in order, and equal."""
+    """Every value arrives, in order and equal."""
     robot = begin("item imu as=sensor_msgs/msg/Imu topic=/imu/data\n"
                   "item fix as=sensor_msgs/msg/NavSatFix topic=/fix\nitem *\n")
     made = {"Imu": ("/imu/data", values(robot, "imu", "IMU", IMU), imu),
@@ -258,7 +258,7 @@ def test_ros_reads_items_as_its_own_messages(begin: Begin, laptop: Laptop) -> No
     assert counters["in"] == 42 and lost(counters) == 0
 
 
-def test_an_item_that_is_no_such_message(begin: Begin) -> None:
+def test_an_item_that_does_not_match_its_message_is_reported(begin: Begin) -> None:
     robot = begin("item imu as=sensor_msgs/msg/Imu topic=/imu/data\n")
     put(values(robot, "imu", "IMU", "struct { struct { float x; } orientation; }"), {"orientation": {"x": 1}})
     said = "catalog: item imu as=sensor_msgs/msg/Imu: its field orientation.x is float32, not float64\n"
@@ -266,7 +266,7 @@ def test_an_item_that_is_no_such_message(begin: Begin) -> None:
 
 
 def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
-    """Of each layout that a camera is likely to have, bytes as they are to be."""
+    """Pictures of each common camera layout arrive with the expected bytes."""
     layouts = {"YUV420P": "rgb8", "RGB24": "rgb8", "GREY8": "mono8"}
     robot = begin("".join(f"item {name} as=sensor_msgs/msg/Image topic=/{name}\n" for name in layouts))
     nodes = {name: (client(robot, "pictures_client.py", name, name),
@@ -286,19 +286,19 @@ def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
 
 
 def test_a_late_subscriber_of_ros_gets_the_newest_value(begin: Begin, laptop: Laptop) -> None:
-    """One of durability transient_local does not match topics of other items."""
+    """A subscriber with durability transient_local does not match the topics of items that are not latched."""
     robot = begin("item imu latched as=sensor_msgs/msg/Imu topic=/imu/data\n")
     writer = values(robot, "imu", "IMU", IMU)
     for number in range(1, 4):
         put(writer, imu(number))
-    for number in (3, 4):  # without another reader, and beside one
+    for number in (3, 4):  # without another reader, and with one
         late = laptop.ros("late", "/imu/data", "sensor_msgs/msg/Imu")
         assert json.loads(read(late, 1)[0])["linear_acceleration"]["x"] == -number
         put(writer, imu(4))
 
 
-def test_a_value_that_is_too_large(begin: Begin, laptop: Laptop) -> None:
-    """As rgb8 it would have 17 MB."""
+def test_a_value_that_is_too_large_for_a_message_is_reported(begin: Begin, laptop: Laptop) -> None:
+    """A picture that would have 17 MB as rgb8."""
     robot = begin("item large as=sensor_msgs/msg/Image topic=/large\n")
     writer = client(robot, "pictures_client.py", "large", "YUV420P", "2560", "2240")
     laptop.ros("listen", "/large", "sensor_msgs/msg/Image")
@@ -315,8 +315,8 @@ TWIST = f"struct {{ {VECTOR} linear; {VECTOR} angular; }}"
 
 
 def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
-    """An item that a program of the robot has declared. Once both ends know each other, each value arrives once, in
-    order; before that, DDS promises nothing, and ROS sends until the first value has arrived."""
+    """A program of the robot has declared the item. Each value arrives once, in order, after both ends have found each
+    other; before that DDS guarantees nothing, so ROS sends until the first value has arrived."""
     robot = begin("accept /cmd_vel as cmd type=geometry_msgs/msg/Twist\naccept /odd as odd type=std_msgs/msg/Int8\n"
                   "item cmd\n")
     values(robot, "cmd", "TWIST", TWIST).communicate("")
@@ -338,9 +338,9 @@ def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
 
     wait_until(arrives)
     values(robot, "odd", "ODD", "struct { float data; }").communicate("")
-    wait_until(lambda: "accept /odd as odd: " in robot.desk.errors(robot.catalog))  # the items are looked at together
+    wait_until(lambda: "accept /odd as odd: " in robot.desk.errors(robot.catalog))  # all items are checked in one pass
     for _ in range(20):
-        assert send() == 1  # the catalog reads by the reader that it had first
+        assert send() == 1  # the catalog still uses its first reader
     seen = [json.loads(read(reader, 1)[0])]
     first = int(seen[0]["linear"]["x"] * 4)
     count = sent - first + 1
@@ -351,7 +351,7 @@ def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
 
 
 def test_ros_reads_an_item_of_any_type(begin: Begin, laptop: Laptop) -> None:
-    """With the package that `ddxctl rosmsgs` writes."""
+    """With the package written by `ddxctl rosmsgs`."""
     writer = begin("").start("write", "sensor")
     write(writer, 1)
     package = str(peers.ros_package("ddx", {"SENSOR": MESSAGE, "SENSORPart": PART}))
@@ -366,8 +366,8 @@ def test_ros_reads_an_item_of_any_type(begin: Begin, laptop: Laptop) -> None:
         write(writer, 1)
 
 
-def test_a_catalog_is_stopped_while_readers_are_silent(begin: Begin, laptop: Laptop) -> None:
-    """It gives them one second in all, not each."""
+def test_a_catalog_stops_soon_while_readers_are_silent(begin: Begin, laptop: Laptop) -> None:
+    """It waits one second for all of them together."""
     robot = begin("")
     names = [f"s{number}" for number in range(8)]
     writers = [robot.start("write", name) for name in names]
@@ -383,11 +383,11 @@ def test_a_catalog_is_stopped_while_readers_are_silent(begin: Begin, laptop: Lap
     wait_until(lambda: bool(robot.counters()["out"] == 2 * len(names)))
     begun = time.monotonic()
     assert stop(robot.catalog)[0] == 0
-    assert time.monotonic() - begun < 3  # a second each, DDS would take longer
+    assert time.monotonic() - begun < 3  # one second for each reader would take longer
 
 
-def test_records_that_no_catalog_sends(begin: Begin, laptop: Laptop) -> None:
-    """They are left out and counted; the limits of machines and items hold, and the catalog goes on."""
+def test_invalid_records_are_left_out_and_counted(begin: Begin, laptop: Laptop) -> None:
+    """The limits of machines and items hold, and the catalog goes on."""
     robot = begin("")
     hostile = laptop.start("python", HERE / "hostile_catalog.py")
     assert read(hostile, 1) == ["32\n"] and hostile.stdin

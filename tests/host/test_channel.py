@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A shell at a terminal that a socket reaches, as the tools reach a guest's."""
+"""A shell on a terminal behind a socket, as the tools use a guest's."""
 from __future__ import annotations
 
 import contextlib
@@ -18,7 +18,7 @@ from parts.guest.channel import Channel, Timeout
 
 
 def relay(far: socket.socket, terminal: int) -> None:
-    """Until one of them has gone."""
+    """Copy in both directions until one side has closed."""
     with far, contextlib.suppress(OSError):
         while True:
             for one in select.select([far, terminal], [], [])[0]:
@@ -53,19 +53,19 @@ def shell(tmp_path: pathlib.Path) -> Iterator[Channel]:
         os.close(terminal)
 
 
-def test_status_and_output_are_the_commands(shell: Channel) -> None:
+def test_status_and_output_are_those_of_the_command(shell: Channel) -> None:
     assert shell.run("echo one; echo two; false") == (1, "one\ntwo\n")
     assert shell.run("printf '%s' 'a  b\\n'") == (0, "a  b\\n")
 
 
-def test_a_late_answer_is_not_taken_for_the_next_ones(shell: Channel, tmp_path: pathlib.Path) -> None:
+def test_a_late_answer_is_not_taken_for_the_next_command_s(shell: Channel, tmp_path: pathlib.Path) -> None:
     with pytest.raises(Timeout):
         shell.run("until [ -e go ]; do sleep 0.01; done; echo late; false", 0.05)
     (tmp_path / "go").touch()
     assert shell.run("echo next") == (0, "next\n")
 
 
-def test_a_command_that_nobody_waits_for_is_run(shell: Channel, tmp_path: pathlib.Path) -> None:
+def test_a_command_without_a_wait_is_run(shell: Channel, tmp_path: pathlib.Path) -> None:
     shell.begin("echo one; touch here")
     assert shell.run("[ -e here ] && echo two") == (0, "two\n")
     assert (tmp_path / "here").exists()

@@ -29,7 +29,7 @@ def test_the_tree_is_clean() -> None:
 
 
 def test_faults_are_found(tmp_path: pathlib.Path, capfd: pytest.CaptureFixture[str]) -> None:
-    """One of each kind."""
+    """One fault of each kind."""
     for name, (good, bad) in FAULTS.items():
         text = (TOP / name).read_text()
         assert good in text

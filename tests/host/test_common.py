@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What all tools and tests share: one run at a time, and programs that end with their starter."""
+"""Shared by all tools and tests: one run at a time, and programs that exit with the process that started them."""
 from __future__ import annotations
 
 import os
@@ -42,13 +42,13 @@ def line(process: subprocess.Popen[str]) -> str:
     return process.stdout.readline().rstrip("\n")
 
 
-def test_one_at_a_time(tmp_path: pathlib.Path) -> None:
+def test_a_second_run_waits_for_the_first(tmp_path: pathlib.Path) -> None:
     lock = tmp_path / "folder/lock"
     first = start(ALONE, lock)
     assert line(first) == "in"
     second = start(ALONE, lock)
     assert line(second) == f"tool: waiting for process {first.pid}, which runs already ({lock})"
-    first.kill()  # whatever happens to it
+    first.kill()  # however it stops
     first.communicate()
     assert line(second) == "in"
     second.communicate()
@@ -67,7 +67,7 @@ def test_bad(tmp_path):
 
 
 @pytest.mark.parametrize("what, kept", [("test_bad0", []), ("something", ["evidence"])])
-def test_only_what_failing_tests_leave_is_kept(tmp_path: pathlib.Path, what: str, kept: list[str]) -> None:
+def test_only_files_of_failed_tests_are_kept(tmp_path: pathlib.Path, what: str, kept: list[str]) -> None:
     folder, temporary = tmp_path / "tests", tmp_path / "temporary"
     folder.mkdir()
     temporary.mkdir()
@@ -80,8 +80,8 @@ def test_only_what_failing_tests_leave_is_kept(tmp_path: pathlib.Path, what: str
     assert [file.read_text() for file in temporary.rglob("clip") if "current" not in str(file)] == kept
 
 
-def test_programs_end_with_their_starter(tmp_path: pathlib.Path) -> None:
-    """Otherwise a store would outlive its killed test."""
+def test_programs_are_killed_with_their_starter(tmp_path: pathlib.Path) -> None:
+    """Otherwise a store would survive its killed test."""
     test = start(DESK, tmp_path)
     store = int(line(test))
     assert pathlib.Path(f"/proc/{store}/comm").read_text() == "store\n"
@@ -90,16 +90,16 @@ def test_programs_end_with_their_starter(tmp_path: pathlib.Path) -> None:
     wait_until(lambda: not pathlib.Path(f"/proc/{store}").exists())
 
 
-def test_what_is_installed_is_not_touched_where_nothing_changed() -> None:
-    """Tests that run side by side all build first: programs of the others start meanwhile."""
+def test_unchanged_files_are_not_installed_again() -> None:
+    """Parallel test processes all build first, while the others start programs."""
     link = native.build() / native.LIBRARIES / "libddx.so.0"
     before = link.lstat().st_ino, link.lstat().st_ctime_ns
     native.build()
     assert (link.lstat().st_ino, link.lstat().st_ctime_ns) == before
 
 
-def test_what_others_wrote_is_made_once_on_a_machine(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For all clones, again with another key, and again when the last time was cut short."""
+def test_a_shared_cache_is_made_once_per_machine(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once for all clones; again with another key, and after an interruption."""
     monkeypatch.setattr(foreign, "HOST_CACHE", tmp_path)
     made: list[str] = []
 

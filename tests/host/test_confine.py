@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What takes root from a program but for the one thing that it is there for."""
+"""confine: a program of root's keeps only the listed capabilities."""
 from __future__ import annotations
 
 import os
@@ -18,16 +18,16 @@ def confine(*words: str) -> subprocess.CompletedProcess[str]:
 
 
 @pytest.mark.parametrize("names, bits", [("sys_time", 1 << 25), ("net_admin,net_raw", 1 << 12 | 1 << 13)])
-def test_a_program_has_these_capabilities_and_no_way_to_others(names: str, bits: int) -> None:
+def test_a_program_has_only_these_capabilities(names: str, bits: int) -> None:
     if os.geteuid() != 0:
-        pytest.skip("a process that is not root has no rights to give up")
-    done = confine(names, "sh", "-c", " ".join(STATUS))  # nor has what it starts
+        pytest.skip("needs root")
+    done = confine(names, "sh", "-c", " ".join(STATUS))  # nor has any program that it starts
     found = dict(re.findall(r"^(Cap\w+|NoNewPrivs):\t(\w+)$", done.stdout, re.M))
     assert {int(found[kind], 16) for kind in ("CapPrm", "CapEff", "CapBnd")} == {bits}, done
     assert int(found["CapAmb"], 16) == 0 and found["NoNewPrivs"] == "1"
 
 
 @pytest.mark.parametrize("words", [(), ("sys_time",), ("", *STATUS), ("sys_admin", *STATUS), ("sys_time,all", *STATUS)])
-def test_what_is_not_known_is_not_run(words: tuple[str, ...]) -> None:
+def test_wrong_usage_runs_nothing(words: tuple[str, ...]) -> None:
     done = confine(*words)
     assert done.returncode == 2 and done.stdout == "" and done.stderr.startswith("usage: confine net_admin|")

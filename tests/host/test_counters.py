@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Every frame that the writer wrote is in a file, or a counter has the reason why it is not."""
+"""Every written frame is in a file, or is counted with the reason for its loss."""
 from __future__ import annotations
 
 import json
@@ -25,13 +25,13 @@ def clip(desk: Desk) -> pathlib.Path:
 
 
 def attached(desk: Desk) -> bool:
-    """What is written from now on is the recorder's business, and the store knows that."""
+    """Whether the recorder accounts for frames from now on, and the store knows it."""
     stats = desk.run("ddxctl", "show", "ddxvideosave.stats", "--json").stdout
     return bool(desk.readers("video")) and '"running":1' in stats and '"follows":0' not in stats
 
 
 def idle_loader(desk: Desk, clip: pathlib.Path) -> Process:
-    """The item is there, and nothing is written before there are two readers."""
+    """A loader with an item that writes nothing before there are two readers."""
     loader = desk.start("ddxvideoload", clip, "-readers", "2", "-instance", "load")
     wait_until(lambda: "video " in desk.run("ddxctl", "list").stdout)
     return loader
@@ -50,7 +50,7 @@ def recorded(*files: pathlib.Path) -> int:
 
 
 def test_stopped_while_attached(desk: Desk, clip: pathlib.Path) -> None:
-    """It had not read a frame yet: those that went by are lost, not unmentioned."""
+    """Frames written before its first read are counted as lost."""
     loader = idle_loader(desk, clip)
     saver = desk.start("ddxvideosave", "-output", "out.y4m", "-keep", "8")
     wait_until(lambda: attached(desk))
@@ -66,7 +66,7 @@ def test_stopped_while_attached(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_killed_while_attached(desk: Desk, clip: pathlib.Path) -> None:
-    """Before its first frame; what is written until its successor comes is lost, and counted."""
+    """Killed before its first frame: frames written until the next recorder starts are counted as lost."""
     loader = idle_loader(desk, clip)
     saver = start_recorder(desk, "-output", "out.y4m")
     wait_until(lambda: attached(desk))
@@ -83,8 +83,8 @@ def test_killed_while_attached(desk: Desk, clip: pathlib.Path) -> None:
     assert status == 0 and loaded["out"] == saved["in"] == saved["lost"]["restart"] == 50 and balanced(saved)
 
 
-def test_told_to_stop_and_its_successor_killed(desk: Desk, clip: pathlib.Path) -> None:
-    """Frames after a requested stop are unwanted, even if a successor dies that saw none of them."""
+def test_stopped_on_request_and_the_next_recorder_killed(desk: Desk, clip: pathlib.Path) -> None:
+    """Frames after a requested stop are not lost, even if the next recorder dies before it sees any."""
     assert stop(started(desk, clip))[0] == 0
     assert desk.run("ddxvideoload", clip, "-rate", "0").returncode == 0
     saver = start_recorder(desk, "-output", "out.y4m")
@@ -98,7 +98,7 @@ def test_told_to_stop_and_its_successor_killed(desk: Desk, clip: pathlib.Path) -
 
 
 def started(desk: Desk, clip: pathlib.Path, *options: object) -> Process:
-    """A recorder that has the whole clip."""
+    """A recorder that has recorded the whole clip."""
     saver = start_recorder(desk, "-output", "out.y4m", *options)
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
     wait_until(lambda: int(desk.stats("ddxvideosave")["out"]) == 50)
@@ -106,7 +106,7 @@ def started(desk: Desk, clip: pathlib.Path, *options: object) -> Process:
 
 
 def test_counters_are_kept_longer_than_pictures(tmp_path: pathlib.Path) -> None:
-    """Memory is needed, no program has the items open: pictures go, and a dead program's losses stay known."""
+    """When memory is needed, the store drops pictures that no program has open, but keeps a dead program's losses."""
     desk = Desk(tmp_path, "2M")
     try:
         clip = make_clip(tmp_path / "clip.y4m", "64x48", "100", 50)
@@ -126,8 +126,8 @@ def test_counters_are_kept_longer_than_pictures(tmp_path: pathlib.Path) -> None:
 
 # ---- Recorders that give up ----
 
-def test_full_disk_again_and_again(desk: Desk, clip: pathlib.Path, small_disk: pathlib.Path) -> None:
-    """Each recorder that a full disk ends leaves a gap to the next; none of it is forgotten."""
+def test_repeated_stops_by_a_full_disk(desk: Desk, clip: pathlib.Path, small_disk: pathlib.Path) -> None:
+    """Frames in each gap between recorders that a full disk stopped are counted."""
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     for number in range(3):
         saver = start_recorder(desk, "-output", small_disk)
@@ -149,7 +149,7 @@ def test_full_disk_again_and_again(desk: Desk, clip: pathlib.Path, small_disk: p
 
 
 def test_change_of_size_into_one_file(desk: Desk, clip: pathlib.Path) -> None:
-    """What comes after the change is lost, and counted: by the recorder, or by its successor."""
+    """Frames after the change are counted as lost, by the recorder or by the next one."""
     saver = started(desk, clip)
     other = make_clip(desk.folder / "other.y4m", "32x32", "100", 20)
     assert desk.run("ddxvideoload", other, "-instance", "other").returncode == 0
@@ -165,14 +165,14 @@ def test_change_of_size_into_one_file(desk: Desk, clip: pathlib.Path) -> None:
 
 @pytest.fixture(scope="module")
 def last_act(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    """To be preloaded: the program is killed right before or after a call."""
+    """A preloaded library that kills the program right before or after a call."""
     return preload("last_act", tmp_path_factory.mktemp("act"))
 
 
 @pytest.mark.parametrize("moment, out", [("before", 11), ("after", 12)])
 def test_writer_killed_while_it_publishes(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path, moment: str,
                                           out: int) -> None:
-    """The frame is in the item or not, and its successor counts the same."""
+    """Whether the frame is in the item or not, the next writer counts accordingly."""
     wrapper = ("env", f"LD_PRELOAD={last_act}", f"LAST_ACT={moment}", "LAST_CALL=12")
     loader = desk.start("ddxvideoload", clip, "-rate", "0", wrapper=wrapper)
     assert loader.wait(60) == -signal.SIGKILL and desk.sequence("video") == out
@@ -184,13 +184,13 @@ def test_writer_killed_while_it_publishes(desk: Desk, clip: pathlib.Path, last_a
 
 # ---- What is in the file ----
 
-def test_the_disk_fails_to_make_safe(desk: Desk, clip: pathlib.Path) -> None:
-    """What the disk did not take is not recorded: it is cut off, and counted as lost."""
+def test_frames_that_the_disk_did_not_save_are_lost(desk: Desk, clip: pathlib.Path) -> None:
+    """Frames that were not synced are cut off the file and counted as lost."""
     failed = desk.folder / "failed"
     saver = start_recorder(desk, "-output", "out.y4m", wrapper=(
         "env", f"LD_PRELOAD={preload('stalled_disk', desk.folder)}", f"FAILED_SYNC={failed}"))
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    wait_until(lambda: desk.out("ddxvideosave") > 150)  # some are safe by now
+    wait_until(lambda: desk.out("ddxvideosave") > 150)  # some are synced by now
     failed.touch()
     status, saved = result(saver)
     stop(loader)
@@ -202,7 +202,7 @@ def test_the_disk_fails_to_make_safe(desk: Desk, clip: pathlib.Path) -> None:
 
 @pytest.mark.parametrize("target", ["rec/out.y4m", "rec"])
 def test_folder_removed(desk: Desk, clip: pathlib.Path, target: str) -> None:
-    """It is reported, and no missing frame counts as recorded."""
+    """The removal is reported, and no missing frame counts as recorded."""
     (desk.folder / "rec").mkdir()
     saver = start_recorder(desk, "-output", target)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
@@ -215,7 +215,7 @@ def test_folder_removed(desk: Desk, clip: pathlib.Path, target: str) -> None:
 
 
 def test_two_recorders_and_one_file(desk: Desk, clip: pathlib.Path) -> None:
-    """The second is refused, and harms nothing."""
+    """The second recorder is refused, and the first one's file stays intact."""
     first = start_recorder(desk, "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: desk.out("ddxvideosave") > 5)
@@ -228,7 +228,7 @@ def test_two_recorders_and_one_file(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path) -> None:
-    """The file was counted: it stays, is cut after its last whole frame, and the next one gets another name."""
+    """The old file is kept and truncated after its last whole frame; the new file gets another name."""
     out = desk.folder / "out.y4m"
     saver = start_recorder(desk, "-output", "out.y4m", wrapper=("env", f"LD_PRELOAD={last_act}", "LAST_ACT=written",
                                                                 "LAST_CALL=20"))
@@ -250,7 +250,7 @@ def test_after_a_crash_nothing_is_overwritten(desk: Desk, clip: pathlib.Path, la
 
 
 def test_frames_that_only_the_index_has(desk: Desk, clip: pathlib.Path, last_act: pathlib.Path) -> None:
-    """Killed after the index and before the counters: the successor finds them on the disk."""
+    """After a kill between index and counters, the next recorder finds the frames on the disk."""
     folder = desk.folder / "rec"
     folder.mkdir()
     saver = start_recorder(desk, "-output", folder, "-segment", "4", wrapper=(
@@ -281,7 +281,7 @@ def test_nothing_but_the_clip_on_standard_output(desk: Desk, clip: pathlib.Path)
 
 
 def test_standard_descriptors_closed(desk: Desk, clip: pathlib.Path) -> None:
-    """Nothing that is said lands in a frame or in what goes to the store."""
+    """Messages do not end up in a frame or in the socket to the store."""
     closed = ("sh", "-c", 'exec "$0" "$@" <&- >&- 2>&-')
     saver = start_recorder(desk, "-output", "out.y4m", wrapper=closed)
     loader = desk.start("ddxvideoload", clip, "-readers", "1", wrapper=closed)
@@ -293,11 +293,11 @@ def test_standard_descriptors_closed(desk: Desk, clip: pathlib.Path) -> None:
     assert pictures(desk.folder / "out.y4m") == pictures(clip)
 
 
-# ---- TERM ends what waits ----
+# ---- TERM stops a program that waits ----
 
 @pytest.mark.parametrize("opened", [False, True])
 def test_pipe_without_reader(desk: Desk, opened: bool) -> None:
-    """Exit 0, since the stop was wanted; frames that were not read are lost, and counted."""
+    """Exit status 0, since the stop was requested; frames that were not read are counted as lost."""
     clip, pipe = make_clip(desk.folder / "clip.y4m", "320x240", "100", 20), desk.folder / "pipe"
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe)
@@ -311,7 +311,7 @@ def test_pipe_without_reader(desk: Desk, opened: bool) -> None:
 
 
 @pytest.mark.parametrize("opened", [False, True])
-def test_clip_that_nobody_writes(desk: Desk, clip: pathlib.Path, opened: bool) -> None:
+def test_clip_from_a_pipe_without_writer(desk: Desk, clip: pathlib.Path, opened: bool) -> None:
     pipe = desk.folder / "pipe"
     os.mkfifo(pipe)
     loader = desk.start("ddxvideoload", pipe)
@@ -326,8 +326,8 @@ def test_clip_that_nobody_writes(desk: Desk, clip: pathlib.Path, opened: bool) -
         assert stop(loader)[0] == 0
 
 
-def test_counters_that_nobody_reads(desk: Desk, clip: pathlib.Path) -> None:
-    """Standard output is a pipe that is full."""
+def test_counters_into_a_full_pipe(desk: Desk, clip: pathlib.Path) -> None:
+    """Standard output is a full pipe."""
     end, begin = os.pipe()
     os.set_blocking(begin, False)
     try:

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Damaged file systems, real ones on loop devices, with the image's scripts, its BusyBox and e2fsck: repairable
-damage is repaired, other damage is reported, settings have a second copy, and only the recorder waits."""
+"""Damaged file systems on loop devices, with the image's scripts, BusyBox and e2fsck: damage is repaired or reported,
+settings have a second copy, and only the recorder waits."""
 from __future__ import annotations
 
 import os
@@ -20,7 +20,7 @@ from .programs import wait_until
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
            for name in ("storage", "recordings-disk", "settings-copy", "restore.awk", "disk")}
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
-SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # of several groups, so there is a second superblock
+SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # several groups, so that there is a second superblock
 # As in board/common/disk.cfg.
 OPTIONS = {"DDXDATA": ["-b", "1024", *FILE_SYSTEMS["ext4-journal"]], "DDXREC": ["-i", "1048576", *FILE_SYSTEMS["ext4"]]}
 MIB = 1 << 20
@@ -53,7 +53,7 @@ class Robot(Appliance):
                                                   "esac\n".format(**self.devices))
 
     def bring(self, program: str) -> None:
-        """A program of the desk, with its libraries."""
+        """Copy a program of the desk with its libraries."""
         found = shutil.which(program, path=SBIN["PATH"])
         assert found
         path = pathlib.Path(found)
@@ -64,7 +64,7 @@ class Robot(Appliance):
                 shutil.copy(file, to)
 
     def disk(self, label: str, name: str = "") -> str:
-        """A new one, with a file in it."""
+        """Make a disk with a file on it."""
         image = self.files / f"{name or label}.img"
         run(["truncate", "-s", SIZES[label], image])
         run(["mke2fs", "-q", *OPTIONS[label], "-m", "0", "-L", label, image])
@@ -81,7 +81,7 @@ class Robot(Appliance):
         return self.run("/etc/init.d/S15storage start")
 
     def see_to_recordings(self) -> None:
-        """As init does it, for ever."""
+        """Run the job that init runs for the recordings' disk."""
         self.start("exec /usr/libexec/ddx/recordings-disk")
 
     def told(self) -> str:
@@ -92,7 +92,7 @@ class Robot(Appliance):
         return self.run(f"mountpoint -q {folder}")[0] == 0
 
     def write_settings(self) -> None:
-        """A service is switched off, and both places know."""
+        """Switch a service off in the settings and in their copy."""
         self.run("mount -t ext4 {DDXDATA} /data && mount -t ext4 {DDXREC} /rec && mkdir /data/ddx && "
                  "echo enabled=no > /data/ddx/thing.conf && echo rate=5 > /data/ddx/thing.b.conf && "
                  "/usr/libexec/ddx/settings-copy save && umount /data /rec".format(**self.devices))
@@ -107,15 +107,15 @@ class Robot(Appliance):
 def robot(tmp_path: pathlib.Path) -> Iterator[Robot]:
     if os.geteuid() != 0 or subprocess.run(["losetup", "-f"], env=ENVIRONMENT, capture_output=True,
                                            check=False).returncode:
-        pytest.skip("disks that are files take root and loop devices")
+        pytest.skip("needs root and loop devices")
     robot = Robot(tmp_path)
     yield robot
     robot.end()
 
 
-def test_both_are_there_and_belong_to_whom_they_should(robot: Robot) -> None:
+def test_both_disks_are_mounted_with_the_right_owners(robot: Robot) -> None:
     assert robot.boot() == (0, "Starting storage: OK\n")
-    wait_until(lambda: robot.run("cat /run/log/ddxgrow")[1] == "ddxgrow: done\n")  # which is the last
+    wait_until(lambda: robot.run("cat /run/log/ddxgrow")[1] == "ddxgrow: done\n")  # the last step
     assert robot.told() == f"{robot.devices['DDXREC']} is there"
     assert robot.run("cat /data/kept /rec/kept; stat -c '%U %a' /rec /rec/log") == (
         0, "kept\nkept\nddxsave 2755\nddxlogger 2755\n")
@@ -124,7 +124,7 @@ def test_both_are_there_and_belong_to_whom_they_should(robot: Robot) -> None:
 
 
 @pytest.mark.parametrize("begin, length, kept", [(1024, 1024, True), (0, MIB, False)], ids=["superblock", "MiB"])
-def test_spoilt_recordings_are_mended_and_that_is_told(robot: Robot, begin: int, length: int, kept: bool) -> None:
+def test_damaged_recordings_are_repaired_and_reported(robot: Robot, begin: int, length: int, kept: bool) -> None:
     robot.spoil("DDXREC", begin, length)
     assert robot.boot() == (0, "Starting storage: OK\n")
     told = (f"{robot.devices['DDXREC']} is there, after a repair that may have cost recordings; "
@@ -134,14 +134,14 @@ def test_spoilt_recordings_are_mended_and_that_is_told(robot: Robot, begin: int,
     wait_until(lambda: (robot.root / "run/console").read_text() == f"DDXVIDEO: {told}\n")
 
 
-def test_recordings_beyond_repair_are_told_once_and_another_disk_is_taken(robot: Robot) -> None:
+def test_unrepairable_recordings_are_reported_once_and_another_disk_is_used(robot: Robot) -> None:
     robot.spoil("DDXREC", 0, 160 * MIB)
     assert robot.boot() == (0, "Starting storage: OK\n")
     robot.see_to_recordings()
     broken = robot.devices["DDXREC"]
     told = f"{broken}, the recordings' disk, cannot be used: nothing is recorded; see /run/log/check.DDXREC"
     log = robot.root / "run/log/recordings-disk"
-    wait_until(lambda: log.exists() and log.read_text().count(told) == 2)  # by the boot, and by the job that continues
+    wait_until(lambda: log.exists() and log.read_text().count(told) == 2)  # by the boot, and by the job afterwards
     assert not robot.mounted("/rec")
     robot.devices["other"] = robot.disk("DDXREC", "other")
     name = robot.devices["other"].removeprefix("/dev/")
@@ -150,11 +150,11 @@ def test_recordings_beyond_repair_are_told_once_and_another_disk_is_taken(robot:
     assert robot.run("cat /rec/kept")[1] == "kept\n"
     robot.run(f"ACTION=remove MDEV={name} /usr/libexec/ddx/disk")
     assert not robot.mounted("/rec")
-    robot.run(f"ACTION=add MDEV={name} /usr/libexec/ddx/disk")  # and back
+    robot.run(f"ACTION=add MDEV={name} /usr/libexec/ddx/disk")  # plugged in again
     wait_until(lambda: robot.mounted("/rec"))
 
 
-def test_a_disk_that_is_none_for_recordings_is_left_alone(robot: Robot) -> None:
+def test_other_disks_are_left_alone(robot: Robot) -> None:
     robot.spoil("DDXREC", 0, 160 * MIB)
     robot.boot()
     robot.see_to_recordings()
@@ -167,7 +167,7 @@ def test_a_disk_that_is_none_for_recordings_is_left_alone(robot: Robot) -> None:
     assert robot.devices["DDXDATA"] not in log and "none" not in log
 
 
-def test_nobody_waits_for_a_long_check_but_the_recorder(robot: Robot) -> None:
+def test_only_the_recorder_waits_for_a_long_check(robot: Robot) -> None:
     os.mkfifo(robot.root / "run/patience")
     real = robot.run("command -v e2fsck")[1].strip()
     shutil.move(robot.root / real.lstrip("/"), robot.root / "bin/e2fsck.real")
@@ -190,7 +190,7 @@ def test_nobody_waits_for_a_long_check_but_the_recorder(robot: Robot) -> None:
     assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
     robot.run("umount /rec && /usr/libexec/ddx/service thing start")
     wait_until(lambda: state() == "state=waiting")
-    # a waiting service can be stopped, too
+    # a waiting service can be stopped
     assert robot.run("/usr/libexec/ddx/service thing stop")[1] == "Stopping thing: OK\n"
     assert state() == "state=stopped"
 
@@ -206,13 +206,13 @@ def test_settings_beyond_repair_come_from_their_copy(robot: Robot, copy: str) ->
     robot.spoil("DDXDATA", 0, 32 * MIB)
     assert robot.boot() == (1, "Starting storage: FAIL: data\n")
     assert LOST[copy] in (robot.root / "run/settings.lost").read_text()
-    wait_until(lambda: robot.mounted("/rec"))  # recordings do not mind
+    wait_until(lambda: robot.mounted("/rec"))  # independent of the settings
     found = robot.run("cat /data/ddx/thing.conf /data/ddx/thing.b.conf")[1]
     assert (found == "enabled=no\nrate=5\n") == (copy == "copy")
 
 
-def test_what_is_set_without_a_disk_for_settings_holds(robot: Robot) -> None:
-    """Their copy takes it, and the next boot begins with that."""
+def test_settings_made_without_their_disk_are_kept(robot: Robot) -> None:
+    """They are saved in the copy, which the next boot uses."""
     robot.spoil("DDXDATA", 0, 32 * MIB)
     robot.boot()
     wait_until(lambda: robot.told().endswith("is there"))
@@ -222,7 +222,7 @@ def test_what_is_set_without_a_disk_for_settings_holds(robot: Robot) -> None:
     assert robot.run("cat /data/ddx/thing.conf")[1] == "enabled=no\n"
 
 
-def test_settings_that_were_repaired_are_those_of_the_copy(robot: Robot) -> None:
+def test_after_a_repair_the_settings_come_from_the_copy(robot: Robot) -> None:
     robot.write_settings()
     robot.run("mount -t ext4 {DDXDATA} /data && echo enabled=maybe > /data/ddx/thing.conf && "
               "touch /data/ddx/other.conf && umount /data".format(**robot.devices))
@@ -233,7 +233,7 @@ def test_settings_that_were_repaired_are_those_of_the_copy(robot: Robot) -> None
         "thing.b.conf\nthing.conf\nenabled=no\nkept\n")
 
 
-def test_who_still_holds_a_disk_is_ended_before_it_is_unmounted(robot: Robot) -> None:
+def test_programs_that_use_a_disk_are_killed_before_it_is_unmounted(robot: Robot) -> None:
     robot.boot()
     wait_until(lambda: robot.told().endswith("is there"))
     holders = [robot.start("cd /rec && exec sleep 1000"),

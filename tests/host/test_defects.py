@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The defects of tests/defects: all can be put into the present sources, and those with a switch are noticed."""
+"""The defects of tests/defects: all patches apply to the sources, and tests find those with a switch."""
 from __future__ import annotations
 
 import pathlib
@@ -35,8 +35,8 @@ def test_the_product_has_no_switch() -> None:
     assert found == []
 
 
-def test_each_test_is_there() -> None:
-    """Else `make defects` would find out late."""
+def test_each_named_test_exists() -> None:
+    """Otherwise `make defects` would find out late."""
     c_names = {name for path in (TOP / "package").rglob("meson.build")
                for name in re.findall(r"'([^'\n]+)'", path.read_text())}
     for one in DEFECTS:
@@ -52,5 +52,5 @@ def test_each_test_is_there() -> None:
 @pytest.mark.parametrize("defect, test, words", [
     pytest.param(one, test, words, id=f"{one.name}-{pathlib.Path(test.split()[0]).name}")
     for one in DEFECTS if one.switched for test, words in one.tests if not test.startswith("fuzz: ")])
-def test_a_switched_defect_is_noticed(defect: Defect, test: str, words: str) -> None:
+def test_a_switched_defect_is_found(defect: Defect, test: str, words: str) -> None:
     assert noticed(defect, test, words)

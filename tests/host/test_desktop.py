@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`make desktop`, and the examples built and run with what it installs."""
+"""`make desktop`, and the examples built and run with its installation."""
 from __future__ import annotations
 
 import json
@@ -49,7 +49,7 @@ def test_each_installed_program_has_a_page_for_man(installed: pathlib.Path) -> N
 
 @pytest.fixture
 def environment(desk: Desk, installed: pathlib.Path) -> dict[str, str]:
-    """Of a developer with that prefix; Python finds the library by itself."""
+    """The environment of a developer with that prefix; Python finds the library without it."""
     prefix = installed / "opt/ddx"
     library = next(prefix.glob("lib/**/libddx.so")).parent
     return {**{name: value for name, value in desk.environment.items() if name != "LD_LIBRARY_PATH"},
@@ -58,12 +58,12 @@ def environment(desk: Desk, installed: pathlib.Path) -> dict[str, str]:
 
 
 def libraries(installed: pathlib.Path) -> dict[str, str]:
-    """For a compiled program: it looks for its library where the prefix says, without the test's DESTDIR."""
+    """The library path for compiled programs, which search below the prefix, without the test's DESTDIR."""
     return {"LD_LIBRARY_PATH": str(next((installed / "opt/ddx").glob("lib/**/libddx.so")).parent)}
 
 
 def test_a_program_finds_its_library_below_the_prefix(installed: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """By its RUNPATH; below /usr/local the dynamic linker looks by itself, and an rpath would only be in the way."""
+    """By its RUNPATH; /usr/local needs none, since the dynamic linker searches there."""
     folder = next((installed / "opt/ddx").glob("lib/**/ddx.pc")).parent
     environment = {"PATH": "/usr/bin:/bin", "PKG_CONFIG_PATH": str(folder)}
     flags = subprocess.run(["pkg-config", "--libs", "ddx"], env=environment, capture_output=True, text=True, check=True)
@@ -74,7 +74,7 @@ def test_a_program_finds_its_library_below_the_prefix(installed: pathlib.Path, t
 
 
 def test_pip_installs_the_modules(tmp_path: pathlib.Path) -> None:
-    """From a copy: setuptools builds where the sources are."""
+    """From a copy, since setuptools writes into the source folder."""
     shutil.copytree(TOP / "package/ddx/python", tmp_path / "source")
     subprocess.run(["/usr/bin/python3", "-m", "pip", "install", "-q", "--no-index", "--no-deps", "--no-build-isolation",
                     "--root-user-action=ignore", "--target", tmp_path / "site", tmp_path / "source"], check=True)
@@ -85,7 +85,7 @@ def test_pip_installs_the_modules(tmp_path: pathlib.Path) -> None:
 
 def test_examples_of_the_manual(desk: Desk, installed: pathlib.Path, environment: dict[str, str],
                                 tmp_path: pathlib.Path) -> None:
-    """Beside a clip whose pictures are known."""
+    """Run with a clip whose pictures are known."""
     flags = subprocess.run(["pkg-config", "--cflags", "--libs", "ddx"], env=environment, capture_output=True, text=True,
                            check=True).stdout.split()
     program = tmp_path / "reader"
@@ -98,7 +98,7 @@ def test_examples_of_the_manual(desk: Desk, installed: pathlib.Path, environment
     assert nothing.returncode == 1 and nothing.stderr == "video: No such file or directory\n"
     # The item exists from its first writer on, so that both readers find it.
     assert desk.run("ddxvideoload", clip).returncode == 0
-    # Each ends when there was no frame for a second, and keeps one frame: the slow starter first, and a slow clip.
+    # Each exits after a second without a frame, and keeps one frame: start the slower one first, with a slow clip.
     readers = []
     for command in [*PYTHON, str(TOP / "examples/reader.py")], [str(program)]:
         readers.append(subprocess.Popen([*MORTAL, *command], env={**environment, **libraries(installed)},
@@ -124,15 +124,15 @@ def test_the_manual_shows_the_examples(name: str, language: str) -> None:
 
 @pytest.mark.parametrize("name, language", [("edges/edges.cpp", "cpp"), ("blob.py", "python")])
 def test_the_manual_quotes_the_examples(name: str, language: str) -> None:
-    """The part that matters of each, as it is in the example."""
+    """The quoted part equals the example."""
     section = re.search(r"\n## Video from your own program\n.*?\n## ", (TOP / "docs/store.md").read_text(), re.DOTALL)
     assert section
     quoted = re.findall(rf"```{language}\n(.*?)```\n", section[0], re.DOTALL)
     assert len(quoted) == 1 and quoted[0] in (TOP / "examples" / name).read_text()
 
 
-def test_the_manual_names_both_times(environment: dict[str, str]) -> None:
-    """When a frame was written, and when its picture was captured."""
+def test_python_s_help_names_both_times(environment: dict[str, str]) -> None:
+    """The time when a frame was written, and when its picture was captured."""
     shown = subprocess.run([*PYTHON, "-c", "import ddx; help(ddx)"], env=environment, capture_output=True, text=True,
                            check=True).stdout
     for text in shown, *((TOP / "docs" / page).read_text() for page in ("store.md", "logging.md")):
@@ -140,7 +140,7 @@ def test_the_manual_names_both_times(environment: dict[str, str]) -> None:
 
 
 def test_the_video_library_calls_no_ffmpeg(installed: pathlib.Path) -> None:
-    """docs/licences.md says so: a closed program may link to it."""
+    """As docs/licences.md promises, so that a closed program may link to it."""
     library = next((installed / "opt/ddx").glob("lib/**/libddxvideo.a"))
     needed = subprocess.run(["nm", "--undefined-only", library], capture_output=True, text=True, check=True).stdout
     assert "ddx_store_create" in needed and not re.search(r"\b(av|sws|swr)", needed)
@@ -153,7 +153,7 @@ def newest(desk: Desk, item: str) -> dict[str, Any]:
 
 
 def play(desk: Desk, clip: pathlib.Path, command: list[str], environment: dict[str, str], item: str) -> None:
-    """Show a clip to an example until the newest value that it has written is that of the clip's last picture."""
+    """Play a clip to an example until the newest value that it wrote belongs to the clip's last picture."""
     last = len(pictures(clip)) - 1
     loader = desk.start("ddxvideoload", clip, "-readers", "2")
     original = start_recorder(desk, "-output", desk.folder / "video.y4m")
@@ -171,15 +171,15 @@ def play(desk: Desk, clip: pathlib.Path, command: list[str], environment: dict[s
 
 
 def stamps(path: pathlib.Path) -> list[int]:
-    """The capture time of each picture, ns: that of the first one, and its distance to each."""
+    """The capture time of each picture, ns: the time of the first plus the distance to it."""
     first = next(line for line, picture in read_y4m(path) if picture)
     start = re.search(r"XDDX_START=(\d+)", first)
     assert start, first
     return [int(start[1]) + passed for passed in times(path)]
 
 
-def test_the_program_of_the_front_page(desk: Desk, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
-    """The README's first lines of code, beside a clip; each frame's mean luminance is that of the clip's picture."""
+def test_the_program_in_the_readme(desk: Desk, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
+    """Each mean luminance that it prints is that of the clip's picture."""
     block = re.search(r"```python\n(.*?)```", (TOP / "README.md").read_text(), re.S)
     assert block
     clip = make_clip(tmp_path / "clip.y4m", frames=5)
@@ -196,8 +196,9 @@ def test_the_program_of_the_front_page(desk: Desk, environment: dict[str, str], 
     assert result(loader)[0] == 0
 
 
-def test_edges(desk: Desk, installed: pathlib.Path, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
-    """C++ with OpenCV, built by CMake: each picture out has the capture time of the picture that it was made from."""
+def test_example_edges(desk: Desk, installed: pathlib.Path, environment: dict[str, str],
+                       tmp_path: pathlib.Path) -> None:
+    """C++ with OpenCV, built with CMake: each output picture has its source's capture time."""
     build = tmp_path / "build"
     for command in ["cmake", "-S", str(TOP / "examples/edges"), "-B", str(build),
                     "-DCMAKE_CXX_FLAGS=-Wall -Wextra -Werror"], ["cmake", "--build", str(build)]:
@@ -219,8 +220,8 @@ def test_edges(desk: Desk, installed: pathlib.Path, environment: dict[str, str],
         assert slope[luma == 255].mean() > 5 * slope[luma == 0].mean()
 
 
-def test_blob(desk: Desk, installed: pathlib.Path, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
-    """Python: where the red square was, as a value of the picture's own time."""
+def test_example_blob(desk: Desk, installed: pathlib.Path, environment: dict[str, str], tmp_path: pathlib.Path) -> None:
+    """Python: the position of the red square, with the capture time of the picture."""
     clip = tmp_path / "clip.y4m"
     with clip.open("wb") as file:
         file.write(b"YUV4MPEG2 W64 H48 F25:1 Ip A1:1 C420jpeg\n")

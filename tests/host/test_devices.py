@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Whose a device is: the image's mdev with its settings, and devices that no emulated machine has."""
+"""Owners of devices: the image's mdev with its settings, and devices that no emulated machine has."""
 from __future__ import annotations
 
 import os
@@ -14,7 +14,7 @@ from parts.image import native
 
 from .appliance import Appliance
 
-# Name in /dev, number, and what it has to become.
+# Name in /dev, number, expected owner, group and mode.
 DEVICES = [
     ("video0", "81:0", "ddxgrab video 660"), ("media0", "249:0", "ddxgrab video 660"),
     ("fw0", "248:0", "ddx1394 video 660"), ("bus/usb/001/002", "189:1", "ddx1394 video 660"),
@@ -27,7 +27,7 @@ DEVICES = [
 
 def test_each_kind_of_device_has_its_owner(tmp_path: pathlib.Path) -> None:
     if os.geteuid() != 0:
-        pytest.skip("a root folder of one's own takes root")
+        pytest.skip("a separate root folder needs root")
     build.dev([native.build()])
     appliance = Appliance(tmp_path)
     for name in ("passwd", "group", "mdev.conf"):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""All services of the image die again and again, or hang, at the same time, and the store for itself: they get pauses,
-or are replaced, and that is counted and shown. One after the other, where no other service may notice, in the emulated
-machine: tests/boot/test_each_service.py."""
+"""All services of the image die repeatedly, or hang, at the same time, and the store separately: they are restarted
+with pauses or replaced, which is counted and reported. tests/boot/test_each_service.py does it one by one in the
+emulated machine, where no other service may be affected."""
 from __future__ import annotations
 
 import pathlib
@@ -26,7 +26,7 @@ SETTINGS = {"ddxvideoload": "loop=\n", SAVE: "segment=16\n", SEND: "interface=lo
 
 @pytest.fixture
 def robot(root: pathlib.Path, tmp_path: pathlib.Path) -> Iterator[NativeMachine]:
-    """All of them run."""
+    """A machine with all services running."""
     (tmp_path / "test").mkdir()
     clip.write(tmp_path / "test/clip.y4m", 1)
     (tmp_path / "test/stereo.yml").write_text(calibration.text(calibration.ideal(352, 144)))
@@ -40,12 +40,12 @@ def robot(root: pathlib.Path, tmp_path: pathlib.Path) -> Iterator[NativeMachine]
 
 
 def books(robot: NativeMachine, name: str) -> list[counters.Counters]:
-    """Its counters, if the store has any."""
+    """The service's counters in the store, if any."""
     return counters.of(name, robot.run("ddxctl stats --json")[1])
 
 
 def frames(robot: NativeMachine, name: str) -> int:
-    """How many it let through."""
+    """The number of frames that it put out."""
     return sum(one.out for one in books(robot, name))
 
 
@@ -54,7 +54,7 @@ def restarts(robot: NativeMachine) -> dict[str, int]:
 
 
 def logs(robot: NativeMachine, wanted: dict[str, int]) -> str:
-    """Logs of the services that were not started as often as wanted, and of ddxhealth."""
+    """Logs of ddxhealth and of the services with a wrong number of restarts."""
     wrong = [name for name, often in restarts(robot).items() if often != wanted[name]]
     return "".join(f"--- {name}\n{robot.sh(f'ddxctl logs {name}')}" for name in [*wrong, "ddxhealth"])
 
@@ -76,8 +76,8 @@ def test_a_service_that_dies_repeatedly_is_delayed_and_reported(robot: NativeMac
     assert restarts(robot) == wanted, logs(robot, wanted)
 
 
-def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
-    """All except ddxhealth; the store separately, since its silence hides that of the others."""
+def test_services_that_hang_are_replaced_and_counted(robot: NativeMachine) -> None:
+    """All except ddxhealth; the store separately, since it hides the others' signs of life."""
     hung = tuple(name for name in OTHERS if name != "ddxhealth")
     for names in (hung, ("store",)):
         for name in names:
@@ -85,10 +85,10 @@ def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
         pids = {name: robot.sh(f"cat /run/service/{name}/supervise/pid") for name in names}
         begin = time.monotonic()
         robot.sh(f"pids='{' '.join(pids.values())}'; "
-                 "kill -STOP $pids $(for pid in $pids; do pgrep -P $pid; done)")  # of the store its worker, too
+                 "kill -STOP $pids $(for pid in $pids; do pgrep -P $pid; done)")  # including the store's worker
         for name in names:
             robot.wait_until(f"ddxctl status {name} | grep -q 'state=running .*restarts=1$'")
-        print(f"replaced within {time.monotonic() - begin:.1f} s: {' '.join(names)}")  # wanted: 10
+        print(f"replaced within {time.monotonic() - begin:.1f} s: {' '.join(names)}")  # the goal is 10
         said = robot.sh("ddxctl logs ddxhealth")
         for name, pid in pids.items():
             assert f"{name}: no sign of life from process {pid}, killed" in said
@@ -96,9 +96,9 @@ def test_what_hangs_is_replaced_and_counted(robot: NativeMachine) -> None:
     assert restarts(robot) == wanted, logs(robot, wanted)
 
 
-def test_a_worker_of_the_store_that_hangs(robot: NativeMachine) -> None:
-    """Another one takes its place before any client gives up: no service stops, the store
-    as a whole is not restarted, and no recorded frame is lost."""
+def test_a_worker_of_the_store_that_hangs_is_replaced(robot: NativeMachine) -> None:
+    """It is replaced before any client gives up: no service stops, the store is not restarted, and no recorded frame
+    is lost."""
     wait_until(lambda: frames(robot, SAVE) > 0)
     pid = robot.sh("cat /run/service/store/supervise/pid")
     worker = robot.sh(f"pgrep -P {pid}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Whatever happens to writer, recorder and disk: what was written is in files, or a book says why it is not."""
+"""After random events to writer, recorder and disk, every written frame is in a file or counted with a reason."""
 from __future__ import annotations
 
 import concurrent.futures
@@ -10,8 +10,8 @@ import pytest
 from .events import play, write_clips
 
 SEEDS = range(20)
-RED = ()  # seeds that found something once
-SIDE_BY_SIDE = 4  # they mostly wait
+RED = ()  # seeds that found a defect
+SIDE_BY_SIDE = 4  # scripts in parallel: they mostly wait
 
 
 def play_all(seeds: list[int], folder: pathlib.Path) -> None:
@@ -22,10 +22,10 @@ def play_all(seeds: list[int], folder: pathlib.Path) -> None:
     assert not wrong, f"{len(wrong)} of {len(seeds)} seeds:\n" + "\n\n".join(wrong[:5])
 
 
-def test_scripts_of_events(tmp_path: pathlib.Path) -> None:
+def test_random_scripts_of_events(tmp_path: pathlib.Path) -> None:
     play_all([*SEEDS, *RED], tmp_path)
 
 
 @pytest.mark.long
-def test_many_scripts_of_events(tmp_path: pathlib.Path) -> None:
+def test_many_random_scripts_of_events(tmp_path: pathlib.Path) -> None:
     play_all(list(range(100, 2100)), tmp_path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""EXTERNAL=path[:path]: a package, a board and an overlay of another tree are in the image by the rules of ours."""
+"""EXTERNAL=path[:path]: a package, a board and an overlay of another tree are built like ours."""
 from __future__ import annotations
 
 import os
@@ -64,7 +64,7 @@ def _mine(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Pa
 
 @pytest.fixture(name="desk")
 def _desk(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
-    """A build that goes on from the desk's, elsewhere: other tests run its programs. Without these it is faster."""
+    """A copy of the desk's build, since other tests run its programs. It is faster without the large packages."""
     shutil.copytree(OUTPUT / "desk/root", tmp_path / "desk/root", symlinks=True, ignore=shutil.ignore_patterns("*bin"))
     monkeypatch.setattr(native, "OUTPUT", tmp_path)
     return tmp_path / "desk/root"
@@ -90,18 +90,18 @@ def test_an_image_has_program_user_script_settings_and_overlay(mine: pathlib.Pat
     assert wanted == found and "S70blink" in found
 
 
-def test_nothing_stays_of_a_tree_that_is_no_longer_named(mine: pathlib.Path, desk: pathlib.Path,
+def test_a_tree_that_is_no_longer_named_leaves_no_files(mine: pathlib.Path, desk: pathlib.Path,
                                                          monkeypatch: pytest.MonkeyPatch) -> None:
     native.build(chosen=["blink"])
     assert (desk / "usr/bin/blink").exists()
     monkeypatch.delenv("EXTERNAL")
     native.build(chosen=[])
     assert not (desk / "usr/bin/blink").exists() and not (desk.parent / "blink").exists()
-    assert not list(desk.glob(".ddx*"))  # no stamp stays either: the next build has to install ours again
+    assert not list(desk.glob(".ddx*"))  # no stamps either, so that the next build installs ours again
 
 
 def test_buildroot_has_both_trees(mine: pathlib.Path, tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """What it is called with; a makefile stands for Buildroot."""
+    """Checks its arguments; a makefile replaces Buildroot."""
     (tmp_path / "stub").mkdir()
     (tmp_path / "stub/Makefile").write_text("%_defconfig:\n\techo '$@ $(BR2_EXTERNAL)' > $(O)/.config\n")
     monkeypatch.setattr(buildroot, "checkout", lambda: tmp_path / "stub")
@@ -112,7 +112,7 @@ def test_buildroot_has_both_trees(mine: pathlib.Path, tmp_path: pathlib.Path, mo
     assert (tmp_path / "out/.config").read_text() == f"ddxvideo_lamp_defconfig {TOP}/buildroot-external:{mine}\n"
     (mine / "package/blink/Config.in").write_text(FILES["package/blink/Config.in"].replace("y\n", "n\n"))
     (tmp_path / "out/.config").write_text("by hand\n")
-    buildroot.configured("lamp")  # there is something else to choose from
+    buildroot.configured("lamp")  # there are other trees to choose from
     assert "by hand" not in (tmp_path / "out/.config").read_text()
 
 
@@ -128,7 +128,7 @@ def test_buildroot_makes_the_user_and_takes_the_overlay(mine: pathlib.Path, tmp_
     assert "BR2_PACKAGE_BLINK=y\n" in (tmp_path / "out/.config").read_text()
 
 
-def test_what_changes_in_another_tree_is_built_again(mine: pathlib.Path) -> None:
+def test_changes_in_another_tree_are_built(mine: pathlib.Path) -> None:
     config = 'BR2_LINUX_KERNEL_CONFIG_FRAGMENT_FILES="$(BR2_EXTERNAL_MINE_PATH)/board/lamp/kernel.fragment"\n'
 
     def keys() -> dict[str, str]:
@@ -140,7 +140,7 @@ def test_what_changes_in_another_tree_is_built_again(mine: pathlib.Path) -> None
         (mine / name).write_text(FILES[name] + "\n")
         after = keys()
         assert sorted(key for key in after if after[key] != before[key]) == sorted({concerned, "target"})
-    assert "blink-reconfigure" not in renew.keys(config, "1", "2")  # where it was not chosen, it is not built
+    assert "blink-reconfigure" not in renew.keys(config, "1", "2")  # a package that is not selected is not built
 
 
 def spoil(mine: pathlib.Path, name: str, text: str) -> None:
@@ -161,7 +161,7 @@ def spoil(mine: pathlib.Path, name: str, text: str) -> None:
     ("package/blink/programs.txt", ". S70blink blink 0 a lamp\n", "from 901 to 999"),
     ("external.desc", "desc: no name\n", "external.desc has no line `name: NAME`"),
     ("external.desc", "name: DDXVIDEO\n", "mine has the name of")])
-def test_what_contradicts_is_refused(mine: pathlib.Path, name: str, text: str, words: str) -> None:
+def test_conflicts_between_trees_are_refused(mine: pathlib.Path, name: str, text: str, words: str) -> None:
     spoil(mine, name, text)
     with pytest.raises(BadInput, match=words):
         tables.programs()
@@ -178,12 +178,12 @@ def test_a_folder_that_is_not_there_is_one_line_and_status_2(tool: list[str], tm
     assert f"EXTERNAL: {tmp_path} is no tree: it has no folder package, board" in done.stdout.splitlines()[-1]
 
 
-def test_a_path_begins_at_our_tree(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_path_is_relative_to_our_tree(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EXTERNAL", ":../gone:")
     with pytest.raises(BadInput, match=f"EXTERNAL: {TOP.parent}/gone is not there"):
         trees.others()
 
 
-def test_numbers_from_950_on_are_those_of_other_trees(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_numbers_from_950_on_belong_to_other_trees(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("EXTERNAL", raising=False)
     assert max(int(one.number) for one in tables.programs()) < 950

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The disk loses what was written, and reports that once, as Linux does. What the next flush says is not believed: what
-was written since the last good flush is lost, counted, and not in the file."""
+"""The disk loses written data and, like Linux, reports it once. A later successful flush proves nothing: frames written
+since the last good flush are counted as lost and are not in the file."""
 from __future__ import annotations
 
 import pathlib
@@ -24,7 +24,7 @@ class Disk:
         self.library = preload("stalled_disk", folder)
 
     def wrapper(self, end: str, what: str = "FAILED_FLUSH") -> tuple[str, ...]:
-        """For a program whose flushes of files that end so fail, once after each fail()."""
+        """A wrapper under which a flush of files with this ending fails once after each fail()."""
         return ("env", f"LD_PRELOAD={self.library}", f"{what}={self.failure}", f"FAILED_OF={end}",
                 f"FLUSHED={self.flushes}")
 
@@ -41,7 +41,7 @@ def disk(desk: Desk) -> Disk:
     return Disk(desk.folder)
 
 
-def test_a_file_that_grows(desk: Desk, disk: Disk, clip: pathlib.Path) -> None:
+def test_a_failed_flush_of_a_growing_file(desk: Desk, disk: Disk, clip: pathlib.Path) -> None:
     disk.fail()
     saver = start_recorder(desk, "-output", "out.y4m", wrapper=disk.wrapper(".y4m"))
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
@@ -52,7 +52,7 @@ def test_a_file_that_grows(desk: Desk, disk: Disk, clip: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize("end", [".y4m", ".index"])
-def test_a_file_of_the_pool(desk: Desk, disk: Disk, clip: pathlib.Path, end: str) -> None:
+def test_a_failed_flush_of_a_pool_file(desk: Desk, disk: Disk, clip: pathlib.Path, end: str) -> None:
     saver = start_recorder(desk, "-output", "rec", "-segment", "4", wrapper=disk.wrapper(end))
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
     wait_until(lambda: desk.out("ddxvideosave") == 20)
@@ -67,7 +67,7 @@ def test_a_file_of_the_pool(desk: Desk, disk: Disk, clip: pathlib.Path, end: str
     assert (done.returncode, done.stdout) == (0, f"{file.name}: good, 20 frames\n")
 
 
-def test_a_log(desk: Desk, disk: Disk, compile_client: Compiler) -> None:
+def test_a_failed_flush_of_a_log(desk: Desk, disk: Disk, compile_client: Compiler) -> None:
     logger = begin(desk, wrapper=disk.wrapper(".mcap"))
     write(desk, compile_client, "first", 20, 1000)
     wait_until(lambda: desk.out("ddxlog") == 20)
@@ -78,13 +78,13 @@ def test_a_log(desk: Desk, disk: Disk, compile_client: Compiler) -> None:
     status, counters = result(logger)
     assert status == 1 and not disk.failure.exists() and "Input/output error" in desk.errors(logger)
     assert counters["out"] == 20 and counters["lost"]["write"] == lost(counters) == counters["in"] - 20 > 0
-    assert desk.run("ddxlog", "-recover", only(desk)).returncode == 0  # its end is missing
+    assert desk.run("ddxlog", "-recover", only(desk)).returncode == 0  # it has no end record
     log = logs.read(only(desk))
     assert len(log.values["first"]) == 20 and "second" not in log.values
 
 
-def test_a_copy_on_a_stick(desk: Desk, disk: Disk, clip: pathlib.Path) -> None:
-    """Its name may not be there when the stick is pulled: it is not exported."""
+def test_a_failed_flush_of_an_exported_copy(desk: Desk, disk: Disk, clip: pathlib.Path) -> None:
+    """The file's name may not be safe on the stick, so the export fails."""
     saver = start_recorder(desk, "-output", "rec", "-segment", "4")
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
     saver.terminate()

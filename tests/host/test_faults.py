@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Damaged clips, full disks, killed programs: what was recorded stays readable, and every frame is counted."""
+"""Damaged clips, full disks, killed programs: recordings stay readable, and every frame is counted."""
 from __future__ import annotations
 
 import json
@@ -31,7 +31,7 @@ def recording_begun(path: pathlib.Path, frames: int = 3) -> bool:
 
 @pytest.mark.parametrize("cut", [1, PICTURE // 2, PICTURE, PICTURE + 3])
 def test_clip_cut_short(desk: Desk, clip: pathlib.Path, cut: int) -> None:
-    """Its whole frames are played, then it is said."""
+    """Its whole frames are played, then the truncation is reported."""
     clip.write_bytes(clip.read_bytes()[:-cut])
     saver = start_recorder(desk, "-output", "out.y4m")
     loader = desk.run("ddxvideoload", clip, "-readers", "1")
@@ -89,7 +89,7 @@ def test_disk_full(desk: Desk, clip: pathlib.Path, small_disk: pathlib.Path, out
 
 
 def test_file_that_opens_late(desk: Desk) -> None:
-    """The thread that takes frames waits for no disk, not even for the first file's name."""
+    """The thread that takes frames does not wait for the disk, not even for the first file's name."""
     clip, pipe = make_clip(desk.folder / "clip.y4m", "64x48", "50", 100), desk.folder / "pipe"
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe)
@@ -112,7 +112,7 @@ def test_disk_full_from_the_start(desk: Desk, clip: pathlib.Path, small_disk: pa
 
 
 def test_slow_disk(desk: Desk, clip: pathlib.Path) -> None:
-    """A pipe without reader: frames are lost in the ring and counted, and the rest is in order."""
+    """A pipe without a reader: frames are lost in the ring and counted, and the rest is in order."""
     pipe = desk.folder / "pipe"
     os.mkfifo(pipe)
     saver = start_recorder(desk, "-output", pipe, "-ring", "4")
@@ -136,7 +136,7 @@ def test_slow_disk(desk: Desk, clip: pathlib.Path) -> None:
     assert [played.index(frame) for frame in frames] == sorted(played.index(frame) for frame in frames)
 
 
-# ---- Signals and ends ----
+# ---- Signals and exits ----
 
 def test_report_on_request(desk: Desk, clip: pathlib.Path) -> None:
     saver = start_recorder(desk, "-output", "out.y4m")
@@ -163,7 +163,7 @@ def test_stop_while_waiting(desk: Desk, clip: pathlib.Path, number: signal.Signa
         begin = time.monotonic()
         status, counters = stop(process, number)
         assert status == 0 and counters["in"] == 0
-        assert time.monotonic() - begin < 5  # else a service is killed
+        assert time.monotonic() - begin < 5  # after 5 s a service is killed
     assert not (desk.folder / "out.y4m").exists()
 
 
@@ -176,7 +176,7 @@ def test_stop_without_store(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_killed_recorder(desk: Desk, clip: pathlib.Path) -> None:
-    """Everything up to the last whole frame is there; the next start goes on counting where the dead one ended."""
+    """The file ends with the last whole frame, and the next recorder continues its counters."""
     first, second = desk.folder / "first.y4m", desk.folder / "second.y4m"
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     saver = start_recorder(desk, "-output", first)
@@ -201,7 +201,7 @@ def test_killed_recorder(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_recorder_held_up(desk: Desk, clip: pathlib.Path) -> None:
-    """A recorder that is stopped for a while misses frames; it says which, and the numbers add up."""
+    """A frozen recorder misses frames; it reports their numbers, and the counters add up."""
     saver = desk.start("ddxvideosave", "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: recording_begun(desk.folder / "out.y4m"))
@@ -226,7 +226,7 @@ def test_recorder_held_up(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_a_recorder_that_waits_misses_no_first_frame(desk: Desk) -> None:
-    """It gets no time while the first ones are written, all of them within 60 ms."""
+    """The recorder is frozen while the first frames are written, all within 60 ms."""
     clip = make_clip(desk.folder / "clip.y4m", frames=7)
     saver = desk.start("ddxvideosave", "-output", "out.y4m")
     wait_until(lambda: "waiting for video" in desk.errors(saver))
@@ -240,7 +240,7 @@ def test_a_recorder_that_waits_misses_no_first_frame(desk: Desk) -> None:
 
 
 def test_frames_before_the_item_was_found_are_counted(desk: Desk, clip: pathlib.Path) -> None:
-    """The recorder was there first, and got no time to notice the new writer."""
+    """The recorder started first, but was frozen before it noticed the new writer."""
     saver = desk.start("ddxvideosave", "-output", "out.y4m")
     wait_until(lambda: "waiting for video" in desk.errors(saver))
     saver.send_signal(signal.SIGSTOP)
@@ -254,7 +254,7 @@ def test_frames_before_the_item_was_found_are_counted(desk: Desk, clip: pathlib.
     missed = saved["lost"]["store"]
     assert status == 0 and missed > 20
     assert saved["in"] == loaded["out"] == saved["out"] + missed
-    # At once, if the recorder gets the processor then.
+    # Reported at once if the recorder runs then.
     said = re.findall(r"lost frames? (\d+)(?: to (\d+))?:", desk.errors(saver))
     first, last = said[0]
     assert int(first) == 0 and int(last) > 20
@@ -263,8 +263,8 @@ def test_frames_before_the_item_was_found_are_counted(desk: Desk, clip: pathlib.
     assert len(found) == saved["out"] and found[-1] // 10_000_000 + 2 + int(last) == loaded["out"]
 
 
-def test_a_pause_of_most_of_a_second_loses_nothing(desk: Desk) -> None:
-    """Of a second's frames, that is: they come slowly here, so that no other pause adds up with it."""
+def test_a_pause_within_the_kept_frames_loses_nothing(desk: Desk) -> None:
+    """A pause of most of the kept frames; the rate is low, so that other delays do not add up."""
     clip = make_clip(desk.folder / "clip.y4m")
     saver = desk.start("ddxvideosave", "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "0.4")
@@ -278,20 +278,20 @@ def test_a_pause_of_most_of_a_second_loses_nothing(desk: Desk) -> None:
     assert status == 0 and lost(saved) == 0 and saved["in"] == saved["out"] == loaded["out"]
 
 
-def test_so_many_frames_are_kept_as_it_asks_for(desk: Desk, clip: pathlib.Path) -> None:
+def test_the_store_keeps_as_many_frames_as_requested(desk: Desk, clip: pathlib.Path) -> None:
     saver = desk.start("ddxvideosave", "-output", "out.y4m", "-keep", "64")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "0.5")
     wait_until(lambda: recording_begun(desk.folder / "out.y4m"))
     saver.send_signal(signal.SIGSTOP)
     begin = desk.out("ddxvideoload")
-    wait_until(lambda: desk.out("ddxvideoload") >= begin + 35)  # without -keep it is 25 that are kept
+    wait_until(lambda: desk.out("ddxvideoload") >= begin + 35)  # without -keep the store keeps 25
     saver.send_signal(signal.SIGCONT)
     _, loaded = stop(loader)
     status, saved = stop(saver)
     assert status == 0 and lost(saved) == 0 and saved["in"] == saved["out"] == loaded["out"]
 
 
-def test_a_store_with_little_room_keeps_less_for_the_recorder(tmp_path: pathlib.Path) -> None:
+def test_a_small_store_keeps_fewer_frames_for_the_recorder(tmp_path: pathlib.Path) -> None:
     desk = Desk(tmp_path, "3M")
     try:
         clip = make_clip(desk.folder / "clip.y4m")
@@ -321,7 +321,7 @@ def test_killed_loader(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_store_restarted(desk: Desk, clip: pathlib.Path) -> None:
-    """The frame path does not need the store: it can go and come back in the middle of a recording."""
+    """The frame path does not need the store, which may restart during a recording."""
     saver = start_recorder(desk, "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: recording_begun(desk.folder / "out.y4m"))
@@ -338,7 +338,7 @@ def test_store_restarted(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_broken_writer(desk: Desk, compile_client: Compiler) -> None:
-    """Frames whose numbers make no sense are counted as lost; the others are recorded."""
+    """Frames with impossible sizes are counted as lost; the others are recorded."""
     saver = start_recorder(desk, "-output", "out.y4m")
     assert desk.run(compile_client("item_client", "ddxvideo"), "broken_grabber").returncode == 0
     status, saved = stop(saver)
@@ -383,7 +383,7 @@ def test_no_room_in_the_store(tmp_path: pathlib.Path) -> None:
         desk.end()
 
 
-# ---- Another kind of picture ----
+# ---- Change of picture size ----
 
 def test_change_of_size_in_a_file(desk: Desk, clip: pathlib.Path) -> None:
     other = make_clip(desk.folder / "other.y4m", "32x32", "100", 20)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The first frames of a clip: each is in the recording, or counted as lost there, however few and fast they are."""
+"""Each of a clip's first frames is recorded or counted as lost, at any number and rate."""
 from __future__ import annotations
 
 import json
@@ -9,7 +9,7 @@ import pytest
 
 from .programs import Counters, Desk, lost, make_clip, pictures, result, stop, wait_until
 
-COUNTS = [1, 2, 3, 8, 9, 10, 11, 30]  # around what the store keeps for a recorder, 8
+COUNTS = [1, 2, 3, 8, 9, 10, 11, 30]  # around 8, the number that the store keeps for a recorder
 
 
 @pytest.fixture(scope="module")
@@ -19,12 +19,12 @@ def clips(tmp_path_factory: pytest.TempPathFactory) -> dict[int, pathlib.Path]:
 
 
 def check(desk: Desk, clip: pathlib.Path, loaded: Counters, saved: Counters) -> None:
-    """The loader wrote all frames; what of them the recorder did not lose is in its file."""
+    """Check that the loader wrote all frames, and the file has all that the recorder did not lose."""
     wanted, found = pictures(clip), pictures(desk.folder / "out.y4m")
     assert loaded["in"] == loaded["out"] == saved["in"] == len(wanted)
     assert saved["out"] == len(found) == len(wanted) - lost(saved)
     at = [wanted.index(picture) for picture in found]
-    assert at == sorted(set(at)), "a frame twice, or out of order"
+    assert at == sorted(set(at)), "a frame is repeated or out of order"
 
 
 @pytest.mark.parametrize("rate", ["0", "1", "10"])
@@ -43,7 +43,7 @@ def test_a_waiting_recorder(desk: Desk, clips: dict[int, pathlib.Path], rate: st
 
 @pytest.mark.parametrize("rate", ["0", "1"])
 def test_a_waiting_loader(desk: Desk, clips: dict[int, pathlib.Path], rate: str) -> None:
-    """The recorder counts as a reader when frames are kept for it, not when it has asked for them."""
+    """The recorder counts as a reader once frames are kept for it, not when it requests that."""
     for frames, clip in clips.items():
         loader = desk.start("ddxvideoload", clip, "-rate", rate, "-readers", "1", "-name", f"video{frames}",
                             "-instance", f"l{frames}")

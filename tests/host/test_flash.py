@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make flash on loop devices: what it writes, refuses, and how it fails. The image is the real layout, but small."""
+"""`make flash` on loop devices: writes, refusals and failures. The image has the real layout, but is small."""
 from __future__ import annotations
 
 import base64
@@ -30,7 +30,7 @@ ENVIRONMENT = {**os.environ, **SBIN, "LC_ALL": "C"}
 
 @pytest.fixture(scope="module")
 def image(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    """A disk made by the boards' own script and description, only with smaller partitions."""
+    """A disk image made by the boards' script and description, with smaller partitions."""
     folder = tmp_path_factory.mktemp("image")
     shutil.copytree(TOP / "board/common", folder / "common")
     config = folder / "common/disk.cfg"
@@ -43,8 +43,8 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     return folder / "disk.img"
 
 
-def test_another_time_makes_the_same_disk(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """With SOURCE_DATE_EPOCH, as Buildroot sets it (BR2_REPRODUCIBLE); without it the times of the build are in it."""
+def test_the_same_disk_is_made_at_any_time(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """With SOURCE_DATE_EPOCH, as set by Buildroot (BR2_REPRODUCIBLE); without it the disk contains build times."""
     made: dict[str, set[bytes]] = {"": set(), "1700000000": set()}
     for number in range(2):
         for epoch, disks in made.items():
@@ -54,7 +54,7 @@ def test_another_time_makes_the_same_disk(image: pathlib.Path, tmp_path: pathlib
             run([image.parent / "common/post-image.sh"],
                 env={"BINARIES_DIR": str(folder), "SOURCE_DATE_EPOCH": epoch})
             disks.add(hashlib.sha256((folder / "disk.img").read_bytes()).digest())
-        time.sleep(2.1)  # FAT counts in steps of two seconds
+        time.sleep(2.1)  # FAT times have steps of two seconds
     assert (len(made[""]), len(made["1700000000"])) == (2, 1)
 
 
@@ -71,12 +71,12 @@ class Loop:
         self.name = pathlib.Path(self.device).name
 
     def partitions(self) -> dict[str, int]:
-        """Those that the kernel knows, with their first sectors."""
+        """The partitions that the kernel knows, with their first sectors."""
         found = pathlib.Path("/sys/block", self.name).glob("*/partition")
         return {file.parent.name: int((file.parent / "start").read_text()) for file in found}
 
     def add_partitions(self) -> None:
-        """Let the kernel know them even if it reads no such tables itself."""
+        """Add the partitions to the kernel, which may not read such tables."""
         subprocess.run(["partx", "--add", self.device], env=ENVIRONMENT, capture_output=True, check=False)
         assert self.partitions()
 
@@ -87,7 +87,7 @@ class Loop:
 
 @pytest.fixture
 def loop(tmp_path: pathlib.Path, image: pathlib.Path) -> Iterator[Loop]:
-    """A disk with room to spare, full of old data; its first MiB shows whether it was written."""
+    """A larger disk full of old data; its first MiB shows whether it was written."""
     if os.geteuid() != 0 or not os.access("/dev/loop-control", os.R_OK | os.W_OK):
         pytest.skip("needs root and loop devices")
     file = tmp_path / "target.img"
@@ -110,14 +110,14 @@ def tool(*words: str, stdin: int = subprocess.DEVNULL) -> tuple[int, str]:
 
 
 def old_table(loop: Loop) -> None:
-    """Two partitions, as on a card that was used before: 8 MiB each."""
+    """Write a table with two partitions of 8 MiB, as on a used card."""
     subprocess.run(["sfdisk", "--quiet", "--no-reread", "--label", "dos", loop.device], env=ENVIRONMENT, text=True,
                    input="start=2048,size=16384\nstart=18432,size=16384\n", capture_output=True, check=True)
     loop.add_partitions()
 
 
 def probe(disk: pathlib.Path, *options: str) -> dict[str, str]:
-    """What is found there, in the eyes of others."""
+    """The signatures that blkid finds."""
     text = subprocess.run(["blkid", "--probe", "--output", "export", *options, disk], env=ENVIRONMENT, text=True,
                           capture_output=True, check=False).stdout
     return dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
@@ -129,7 +129,7 @@ def probe_partition(disk: pathlib.Path, number: int) -> dict[str, str]:
 
 
 def check_disk(disk: pathlib.Path, image: pathlib.Path) -> None:
-    """The disk is what the image says, and nothing of what was there before is to be seen."""
+    """Check that the disk equals the image, and no signature of old data is left."""
     assert probe(disk)["PTTYPE"] == "dos"
     with disk.open("rb") as written, image.open("rb") as wanted:
         for number in (1, 2):
@@ -142,7 +142,7 @@ def check_disk(disk: pathlib.Path, image: pathlib.Path) -> None:
         wanted.seek(0)
         begin, ours = written.read(MIB), wanted.read(MIB)
         assert begin[:440] == ours[:440] and begin[444:] == ours[444:]
-        assert begin[440:444] != ours[440:444]  # its signature is its own
+        assert begin[440:444] != ours[440:444]  # each disk gets its own signature
     kinds = [probe_partition(disk, number).get("TYPE") for number in (1, 2, 3, 5, 6)]
     assert kinds == ["vfat", "squashfs", None, "ext4", "ext4"]
     for number in (5, 6):
@@ -151,7 +151,7 @@ def check_disk(disk: pathlib.Path, image: pathlib.Path) -> None:
             ".", "..", "lost+found"]
 
 
-def test_a_disk_full_of_old_things_becomes_the_image(image: pathlib.Path, loop: Loop) -> None:
+def test_a_disk_full_of_old_data_becomes_the_image(image: pathlib.Path, loop: Loop) -> None:
     subprocess.run(["sfdisk", "--quiet", "--no-reread", "--label", "gpt", loop.device], input="size=8M\n",
                    env=ENVIRONMENT, text=True, capture_output=True, check=True)
     slot = mbr.partition(image, 3)
@@ -186,10 +186,10 @@ def test_only_used_blocks_are_written(image: pathlib.Path, loop: Loop) -> None:
         position = one.end
 
 
-def test_a_used_disk_forgets_what_it_held(image: pathlib.Path, loop: Loop) -> None:
+def test_files_of_the_old_system_are_gone(image: pathlib.Path, loop: Loop) -> None:
     words = [f"IMAGE={image}", f"DEV={loop.device}", "YES=1"]
     assert tool(*words)[0] == 0
-    for number in (5, 6):  # same file system, same identity: its old inodes would be believed
+    for number in (5, 6):  # the same file system identity: old inodes would look valid
         place = f"{loop.file}?offset={mbr.partition(image, number).begin}"
         requests = "".join(f"write {TOP}/Makefile file{n}\nmkdir folder{n}\n" for n in range(2))
         subprocess.run(["debugfs", "-w", place], env=ENVIRONMENT, input=requests, capture_output=True, text=True,
@@ -199,7 +199,7 @@ def test_a_used_disk_forgets_what_it_held(image: pathlib.Path, loop: Loop) -> No
     check_disk(loop.file, image)
 
 
-def test_nothing_is_left_out_of_a_file_system_in_doubt(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_a_doubtful_file_system_is_written_completely(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
     copy = tmp_path / "disk.img"
     run(["cp", "--sparse=always", image, copy])
     place = mbr.partition(copy, 5)
@@ -216,7 +216,7 @@ def test_the_kernel_forgets_the_old_partitions(image: pathlib.Path, loop: Loop) 
     assert loop.partitions() != old and set(loop.partitions().values()) <= new
 
 
-def test_shows_what_is_on_the_disk(image: pathlib.Path, loop: Loop) -> None:
+def test_shows_the_contents_of_the_disk(image: pathlib.Path, loop: Loop) -> None:
     assert tool(f"IMAGE={image}", f"DEV={loop.device}", "YES=1")[0] == 0
     status, text = tool(f"IMAGE={image}", f"DEV={loop.device}")
     assert status == 2
@@ -236,7 +236,7 @@ def refused(image: pathlib.Path, device: str, because: str, *words: str, untouch
     assert not untouched or hashlib.sha256(untouched.read_bytes()).digest() == before
 
 
-def test_refuses_what_is_no_disk(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_refuses_files_and_other_devices(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
     refused(image, str(tmp_path / "nothing"), "there is no such device")
     refused(image, "/dev/null", "is not a block device")
     file = tmp_path / "file"
@@ -292,7 +292,7 @@ def test_refuses_a_disk_below_another_device(image: pathlib.Path, loop: Loop) ->
         losetup("--detach", upper)
 
 
-def test_refuses_what_somebody_else_holds(image: pathlib.Path, loop: Loop) -> None:
+def test_refuses_a_disk_in_use_by_another_program(image: pathlib.Path, loop: Loop) -> None:
     held = os.open(loop.device, os.O_RDWR | os.O_EXCL)
     try:
         refused(image, loop.device, "is in use by another program", untouched=loop.file)
@@ -317,7 +317,7 @@ def test_refuses_a_small_a_locked_and_an_odd_disk(image: pathlib.Path, loop: Loo
             other.close()
 
 
-def test_a_disk_that_just_fits_will_do(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
+def test_accepts_a_disk_of_exactly_the_needed_size(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
     file = tmp_path / "other.img"
     with file.open("wb") as out:
         out.truncate(image.stat().st_size)
@@ -330,10 +330,10 @@ def test_a_disk_that_just_fits_will_do(image: pathlib.Path, loop: Loop, tmp_path
 
 
 def test_refuses_the_disk_that_this_system_runs_from(tmp_path: pathlib.Path) -> None:
-    """Only the check: the tool itself never gets to see that disk."""
+    """Calls only the check, and never the tool with that disk."""
     disks = [name for name in target.system_disks() if (pathlib.Path("/sys/block") / name / "device").exists()]
     if not disks or os.geteuid() != 0:
-        pytest.skip("the root file system is on no disk that can be seen, or no root")
+        pytest.skip("needs root, and a visible disk with the root file system")
     major, minor = map(int, pathlib.Path("/sys/block", disks[0], "dev").read_text().split(":"))
     node = tmp_path / disks[0]
     os.mknod(node, 0o600 | 0o060000, os.makedev(major, minor))
@@ -342,7 +342,7 @@ def test_refuses_the_disk_that_this_system_runs_from(tmp_path: pathlib.Path) -> 
 
 
 class FakeSystem:
-    """A system as target.py sees one, with disks that this machine has not."""
+    """A simulated system for target.py, with disks that this machine does not have."""
 
     def __init__(self, folder: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
         self.sys, self.proc, self.dev = folder / "sys", folder / "proc", folder / "dev"
@@ -399,7 +399,7 @@ def test_a_free_disk_is_not_refused(fake: FakeSystem) -> None:
 
 
 def test_refuses_an_empty_card_reader(fake: FakeSystem) -> None:
-    """None of this machine's: a user could put a card into it just now."""
+    """Simulated, since a user could insert a card into a real reader."""
     fake.add("sdc", "8:32", size="0", removable="1")
     assert fake.refusal("sdc").endswith("sdc is empty: no card in the reader?")
 
@@ -458,7 +458,7 @@ def test_asks_for_the_name_of_the_disk(image: pathlib.Path, loop: Loop) -> None:
 # Failures: one line, exit status 1, and a disk that does not boot.
 
 def main_of(*words: str) -> int:
-    """The tool in this process, for faults that are put into it."""
+    """Run the tool in this process, so that faults can be injected."""
     handlers = {name: signal.getsignal(name) for name in (signal.SIGTERM, signal.SIGHUP)}
     try:
         return flash.main(list(words))
@@ -494,7 +494,7 @@ def test_a_disk_that_fails_while_writing(image: pathlib.Path, loop: Loop, tmp_pa
 
 
 @pytest.mark.parametrize("offset", [20 * MIB + 12345, 1000])
-def test_a_disk_that_returns_something_else(image: pathlib.Path, loop: Loop, monkeypatch: pytest.MonkeyPatch,
+def test_a_disk_that_returns_other_data(image: pathlib.Path, loop: Loop, monkeypatch: pytest.MonkeyPatch,
                                             capsys: pytest.CaptureFixture[str], offset: int) -> None:
     settle = blockio.Device.settle
 
@@ -535,7 +535,7 @@ def public_key(comment: str = "me@here") -> str:
     return f"ssh-ed25519 {base64.b64encode(body).decode()} {comment}"
 
 
-def test_tells_the_machine_its_name_and_keys(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
+def test_writes_the_machine_s_name_and_keys(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
     before = hashlib.sha256(image.read_bytes()).digest()
     keys = [public_key(), public_key("you with spaces")]
     file = tmp_path / "my keys.pub"
@@ -554,14 +554,14 @@ def test_tells_the_machine_its_name_and_keys(image: pathlib.Path, loop: Loop, tm
 
 @pytest.mark.parametrize("text", ["", "nonsense\n", "ssh-rsa {body}\n", 'command="sh" ssh-ed25519 {body}\n',
                                   "ssh-ed25519 ????\n", "ssh-ed25519 {body} me\nconsole=open\n"])
-def test_knows_public_keys(tmp_path: pathlib.Path, text: str) -> None:
+def test_checks_public_keys(tmp_path: pathlib.Path, text: str) -> None:
     (tmp_path / "key.pub").write_text(text.format(body=public_key().split(" ")[1]))
     with pytest.raises(Failed, match="not a file of SSH public keys"):
         provision.lines(str(tmp_path / "key.pub"), "", "")
 
 
 @pytest.mark.parametrize("name", ["Robot", "-x", "x-", "a b", "a" * 64, "x\nconsole=open", "x\n"])
-def test_knows_host_names(name: str) -> None:
+def test_checks_host_names(name: str) -> None:
     with pytest.raises(Failed, match="small letters, digits|a single line is needed"):
         provision.lines("", name, "")
 
@@ -572,7 +572,7 @@ def test_new_lines_replace_old_ones() -> None:
         "# hostname=no\nconsole=open\nhostname=new\nssh_key=b\nssh_key=c\n")
 
 
-def test_refuses_to_tell_nonsense(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
+def test_refuses_invalid_settings(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
     (tmp_path / "key").write_text("-----BEGIN OPENSSH PRIVATE KEY-----\n")
     refused(image, loop.device, "this is a private key", f"SSH_KEY={tmp_path}/key", untouched=loop.file)
     refused(image, loop.device, "cannot be read: No such file", f"SSH_KEY={tmp_path}/none")
@@ -582,7 +582,7 @@ def test_refuses_to_tell_nonsense(image: pathlib.Path, loop: Loop, tmp_path: pat
 
 # A file instead of a disk
 
-def test_writes_a_file_if_told_so(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_writes_a_file_on_request(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
     file = tmp_path / "card.img"
     sure: list[list[str]] = [[], ["YES=1"]]
     for words in sure:  # new, then over itself
@@ -601,10 +601,10 @@ def test_refuses_a_device_as_a_file_and_a_file_below_a_device(image: pathlib.Pat
     refused(image, str(loop.file), f"is in use by {loop.device}", "FILE=1", untouched=loop.file)
 
 
-# The front door
+# The make target
 
-def test_make_passes_on_what_was_typed_only(tmp_path: pathlib.Path) -> None:
-    # The tests themselves are started by make, whose own words must not get in.
+def test_make_passes_on_only_variables_of_the_command_line(tmp_path: pathlib.Path) -> None:
+    # make also starts the tests, and its variables must not interfere.
     clean = {name: value for name, value in os.environ.items() if not name.startswith(("MAKE", "MFLAGS"))}
     environment = {**clean, "HOSTNAME": "builder", "YES": "1", "DEV": "/dev/wrong"}
     text = subprocess.run(["make", "--dry-run", "flash", "BOARD=dev", "SSH_KEY=my keys.pub"], cwd=TOP, env=environment,

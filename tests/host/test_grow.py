@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxgrow on disks that are files: what changes in the partition table, what does not, and what it refuses."""
+"""ddxgrow on disk images: its changes to the partition table, and its refusals."""
 import pathlib
 import subprocess
 
@@ -44,14 +44,14 @@ def test_the_last_partition_gets_the_rest_and_nothing_else_changes(disk: pathlib
     assert after[2] == (before[2][0], end - before[2][0])
     assert {n: after[n] for n in (1, 5)} == {n: before[n] for n in (1, 5)}
     changed = disk.read_bytes()
-    tables = {0, 4096 * 512, 10240 * 512}  # the sectors with a table: the disk's, and one before each logical partition
+    tables = {0, 4096 * 512, 10240 * 512}  # sectors with a table: the first, and one before each logical partition
     for begin in range(0, len(bytes_before), 512):
         if begin not in tables:
             assert changed[begin:begin + 512] == bytes_before[begin:begin + 512], begin // 512
     assert changed[:440] == bytes_before[:440]
 
 
-def test_again_there_is_nothing_to_do(disk: pathlib.Path) -> None:
+def test_a_second_run_has_nothing_to_do(disk: pathlib.Path) -> None:
     with disk.open("ab") as file:
         file.truncate(100 << 20)
     assert grow(disk, 6).returncode == 0
@@ -61,7 +61,7 @@ def test_again_there_is_nothing_to_do(disk: pathlib.Path) -> None:
     assert disk.read_bytes() == before
 
 
-def test_a_disk_beyond_what_an_mbr_can_name(disk: pathlib.Path) -> None:
+def test_a_disk_too_large_for_an_mbr(disk: pathlib.Path) -> None:
     with disk.open("ab") as file:
         file.truncate(3 << 40)
     done = grow(disk, 6)
@@ -79,7 +79,7 @@ def test_refused_and_unchanged(disk: pathlib.Path, number: int, reason: str) -> 
     assert disk.read_bytes() == before
 
 
-def test_no_table_no_disk_no_words(tmp_path: pathlib.Path) -> None:
+def test_refuses_a_missing_table_disk_or_argument(tmp_path: pathlib.Path) -> None:
     empty = tmp_path / "empty"
     empty.write_bytes(bytes(1 << 20))
     assert grow(empty, 6).returncode == 1 and empty.read_bytes() == bytes(1 << 20)

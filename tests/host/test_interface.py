@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The library exports what its public headers declare: a program cannot depend on anything else by accident."""
+"""The library exports exactly what its public headers declare, so that a program cannot depend on anything else."""
 import pathlib
 import re
 import subprocess
@@ -17,7 +17,7 @@ def exported(library: pathlib.Path) -> set[str]:
 
 
 def declared(headers: list[pathlib.Path]) -> set[str]:
-    """Functions and variables at file level, as the compiler sees them: without comments, macros and what is static."""
+    """Functions and variables at file level after preprocessing, without static ones."""
     source = "".join(f'#include "{path}"\n' for path in headers)
     text = subprocess.run(["gcc", "-E", "-P", "-x", "c", "-"], input=source, capture_output=True, text=True,
                           check=True).stdout
@@ -37,7 +37,7 @@ def test_the_library_exports_what_its_headers_declare() -> None:
 @pytest.mark.parametrize("source, extra", [("int ddx_new(void); int ddx_new(void) { return 0; }", {"ddx_new"}),
                                            ("int helper; static int own; int *at(void) { return &own; }",
                                             {"helper", "at"})])
-def test_one_symbol_more_is_found(tmp_path: pathlib.Path, source: str, extra: set[str]) -> None:
+def test_an_additional_symbol_is_found(tmp_path: pathlib.Path, source: str, extra: set[str]) -> None:
     (tmp_path / "more.c").write_text(source)
     run(["gcc", "-shared", "-fPIC", tmp_path / "more.c", "-o", tmp_path / "more.so"])
     assert exported(tmp_path / "more.so") - declared(HEADERS) == extra

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideo.h against a real store (item_client.c)."""
+"""ddxvideo.h with a real store (item_client.c)."""
 from __future__ import annotations
 
 import json

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`make test JUNIT=file`: read as a CI reads it, and beside what pytest itself writes of the same tests."""
+"""`make test JUNIT=file`: read like a CI does, and compared with pytest's file of the same tests."""
 from __future__ import annotations
 
 import json
@@ -21,7 +21,7 @@ from parts.testing.suite import Suite
 from .test_suite import places
 
 __all__ = ["places"]
-# What the schema of Jenkins' xUnit plugin allows, of which GitLab reads a part.
+# The schema of Jenkins' xUnit plugin, of which GitLab reads a part.
 SUMS = {"name", "time", "tests", "failures", "errors"}
 ATTRIBUTES = {"testsuites": SUMS, "testsuite": SUMS | {"skipped", "timestamp"},
               "testcase": {"name", "classname", "time"}, "failure": {"message"}, "skipped": {"message"},
@@ -47,7 +47,7 @@ def seconds(element: xml.Element) -> float:
 
 
 def check(element: xml.Element) -> None:
-    """Elements, attributes, and sums that are those of what is inside."""
+    """Check elements and attributes, and that the sums are those of the contents."""
     for inner in element:
         assert inner.tag in INSIDE.get(element.tag, set()), (element.tag, inner.tag)
         check(inner)
@@ -63,7 +63,7 @@ def check(element: xml.Element) -> None:
 
 
 def read(path: pathlib.Path) -> dict[str, tuple[str, str]]:
-    """Of each test: `failed`, `skipped` or `passed`, and why. A CI knows a test by its names, so none comes twice."""
+    """For each test `failed`, `skipped` or `passed`, and why. Names must be unique: a CI identifies tests by them."""
     root = xml.parse(path).getroot()
     assert root.tag == "testsuites"
     check(root)
@@ -77,7 +77,7 @@ def read(path: pathlib.Path) -> dict[str, tuple[str, str]]:
     return found
 
 
-def test_as_pytest_writes_it(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_file_equals_pytest_s(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTEST_ADDOPTS", f"--junitxml={places}/theirs.xml")
     run = Suite(strict=True)
     with tempfile.TemporaryDirectory(prefix="junit-", dir=TOP / "output") as name:
@@ -93,7 +93,7 @@ def test_as_pytest_writes_it(places: pathlib.Path, monkeypatch: pytest.MonkeyPat
     assert len(ours) == len(theirs) == 6
     assert {name.rpartition("::")[2]: (kind, why if kind == "skipped" else "")
             for name, (kind, why) in ours.items()} == theirs
-    # And as the results of the run have it.
+    # And equal to the results of the run.
     lines = [json.loads(line) for line in suite.RESULTS.read_text().splitlines()]
     cases = {case.attrib["name"]: case.attrib["time"] for case in xml.parse(places / "ours.xml").iter("testcase")}
     assert {line["name"]: f"{line['seconds']:.3f}" for line in lines} == cases
@@ -116,8 +116,8 @@ def test_tests_of_all_kinds(places: pathlib.Path) -> None:
     assert names == ["tests.host.test_x", "miniitx.tests.boot.test_x", "desk.ddx", "m32.ddx", "run"]
 
 
-def test_also_when_the_run_stops(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A build that fails, after some tests."""
+def test_the_file_is_written_when_the_run_stops(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A build fails after some tests."""
     def all_tests(run: Suite, words: list[str], board: str) -> None:
         run.take([suite.Test("desk: ddx: ring", "passed", 1.0)])
         raise Failed("exit status 1: meson")
@@ -132,9 +132,9 @@ def test_also_when_the_run_stops(places: pathlib.Path, monkeypatch: pytest.Monke
 
 
 @pytest.mark.parametrize("name", ["", "it.xml/it.xml", "pipe"])
-def test_a_file_that_cannot_be_written(name: str, places: pathlib.Path, monkeypatch: pytest.MonkeyPatch,
+def test_a_results_file_that_cannot_be_written(name: str, places: pathlib.Path, monkeypatch: pytest.MonkeyPatch,
                                        capsys: pytest.CaptureFixture[str]) -> None:
-    """Known before the first test; what is no file stays as it is."""
+    """Reported before the first test; a path that is not a file is not changed."""
     (places / "it.xml").touch()
     os.mkfifo(places / "pipe")
     monkeypatch.setattr(sys, "argv", ["gate.py", "-junit", str(places / name)])
@@ -144,7 +144,7 @@ def test_a_file_that_cannot_be_written(name: str, places: pathlib.Path, monkeypa
     assert (places / "pipe").is_fifo()
 
 
-def test_a_relative_name_is_of_where_make_was_called(tmp_path: pathlib.Path) -> None:
+def test_a_relative_name_belongs_to_the_folder_where_make_was_called(tmp_path: pathlib.Path) -> None:
     def command(*words: str, cwd: pathlib.Path = TOP) -> str:
         done = subprocess.run(["sh", "-c", 'cd "$0" && exec make --dry-run "$@"', cwd, *words], text=True, check=True,
                               stdout=subprocess.PIPE, env={"PATH": "/usr/bin:/bin"})

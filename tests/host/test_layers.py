@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What tools and packages are made of looks downwards only: no circles, and no tool's part knows a command."""
+"""Modules of tools and packages depend only on lower layers: no circles, and no part of the tools uses a command."""
 import ast
 import graphlib
 import pathlib
@@ -12,7 +12,7 @@ from parts.common import TOP
 from .layers import TABLES, layers
 
 PARTS = TOP / "tools/parts"
-# From below; those of one line do not know each other.
+# Lowest first; modules in one line do not use each other.
 LAYERS = [{"common"}, {"defects", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
           {"bench", "flash", "release", "testing"}]
 
@@ -39,13 +39,13 @@ def wrong(path: pathlib.Path) -> set[str]:
     return imported(path) - {mine}.union(*LAYERS[:level])
 
 
-def test_downwards() -> None:
+def test_tools_import_only_lower_layers() -> None:
     files = set(PARTS.rglob("*.py")) - set(PARTS.rglob("__init__.py"))
     assert len(files) > 40
     assert {str(path.relative_to(TOP)): up for path in files if (up := wrong(path))} == {}
 
 
-def test_upwards_is_found(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_import_upwards_is_found(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(f"{__name__}.PARTS", tmp_path)
     (tmp_path / "media").mkdir()
     spoilt = tmp_path / "media/clip.py"
@@ -55,7 +55,7 @@ def test_upwards_is_found(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatc
 
 
 def bare(path: pathlib.Path) -> str:
-    """A source without comments and texts."""
+    """A source without comments and strings."""
     return re.sub(r'/\*.*?\*/|"(?:\\.|[^"\\\n])*"', "", path.read_text(), flags=re.DOTALL)
 
 
@@ -65,7 +65,7 @@ def defined(text: str) -> set[str]:
 
 
 def calls(folder: pathlib.Path) -> dict[str, set[str]]:
-    """The modules of a folder, and those whose functions each of them calls or hands on."""
+    """The modules of a folder, and the modules whose functions each of them calls or passes on."""
     texts = {path.stem: bare(path) for path in folder.glob("*.c")}
     owners: dict[str, set[str]] = {}
     for name, text in texts.items():
@@ -77,7 +77,7 @@ def calls(folder: pathlib.Path) -> dict[str, set[str]]:
 
 
 def includes(folder: pathlib.Path) -> dict[str, set[str]]:
-    """The modules of a folder, each a .c file, a .h file or both, and what others there each of them includes."""
+    """The modules of a folder (a .c file, a .h file or both), and the modules there that each of them includes."""
     files = sorted(folder.glob("*.[ch]"))
     found: dict[str, set[str]] = {path.stem: set() for path in files}
     for path in files:
@@ -107,7 +107,7 @@ def complaints(folder: pathlib.Path, table: list[set[str]]) -> list[str]:
 
 
 def c_folders(top: pathlib.Path) -> list[str]:
-    """Folders of several modules: only there can be circles."""
+    """Folders of several modules, where circles are possible."""
     folders = sorted({path.parent for path in top.glob("package/**/*.[ch]")})
     return [str(folder.relative_to(top)) for folder in folders if len(includes(folder)) > 1]
 
@@ -117,11 +117,11 @@ def test_each_folder_has_its_layers() -> None:
 
 
 @pytest.mark.parametrize("folder", TABLES)
-def test_c_downwards(folder: str) -> None:
+def test_c_modules_use_only_lower_layers(folder: str) -> None:
     assert complaints(TOP / folder, layers(folder)) == []
 
 
-def test_c_upwards_is_found(tmp_path: pathlib.Path) -> None:
+def test_an_include_upwards_is_found(tmp_path: pathlib.Path) -> None:
     table = [{"low", "below"}, {"middle"}, {"high", "beside"}]
     for name in ["low.h", "below.h", "middle.h", "high.h", "beside.h"]:
         (tmp_path / name).write_text("")
@@ -136,7 +136,7 @@ def test_c_upwards_is_found(tmp_path: pathlib.Path) -> None:
 
 
 def test_a_call_upwards_is_found(tmp_path: pathlib.Path) -> None:
-    """Where a header has functions of several files, no include shows that one of them calls another."""
+    """Includes do not show calls between files whose functions are declared in one header."""
     (tmp_path / "state.h").write_text("int low(void);\nstruct state *high(int count);\nint right(void);\n")
     (tmp_path / "low.c").write_text('#include "state.h"\nint low(void) {\n    return 0;\n}\n')
     (tmp_path / "high.c").write_text('#include "state.h"\nstatic int own(void) {\n    return low();\n}\n'
@@ -152,7 +152,7 @@ def test_a_call_upwards_is_found(tmp_path: pathlib.Path) -> None:
 
 
 def between(top: pathlib.Path) -> dict[str, set[str]]:
-    """The folders, and from which others each of them includes; a name that several folders have says nothing."""
+    """The folders from which each folder includes; names of headers in several folders are ignored."""
     files = sorted(top.glob("package/**/*.[ch]"))
     homes: dict[str, set[pathlib.Path]] = {}
     for path in files:
@@ -166,7 +166,7 @@ def between(top: pathlib.Path) -> dict[str, set[str]]:
     return found
 
 
-def test_folders_know_each_other_in_one_direction() -> None:
+def test_folders_include_each_other_in_one_direction() -> None:
     known = between(TOP)
     assert "package/ddxvideo/save/pool" in known["package/ddxvideo/save"]
     assert circle(known) == []
@@ -182,7 +182,7 @@ def test_a_circle_of_folders_is_found(tmp_path: pathlib.Path) -> None:
     assert circle(between(tmp_path)) == ["circle: package/save package/save/pool"]
 
 
-# What only one folder knows; others use that folder's header.
+# Words that only one folder may use; others use that folder's header.
 PRIVATE = {r"v4l2_|V4L2_|VIDIOC_|videodev2": "package/ddxvideo/grab/v4l",
            r"dc1394_|DC1394_|dc1394/": "package/ddxvideo/grab/iidc",
            r"\bdds_\w|\bddsi_|DDS_|<dds/": "package/ddxcatalog/network"}
@@ -196,7 +196,7 @@ def leaks(top: pathlib.Path, words: str, folder: str) -> list[str]:
 
 
 @pytest.mark.parametrize("words, folder", PRIVATE.items())
-def test_only_one_folder_knows(words: str, folder: str) -> None:
+def test_only_one_folder_uses(words: str, folder: str) -> None:
     assert any(re.search(words, path.read_text()) for path in (TOP / folder).glob("*.c"))
     assert leaks(TOP, words, folder) == []
 

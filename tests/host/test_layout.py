@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Pictures that are not 4:2:0: byte for byte where both sides have the layout, converted or refused where not."""
+"""Pictures that are not 4:2:0: bit-exact if both sides support the layout, otherwise converted or refused."""
 from __future__ import annotations
 
 import json
@@ -23,7 +23,7 @@ CAPTION = 12  # rows of text below each picture of a montage
 
 
 def write_clip(path: pathlib.Path, tag: str, width: int, height: int, frames: int = FRAMES) -> list[bytes]:
-    """Random samples: nothing that was converted is the same."""
+    """Write a clip of random samples, which any conversion would change."""
     samples = {"C422": 2, "C444": 3, "Cmono": 1, "Cmono16": 2}[tag]
     random = numpy.random.default_rng(width)
     planes = [random.bytes(samples * width * height) for _ in range(frames)]
@@ -46,8 +46,8 @@ def load(desk: Desk, clip: pathlib.Path, layout: str, *options: object) -> None:
 
 
 @pytest.mark.parametrize("tag", FILES)
-def test_byte_for_byte(desk: Desk, tag: str) -> None:
-    """Into the store and out of it, in a file and in a pool, whose sums are right; C422 has an odd height, the others
+def test_recordings_are_bit_exact(desk: Desk, tag: str) -> None:
+    """Into the store and out again, to a file and to a pool with right checksums; C422 has an odd height, the others
     have two odd sides."""
     width = 34 if tag == "C422" else 33
     planes = write_clip(desk.folder / "clip.y4m", tag, width, 17)
@@ -79,7 +79,7 @@ def test_a_paper_client_is_refused(desk: Desk, compile_client: Compiler, layout:
     assert (re.search(r"^u +\[\]$", shown, re.M) is not None) == (layout in {"GREY8", "GREY16", "RGB24"})
 
 
-def test_a_recorder_that_cannot(desk: Desk) -> None:
+def test_a_recorder_refuses_a_layout_without_a_y4m_tag(desk: Desk) -> None:
     write_bars(desk.folder / "clip.y4m")
     saver = start_recorder(desk, "-output", "out.y4m")
     load(desk, desk.folder / "clip.y4m", "RGB24", "-readers", 1)
@@ -99,7 +99,7 @@ def ppm(path: pathlib.Path) -> Image:
 
 
 def bars_of(image: Image, x: int = 0, width: int = 64) -> NDArray[numpy.int64]:
-    """The colours amid the three bars."""
+    """The colours in the middle of the three bars."""
     found: NDArray[numpy.int64] = image[24, x + numpy.array([width // 6, width // 2, width * 5 // 6])].astype(int)
     return found
 
@@ -119,7 +119,7 @@ def test_snap_and_montage(desk: Desk) -> None:
     for place, layout in enumerate(sorted(LAYOUTS)):
         cell = cells[place // 3 * height:, place % 3 * 64:][:48, :64]
         assert (abs(bars_of(cell) - (grey if "GREY" in layout else colours)) <= 3).all(), layout
-    # RGB is shown as it is, in any size.
+    # RGB is not converted, in any size.
     with (desk.folder / "odd.y4m").open("wb") as file:
         file.write(b"YUV4MPEG2 W3 H1 F25:1 Cmono XCOLORRANGE=FULL\nFRAME\n\x03\x80\xfe")
     load(desk, desk.folder / "odd.y4m", "RGB24", "-name", "odd")
@@ -134,8 +134,8 @@ def wide_bars(stream: Stream) -> pathlib.Path:
 
 
 @pytest.mark.parametrize("layout", LAYOUTS)
-def test_sent(stream: Stream, layout: str) -> None:
-    """What decode writes has the colours that were in the item."""
+def test_sent_pictures_keep_their_colours(stream: Stream, layout: str) -> None:
+    """decode's pictures have the colours of the item."""
     send = stream.send("-wire", 2000, "-codec", "mpeg4")
     decode = stream.decode()
     wait_until(lambda: stream.desk.item("video") is not None and send.poll() is None)
@@ -158,7 +158,7 @@ def test_too_small_to_be_sent(stream: Stream) -> None:
 
 @pytest.mark.parametrize("pixels", ["yuv422p", "yuv444p", "yuvj444p"])
 def test_decode_converts(stream: Stream, pixels: str) -> None:
-    """A stream of another program, in the layout of that."""
+    """A stream of another program, in its layout."""
     decode, source = stream.decode("-group", "none"), Source(stream.network, H264)
     frames = encode(H264, 3, "64x48", pixels)
     source.send(frames)
@@ -168,8 +168,8 @@ def test_decode_converts(stream: Stream, pixels: str) -> None:
     finish(decode)
 
 
-def test_logged_and_replayed(desk: Desk) -> None:
-    """A log names the layout as it names any type: the replay has the same pictures, which a recorder takes."""
+def test_a_log_and_its_replay_keep_the_layout(desk: Desk) -> None:
+    """The replay has the same pictures, and a recorder accepts them."""
     planes = write_clip(desk.folder / "clip.y4m", "Cmono16", 33, 17)
     logger = begin(desk, "output first\nitem video\n")
     load(desk, desk.folder / "clip.y4m", "GREY16", "-readers", 1)
@@ -183,8 +183,8 @@ def test_logged_and_replayed(desk: Desk) -> None:
     assert pictures(desk.folder / "out.y4m") == planes
 
 
-def test_one_list_of_layouts() -> None:
-    """ddxctl and Python name the layouts as common/video_layout.c does."""
+def test_all_lists_of_layouts_are_equal() -> None:
+    """ddxctl and Python name the layouts like common/video_layout.c."""
     table = (TOP / "package/ddxvideo/common/video_layout.c").read_text()
     names = re.findall(r'^    \{"(\w+)", DDX', table, re.M)
     header = (TOP / "package/ddxvideo/include/ddxvideo.h").read_text()

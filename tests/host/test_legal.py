@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What makes `make legal` fail: a warning of legal-info about one of our packages, or a gap that it is silent of."""
+"""`make legal` fails on a warning of legal-info about our packages, and on a gap that it does not report."""
 import pathlib
 
 import legal
 import pytest
 
-# The end of the README that legal-info wrote for the mini-ITX image.
+# The end of legal-info's README for the mini-ITX image.
 README = """
 Due to technical limitations or lack of license definition in the package
 makefile, some of the material listed above could not been saved, as the
@@ -21,7 +21,7 @@ DDX = '"ddx","0.1.0","LGPL-2.1+ (libddx), GPL-2.0+ (programs, scripts)","LICENSE
 
 @pytest.fixture
 def folder(tmp_path: pathlib.Path) -> pathlib.Path:
-    """A legal-info without fault."""
+    """A correct folder of legal-info."""
     (tmp_path / "README").write_text(README)
     (tmp_path / "manifest.csv").write_text(f"{COLUMNS}\n{DDX}\n")
     for name in ["licenses/ddx-0.1.0/LICENSE", "licenses/ddx-0.1.0/LICENSE.GPL", "sources/ddx-0.1.0/ddx-0.1.0.tar.gz"]:
@@ -34,14 +34,14 @@ def test_our_packages_are_found() -> None:
     assert {"ddx", "ddxvideo", "libdc1394"} <= set(legal.ours())
 
 
-def test_packages_are_told_apart() -> None:
+def test_packages_are_distinguished() -> None:
     assert legal.is_of("ddx-0.1.0", ["ddx"]) and legal.is_of("ddx", ["ddx"])
     assert not legal.is_of("ddxvideo-0.1.0", ["ddx"]) and not legal.is_of("", ["ddx"])
 
 
-def test_without_fault(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_correct_folder_passes(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert legal.judge(folder, ["ddx"]) == []
-    assert capsys.readouterr().out == ""  # Buildroot's own source is saved by us
+    assert capsys.readouterr().out == ""  # we save Buildroot's source
 
 
 def test_a_warning_about_ours_fails(folder: pathlib.Path) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The lossy link: it loses the packets that its pattern names, and counts what both ends really sent and received."""
+"""The lossy link drops exactly the packets of its pattern; its counts are those of both ends."""
 from __future__ import annotations
 
 import itertools
@@ -26,7 +26,7 @@ Peer = subprocess.Popen[str]
 
 
 def receiver(node: Node, *words: object) -> Peer:
-    """Listens when this returns."""
+    """Start a receiver and wait until it listens."""
     peer = node.popen([*PEER, "receive", *map(str, words)], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     assert peer.stdout and peer.stdout.readline() == "ready\n"
     return peer
@@ -37,14 +37,14 @@ def sender(node: Node, *words: object) -> Peer:
 
 
 def came(peer: Peer, delay_ms: float = 0) -> list[int]:
-    """The numbers that a receiver saw, none of them earlier than possible."""
+    """The numbers that a receiver saw; none may be earlier than possible."""
     found: dict[str, list[int]] = json.loads(peer.communicate()[0])
     assert all(transit >= delay_ms * 1e6 for transit in found["transit_ns"])
     return found["numbers"]
 
 
 def all_arrived(link: Link, count: int) -> Counts:
-    """The counts, after the relay has handled `count` packets in each direction."""
+    """Wait until the relay has handled `count` packets in each direction; return the counts."""
     def done() -> bool:
         found = link.counts()
         return all(way.packets == count == way.lost + way.delivered for way in (*found.down, *found.up))
@@ -54,7 +54,7 @@ def all_arrived(link: Link, count: int) -> Counts:
 
 
 def both_ways(link: Link, seconds: float = 0) -> tuple[Counts, list[int], list[int]]:
-    """Numbered packets from the robot to the operator and back; the counts, and what came at either end."""
+    """Send numbered packets in both directions; return the counts, and the numbers received at each end."""
     robot, operator = link.robot, link.operator[0]
     receivers = [receiver(operator, PORT), receiver(robot, PORT + 1)]
     extra = [str(seconds)] if seconds else []
@@ -67,13 +67,13 @@ def both_ways(link: Link, seconds: float = 0) -> tuple[Counts, list[int], list[i
 
 
 def expected(pattern: loss.Pattern, seed: int, direction: str, operator: int = 0) -> list[int]:
-    """The numbers that a pattern leaves, if it is no outage in time."""
+    """The numbers that pass a pattern that does not depend on time."""
     judge = loss.judge(pattern, seed, operator, direction)
     return [number for number in range(COUNT) if not judge(0)]
 
 
 def disagreements(way: Way, port: int, numbers: list[int]) -> list[str]:
-    """What the relay counted other than what was sent and received."""
+    """Differences between the relay's counts and the packets sent and received."""
     packet = SIZE + HEADERS
     right = Flow(COUNT, COUNT * packet, COUNT - len(numbers), len(numbers), len(numbers) * packet)
     found = [] if way.ports == {port: right} else [f"{way.ports} instead of {port}: {right}"]
@@ -83,7 +83,7 @@ def disagreements(way: Way, port: int, numbers: list[int]) -> list[str]:
 
 
 @pytest.mark.parametrize("pattern", PATTERNS, ids=str)
-def test_counts_are_what_both_ends_saw(pattern: loss.Pattern) -> None:
+def test_counts_are_those_of_both_ends(pattern: loss.Pattern) -> None:
     with Link(loss=pattern, delay_ms=1, seed=7) as link:
         counts, down, up = both_ways(link, 0.15 if pattern.shared else 0)
     assert disagreements(counts.down[0], PORT, down) == [] and disagreements(counts.up[0], PORT + 1, up) == []
@@ -95,8 +95,8 @@ def test_counts_are_what_both_ends_saw(pattern: loss.Pattern) -> None:
         assert (down, up) == (expected(pattern, 7, "down"), expected(pattern, 7, "up"))
 
 
-def test_one_direction_and_a_change() -> None:
-    """Reports blocked; then nothing is, and later the same packets as in another link of that seed."""
+def test_a_pattern_for_one_direction_and_its_change() -> None:
+    """Reports are blocked, then nothing, and later the same packets as in another link with that seed."""
     with Link(seed=5, back=loss.ALL) as link:
         _, down, up = both_ways(link)
         assert (len(down), len(up)) == (COUNT, 0)
@@ -107,8 +107,8 @@ def test_one_direction_and_a_change() -> None:
     assert down != expected(loss.Iid(0.3), 6, "down")
 
 
-def test_group_of_four() -> None:
-    """One packet of the group is lost for each operator independently; each answers to the robot alone."""
+def test_a_group_of_four_operators() -> None:
+    """A packet of the group is lost independently for each operator; answers go only to the robot."""
     pattern = loss.Iid(0.3)
     with Link(operators=4, loss=pattern, delay_ms=1, seed=3, back=loss.NOTHING) as link:
         receivers = [receiver(node, PORT, GROUP) for node in link.operator]
@@ -134,8 +134,8 @@ def test_ipv6() -> None:
         assert link.counts().down[0].ports[PORT] == Flow(30, 30 * (SIZE + 48), 10, 20, 20 * (SIZE + 48))
 
 
-def test_most_in_a_second() -> None:
-    """Of any second, not of those that a clock begins."""
+def test_the_maximum_per_second() -> None:
+    """In any interval of a second, not only in those of a clock."""
     way, flow = RelayWay(0), Flow()
     for number in range(40):
         way.lost(flow, 100, number / 8)
@@ -147,7 +147,7 @@ def test_most_in_a_second() -> None:
 
 
 def runs(lost: list[bool]) -> list[int]:
-    """Lengths of what is lost in a row."""
+    """Lengths of consecutive losses."""
     return [len(list(group)) for bad, group in itertools.groupby(lost) if bad]
 
 
@@ -155,8 +155,8 @@ def runs(lost: list[bool]) -> list[int]:
                                                    (loss.Iid(0.3), 0.3, 1 / 0.7), (loss.Bursts(0.3), 0.3, 5),
                                                    (loss.Bursts(0.1, 3), 0.1, 3), (loss.Outages(0.3), 0.3, 40),
                                                    (loss.Outages(0.1, 200), 0.1, 200)], ids=str)
-def test_patterns_lose_what_they_say(pattern: loss.Pattern, rate: float, length: float) -> None:
-    """200,000 packets, one a millisecond: how many are lost, and how many in a row."""
+def test_patterns_have_their_rate_and_burst_length(pattern: loss.Pattern, rate: float, length: float) -> None:
+    """Measured with 200,000 packets, one a millisecond."""
     judge = pattern.judge(random.Random(1))
     lost = [judge(number / 1000) for number in range(200000)]
     assert sum(lost) / len(lost) == pytest.approx(rate, rel=0.06)

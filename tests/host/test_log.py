@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The logger: whatever was written is in the file, or counted."""
+"""The logger: every written value is in the file, or counted as lost."""
 from __future__ import annotations
 
 import json
@@ -35,15 +35,15 @@ def test_every_value_of_every_item(desk: Desk, compile_client: Compiler) -> None
     assert counters["in"] == counters["out"] == 280 and lost(counters) == 0 and counters["waiting"] == 0
     times = [one.log_time for topic in log.values.values() for one in topic]
     assert (log.statistics.message_start_time, log.statistics.message_end_time) == (min(times), max(times))
-    offset = max(time.time_ns() - time.monotonic_ns() for _ in range(5))  # something may come in between
+    offset = max(time.time_ns() - time.monotonic_ns() for _ in range(5))  # either call may be delayed
     assert abs(log.wall_offset - offset) < 50_000_000
     assert {chunk.compression for chunk in log.chunks} == {"lz4"}
     boot = pathlib.Path("/proc/sys/kernel/random/boot_id").read_text().strip()
     assert log.metadata["ddxlog"]["boot_id"] == boot
 
 
-def test_the_counters_say_that_values_are_on_the_disk(desk: Desk, compile_client: Compiler) -> None:
-    """ddxlog flushes once a second, so its times look like a fault without these words."""
+def test_counters_call_the_delay_until_on_disk(desk: Desk, compile_client: Compiler) -> None:
+    """ddxlog flushes once a second, which would look like a fault if called latency."""
     logger = begin(desk)
     written(desk, write(desk, compile_client, "imu", 5, 1000))
     wait_until(lambda: desk.out("ddxlog") == 5)
@@ -52,8 +52,8 @@ def test_the_counters_say_that_values_are_on_the_disk(desk: Desk, compile_client
     assert stop(logger)[1]["latency_until"] == "disk"
 
 
-def test_the_check_sees_what_is_wrong(desk: Desk, compile_client: Compiler) -> None:
-    """A value less, two exchanged, a byte changed, a time changed: each is red."""
+def test_the_check_of_logs_finds_each_change(desk: Desk, compile_client: Compiler) -> None:
+    """A missing value, two swapped ones, a changed byte or a changed time each fail the check."""
     logger = begin(desk)
     expected = written(desk, write(desk, compile_client, "imu", 20, 20000))
     assert stop(logger)[0] == 0
@@ -78,12 +78,12 @@ def test_the_check_sees_what_is_wrong(desk: Desk, compile_client: Compiler) -> N
     data = bytearray(path.read_bytes())
     data[logs.read(path).chunks[0].chunk_start_offset + 200] ^= 1
     path.write_bytes(data)
-    with pytest.raises(Exception):  # noqa: B017  mcap's own
+    with pytest.raises(Exception):  # noqa: B017  of mcap
         logs.read(path)
 
 
-def test_what_was_there_before(desk: Desk, compile_client: Compiler) -> None:
-    """The newest value of an item without a writer: logged at the beginning, with the time of its write."""
+def test_existing_values_are_logged(desk: Desk, compile_client: Compiler) -> None:
+    """The newest value of an item without a writer is logged at the start, with the time of its write."""
     expected = written(desk, write(desk, compile_client, "settings", 3, 1000, readers=0))
     before = time.monotonic_ns()
     logger = begin(desk)
@@ -97,7 +97,7 @@ def test_what_was_there_before(desk: Desk, compile_client: Compiler) -> None:
 def test_patterns_exceptions_and_names(desk: Desk, compile_client: Compiler) -> None:
     logger = begin(desk, "output log\nexcept gps.raw\nitem gps*\nitem imu\n")
     names = ["gps", "gps.raw", "gps.fix", "imu", "imu2"]
-    # In steps that are longer than the store needs to make room for the values that the logger wants to be kept.
+    # Slower than the store makes room for the values that it keeps for the logger.
     writers = [write(desk, compile_client, name, 5, 20000, readers=0 if name in ("gps.raw", "imu2") else 1)
                for name in names]
     for writer in writers:
@@ -107,7 +107,7 @@ def test_patterns_exceptions_and_names(desk: Desk, compile_client: Compiler) -> 
 
 
 def test_a_stop_right_after_the_first_values(desk: Desk, compile_client: Compiler) -> None:
-    """Before the logger has come round to the item again: what was written by then is logged, or counted."""
+    """Values written before the logger's next look at the item are logged or counted."""
     for number in range(8):
         logger = begin(desk, f"output log{number}\nitem quick{number}\n", f"ddxlog{number}")
         written(desk, write(desk, compile_client, f"quick{number}", 5, 200))
@@ -116,8 +116,8 @@ def test_a_stop_right_after_the_first_values(desk: Desk, compile_client: Compile
         assert len(logs.read(only(desk, f"log{number}")).values[f"quick{number}"]) == counters["out"] > 0
 
 
-def test_rate(desk: Desk, compile_client: Compiler) -> None:
-    """At most `rate` a second, the newest ones; the others are left out, not lost."""
+def test_rate_limits_the_logged_values(desk: Desk, compile_client: Compiler) -> None:
+    """The newest values, at most `rate` a second; the others are skipped, not lost."""
     logger = begin(desk, "output log\nitem fast rate=20\nitem slow rate=100\n")
     fast = write(desk, compile_client, "fast", 1000, 2000)
     slow = write(desk, compile_client, "slow", 10, 400_000)
@@ -142,10 +142,10 @@ def test_a_writer_that_comes_back(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_another_layout(desk: Desk, compile_client: Compiler) -> None:
-    """The item's type changes: possible once it had no writer for some seconds; a channel of its own."""
+    """The item's type changes, which is possible after some seconds without a writer; it gets a new channel."""
     logger = begin(desk)
     written(desk, write(desk, compile_client, "imu", 10, 2000))
-    written(desk, write(desk, compile_client, "imu", 10, 20000, "other"))  # tries until it may
+    written(desk, write(desk, compile_client, "imu", 10, 20000, "other"))  # repeats until allowed
     status, counters = stop(logger)
     log = logs.read(only(desk))
     assert len([channel for channel in log.channels if channel.topic == "imu"]) == 2
@@ -156,7 +156,7 @@ def test_another_layout(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_losses_are_exact(desk: Desk, compile_client: Compiler) -> None:
-    """The logger stands still for a while: the file lacks the frames that it missed, and all counters agree."""
+    """The logger is frozen for a while: exactly the values that it counts as missed are not in the file."""
     logger = begin(desk)
     writer = write(desk, compile_client, "imu", 3000, 1000)
     wait_until(lambda: desk.sequence("imu") > 500)
@@ -186,8 +186,8 @@ int fdatasync(int fd) { (void)fd; usleep(1500000); return 0; }
 """
 
 
-def test_a_slow_disk_holds_up_nothing(desk: Desk, compile_client: Compiler) -> None:
-    """Each flush takes 1.5 s and the queue is small: values are lost there, none in the store, and all are counted."""
+def test_a_slow_disk_does_not_delay_the_store(desk: Desk, compile_client: Compiler) -> None:
+    """Each flush takes 1.5 s and the queue is small: values are lost and counted there, none in the store."""
     (desk.folder / "slow.c").write_text(SLOW)
     subprocess.run(["gcc", "-shared", "-fPIC", "slow.c", "-o", "slow.so"], cwd=desk.folder, check=True)
     logger = begin(desk, CONFIG + "queue 64K\n", wrapper=("env", f"LD_PRELOAD={desk.folder}/slow.so"))
@@ -199,14 +199,14 @@ def test_a_slow_disk_holds_up_nothing(desk: Desk, compile_client: Compiler) -> N
     assert status == 0 and "the disk is too slow" in desk.errors(logger)
     assert counters["lost"]["queue"] > 100 and counters["in"] == 1500 == counters["out"] + lost(counters)
     assert len(found) == counters["out"] and losses(log, "imu")["lost"]["queue"] == counters["lost"]["queue"]
-    # Not held up: while the disk slept, values were read from the store as they came.
+    # Values were read from the store as they came, also during a flush.
     assert counters["lost"]["store"] < 200
     times = dict(expected)
     assert log.monotonic("imu") == [times[number] for number in found]
 
 
 def test_a_full_disk(desk: Desk, compile_client: Compiler) -> None:
-    """What was written stays readable; the rest is counted."""
+    """Values in the file stay readable; the rest is counted."""
     logger = begin(desk, CONFIG, wrapper=("prlimit", "--fsize=60000"))
     writer = write(desk, compile_client, "noise", 2000, 1000, "noise")
     assert logger.wait(60) == 1
@@ -221,7 +221,7 @@ def test_a_full_disk(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_segments(desk: Desk, compile_client: Compiler) -> None:
-    """A new file each MiB; no value is in none of them, and each begins with what is known of the others."""
+    """A new file each MiB: all values are in one of them, and each file describes all known channels."""
     written(desk, write(desk, compile_client, "settings", 1, 1000, readers=0))
     logger = begin(desk, "output log segment=1M\nexcept *.stats\nitem *\n")
     writer = write(desk, compile_client, "noise", 1000, 2000, "noise")
@@ -230,15 +230,15 @@ def test_segments(desk: Desk, compile_client: Compiler) -> None:
     found = [logs.read(path) for path in files(desk)]
     assert len(found) >= 3 and all(path.stat().st_size < 4 << 20 for path in files(desk))
     sequences = [sequence for log in found for sequence in log.sequences("noise")]
-    # All, but those that the store had no more when the logger was late: they are counted.
+    # All except those that the store dropped when the logger was late; they are counted.
     assert status == 0 and set(sequences) <= set(range(1, len(expected) + 1))
     assert len(set(sequences)) == len(expected) - counters["lost"]["store"] and lost(counters) < 100
     assert len(sequences) <= len(expected) + len(found)
     assert all(log.sequences("settings") == [1] for log in found)
 
 
-def test_the_newest_are_kept(desk: Desk, compile_client: Compiler) -> None:
-    """And nothing that is not a file of this logger is deleted for them."""
+def test_the_newest_files_are_kept(desk: Desk, compile_client: Compiler) -> None:
+    """Only files of this logger are deleted to make room."""
     folder = desk.folder / "log"
     folder.mkdir()
     old = [folder / f"ddxlog-{number:06}-20260101T000000Z.mcap" for number in (7, 8)]
@@ -255,7 +255,7 @@ def test_the_newest_are_kept(desk: Desk, compile_client: Compiler) -> None:
     assert made >= 4 and deleted == made + len(old) - len(kept) and not any(path.exists() for path in old)
     assert [int(path.name.split("-")[1]) for path in kept] == list(range(9 + made - len(kept), 9 + made))
     assert all(path.exists() for path in others)
-    # A file ends with a chunk, and a chunk is as large as the logger was late.
+    # A file ends after a chunk, whose size depends on the logger's delay.
     assert 1 << 20 < sum(path.stat().st_size for path in kept) < (5 << 20) + max(path.stat().st_size for path in kept)
 
 
@@ -305,7 +305,7 @@ def test_folder_that_cannot_be_written(desk: Desk) -> None:
     assert done.returncode == 1 and "/nonexistent/log" in done.stderr and done.stderr.count("\n") == 1
 
 
-def test_sample_of_the_rules() -> None:
-    """check_sample() is no check that always agrees."""
+def test_the_check_of_samples_finds_a_changed_value() -> None:
+    """Proves that check_sample() can fail."""
     with pytest.raises(AttributeError):
         check_sample(object(), 1)

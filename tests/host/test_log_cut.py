@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A log that a power cut left without its end: whatever was in whole chunks is recovered, and nothing is made worse."""
+"""A log truncated by a power cut: all whole chunks are recovered, and a failed recovery changes nothing."""
 from __future__ import annotations
 
 import pathlib
@@ -15,7 +15,7 @@ from .programs import ROOT, Compiler, Desk, library_folder, stop, wait_until
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory, compile_client: Compiler) -> pathlib.Path:
-    """A log of three seconds: at least three chunks."""
+    """A log of three seconds, with at least three chunks."""
     desk = Desk(tmp_path_factory.mktemp("whole"))
     try:
         logger = begin(desk)
@@ -37,11 +37,11 @@ def contents(log: logs.Log) -> list[tuple[str, int, int, bytes]]:
 
 
 def in_chunks(whole: pathlib.Path, log: logs.Log, size: int) -> list[tuple[str, int, int, bytes]]:
-    """The expected contents of a file of `size` bytes: the messages of the chunks that are whole, by mcap's index."""
+    """The expected contents of the first `size` bytes: the messages of whole chunks, by mcap's index."""
     last = max((chunk.message_end_time for chunk in log.chunks
                 if chunk.chunk_start_offset + chunk.chunk_length <= size), default=-1)
     ends = sorted(chunk.message_end_time for chunk in log.chunks)
-    assert ends == [chunk.message_end_time for chunk in log.chunks]  # else times would not tell chunks apart
+    assert ends == [chunk.message_end_time for chunk in log.chunks]  # times must identify chunks
     return sorted((topic, one.sequence, one.publish_time, one.data) for topic, values in log.values.items()
                   for one in values if one.log_time <= last)
 
@@ -60,7 +60,7 @@ def test_every_whole_chunk_is_recovered(whole: pathlib.Path, tmp_path: pathlib.P
         if not 100 <= cut < len(data):
             continue
         path.write_bytes(data[:cut] + tail)
-        # A chunk ends with zeros: some of those that follow may be its own.
+        # A chunk ends with zeros, so some of the appended ones may belong to it.
         cut += next((n for n, byte in enumerate(data[cut:cut + len(tail)]) if byte), min(len(tail), len(data) - cut))
         done = ddxlog("-recover", path)
         assert done.returncode == 0, (cut, done.stderr)
@@ -74,8 +74,8 @@ def test_every_whole_chunk_is_recovered(whole: pathlib.Path, tmp_path: pathlib.P
     assert ddxlog("-recover", path).stderr.endswith("is complete, nothing to do\n")
 
 
-def test_the_check_notices_a_chunk_that_is_missing(whole: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """The test above, with a recovery that lost a chunk."""
+def test_the_check_finds_a_missing_chunk(whole: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """The test above with a recovery that loses a chunk."""
     log, path = logs.read(whole), tmp_path / "cut.mcap"
     last = log.chunks[-1]
     path.write_bytes(whole.read_bytes()[:last.chunk_start_offset + 20])
@@ -84,7 +84,7 @@ def test_the_check_notices_a_chunk_that_is_missing(whole: pathlib.Path, tmp_path
     assert contents(logs.read(path)) != in_chunks(whole, log, size)
 
 
-def test_damage_in_the_midst_keeps_the_old_file(whole: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_with_damage_in_the_middle_the_old_file_is_kept(whole: pathlib.Path, tmp_path: pathlib.Path) -> None:
     log, path = logs.read(whole), tmp_path / "cut.mcap"
     data = bytearray(whole.read_bytes()[:-30])
     chunk = log.chunks[1]
@@ -99,7 +99,7 @@ def test_damage_in_the_midst_keeps_the_old_file(whole: pathlib.Path, tmp_path: p
 
 
 def test_a_recovery_that_fails_changes_nothing(whole: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """There is no room for the copy."""
+    """The disk has no room for the copy."""
     path = tmp_path / "cut.mcap"
     data = whole.read_bytes()[:-100]
     path.write_bytes(data)
@@ -109,7 +109,7 @@ def test_a_recovery_that_fails_changes_nothing(whole: pathlib.Path, tmp_path: pa
 
 
 @pytest.mark.parametrize("content", [b"", b"\x89MCAP0\r", b"RIFF" * 100, b"\0" * 10000])
-def test_what_is_no_log(tmp_path: pathlib.Path, content: bytes) -> None:
+def test_files_that_are_no_log(tmp_path: pathlib.Path, content: bytes) -> None:
     path = tmp_path / "no.mcap"
     path.write_bytes(content)
     for arguments in (["-recover", path], ["-replay", path], ["-export", tmp_path / "out", path]):
@@ -119,7 +119,7 @@ def test_what_is_no_log(tmp_path: pathlib.Path, content: bytes) -> None:
 
 
 def test_the_next_start_recovers(desk: Desk, compile_client: Compiler) -> None:
-    """A logger that is killed: what was flushed is there once the next one has begun."""
+    """After a kill, all flushed values are readable once the next logger has started."""
     logger = begin(desk)
     writer = write(desk, compile_client, "imu", 400, 10000)
     wait_until(lambda: desk.out("ddxlog") > 100)
@@ -128,7 +128,7 @@ def test_the_next_start_recovers(desk: Desk, compile_client: Compiler) -> None:
     logger.wait()
     writer.terminate()
     path = only(desk)
-    with pytest.raises(Exception):  # noqa: B017  mcap's own: it has no end
+    with pytest.raises(Exception):  # noqa: B017  of mcap: the end record is missing
         logs.read(path)
     second = begin(desk)
     wait_until(lambda: "was cut off, and has its end now" in desk.errors(second))
@@ -137,7 +137,7 @@ def test_the_next_start_recovers(desk: Desk, compile_client: Compiler) -> None:
     stamps = log.monotonic("imu")
     expected = [(n + 1, stamp) for n, stamp in enumerate(stamps)]
     check_log(log, "imu", expected)
-    assert len(stamps) >= safe  # what counts as out is on the disk
+    assert len(stamps) >= safe  # values counted as out are on the disk
 
 
 def test_a_file_that_is_being_written_is_left_alone(desk: Desk, compile_client: Compiler) -> None:

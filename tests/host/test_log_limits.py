@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A small log may declare gigabytes. ddxlog takes a bounded amount of memory, names what it left out, and reads the
-rest. The logs are made here, byte by byte."""
+"""A small log may declare gigabytes: ddxlog uses bounded memory, names skipped records, and reads the rest. The logs
+are made here byte by byte."""
 from __future__ import annotations
 
 import pathlib
@@ -14,7 +14,7 @@ from . import log_rules
 from .programs import ROOT, TOP, Desk, library_folder, stop, wait_until
 
 MIB = 1 << 20
-LIMIT = 200 * MIB  # address space of the process; these logs once took 3 to 10 times as much
+LIMIT = 200 * MIB  # address space; these logs once took 3 to 10 times as much
 MAGIC = b"\x89MCAP0\r\n"
 
 
@@ -51,7 +51,7 @@ def chunk(first: int, records: bytes) -> bytes:
 
 
 def log(*records: bytes) -> bytes:
-    """Without its end, as a power cut leaves it."""
+    """A log without its end record, as after a power cut."""
     return MAGIC + record(1, text("") + text("")) + b"".join(records)
 
 
@@ -64,7 +64,7 @@ END = record(15, bytes(4)) + record(2, bytes(20)) + MAGIC
 
 
 def ddxlog(*arguments: object) -> tuple[int, str]:
-    """Exit status, and what is said; in little memory."""
+    """Run ddxlog in little memory; return its exit status and messages."""
     environment = {"LD_LIBRARY_PATH": str(library_folder()), "PATH": "/usr/bin:/bin"}
     done = subprocess.run(["prlimit", f"--as={LIMIT}", ROOT / "bin/ddxlog", *map(str, arguments)], env=environment,
                           capture_output=True, text=True, timeout=60)
@@ -76,9 +76,9 @@ def table(folder: pathlib.Path) -> list[int]:
 
 
 def test_chunks_that_overlap_in_time(tmp_path: pathlib.Path) -> None:
-    """Each chunk begins with one value and ends with another, so all of them are wanted at the same time."""
+    """Each chunk has an early and a late value, so all of them are needed at the same time."""
     path, count = tmp_path / "overlap.mcap", 6
-    padding = message(0, 50, bytes(40 * MIB))  # of the wrong size for its table, so that it gives no line
+    padding = message(0, 50, bytes(40 * MIB))  # wrong size for its type, so it adds no row
     path.write_bytes(log(channel(1), *(chunk(i, message(i, i, value(i)) + padding + message(i, 100 + i, value(100 + i)))
                                        for i in range(count))) + END)
     status, said = ddxlog("-export", tmp_path / "out", path)
@@ -104,7 +104,7 @@ def test_a_chunk_that_is_too_large(tmp_path: pathlib.Path, action: str) -> None:
 
 
 def test_the_last_chunk_is_too_large(tmp_path: pathlib.Path) -> None:
-    """No power cut does that: the old file stays, for a program that reads such a chunk."""
+    """This is not a power cut: the old file is kept, for a program that can read such a chunk."""
     path = tmp_path / "large.mcap"
     whole = log(channel(1), chunk(1, message(1, 1, value(1))), chunk(2, message(2, 2, bytes(65 * MIB))))
     path.write_bytes(whole)
@@ -114,7 +114,7 @@ def test_the_last_chunk_is_too_large(tmp_path: pathlib.Path) -> None:
 
 
 def test_schemas_within_chunks(tmp_path: pathlib.Path) -> None:
-    """What a chunk defines stays in memory after it: all chunks together have a bound."""
+    """Definitions stay in memory after their chunk, so their total is limited."""
     path = tmp_path / "schemas.mcap"
     schemas = (b"".join(schema(20 * i + k + 1, bytes(MIB)) for k in range(20)) for i in range(20))
     path.write_bytes(log(channel(1), chunk(0, message(0, 0, value(0))), *(chunk(1, part) for part in schemas),
@@ -138,8 +138,8 @@ def test_columns_of_many_channels(tmp_path: pathlib.Path) -> None:
     assert "wide41: left out" in said
 
 
-def test_a_value_that_no_reader_would_take(tmp_path: pathlib.Path) -> None:
-    """The logger writes nothing that replay and tables would refuse."""
+def test_a_value_too_large_to_read_is_not_logged(tmp_path: pathlib.Path) -> None:
+    """The logger writes no value that replay and tables would refuse."""
     desk = Desk(tmp_path, "512M")
     try:
         logger = log_rules.begin(desk, "output log\nqueue 1M\nitem large\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A log played back is the run once more: each value, in order, at its time; tables of it say the same."""
+"""A replayed log repeats the run: each value, in order, at its time; exported tables contain the same values."""
 from __future__ import annotations
 
 import csv
@@ -20,7 +20,7 @@ Replayed = list[tuple[str, bytes, int]]  # item, bytes, ns since the first
 
 
 def run_of(path: pathlib.Path, prefix: str = "") -> Replayed:
-    """What was written when; the logger's own items and the clock are not part of it."""
+    """All logged values with their times, without the logger's own items and the clock."""
     log = logs.read(path)
     found = sorted((one.publish_time, topic, one.sequence, one.data) for topic, values in log.values.items()
                    for one in values if topic.startswith(prefix) and not topic.startswith(("ddxlog", "run.clock")))
@@ -29,7 +29,7 @@ def run_of(path: pathlib.Path, prefix: str = "") -> Replayed:
 
 @pytest.fixture(scope="module")
 def first(tmp_path_factory: pytest.TempPathFactory, compile_client: Compiler) -> pathlib.Path:
-    """A log of two seconds of four items."""
+    """A log of four items over two seconds."""
     desk = Desk(tmp_path_factory.mktemp("first"))
     try:
         logger = begin(desk, "output first\nexcept *.stats\nitem *\n")
@@ -54,21 +54,21 @@ def replay(desk: Desk, path: pathlib.Path, *options: object, text: str | None = 
     return dict(json.loads(lines[-1])), lines[:-1]
 
 
-def test_a_replay_is_the_run_once_more(desk: Desk, first: pathlib.Path) -> None:
+def test_a_replay_repeats_the_run(desk: Desk, first: pathlib.Path) -> None:
     logger = begin(desk, "output second\nitem again.*\n")
     counters, _ = replay(desk, first, "-prefix", "again.", "-readers", "1")
     assert stop(logger)[0] == 0
     assert counters["in"] == counters["out"] == 270 and lost(counters) == 0
-    assert run_of(only(desk, "second"), "again.") == run_of(first)  # times to the nanosecond
-    # None too early, and half of them on time, whatever else the machine had to do.
+    assert run_of(only(desk, "second"), "again.") == run_of(first)  # times are equal to the nanosecond
+    # No value is early, and half of them are on time, even on a busy machine.
     assert counters["last_ns"] - counters["first_ns"] > 1.7e9 and counters["latency_us"]["p50"] < 100_000
-    # Types, too: a program that declares them reads what it would have read.
+    # Types are equal, so a program that declares them can read the items.
     shown = json.loads(desk.run("ddxctl", "show", "again.imu", "--json").stdout)
     assert shown["value"]["number"] == 200 and shown["value"]["part"][2]["corner"][1]["x"] == 403
     assert json.loads(desk.run("ddxctl", "show", "again.rows", "--json").stdout)["value"]["end"] == 20
 
 
-def test_the_comparison_sees_a_value_too_late(first: pathlib.Path) -> None:
+def test_the_comparison_finds_a_late_value(first: pathlib.Path) -> None:
     run = run_of(first)
     name, data, at = run[100]
     assert run != run[:100] + run[101:]
@@ -76,11 +76,11 @@ def test_the_comparison_sees_a_value_too_late(first: pathlib.Path) -> None:
     assert run != run[:100] + [(name, bytes([data[0] ^ 1]) + data[1:], at)] + run[101:]
 
 
-def test_rate_and_part(desk: Desk, first: pathlib.Path) -> None:
+def test_a_part_is_replayed_at_another_rate(desk: Desk, first: pathlib.Path) -> None:
     whole = run_of(first)
     counters, _ = replay(desk, first, "-rate", "4", "-prefix", "fast.")
     assert counters["last_ns"] - counters["first_ns"] > 0.4e9 and counters["latency_us"]["p50"] < 100_000
-    # Between two values each, wherever a slow machine has put them in the two seconds.
+    # Each limit lies between two values, whose times depend on the machine.
     logger = begin(desk, "output second\nitem part.*\n")
     start, end = ((whole[at - 1][2] + whole[at][2]) / 2e9 for at in (60, 150))
     counters, _ = replay(desk, first, "-rate", "0", "-from", f"{start:.9f}", "-to", f"{end:.9f}", "-prefix", "part.",
@@ -89,15 +89,15 @@ def test_rate_and_part(desk: Desk, first: pathlib.Path) -> None:
     assert counters["out"] == 150 - 60
 
 
-def test_loop(desk: Desk, first: pathlib.Path) -> None:
+def test_replay_in_a_loop(desk: Desk, first: pathlib.Path) -> None:
     player = desk.start("ddxlog", "-replay", first, "-loop", "-rate", "0")
     wait_until(lambda: desk.out("ddxlog.replay") > 270 * 3)
     status, counters = stop(player)
     assert status == 0 and counters["in"] == counters["out"] + lost(counters)
 
 
-def test_steps(desk: Desk, first: pathlib.Path) -> None:
-    """A value for each line; or everything up to the next tick."""
+def test_replay_in_steps(desk: Desk, first: pathlib.Path) -> None:
+    """A value for each input line; or all values up to the next tick."""
     order = [topic for topic, _, _ in run_of(first)]
     counters, lines = replay(desk, first, "-step", "-prefix", "s.", text="\n" * 7)
     assert [line.split()[0] for line in lines] == order[:7] and counters["out"] == 7
@@ -107,8 +107,8 @@ def test_steps(desk: Desk, first: pathlib.Path) -> None:
     assert [words[0] for words in found] == order[:len(found)]
 
 
-def test_an_item_that_somebody_else_writes(desk: Desk, compile_client: Compiler, first: pathlib.Path) -> None:
-    """It is left out, said and counted; the others are replayed."""
+def test_an_item_with_another_writer_is_left_out(desk: Desk, compile_client: Compiler, first: pathlib.Path) -> None:
+    """It is reported and counted; the other items are replayed."""
     other = write(desk, compile_client, "gps", 1000, 10000, "other", readers=0)
     wait_until(lambda: desk.sequence("gps") > 0)
     player = desk.run("ddxlog", "-replay", first, "-rate", "0")
@@ -118,10 +118,10 @@ def test_an_item_that_somebody_else_writes(desk: Desk, compile_client: Compiler,
     assert counters["lost"]["store"] == 10 and counters["in"] == 270 == counters["out"] + lost(counters)
 
 
-def test_a_log_that_was_cut_off(desk: Desk, first: pathlib.Path) -> None:
+def test_a_truncated_log_is_replayed(desk: Desk, first: pathlib.Path) -> None:
     (desk.folder / "cut.mcap").write_bytes(first.read_bytes()[:-100])
     counters, _ = replay(desk, desk.folder / "cut.mcap", "-rate", "0")
-    assert counters["out"] == 270  # only its end was missing
+    assert counters["out"] == 270  # only the end record is missing
 
 
 @pytest.mark.parametrize("options,told", [
@@ -149,7 +149,7 @@ def start_of(recording: pathlib.Path) -> int:
 
 
 def recorded_run(desk: Desk, log: pathlib.Path, video: pathlib.Path, prefix: str) -> Replayed:
-    """Frames and values on one axis: CLOCK_MONOTONIC."""
+    """Frames and values on one time axis, CLOCK_MONOTONIC."""
     found = logs.read(log)
     start = start_of(video)
     both = [(start + at, "video", data) for at, data in zip(times(video), pictures(video))]
@@ -160,11 +160,11 @@ def recorded_run(desk: Desk, log: pathlib.Path, video: pathlib.Path, prefix: str
 
 
 def test_log_and_recording_together(desk: Desk, compile_client: Compiler) -> None:
-    """A run of frames and values, then both replayed by one clock and recorded again: every frame, value and time."""
+    """Frames and values are replayed by one clock and recorded again: every frame, value and time is equal."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 50)
     logger, saver = begin(desk, "output one\nitem *\n", "one"), start_recorder(desk, "-output", "one.y4m")
     writer = write(desk, compile_client, "imu", 250, 10000)
-    wait_until(lambda: desk.sequence("imu") > 0)  # the log begins first
+    wait_until(lambda: desk.sequence("imu") > 0)  # the log starts first
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
     written(desk, writer)
     assert stop(saver)[0] == 0 and stop(logger)[0] == 0
@@ -174,14 +174,14 @@ def test_log_and_recording_together(desk: Desk, compile_client: Compiler) -> Non
     logger = begin(desk, "output two\nitem r.*\n", "two")
     saver = start_recorder(desk, "-output", "two.y4m", "-name", "again")
     loader = desk.start("ddxvideoload", "one.y4m", "-name", "again", "-clock", "run.clock", "-readers", "1")
-    # All that the replay waits for is its own readers: the loader has its own before it looks for the clock.
+    # The replay waits only for its own readers; the loader has its readers before it looks for the clock.
     wait_until(lambda: desk.readers("again") == 1)
     counters, _ = replay(desk, only(desk, "one"), "-prefix", "r.", "-clock", "run.clock", "-readers", "1",
                          "-except", "*.stats,video*")
     assert loader.wait(60) == 0, desk.errors(loader)
     assert stop(saver)[0] == 0 and stop(logger)[0] == 0
     second = recorded_run(desk, only(desk, "two"), desk.folder / "two.y4m", "r.")
-    assert second == first  # to the nanosecond
+    assert second == first  # times are equal to the nanosecond
     assert counters["out"] == 250
 
 
@@ -192,7 +192,7 @@ def test_a_clock_needs_a_recording_that_knows_its_time(desk: Desk) -> None:
 
 
 def test_a_clock_of_another_type_is_refused(desk: Desk) -> None:
-    """The counters of the program itself: far more bytes than a clock has."""
+    """The item of the program's own counters, which is larger than a clock."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 2)
     clip.write_bytes(clip.read_bytes().replace(b"FRAME\n", b"FRAME XTIME=0 XDDX_START=7000000000\n"))
     done = desk.run("ddxvideoload", clip, "-clock", "ddxvideoload.stats")

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The page on the architecture names each reason for which a program can lose a frame, in the program's order."""
+"""docs/architecture.md lists each reason for which a program can lose a frame, in the program's order."""
 import re
 
 from parts.common import TOP
 
 PAGE = TOP / "docs/architecture.md"
-# The source that states a program's reasons: the programs that are made of it.
+# The source with a list of reasons: the programs built from it.
 PROGRAMS = {
     "package/ddxcatalog/catalog/catalog.c": "`catalog`",
     "package/ddxlog/log/logger.c": "`ddxlog`",
@@ -21,7 +21,7 @@ PROGRAMS = {
 
 
 def stated() -> dict[str, list[str]]:
-    """The reasons in each source that has a list of them."""
+    """The reasons in each source with such a list."""
     lists = {}
     for path in sorted([*TOP.glob("package/**/*.c"), *TOP.glob("package/**/*.h")]):
         found = re.search(r"(?:reasons\[\] =|_REASONS) \{(.*), NULL\}", path.read_text())
@@ -31,7 +31,7 @@ def stated() -> dict[str, list[str]]:
 
 
 def documented() -> dict[str, list[str]]:
-    """The reasons that the page's table gives for each row of programs."""
+    """The reasons in the page's table for each row of programs."""
     table = PAGE.read_text().partition("| program | reason | meaning |")[2].partition("\n\n")[0]
     rows: dict[str, list[str]] = {}
     name = ""
@@ -41,7 +41,7 @@ def documented() -> dict[str, list[str]]:
     return rows
 
 
-def test_the_page_names_each_reason_of_each_program() -> None:
+def test_the_page_lists_each_reason_of_each_program() -> None:
     sources = stated()
     assert sorted(sources) == sorted(PROGRAMS)
     assert documented() == {PROGRAMS[path]: reasons for path, reasons in sources.items()}

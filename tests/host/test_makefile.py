@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The front door: a short list of targets, and campaigns that are long tests."""
+"""The Makefile: a short list of targets in its help, and campaigns as long tests."""
 import subprocess
 
 import pytest
@@ -11,7 +11,7 @@ def make(*words: str) -> str:
     return subprocess.run(["make", "-s", *words], cwd=TOP, capture_output=True, text=True, check=True).stdout
 
 
-def test_help_shows_the_targets_of_every_day() -> None:
+def test_help_shows_only_the_common_targets() -> None:
     assert sum(line.startswith("  make ") for line in make("help").splitlines()) == 12
 
 
@@ -22,13 +22,13 @@ def test_help_shows_the_targets_of_every_day() -> None:
     (["T=test_powercut"], "tools/gate.py -long 'test_powercut'"),
     (["T=crash or killed"], "tools/gate.py -long 'crash or killed'"),
     ([], "tools/gate.py -long")])
-def test_a_campaign_is_a_long_test(words: list[str], command: str) -> None:
+def test_campaigns_and_long_tests_share_a_target(words: list[str], command: str) -> None:
     last = " ".join(make("-n", "test-long", *words).splitlines()[-1].split())
     assert last == f"/usr/bin/python3 -B {command}"
     assert (TOP / command.split()[0]).exists()
 
 
-def test_each_campaign_that_help_names_is_there() -> None:
+def test_each_campaign_named_in_help_exists() -> None:
     line = next(line for line in make("help").splitlines() if "make test-long" in line)
     for name in line.split("T=")[1].split(":")[0].split(", "):
         assert "gate.py" not in make("-n", "test-long", f"T={name}")

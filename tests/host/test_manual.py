@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The pages of `man`: each program and each public call has one, troff finds no fault, and what they say is shown."""
+"""Manual pages: each program and each public call has one, troff finds no fault, and their text is shown."""
 from __future__ import annotations
 
 import pathlib
@@ -12,11 +12,11 @@ from parts.common import TOP, entries, run
 from parts.image import native
 from parts.release import manual, manual_calls, manual_programs
 
-NOT_ON_A_DESK = {"serial", "confine", "ddxgrow"}  # an appliance's
+NOT_ON_A_DESK = {"serial", "confine", "ddxgrow"}  # only in the appliance
 
 
 def programs() -> set[str]:
-    """Of the tables: as the meson.build beside each calls them, or that of the package."""
+    """The programs of the tables, by their names in the meson.build of the folder or package."""
     found = set()
     for table in (TOP / "package").glob("*/programs.txt"):
         for line in entries(table):
@@ -29,7 +29,7 @@ def programs() -> set[str]:
 
 
 def calls() -> set[str]:
-    """What the libraries define for programs, by their symbols."""
+    """The public functions of the libraries, by their symbols."""
     libraries = native.build() / native.LIBRARIES
     found = set(run(["nm", "-D", "--defined-only", "--format=just-symbols", libraries / "libddx.so"]).split())
     static = run(["nm", "-g", "--defined-only", "--format=just-symbols", libraries / "libddxvideo.a"]).split()
@@ -40,7 +40,7 @@ def calls() -> set[str]:
 
 @pytest.fixture(scope="module")
 def pages(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    """As `make desktop` makes them, of the desk's programs."""
+    """The pages of the desk's programs, as made by `make desktop`."""
     root = native.build()
     tools = tmp_path_factory.mktemp("bin")
     (tools / "ddxvideocalib").symlink_to(TOP / "package/ddxvideo/stereo/calibrate.py")
@@ -50,7 +50,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 
 
 def shown(pages: pathlib.Path, page: str) -> str:
-    """As on a terminal, without bold."""
+    """The page as on a terminal, without bold."""
     text = run(["groff", "-man", "-ww", "-Tascii", "-P-cbou", pages / page], cwd=pages)
     return re.sub(r"\s+", " ", text)
 
@@ -68,21 +68,21 @@ def test_each_call_has_a_page(pages: pathlib.Path) -> None:
         path.name for folder in manual.HEADERS.values() for path in folder.glob("*.h")}
 
 
-def test_troff_has_nothing_to_say(pages: pathlib.Path) -> None:
+def test_troff_finds_no_fault(pages: pathlib.Path) -> None:
     files = sorted(pages.rglob("*.[13]"))
     done = subprocess.run(["groff", "-man", "-ww", "-Tutf8", "-z", *files], cwd=pages, capture_output=True, text=True,
                           check=False)
     assert len(files) > 90 and (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_page_has_a_name_for_apropos(pages: pathlib.Path) -> None:
+def test_each_page_has_a_name_for_apropos(pages: pathlib.Path) -> None:
     for path in pages.rglob("*.[13]"):
         text = path.read_text()
         assert text.startswith(".so man3/") or re.search(rf"^\.SH NAME\n{path.stem}.* \\- \S.+$", text, re.MULTILINE)
 
 
 def test_each_option_is_in_the_page(pages: pathlib.Path) -> None:
-    """Of one that is made by hand, of the common form, and of a Python program."""
+    """For a handwritten help, a common one, and that of a Python program."""
     root = native.build()
     for program in "ddxctl", "ddxvideosave", "ddxvideosend":
         text = manual.help_text(root / "usr/bin" / program, native.environment(root))
@@ -93,7 +93,7 @@ def test_each_option_is_in_the_page(pages: pathlib.Path) -> None:
     assert "-square METRES" in shown(pages, "man1/ddxvideocalib.1")
 
 
-def test_a_call_shows_what_its_header_says(pages: pathlib.Path) -> None:
+def test_a_call_s_page_shows_the_text_of_its_header(pages: pathlib.Path) -> None:
     page = shown(pages, "man3/ddx_store_acquire.3")
     assert "int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail);" in page
     assert "Hold a value without copying it: it cannot change until ddx_store_release()." in page

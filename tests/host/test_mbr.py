@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where the partitions of a disk are, primary and logical ones."""
+"""Positions of a disk's primary and logical partitions."""
 import os
 import pathlib
 import subprocess
@@ -17,7 +17,7 @@ LAYOUT = """label: dos
 """
 
 
-@pytest.mark.parametrize("name", ["disk.img", "disk-1"])  # sfdisk puts a `p` between a digit at the end and the number
+@pytest.mark.parametrize("name", ["disk.img", "disk-1"])  # sfdisk inserts a `p` after a final digit
 def test_partitions(tmp_path: pathlib.Path, name: str) -> None:
     disk = tmp_path / name
     disk.touch()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The paper's option style, and what is said about wrong usage: one line, exit 2."""
+"""The paper's option style; wrong usage gives one line and exit status 2."""
 from __future__ import annotations
 
 import json
@@ -16,7 +16,7 @@ SNAP, VIEW, SVS = "ddxvideosnap", "ddxvideoview", "ddxvideoSVS"
 
 
 def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    """Without any store: wrong usage is found before one is asked for."""
+    """Run without a store: wrong usage is found before a store is needed."""
     return subprocess.run([ROOT / "bin" / program, *map(str, arguments)], capture_output=True, text=True, timeout=60,
                           env={"LD_LIBRARY_PATH": str(library_folder()), "DDX_DIR": "/nonexistent"})
 
@@ -100,15 +100,15 @@ def test_bad_usage(program: str, arguments: list[str], text: str) -> None:
 @pytest.mark.parametrize("program,arguments", [
     (LOADER, ["x.y4m"]), (SAVER, ["-output", "/nonexistent/x.y4m"]), (SENDER, ["-codec", "mpeg4"]), (DECODE, []),
     (SNAP, ["x.png"]), (VIEW, ["x.y4m"])])
-def test_check_judges_and_does_nothing(program: str, arguments: list[str]) -> None:
-    """There is no store: what began would wait for one."""
+def test_check_only_validates_the_options(program: str, arguments: list[str]) -> None:
+    """There is no store: a program that started would wait for one."""
     good, bad = run(program, *arguments, "-check"), run(program, "-check", *arguments, "-name", "")
     assert good.returncode == 0 and not good.stdout and not good.stderr
     assert bad.returncode == 2 and "-name is empty" in bad.stderr
 
 
 @pytest.mark.parametrize("place", ["/nonexistent/out.y4m", "/nonexistent/", "/etc/passwd/out.y4m"])
-def test_place_that_cannot_be_written(place: str) -> None:
+def test_an_output_folder_that_cannot_be_written(place: str) -> None:
     result = run(SAVER, "-output", place)
     assert result.returncode == 1 and result.stderr.count("\n") == 1 and place in result.stderr
 
@@ -138,7 +138,7 @@ def test_bad_clip(tmp_path: pathlib.Path, content: bytes, text: str) -> None:
     check_refused(clip, text)
 
 
-def test_no_clip(tmp_path: pathlib.Path) -> None:
+def test_a_missing_clip(tmp_path: pathlib.Path) -> None:
     check_refused(tmp_path / "none.y4m", "cannot be opened")
     check_refused(tmp_path, "cannot be read")
 
@@ -160,8 +160,8 @@ def test_version(program: str) -> None:
 
 
 @pytest.mark.parametrize("program", [LOADER, SAVER, "ddxctl", "ddxlog"])
-def test_help_where_the_loader_knows_no_library(program: str) -> None:
-    """It lies beside the program, wherever that was installed."""
+def test_help_without_installed_libraries(program: str) -> None:
+    """The library is found relative to the program."""
     result = subprocess.run([ROOT / "bin" / program, "-help"], capture_output=True, text=True, timeout=60,
                             env={"PATH": "/usr/bin"})
     assert result.returncode == 0 and result.stdout.startswith("usage: " + program)
@@ -195,7 +195,7 @@ def test_bad_words_to_ddxvideoplay(arguments: list[str], needed: str) -> None:
     assert result.stderr == f"ddxvideoplay: {' '.join(arguments)}: {needed} is needed; see ddxvideoplay -help\n"
 
 
-def test_store_port(tmp_path: pathlib.Path) -> None:
+def test_a_wrong_port_of_the_store(tmp_path: pathlib.Path) -> None:
     result = subprocess.run([ROOT / "bin/store", "-port", "2005abc"], capture_output=True, text=True, timeout=20,
                             env={"DDX_DIR": str(tmp_path)})
     assert result.returncode == 2 and "2005abc: not a port" in result.stderr
@@ -209,8 +209,8 @@ def test_output_that_cannot_be_written(desk: Desk) -> None:
             assert done.returncode == 1 and done.stderr == "ddxctl: standard output: No space left on device\n"
 
 
-def test_odd_names_as_json(desk: Desk) -> None:
-    """Quotes and backslashes may be in a name."""
+def test_special_characters_in_names_as_json(desk: Desk) -> None:
+    """Names may contain quotes and backslashes."""
     name = 'a"b\\c'
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 3)
     assert desk.run(LOADER, clip, "-rate", "0", "-name", name).returncode == 0

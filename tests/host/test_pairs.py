@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Two cameras as one stereo pair: which frames belong together, and what is counted of those that do not."""
+"""Two cameras as a stereo pair: frames of the same time are paired, and all others are counted."""
 from __future__ import annotations
 
 import json
@@ -22,7 +22,7 @@ PERIOD, WINDOW = 40, 20  # ms
 
 
 class Cameras:
-    """Both cameras, each frame on request, and the program that pairs them."""
+    """Both cameras, which send frames on request, and the program that pairs them."""
 
     def __init__(self, desk: Desk, right: str, *options: object) -> None:
         self.desk = desk
@@ -41,7 +41,7 @@ class Cameras:
         assert self.writer.stdout.readline() == f"{word}\n"
 
     def write(self, name: str, milliseconds: int, value: int) -> None:
-        """A frame, which the program takes before the next one comes."""
+        """Write a frame, and wait until the program has taken it."""
         assert self.writer.stdin
         self.writer.stdin.write(f"{name} {milliseconds} {value}\n")
         self.writer.stdin.flush()
@@ -74,7 +74,7 @@ def cameras(desk: Desk, request: pytest.FixtureRequest) -> Iterator[Cameras]:
 
 
 def test_frames_of_shuffled_times(cameras: Cameras) -> None:
-    """The frames' values say when they were taken: those of each pair belong together, and all others are counted."""
+    """Values identify the capture times: the frames of each pair belong together, and all others are counted."""
     desk, chance = cameras.desk, random.Random(5)
     saver = start_recorder(desk, "-name", "range", "-output", "range.y4m")
     wait_for_recorder(desk)
@@ -105,12 +105,12 @@ def test_frames_of_shuffled_times(cameras: Cameras) -> None:
     assert steps == [(left - pairs[0][1]) * PERIOD * 1000000 for _, left in pairs]
 
 
-def test_a_few_frames_without_a_partner_are_no_line(cameras: Cameras) -> None:
-    """Each one waits for 0.28 s, so that the last pair is more than a second ago. Five are no reason for a line, since
-    a machine that is late loses as many; the sixth is one. A pair begins the count again."""
+def test_a_few_frames_without_a_partner_are_not_reported(cameras: Cameras) -> None:
+    """Each waits for 0.28 s, so that the last pair is more than a second old. The sixth in a row is reported, fewer are
+    not, since a slow machine loses as many. A pair resets the count."""
     number = pairs = 0
     for lonely, lines in ((5, 0), (6, 1)):
-        while cameras.settled()["out"] == 2 * pairs:  # its second frame may come too late
+        while cameras.settled()["out"] == 2 * pairs:  # the second frame may come too late
             number += 1
             cameras.write_pair(number * PERIOD, number)
         pairs += 1
@@ -124,8 +124,8 @@ def test_a_few_frames_without_a_partner_are_no_line(cameras: Cameras) -> None:
     assert "pairs again after" not in cameras.said()
 
 
-def test_one_camera_is_gone(cameras: Cameras) -> None:
-    """Its partner's frames are counted as they come, and pairs are made again as soon as it is back."""
+def test_one_camera_is_missing(cameras: Cameras) -> None:
+    """The other camera's frames are counted, and pairs are made again once the camera is back."""
     cameras.write_pair(0, 1)
     assert cameras.settled()["out"] == 2
     number = 1
@@ -141,8 +141,8 @@ def test_one_camera_is_gone(cameras: Cameras) -> None:
     wait_until(lambda: "left, right: pairs again after" in cameras.said())
 
 
-def test_a_window_that_was_set(desk: Desk) -> None:
-    """Frames that are 8 ms apart are no pair within 5 ms, and 4 ms are one, with the left frame's number and time."""
+def test_the_window_can_be_set(desk: Desk) -> None:
+    """With 5 ms, frames 8 ms apart are no pair; frames 4 ms apart are one, with the left frame's number and time."""
     cameras = Cameras(desk, LEFT, "-window", 5)
     number, counters = 0, cameras.settled()
     while not counters["out"] and number < 100:
@@ -159,7 +159,7 @@ def test_a_window_that_was_set(desk: Desk) -> None:
 
 @pytest.mark.parametrize("cameras", ["64x18"], indirect=True)
 def test_unequal_sizes(cameras: Cameras) -> None:
-    """A line says so once, and each frame is counted."""
+    """Reported once, and each frame is counted."""
     cameras.write_pair(0, 1)
     cameras.write_pair(PERIOD, 2)
     assert cameras.settled()["lost"]["picture"] == 4

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A client in the paper's own form compiles without a warning and sees the right pixels."""
+"""A client in the paper's form compiles without warnings and gets the right pixels."""
 from __future__ import annotations
 
 import itertools
@@ -36,8 +36,8 @@ def test_paper_client(desk: Desk, compile_client: Compiler) -> None:
     assert numbers == sorted(set(numbers))
 
 
-def test_larger_than_the_client(desk: Desk, compile_client: Compiler) -> None:
-    """A picture that does not fit the client's struct is refused, not cut or torn."""
+def test_a_picture_larger_than_the_client_s_struct(desk: Desk, compile_client: Compiler) -> None:
+    """It is refused, not truncated or torn."""
     program = compile_client("paper_client")
     clip = make_clip(desk.folder / "clip.y4m", "1280x720", "20", 10)
     client = desk.start(program, 1)
@@ -47,7 +47,7 @@ def test_larger_than_the_client(desk: Desk, compile_client: Compiler) -> None:
 
 
 def test_grabber_of_the_papers_kind(desk: Desk, compile_client: Compiler) -> None:
-    """An item that has the seven fields only is recorded, with the times of its writes."""
+    """An item with only the seven fields is recorded, with the times of its writes."""
     saver = start_recorder(desk, "-output", "out.y4m")
     assert desk.run(compile_client("item_client", "ddxvideo"), "paper_grabber").returncode == 0
     status, counters = stop(saver)
@@ -59,8 +59,8 @@ def test_grabber_of_the_papers_kind(desk: Desk, compile_client: Compiler) -> Non
     assert min(steps) >= 10_000_000
 
 
-def test_it_is_strict_c(tmp_path: pathlib.Path) -> None:
-    """The header by itself, as C and as C++, with everything that the compiler can complain about."""
+def test_the_headers_are_strict_c_and_c_plus_plus(tmp_path: pathlib.Path) -> None:
+    """The headers alone compile as C and C++ with all warnings."""
     for compiler, standard, suffix in (("gcc", "gnu11", "c"), ("g++", "gnu++17", "cc")):
         source = tmp_path / f"header.{suffix}"
         source.write_text("#include <ddxvideo.h>\n#include <ddx_stats.h>\nint main() { return 0; }\n")

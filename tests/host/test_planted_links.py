@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Another user puts a link where root's scripts write or read: root does not follow it."""
+"""Root's scripts do not follow a link that another user put in the place of a file."""
 from __future__ import annotations
 
 import os
@@ -11,12 +11,12 @@ import pytest
 from .appliance import USERS, Appliance, with_service
 
 SECRET = "root's own\n"
-LIMITS = "s131072\nn3\n"  # of a log, as svlogd reads them
+LIMITS = "s131072\nn3\n"  # svlogd's settings of a log
 
 
 @pytest.fixture
 def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
-    """With a file that is root's alone."""
+    """An appliance with a file that only root can read."""
     with with_service(tmp_path) as appliance:
         (appliance.root / "secret").write_text(SECRET)
         (appliance.root / "secret").chmod(0o600)
@@ -24,7 +24,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
 
 
 def plant(appliance: Appliance, path: str) -> None:
-    """In place of a file, a link to root's."""
+    """Replace a file by a link to root's file."""
     file = appliance.root / path
     file.unlink()
     file.symlink_to("/secret")
@@ -33,7 +33,7 @@ def plant(appliance: Appliance, path: str) -> None:
 
 @pytest.mark.parametrize("command, log", [
     ("/usr/libexec/ddx/service thing start", "run/log/thing"), ("/etc/init.d/S18network start", "run/log/ntp")])
-def test_a_log_s_folder_is_not_written_to_once_it_is_given_away(appliance: Appliance, command: str, log: str) -> None:
+def test_root_does_not_write_into_a_log_folder_of_another_user(appliance: Appliance, command: str, log: str) -> None:
     appliance.add("usr/bin/thing", "#!/bin/sh\n")
     (appliance.root / "etc/default/thing").write_text("user=ddxlog\n")
     appliance.install("overlay/etc/init.d/S18network", "etc/init.d/S18network")
@@ -47,7 +47,7 @@ def test_a_log_s_folder_is_not_written_to_once_it_is_given_away(appliance: Appli
     assert (appliance.root / "secret").read_text() == SECRET
 
 
-def test_words_of_a_network_service_stay_words(appliance: Appliance) -> None:
+def test_arguments_of_network_services_are_quoted(appliance: Appliance) -> None:
     appliance.install("overlay/etc/init.d/S18network", "etc/init.d/S18network")
     (appliance.root / "run/provision").write_text("ntp=10.0.0.1 time.example\nnetwork=eth0 10.0.0.2/24 10.0.0.1\n")
     assert appliance.run("/etc/init.d/S18network start") == (0, "Starting network: OK\n")
@@ -58,7 +58,7 @@ def test_words_of_a_network_service_stay_words(appliance: Appliance) -> None:
         "'10.0.0.2/24' '10.0.0.1'"]
 
 
-def test_a_technician_reads_a_log_as_its_writer_may(appliance: Appliance) -> None:
+def test_logs_are_read_with_the_rights_of_their_writer(appliance: Appliance) -> None:
     appliance.install("package/ddxservice/control", "usr/libexec/ddx/ctl-logs")
     (appliance.root / "etc/default/thing").write_text("user=ddxlog\n")
     appliance.add("etc/init.d/S50thing", "#!/bin/sh\n")
@@ -73,8 +73,8 @@ def test_a_technician_reads_a_log_as_its_writer_may(appliance: Appliance) -> Non
     assert SECRET not in appliance.run("/usr/libexec/ddx/ctl-logs thing")[1]
 
 
-def test_the_console_s_shell_reads_nothing_of_others(appliance: Appliance) -> None:
-    """Any user may write in /tmp."""
+def test_the_console_s_shell_reads_no_files_of_other_users(appliance: Appliance) -> None:
+    """Any user can write into /tmp."""
     appliance.install("overlay/usr/libexec/ddx/shell", "usr/libexec/ddx/shell")
     (appliance.root / "etc/motd").write_text("DDXVIDEO\n")
     (appliance.root / "tmp").mkdir()

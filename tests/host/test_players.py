@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A recording opens in the usual players, with every frame in it."""
+"""Common players open a recording and find every frame."""
 from __future__ import annotations
 
 import pathlib
@@ -10,7 +10,7 @@ import pytest
 from .programs import Desk, ffmpeg, header_of, make_clip, pictures, record
 
 FRAMES = 20
-# The longest header that a recording can well have: large numbers, all of our own parameters.
+# "long": the longest likely header, with large numbers and all our parameters.
 HEADERS = {"plain": "F25:1 Ip A1:1 C420jpeg",
            "long": "F30000:1001 It A128:117 C420mpeg2 XDDX_FIELDS=12 XCOLORRANGE=LIMITED"}
 
@@ -36,7 +36,7 @@ def test_gstreamer(recording: pathlib.Path) -> None:
     assert raw.read_bytes() == b"".join(pictures(recording))
 
 
-def test_gstreamer_finds_out_by_itself(recording: pathlib.Path) -> None:
+def test_gstreamer_detects_the_format(recording: pathlib.Path) -> None:
     raw = recording.with_suffix(".raw")
     subprocess.run(["gst-launch-1.0", "-q", "filesrc", f"location={recording}", "!", "decodebin", "!", "filesink",
                     f"location={raw}"], check=True, timeout=60)

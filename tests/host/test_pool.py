@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Recording into prepared files: nothing is lost at their ends, and after a kill each ends with a whole frame."""
+"""Recording into prepared files: nothing is lost between them, and after a kill each ends with a whole frame."""
 from __future__ import annotations
 
 import dataclasses
@@ -37,7 +37,7 @@ def recordings(desk: Desk) -> list[pathlib.Path]:
 
 @dataclasses.dataclass
 class Index:
-    """As package/ddxvideo/save/pool/index.h describes it."""
+    """The index of package/ddxvideo/save/pool/index.h."""
     state: int
     frames: int
     bytes: int
@@ -58,7 +58,7 @@ def index_of(recording: pathlib.Path) -> Index:
 
 
 def check_files(desk: Desk, played: list[bytes]) -> int:
-    """Every recording is finished, as its index says, plays, and shows the clip's pictures in order; all frames."""
+    """Check that each recording is complete, matches its index, and shows the pictures in order; return the frames."""
     frames = 0
     for file in recordings(desk):
         index = index_of(file)
@@ -109,7 +109,7 @@ def test_files_are_prepared_ahead(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def test_killed_recorders(desk: Desk, clip: pathlib.Path) -> None:
-    """What they promised is there after the next one's start, and what is not there is counted."""
+    """After the next start, all checkpointed frames are there, and missing ones are counted."""
     loader = desk.start("ddxvideoload", clip, "-loop")
     out = 0
     for _ in range(4):
@@ -130,7 +130,7 @@ def test_killed_recorders(desk: Desk, clip: pathlib.Path) -> None:
 
 
 def stall(desk: Desk, clip: pathlib.Path, *options: object) -> tuple[Process, Process]:
-    """A recorder that stood still longer than the store keeps frames for it, and the loader, which goes on."""
+    """A recorder frozen for longer than the store keeps frames, and the loader, which goes on."""
     saver = start(desk, "-keep", "8", *options)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "3")
     wait_until(lambda: desk.out("ddxvideosave") > 3)
@@ -142,7 +142,7 @@ def stall(desk: Desk, clip: pathlib.Path, *options: object) -> tuple[Process, Pr
 
 
 def lose_frames(desk: Desk, clip: pathlib.Path) -> dict[str, int]:
-    """A recording that lacks some in the middle. Its counters."""
+    """Make a recording with lost frames in the middle; return its counters."""
     saver, loader = stall(desk, clip)
     before = desk.out("ddxvideosave")
     wait_until(lambda: desk.out("ddxvideosave") > before + 20)
@@ -152,18 +152,18 @@ def lose_frames(desk: Desk, clip: pathlib.Path) -> dict[str, int]:
     return saved
 
 
-def test_losses_stand_in_the_index(desk: Desk, clip: pathlib.Path) -> None:
+def test_losses_are_in_the_index(desk: Desk, clip: pathlib.Path) -> None:
     saved = lose_frames(desk, clip)
     indexes = [index_of(file) for file in recordings(desk)]
     assert sum(index.lost for index in indexes) == lost(saved)
     entries = [entry for index in indexes for entry in index.entries]
     assert len(entries) == saved["out"]
     for one, later in zip(entries, entries[1:]):
-        assert later[1] - one[1] - 1 == later[8] + later[9]  # what the store's numbers say
+        assert later[1] - one[1] - 1 == later[8] + later[9]  # by the store's numbers
 
 
-def test_what_is_deleted_stays_deleted(desk: Desk, clip: pathlib.Path) -> None:
-    """And its file is used again."""
+def test_a_deleted_recording_stays_deleted(desk: Desk, clip: pathlib.Path) -> None:
+    """And its disk space is used again."""
     def record() -> None:
         saver = start(desk)
         assert desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "3").returncode == 0
@@ -178,12 +178,12 @@ def test_what_is_deleted_stays_deleted(desk: Desk, clip: pathlib.Path) -> None:
     assert not {file.name for file in recordings(desk)} & set(deleted)
     assert check_files(desk, pictures(clip)) == COUNT
     now = set((desk.folder / "rec/pool").glob("*.y4m"))
-    assert files <= now and len(now) <= len(recordings(desk)) + 2  # those that are kept ready
+    assert files <= now and len(now) <= len(recordings(desk)) + 2  # two prepared files
 
 
 @pytest.fixture(params=[("-t", "ext4", "-O", "^has_journal")])
 def small_disk(desk: Desk, request: pytest.FixtureRequest) -> Iterator[pathlib.Path]:
-    """64 MB of ext4 without a journal, as on the machine."""
+    """64 MB of ext4 without a journal, as in the appliance."""
     image, folder = desk.folder / "disk.img", desk.folder / "rec"
     with image.open("wb") as file:
         file.truncate(64 << 20)
@@ -196,7 +196,7 @@ def small_disk(desk: Desk, request: pytest.FixtureRequest) -> Iterator[pathlib.P
     subprocess.run(["umount", folder], check=True)
 
 
-def test_a_full_disk_gives_up_the_oldest_if_told(desk: Desk, small_disk: pathlib.Path) -> None:
+def test_a_full_disk_deletes_the_oldest_on_request(desk: Desk, small_disk: pathlib.Path) -> None:
     clip = make_clip(desk.folder / "clip.y4m", rate="50", frames=400)
     saver = start(desk, "-full", "recycle")
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
@@ -207,7 +207,7 @@ def test_a_full_disk_gives_up_the_oldest_if_told(desk: Desk, small_disk: pathlib
     assert min(int(file.name.split("-")[1]) for file in recordings(desk)) > 1
 
 
-def test_a_full_disk_ends_the_recording_if_told(desk: Desk, small_disk: pathlib.Path) -> None:
+def test_a_full_disk_stops_the_recording_on_request(desk: Desk, small_disk: pathlib.Path) -> None:
     clip = make_clip(desk.folder / "clip.y4m", rate="50", frames=400)
     saver = start(desk, "-full", "stop")
     desk.run("ddxvideoload", clip, "-readers", "1")
@@ -220,7 +220,7 @@ def test_a_full_disk_ends_the_recording_if_told(desk: Desk, small_disk: pathlib.
 
 @pytest.mark.parametrize("small_disk", [("-t", "ext3")], indirect=True)
 def test_a_file_system_that_cannot_reserve(desk: Desk, small_disk: pathlib.Path) -> None:
-    """Files get their blocks as they are written, then; as good as ever once they have been."""
+    """Files get their blocks as they are written, without a loss."""
     clip = make_clip(desk.folder / "clip.y4m", frames=COUNT)
     saver = start(desk)
     wait_until(lambda: len(list((small_disk / "pool").glob("*.index"))) >= 2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A full disk's oldest recordings are given up, whatever other users lock, but not while root copies them."""
+"""A full disk's oldest recordings are deleted despite other users' locks, but not while root copies them."""
 from __future__ import annotations
 
 import contextlib
@@ -15,15 +15,15 @@ from .programs import Desk, Process, lost, make_clip, preload, start_recorder, s
 from .test_pool import recordings, small_disk
 
 __all__ = ["small_disk"]  # a fixture
-FRAMES = 30  # of CIF: more than one file holds
+FRAMES = 30  # CIF frames: more than one file holds
 OTHER = 12345  # a user that does not exist
-# Root as any other user: it can open only what modes and owners let it open.
+# Root without its privileges: file modes and owners apply.
 PLAIN = ("setpriv", "--bounding-set=-dac_override,-dac_read_search")
 
 
 @pytest.fixture
 def full(desk: Desk, small_disk: pathlib.Path) -> pathlib.Path:
-    """A disk with room for two recordings, one of which is there."""
+    """A disk with one recording and room for another."""
     make_clip(desk.folder / "clip.y4m", frames=FRAMES)
     (small_disk / "filler").write_bytes(bytes(20 << 20))
     record(desk)
@@ -38,7 +38,7 @@ def record(desk: Desk) -> None:
 
 
 def start_copy(desk: Desk, file: pathlib.Path, *wrapper: str) -> tuple[Process, pathlib.Path]:
-    """A copy that has read its file, and waits for a disk that stands still until the second path is removed."""
+    """Start a copy that has read its file and waits for a stalled disk until the second path is removed."""
     part, stalled = desk.folder / "to" / f"{file.name}.part", desk.folder / "stalled"
     part.parent.mkdir()
     stalled.touch()
@@ -50,7 +50,7 @@ def start_copy(desk: Desk, file: pathlib.Path, *wrapper: str) -> tuple[Process, 
 
 @contextlib.contextmanager
 def locked(paths: Iterable[pathlib.Path]) -> Iterator[None]:
-    """As any user with read access can."""
+    """Lock files, as any user with read access can."""
     files = [os.open(path, os.O_RDONLY) for path in paths]
     try:
         for file in files:
@@ -61,7 +61,7 @@ def locked(paths: Iterable[pathlib.Path]) -> Iterator[None]:
             os.close(file)
 
 
-def test_root_keeps_what_it_copies_and_other_users_keep_nothing(desk: Desk, full: pathlib.Path) -> None:
+def test_only_root_s_copies_protect_a_recording(desk: Desk, full: pathlib.Path) -> None:
     first, second = recordings(desk)
     copy, stalled = start_copy(desk, first)
     with locked([full / "pool", *full.glob("pool/*.*")]):
@@ -76,7 +76,7 @@ def test_root_keeps_what_it_copies_and_other_users_keep_nothing(desk: Desk, full
     assert stat.S_IMODE(lock.st_mode) == 0o600 and lock.st_uid == (full / "pool").stat().st_uid
 
 
-def test_a_copy_of_another_user_says_that_its_file_was_given_up(desk: Desk, full: pathlib.Path) -> None:
+def test_a_copy_by_another_user_reports_a_deleted_recording(desk: Desk, full: pathlib.Path) -> None:
     os.chown(full / "pool/lock", OTHER, OTHER)
     first = recordings(desk)[0]
     copy, stalled = start_copy(desk, first, *PLAIN)

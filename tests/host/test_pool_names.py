@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Numbers and names of recordings: no file that lies about makes the recorder stop, and no two recordings share one."""
+"""Numbers and names of recordings: no foreign file stops the recorder, and no two recordings share a number."""
 from __future__ import annotations
 
 import json
@@ -14,7 +14,7 @@ from .test_pool import small_disk as pool_disk
 
 __all__ = ["pool_disk"]  # a fixture
 
-FRAMES = 30  # of CIF: more than one file holds
+FRAMES = 30  # CIF frames: more than one file holds
 
 
 @pytest.fixture
@@ -24,7 +24,7 @@ def clip(desk: Desk) -> pathlib.Path:
 
 
 def record(desk: Desk, clip: pathlib.Path, *options: object, name: str = "video") -> str:
-    """All of the clip, into files that are new; what the recorder said."""
+    """Record all of the clip into new files; return the recorder's messages."""
     before = recordings(desk)
     saver = start_recorder(desk, "-output", "rec", "-segment", SEGMENT >> 20, "-name", name, *options)
     loader = desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "3", "-name", name)
@@ -37,7 +37,7 @@ def record(desk: Desk, clip: pathlib.Path, *options: object, name: str = "video"
 
 
 def test_strange_names_in_the_pool(desk: Desk, clip: pathlib.Path) -> None:
-    """Only a name as the pool makes it, up to its highest number, is a file of the pool."""
+    """Only a name in the pool's form, up to its highest number, is a file of the pool."""
     pool = desk.folder / "rec/pool"
     strays = [pool / name for name in ["9223372036854775807.y4m", "9223372036854775808.index", "2147483647.y4m",
                                        "1000000000.y4m", "7.y4m", " 7.y4m", "+7.y4m", "-1.y4m", "000000.y4m"]]
@@ -56,7 +56,7 @@ def numbers(desk: Desk) -> list[int]:
 
 
 def test_an_item_that_is_named_like_a_file(desk: Desk, clip: pathlib.Path) -> None:
-    """Its numbers go on at the next start, and `list` has its recordings as two."""
+    """Its numbers continue at the next start, and `list` shows its recordings as two."""
     for _ in range(2):
         record(desk, clip, name="a.y4m")
     assert numbers(desk) == [1, 2, 3, 4]
@@ -64,8 +64,8 @@ def test_an_item_that_is_named_like_a_file(desk: Desk, clip: pathlib.Path) -> No
     assert [json.loads(line)["recording"] for line in lines] == ["a.y4m-000001", "a.y4m-000003"]
 
 
-def test_recordings_of_such_an_item_are_given_up(desk: Desk, pool_disk: pathlib.Path, clip: pathlib.Path) -> None:
-    """Also beside a file of the same number that is not of the pool."""
+def test_its_recordings_make_room_on_a_full_disk(desk: Desk, pool_disk: pathlib.Path, clip: pathlib.Path) -> None:
+    """Also if a foreign file has the same number."""
     (pool_disk / "filler").write_bytes(bytes(20 << 20))  # leaves room for two recordings
     record(desk, clip, name="a.y4m")
     (pool_disk / "a-000001-20000101T000000Z.y4m").touch()
@@ -78,7 +78,7 @@ def test_recordings_of_such_an_item_are_given_up(desk: Desk, pool_disk: pathlib.
 
 
 def test_two_recorders_of_one_item_that_start_at_once(desk: Desk, clip: pathlib.Path) -> None:
-    """Both take their numbers with the item's first frame, long before the disk knows of either."""
+    """Both take their numbers at the item's first frame, long before either is on the disk."""
     savers = [start_recorder(desk, "-output", "rec", "-segment", 4, "-instance", name) for name in ("one", "two")]
     assert desk.run("ddxvideoload", clip, "-readers", "2", "-rate", "3").returncode == 0
     for saver in savers:
@@ -92,8 +92,8 @@ def test_two_recorders_of_one_item_that_start_at_once(desk: Desk, clip: pathlib.
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
 def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: int) -> None:
-    """The recording gets another number, and keeps its time, when it ends or when it is recovered; the other stays."""
-    saver = start_recorder(desk, "-output", "rec", "-segment", 64)  # one file, however slow the machine is
+    """The recording gets another number but keeps its time, when it ends or is recovered; the other file stays."""
+    saver = start_recorder(desk, "-output", "rec", "-segment", 64)  # one file, even on a slow machine
     loader = desk.start("ddxvideoload", clip, "-readers", "1", "-loop")
     wait_until(lambda: desk.out("ddxvideosave") > 0)
     name, = json.loads(desk.run("ddxrecordings", "list", "-json", "-folder", "rec").stdout)["files"]
@@ -108,7 +108,7 @@ def test_a_name_that_another_file_has(desk: Desk, clip: pathlib.Path, number: in
     found = next(file for file in recordings(desk) if file != other)
     assert found.name.split("-")[1] != "000001" and found.name.split("-")[2] == name.split("-")[2]
     shown, once = pictures(found), pictures(clip)
-    again = len(shown) // len(once) + 1  # a slow machine lets the clip begin again
+    again = len(shown) // len(once) + 1  # the clip may start again on a slow machine
     assert shown and shown == (again * once)[:len(shown)]
     assert f"{found.name}: good" in desk.run("ddxrecordings", "verify", found.name, "-folder", "rec").stdout
     assert desk.run("ddxvideosave", "-output", "rec", "-segment", "64", "-recover").stderr == ""

@@ -19,7 +19,7 @@ from parts.media import clip
 NAME, USER, NUMBER = "ddxvideodark", "ddxdark", "910"
 PAGE = TOP / "docs/programs.md"
 TABLE = "package/ddxvideo/programs.txt"
-# In the copy, by its own tools: the packages that it takes, quickly compiled, and the root out of them.
+# Run in the copy with its tools: compiles the needed packages quickly, and makes the root of them.
 BUILD = """
 import pathlib, sys
 from parts.image import native, rootfs
@@ -30,7 +30,7 @@ rootfs.assemble(root, shell, kernel, [packages, codecs])
 
 
 def files() -> dict[str, str]:
-    """Those of the page, by their place in the tree."""
+    """The page's files, by their path in the tree."""
     return dict(re.findall(r"^`(package/\S+)`\n\n```\w*\n(.*?)^```$", PAGE.read_text(), re.M | re.S))
 
 
@@ -50,7 +50,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     return tree / "root"
 
 
-def test_the_page_has_all_that_a_program_takes() -> None:
+def test_the_page_has_all_files_of_a_program() -> None:
     folder = "package/ddxvideo/dark/"
     assert set(files()) == {TABLE, *(folder + name for name in ("main.c", "meson.build", f"S62{NAME}",
                                                                  f"{NAME}.default"))}
@@ -64,13 +64,13 @@ def test_program_user_script_and_settings_are_in_the_image(root: pathlib.Path) -
     assert f"user={USER}\n" in (root / "etc/default" / NAME).read_text()
 
 
-def test_it_is_a_service_like_the_others(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_the_example_runs_as_a_service(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     if os.geteuid() != 0:
-        pytest.skip("a machine in namespaces of its own takes root")
+        pytest.skip("a machine in its own namespaces needs root")
     (tmp_path / "test").mkdir()
     clip.write(tmp_path / "test/clip.y4m", 1)
     (tmp_path / "test/ddxvideoload.conf").write_text("loop=\n")
-    (tmp_path / f"test/{NAME}.conf").write_text("limit=255\n")  # darker than that is each picture
+    (tmp_path / f"test/{NAME}.conf").write_text("limit=255\n")  # each picture is darker
     with NativeMachine(root, tmp_path) as robot:
         table = [line.split() for line in robot.sh("ddxctl services").splitlines()]
         assert [NAME, "no", "stopped", "-", "0"] in table

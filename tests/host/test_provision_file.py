@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddx.txt as the machine reads it, with the awk that it has: right lines are applied, wrong lines are reported."""
+"""ddx.txt, read by the machine's awk: valid lines are applied, wrong lines are reported."""
 import pathlib
 import subprocess
 
@@ -33,12 +33,12 @@ def read(defaults: pathlib.Path, text: str | bytes) -> tuple[list[str], list[str
     "hostname=robot1", "console=open", "console=closed", f"ssh_key={KEY}", "network=eth0 dhcp",
     "network=enp3s0 192.168.1.5/24", "network=eth1 192.168.1.5/24 192.168.1.1", "dns=192.168.1.1 10.0.0.1",
     "ntp=pool.ntp.org 192.168.1.1", "service=ddxvideosend on", "service=store off", "test=yes", "test=no"])
-def test_a_right_line_is_taken(defaults: pathlib.Path, line: str) -> None:
+def test_a_valid_line_is_taken(defaults: pathlib.Path, line: str) -> None:
     assert read(defaults, line + "\n") == ([line], [])
 
 
 def shown(line: str) -> str:
-    """The report of a line: without the text after an unknown key, which may be a secret."""
+    """The reported form of a line, without the text after an unknown key, which may be a secret."""
     known = ("console", "country", "dns", "hostname", "network", "ntp", "service", "ssh_key", "test")
     key, equals, _ = line.partition("=")
     if not equals:
@@ -61,7 +61,7 @@ def shown(line: str) -> str:
     ("service=stor on", "there is no service 'stor'; there are: store ddxvideosend"),
     ("service=../etc/passwd on", "there is no service"), ("country=de", "two capital letters"),
     ("country=DEU", "two capital letters"), ("wfi=hall secret123", "not a key"), ("wifi hall secret123", "key=value")])
-def test_a_wrong_line_is_told_and_left_out(defaults: pathlib.Path, line: str, says: str) -> None:
+def test_a_wrong_line_is_reported_and_left_out(defaults: pathlib.Path, line: str, says: str) -> None:
     taken, wrong = read(defaults, f"# first\n{line}\nhostname=robot1\n")
     assert taken == ["hostname=robot1"]
     assert len(wrong) == 1 and wrong[0].startswith(f"ddx.txt, line 2: {shown(line)}: ") and says in wrong[0]
@@ -93,7 +93,7 @@ def test_a_wireless_network_is_taken(defaults: pathlib.Path, line: str, name: st
     ('Robot"Hall secret12', "quotes are needed"), ('hall "secret12" more', "quotes are needed"),
     ("\u201cRobot Hall\u201d secret12", "straight"), ("hall geh\u00e4im12", "letters from A to Z"),
     ('hall "secret\t12"', "invisible"), ("hall secret\x0112", "invisible"), ("hall secret12\x7f", "invisible")])
-def test_a_wrong_wireless_network_is_told_without_its_passphrase(defaults: pathlib.Path, line: str, says: str) -> None:
+def test_a_wrong_wireless_line_is_reported_without_its_passphrase(defaults: pathlib.Path, line: str, says: str) -> None:
     taken, wrong = read(defaults, f"wifi={line}\nwifi=other secret12\n{JOIN}\n")
     assert taken == [f"wifi={b'other'.hex()} secret12", JOIN]
     assert len(wrong) == 1 and wrong[0].startswith("ddx.txt, line 1: wifi=...: ") and says in wrong[0]
@@ -109,19 +109,19 @@ def test_a_wireless_network_and_an_interface_need_each_other(defaults: pathlib.P
     assert len(read(defaults, "wifi=hall secret12\nwifi=hall secret13\nnetwork=wlan0 dhcp\n")[1]) == 1
 
 
-def test_what_editors_add_does_no_harm(defaults: pathlib.Path) -> None:
+def test_additions_of_editors_are_accepted(defaults: pathlib.Path) -> None:
     text = b"\xef\xbb\xbfhostname = robot1\r\n\r\n  # mine\r\n\tnetwork=eth0\t dhcp  \r\nconsole=open"
     assert read(defaults, text) == (["hostname=robot1", "network=eth0 dhcp", "console=open"], [])
 
 
-def test_the_same_twice_is_told(defaults: pathlib.Path) -> None:
+def test_a_repeated_line_is_reported(defaults: pathlib.Path) -> None:
     taken, wrong = read(defaults, "network=eth0 dhcp\nnetwork=eth1 dhcp\nnetwork=eth0 10.0.0.1/8\n")
     assert taken == ["network=eth0 dhcp", "network=eth1 dhcp"]
     assert wrong == ["ddx.txt, line 3: network=eth0 10.0.0.1/8: line 1 said this already"]
 
 
-def test_the_example_has_an_example_of_each(defaults: pathlib.Path) -> None:
-    """What the image's own file shows is right, once the # is gone and what explains it."""
+def test_the_image_s_example_file_is_valid(defaults: pathlib.Path) -> None:
+    """Each example line is valid without its # and its explanation."""
     lines = [line.removeprefix("# ") for line in (TOP / "board/common/ddx.txt").read_text().splitlines()]
     examples = [line.split("  ")[0] for line in lines if "=" in line.split(" ")[0]]
     taken, wrong = read(defaults, "\n".join(examples))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The way to QEMU, without a guest that boots: it answers or there is an error, and each file of it is removed."""
+"""The control of QEMU, without a guest that boots: an answer or an error, and all files are removed."""
 from __future__ import annotations
 
 import os
@@ -22,7 +22,7 @@ DONE = b'{"return": {}}\n'
 
 
 def monitor(path: pathlib.Path, said: bytes, hang_up: bool = False) -> threading.Thread:
-    """A QEMU that sends this text after any command, and then nothing."""
+    """A simulated QEMU that sends this text after any command, and then nothing."""
     listener = socket.socket(socket.AF_UNIX)
     listener.bind(str(path))
     listener.listen()
@@ -38,7 +38,7 @@ def monitor(path: pathlib.Path, said: bytes, hang_up: bool = False) -> threading
     return thread
 
 
-def test_orders_and_events(tmp_path: pathlib.Path) -> None:
+def test_commands_and_events(tmp_path: pathlib.Path) -> None:
     reset = b'{"event": "STOP"}\n{"event": "RESET"}\n'
     thread = monitor(tmp_path / "qmp", GREETING + DONE + b'{"event": "RESUME"}\n' + DONE + reset)
     with Monitor(tmp_path / "qmp") as one:
@@ -47,13 +47,13 @@ def test_orders_and_events(tmp_path: pathlib.Path) -> None:
     thread.join()
 
 
-def test_an_error_is_told(tmp_path: pathlib.Path) -> None:
+def test_an_error_is_reported(tmp_path: pathlib.Path) -> None:
     monitor(tmp_path / "qmp", GREETING + DONE + b'{"error": {"desc": "no such thing"}}\n')
     with Monitor(tmp_path / "qmp") as one, pytest.raises(Failed, match="frob: .*no such thing"):
         one.execute("frob")
 
 
-def test_silence_ends(tmp_path: pathlib.Path) -> None:
+def test_silence_is_an_error(tmp_path: pathlib.Path) -> None:
     monitor(tmp_path / "silent", b"")
     with pytest.raises(Failed, match="nothing came"):
         Monitor(tmp_path / "silent", 0.1)
@@ -62,20 +62,20 @@ def test_silence_ends(tmp_path: pathlib.Path) -> None:
         one.wait_for("RESET")
 
 
-def test_a_qemu_that_goes_is_noticed(tmp_path: pathlib.Path) -> None:
+def test_a_qemu_that_exits_is_noticed(tmp_path: pathlib.Path) -> None:
     monitor(tmp_path / "qmp", GREETING, hang_up=True)
     with pytest.raises(Failed):
         Monitor(tmp_path / "qmp")
 
 
-def test_a_tool_that_hangs_is_ended() -> None:
+def test_a_tool_that_hangs_is_killed() -> None:
     with pytest.raises(Failed, match="not done after 0 s: sleep"):
         common.run(["sleep", "1000"], timeout=0.1)
 
 
 @pytest.fixture
 def image(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
-    """Nothing to boot."""
+    """An image without anything to boot."""
     path = tmp_path / "disk.img"
     path.write_bytes(bytes(1 << 20))
     (tmp_path / "tmp").mkdir()
@@ -87,18 +87,18 @@ def children() -> set[str]:
     return set(pathlib.Path(f"/proc/self/task/{os.getpid()}/children").read_text().split())
 
 
-def test_a_guest_that_cannot_start_leaves_nothing(image: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_guest_that_cannot_start_leaves_no_files(image: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = children()
     with pytest.raises(Failed, match="no-such-card"):
         qemu.Guest(image, "tcg", console=False, extra=("-device", "no-such-card"))
-    monkeypatch.setattr(qemu, "PATIENCE", -1.0)  # whatever it does, it is too late
+    monkeypatch.setattr(qemu, "PATIENCE", -1.0)  # always too late
     with pytest.raises(Failed):
         qemu.Guest(image, "tcg", console=False)
     assert children() == before
     assert list((image.parent / "tmp").iterdir()) == []
 
 
-def test_one_of_the_kept_guests_runs_and_none_when_another_starts(image: pathlib.Path,
+def test_at_most_one_kept_guest_runs(image: pathlib.Path,
                                                                   monkeypatch: pytest.MonkeyPatch) -> None:
     kept: list[qemu.Guest] = []
     monkeypatch.setattr(qemu.Guest, "kept", kept)
@@ -124,7 +124,7 @@ time.sleep(1000)
 """
 
 
-def test_it_ends_with_who_started_it(image: pathlib.Path) -> None:
+def test_qemu_is_killed_with_its_starter(image: pathlib.Path) -> None:
     with subprocess.Popen([sys.executable, "-B", "-c", STARTER, image], stdout=subprocess.PIPE, text=True,
                           env={**os.environ, "PYTHONPATH": str(TOP / "tools")}) as starter:
         assert starter.stdout

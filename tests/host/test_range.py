@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Range from stereo pairs that cameras made, beside what is known of them; and what is no pair."""
+"""Range from real stereo pairs, compared with ground truth; and invalid pairs."""
 from __future__ import annotations
 
 import pathlib
@@ -25,7 +25,7 @@ CALIBRATE = STEREO / "calibrate.py"
 
 
 def small_pair(width: int = 96, height: int = 32, disparity: int = 9) -> Pair:
-    """Noise, and the same noise a few pixels to the left."""
+    """Noise, and the same noise shifted left by a few pixels."""
     noise = numpy.random.default_rng(1).integers(0, 256, (height, width + disparity), numpy.uint8)
     truth = numpy.full((height, width), disparity, numpy.float32)
     return Pair(noise[:, :width].copy(), noise[:, disparity:].copy(), truth, 16)
@@ -33,7 +33,7 @@ def small_pair(width: int = 96, height: int = 32, disparity: int = 9) -> Pair:
 
 @pytest.mark.parametrize("kind, factor, disparities, most", [("motorcycle", 2, 48, 0.10), ("aloe", 3, 80, 0.144)])
 def test_ground_truth(desk: Desk, kind: str, factor: int, disparities: int, most: float) -> None:
-    """Wrong or missing pixels; OpenCV's matcher has 10.9 and 15.8 % of them."""
+    """Limits wrong or missing pixels, of which OpenCV's matcher has 10.9 and 15.8 %."""
     pair: Pair = found(kind, factor, disparities)
     _, map, _ = ranged(desk, pair)
     assert pair.wrong(map) <= most
@@ -57,8 +57,8 @@ def test_three_fields(desk: Desk, top: str) -> None:
 
 @pytest.mark.parametrize("layout, levels", [("YUV420P", "LIMITED"), ("YUV444P", "FULL"), ("GREY16", "FULL"),
                                             ("RGB24", "FULL")])
-def test_eyes_of_each_layout(desk: Desk, layout: str, levels: str) -> None:
-    """Of grey pictures the same grey comes out, in full range."""
+def test_pictures_of_each_layout(desk: Desk, layout: str, levels: str) -> None:
+    """Grey pictures give the same grey, in full range."""
     pair = small_pair()
     height, width = pair.left.shape
     eyes = numpy.vstack([pair.left, pair.right])
@@ -77,7 +77,7 @@ Boards = list[tuple[Grey, Grey]]
 
 
 def calibrated(desk: Desk, cv2: Any) -> tuple[Boards, dict[str, NDArray[numpy.float64]]]:
-    """Thirteen views of a board, and what ddxvideocalib makes of them."""
+    """Thirteen views of a board, and their calibration by ddxvideocalib."""
     boards: Boards = [found("chessboard", number) for number in stereo_pairs.CHESSBOARDS]
     clip = write_clip(desk.folder / "boards.y4m", [numpy.vstack(board) for board in boards])
     made = subprocess.run(["/usr/bin/python3", "-B", CALIBRATE, clip, "-output", "made.yml", "-picture", "lines.png"],
@@ -93,8 +93,8 @@ def read_matrices(cv2: Any, path: pathlib.Path) -> dict[str, NDArray[numpy.float
 
 
 def errors_at_corners(cv2: Any, left: Grey, map: Map, stereo: dict[str, Any], matrices: Matrices) -> list[float]:
-    """The range at each of the 54 corners beside that which the corners themselves give, relative to it; 1 where there
-    is no range. It is the median of the 5x5 disparities around the corner."""
+    """The relative error of the range at each of the 54 corners, against the range from the corners' positions; 1
+    without a range. Each range is the median of 5x5 disparities."""
     _, corners = cv2.findChessboardCorners(left, (9, 6))
     corners = cv2.cornerSubPix(left, corners, (11, 11), (-1, -1), (3, 30, 0.01))
     board = numpy.zeros((54, 3), numpy.float32)
@@ -112,7 +112,7 @@ def errors_at_corners(cv2: Any, left: Grey, map: Map, stereo: dict[str, Any], ma
 
 
 def test_distance_of_a_chessboard(desk: Desk) -> None:
-    """The range at the corners of one board is that which the corners themselves give."""
+    """The range at one board's corners equals the range from their positions."""
     cv2: Any = pytest.importorskip("cv2", reason="no python3-opencv to look for corners with")
     boards, matrices = calibrated(desk, cv2)
     left, right = boards[8]
@@ -123,7 +123,7 @@ def test_distance_of_a_chessboard(desk: Desk) -> None:
 
 @pytest.mark.long
 def test_distance_of_each_chessboard(desk: Desk, record_property: Callable[[str, object], None]) -> None:
-    """All thirteen, also those that one camera sees in part; OpenCV's matcher is right at 582 of the 702 corners."""
+    """All thirteen views, even partial ones; OpenCV's matcher is right at 582 of the 702 corners."""
     cv2: Any = pytest.importorskip("cv2", reason="no python3-opencv to look for corners with")
     boards, matrices = calibrated(desk, cv2)
     stereo = run_clip(desk, [numpy.vstack(board) for board in boards], matrices, 160, load=["-rate", 0.05])
@@ -138,8 +138,8 @@ def test_distance_of_each_chessboard(desk: Desk, record_property: Callable[[str,
     assert right >= 618 and median <= 0.002
 
 
-def test_a_pentium_2_finds_the_same(desk: Desk) -> None:
-    """pc104's code: what gcc makes for that processor, run by an emulator that has nothing newer."""
+def test_a_pentium_2_gives_the_same_result(desk: Desk) -> None:
+    """pc104's code, compiled for that processor and run by an emulator without newer instructions."""
     if not shutil.which("qemu-i386"):
         pytest.skip("no qemu-user to run code for a Pentium II")
     whole: Pair = found("motorcycle", 2, 48)
@@ -156,7 +156,7 @@ def test_a_pentium_2_finds_the_same(desk: Desk) -> None:
 
 
 def compile_for_pentium_2(folder: pathlib.Path) -> pathlib.Path:
-    """With the flags of stereo/meson.build."""
+    """Compile with the flags of stereo/meson.build."""
     gcc = ["gcc", "-m32", "-march=pentium2", "-O2", "-std=gnu11", f"-I{STEREO}"]
     try:
         for kind in ("mmx", "sse2", "avx2"):

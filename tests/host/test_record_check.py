@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The counting of tools/bench_record.py: frames taken out of a good recording have to show, wherever they were."""
+"""The counting of tools/bench_record.py finds frames removed anywhere from a good recording."""
 from __future__ import annotations
 
 import pytest
 
 from parts.media.record_check import Found, numbers_lost
 
-CLIP = 50  # frames, which go round and round
+CLIP = 50  # frames, played in a loop
 
 
 @pytest.mark.parametrize("missing", [[], [0], [0, 1, 2], [30, 31, 32], [49, 50], [60, 70, 71], [198, 199]])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Commands to a recorder: stop, continue, begin a new file. Each frame is in a file, or left out on request."""
+"""Commands to a recorder: stop, continue, begin a new file. Each frame is in a file or skipped on request."""
 from __future__ import annotations
 
 import json
@@ -21,7 +21,7 @@ def command(desk: Desk, *words: str) -> None:
 
 
 def count(desk: Desk, what: str) -> int:
-    """Of the recorder's counters; 0 as long as it has none."""
+    """One of the recorder's counters; 0 while it has none."""
     lines = desk.run("ddxctl", "stats", "--json").stdout.splitlines()
     return sum(int(one[what]) for line in lines if (one := json.loads(line))["instance"] == "ddxvideosave")
 
@@ -71,7 +71,7 @@ def test_stop_and_start(desk: Desk, clip: pathlib.Path) -> None:
     now = desk.stats("ddxvideosave")
     assert now["in"] == now["out"] == before["in"] == len(sequences(desk))
     command(desk, "start")
-    command(desk, "start")  # it does so already
+    command(desk, "start")  # already started
     reached(desk, "out", now["out"] + 10)
     _, loaded = stop(loader)
     status, saved = stop(saver)
@@ -84,8 +84,8 @@ def test_stop_and_start(desk: Desk, clip: pathlib.Path) -> None:
     assert all(one["lost"] == {"store": 0, "ring": 0} for one in listed(desk))
 
 
-def test_the_disk_is_told(desk: Desk, clip: pathlib.Path) -> None:
-    """Against what the file system, the pool and the clip's rate say."""
+def test_the_state_of_the_disk_is_reported(desk: Desk, clip: pathlib.Path) -> None:
+    """Compared with the file system, the pool and the clip's rate."""
     def told() -> dict[str, int]:
         shown = desk.run("ddxctl", "show", "ddxvideosave.disk", "--json").stdout
         found: dict[str, int] = json.loads(shown)["value"] if shown else {"ready": 0, "rate": 0}
@@ -93,7 +93,7 @@ def test_the_disk_is_told(desk: Desk, clip: pathlib.Path) -> None:
 
     saver = start(desk)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    # The first look was before there was a recording.
+    # The first report was made before there was a recording.
     wait_until(lambda: told()["ready"] >= 2 and abs(told()["rate"] - 25 * PICTURE) < 5 * PICTURE)
     now, disk = told(), os.statvfs(desk.folder / "rec")
     assert now["recording"] == 1
@@ -106,7 +106,7 @@ def test_the_disk_is_told(desk: Desk, clip: pathlib.Path) -> None:
     stop(saver)
 
 
-def test_begins_paused_if_told(desk: Desk, clip: pathlib.Path) -> None:
+def test_begins_paused_on_request(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk, "-start", "paused")
     assert desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "3").returncode == 0
     refused = desk.run("ddxctl", "record", "split")
@@ -116,7 +116,7 @@ def test_begins_paused_if_told(desk: Desk, clip: pathlib.Path) -> None:
     assert (saved["in"], saved["out"], saved["skipped"]) == (0, 0, COUNT) and recordings(desk) == []
 
 
-def test_what_a_killed_recorder_was_told_to_leave_out_is_no_loss(desk: Desk, clip: pathlib.Path) -> None:
+def test_frames_skipped_before_a_kill_are_not_lost(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk, "-start", "paused")
     loader = desk.start("ddxvideoload", clip, "-loop")
     reached(desk, "skipped", 20)
@@ -145,14 +145,14 @@ def test_wrong_words(desk: Desk, words: list[str], status: int, says: str) -> No
 
 
 def test_pre_roll(desk: Desk, clip: pathlib.Path) -> None:
-    """What was there in the second before the command is recorded, without a gap to the next frames."""
+    """Frames of the second before the command are recorded, without a gap to the next frames."""
     saver = start(desk, "-start", "paused")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     reached(desk, "skipped", 0)
     too_much = desk.run("ddxctl", "record", "pre-roll", "60")
     assert too_much.returncode == 2 and "do not fit into memory, 1 s do" in too_much.stderr
     command(desk, "pre-roll", "1")
-    reached(desk, "skipped", count(desk, "skipped") + 10)  # by then a second waits, and the oldest are let go of
+    reached(desk, "skipped", count(desk, "skipped") + 10)  # by then a second's frames wait, and the oldest are dropped
     command(desk, "start")
     reached(desk, "out", 40)
     _, loaded = stop(loader)
@@ -162,14 +162,14 @@ def test_pre_roll(desk: Desk, clip: pathlib.Path) -> None:
     assert found == list(range(found[0], loaded["out"] + 1)) and len(found) == saved["out"]
     assert found[0] == saved["skipped"] + 1
     moments = [entry[2] for file in recordings(desk) for entry in index_of(file).entries]
-    assert saved["latency_us"]["max"] > 900_000  # the oldest one had waited so long
+    assert saved["latency_us"]["max"] > 900_000  # the oldest frame waited that long
     assert [later - one for one, later in zip(moments, moments[1:])] == [40_000_000] * (len(moments) - 1)
     assert check_files(desk, pictures(clip)) == saved["out"]
 
 
-def test_before_the_first_frame(desk: Desk, clip: pathlib.Path) -> None:
+def test_commands_before_the_first_frame(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk)
-    loader = desk.start("ddxvideoload", clip, "-readers", "2")  # creates the item, and waits
+    loader = desk.start("ddxvideoload", clip, "-readers", "2")  # creates the item and waits
     wait_until(lambda: desk.run("ddxctl", "record", "stop").returncode == 0)
     command(desk, "pre-roll", "50")
     command(desk, "start")
@@ -180,10 +180,10 @@ def test_before_the_first_frame(desk: Desk, clip: pathlib.Path) -> None:
     assert saved["out"] == COUNT and len(listed(desk)) == 1
 
 
-def test_what_waited_and_was_never_wanted_is_left_out(desk: Desk, clip: pathlib.Path) -> None:
+def test_pre_roll_frames_that_were_not_requested_are_skipped(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk, "-start", "paused", "-pre-roll", "1")
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
-    wait_until(lambda: 0 < COUNT - count(desk, "skipped") <= 30)  # those of the last second wait; fewer if it is slow
+    wait_until(lambda: 0 < COUNT - count(desk, "skipped") <= 30)  # a second's frames wait; fewer if slow
     _, saved = stop(saver)
     assert (saved["in"], saved["out"], saved["skipped"]) == (0, 0, COUNT)
 

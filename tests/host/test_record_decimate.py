@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A recorder that is to take some of the frames takes these, evenly; the others count as skipped, none as lost."""
+"""A recorder that takes only some frames takes them evenly; the others count as skipped, not as lost."""
 from __future__ import annotations
 
 import pathlib
@@ -34,13 +34,13 @@ def test_some_of_the_frames(desk: Desk, clip: pathlib.Path, option: str, value: 
     assert rate in header_of(desk.folder / "out.y4m").split()
 
 
-def test_what_is_lost_was_wanted(desk: Desk, clip: pathlib.Path) -> None:
-    """It stands still for longer than frames are kept for it, and is killed: what the files lack of each third frame
-    is what was counted as lost, and everything else was skipped."""
+def test_only_chosen_frames_count_as_lost(desk: Desk, clip: pathlib.Path) -> None:
+    """The recorder is frozen for longer than frames are kept, and killed: the frames of every third that are missing in
+    the files were counted as lost, and all others as skipped."""
     saver, loader = stall(desk, clip, "-skip", "3")
     wait_until(lambda: lost(desk.stats("ddxvideosave")) >= 10)
     taken = int(desk.stats("ddxvideosave")["in"])
-    wait_until(lambda: desk.out("ddxvideosave") > taken)  # what tells of it is on the disk
+    wait_until(lambda: desk.out("ddxvideosave") > taken)  # the index on the disk has it
     saver.send_signal(signal.SIGKILL)
     saver.wait()
     begin = desk.out("ddxvideoload")
@@ -61,8 +61,7 @@ def test_what_is_lost_was_wanted(desk: Desk, clip: pathlib.Path) -> None:
     assert sum(told) == saved["lost"]["store"]
 
 
-def test_paused_and_chosen(desk: Desk, clip: pathlib.Path) -> None:
-    """The pre-roll has frames that are wanted, and no others."""
+def test_the_pre_roll_has_only_chosen_frames(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk, "-skip", "5", "-start", "paused", "-pre-roll", "60", "-ring", "64")
     assert desk.run("ddxvideoload", clip, "-readers", "1").returncode == 0
     assert desk.run("ddxctl", "record", "start").returncode == 0
@@ -72,8 +71,8 @@ def test_paused_and_chosen(desk: Desk, clip: pathlib.Path) -> None:
     assert (saved["out"], saved["skipped"]) == (COUNT // 5, COUNT - COUNT // 5)
 
 
-def test_what_is_lost_in_the_pre_roll_was_wanted(desk: Desk, clip: pathlib.Path) -> None:
-    """Between pictures that wait; also where the first frame after a gap, which tells of it, is left out itself."""
+def test_only_chosen_frames_are_lost_in_the_pre_roll(desk: Desk, clip: pathlib.Path) -> None:
+    """Also if the first frame after a gap, which reports the gap, is skipped itself."""
     saver = start(desk, "-keep", "8", "-skip", "5", "-start", "paused", "-pre-roll", "60", "-ring", "64")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1", "-rate", "2")
     for _ in range(3):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What is recorded can be listed, is what was recorded or is said not to be, and can be taken home."""
+"""Recordings can be listed, verified and exported."""
 from __future__ import annotations
 
 import json
@@ -50,7 +50,7 @@ def flip(file: pathlib.Path, at: int) -> None:
         data.write(bytes([byte ^ 1]))
 
 
-def test_list_is_what_the_files_are(desk: Desk, clip: pathlib.Path, recorded: list[pathlib.Path]) -> None:
+def test_list_matches_the_files(desk: Desk, clip: pathlib.Path, recorded: list[pathlib.Path]) -> None:
     record(desk, clip)
     both = recordings(desk)
     first, second = listed(desk)
@@ -69,13 +69,13 @@ def test_list_is_what_the_files_are(desk: Desk, clip: pathlib.Path, recorded: li
     assert "MB free, room for " in table[3] and "; files ready: " in table[3]
 
 
-def test_list_knows_what_is_being_recorded_and_what_was_recovered(desk: Desk, clip: pathlib.Path) -> None:
-    loader = desk.start("ddxvideoload", clip, "-loop", "-rate", "0.2")  # one file is enough
+def test_list_marks_running_and_recovered_recordings(desk: Desk, clip: pathlib.Path) -> None:
+    loader = desk.start("ddxvideoload", clip, "-loop", "-rate", "0.2")  # slow enough for one file
     saver = start(desk)
     wait_until(lambda: any(one["frames"] > 5 for one in listed(desk)))
     now, = listed(desk)
     assert now["state"] == "recording" and now["frames"] <= desk.out("ddxvideosave")
-    assert run(desk, "verify").returncode == 0  # what is promised so far
+    assert run(desk, "verify").returncode == 0  # frames checkpointed so far
     saver.send_signal(signal.SIGKILL)
     saver.wait()
     assert listed(desk)[0]["state"] == "interrupted"
@@ -86,7 +86,7 @@ def test_list_knows_what_is_being_recorded_and_what_was_recovered(desk: Desk, cl
     assert after["frames"] == sum(len(pictures(file)) for file in recordings(desk))
 
 
-def test_a_recording_is_not_finished_between_two_of_its_files(desk: Desk, clip: pathlib.Path) -> None:
+def test_a_recording_is_unfinished_between_two_of_its_files(desk: Desk, clip: pathlib.Path) -> None:
     saver = start(desk)
     loader = desk.start("ddxvideoload", clip, "-loop")
     wait_until(lambda: len(listed(desk)) > 0)
@@ -120,8 +120,8 @@ def test_without_an_index(desk: Desk, clip: pathlib.Path) -> None:
     assert bad.returncode == 1 and f"cut.y4m: after {COUNT - 1} whole frames" in bad.stderr
 
 
-def test_a_file_s_name_steers_no_terminal(desk: Desk, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
-    """The recorder's user can give a file any name, and root lists, verifies and copies it."""
+def test_a_file_s_name_cannot_control_the_terminal(desk: Desk, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    """The recorder's user can choose any file name, which root then lists, verifies and copies."""
     stick = tmp_path / "stick"
     stick.mkdir()
     for name in ("\x1b]0;evil\x07-000007-20260101T000000Z.y4m", "two\nlines\x7f.y4m", "cut\x1b[2J-000008-x.y4m"):
@@ -154,7 +154,7 @@ def test_one_flipped_bit_is_found_and_its_frame_named(desk: Desk, recorded: list
     assert "4 frames are not what was recorded, the first is frame 7" in run(desk, "verify").stderr
 
 
-def test_a_file_cut_short_and_a_spoilt_index_are_found(desk: Desk, recorded: list[pathlib.Path]) -> None:
+def test_a_truncated_file_and_a_damaged_index_are_found(desk: Desk, recorded: list[pathlib.Path]) -> None:
     inode = recorded[0].stat().st_ino
     with recorded[0].open("r+b") as file:
         file.truncate(index_of(recorded[0]).entries[10][3] + 5)
@@ -180,7 +180,7 @@ def stick(tmp_path: pathlib.Path) -> Iterator[pathlib.Path]:
 
 
 def same(folder: pathlib.Path, files: list[pathlib.Path]) -> None:
-    """Exactly these files, byte by byte."""
+    """Check that the folder has exactly these files, byte for byte."""
     assert sorted(one.name for one in folder.iterdir()) == sorted(file.name for file in files)
     for file in files:
         assert (folder / file.name).read_bytes() == file.read_bytes()
@@ -188,7 +188,7 @@ def same(folder: pathlib.Path, files: list[pathlib.Path]) -> None:
 
 def test_export(desk: Desk, recorded: list[pathlib.Path], tmp_path: pathlib.Path) -> None:
     (tmp_path / "to").mkdir()
-    (tmp_path / "to" / recorded[0].name).write_text("older")  # is replaced
+    (tmp_path / "to" / recorded[0].name).write_text("older")  # will be replaced
     done = run(desk, "export", "newest", tmp_path / "to")
     assert done.returncode == 0 and done.stderr == ""
     assert done.stdout.splitlines()[-1].endswith(f"MB, {len(recorded)} of {len(recorded)}")
@@ -204,7 +204,7 @@ def test_a_full_stick_is_refused_before_anything_is_written(desk: Desk, recorded
     assert run(desk, "export", recorded[0].name, stick).returncode == 0
 
 
-def test_what_is_damaged_is_copied_and_said(desk: Desk, recorded: list[pathlib.Path], tmp_path: pathlib.Path) -> None:
+def test_damaged_files_are_exported_and_named(desk: Desk, recorded: list[pathlib.Path], tmp_path: pathlib.Path) -> None:
     flip(recorded[0], index_of(recorded[0]).entries[3][3] + 50)
     (tmp_path / "to").mkdir()
     done = run(desk, "export", "1", tmp_path / "to")
@@ -212,7 +212,7 @@ def test_what_is_damaged_is_copied_and_said(desk: Desk, recorded: list[pathlib.P
     same(tmp_path / "to", recorded)
 
 
-def test_export_while_recording_takes_what_is_finished(desk: Desk, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_export_while_recording_takes_finished_files(desk: Desk, clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
     (tmp_path / "to").mkdir()
     saver = start(desk)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
@@ -232,7 +232,7 @@ PLANTED = ("pipe", "link", "other file")
 
 
 def plant(name: pathlib.Path, what: str, secret: pathlib.Path) -> None:
-    """As another user does to whom the folder belongs."""
+    """Replace a file, as the user who owns the folder can."""
     name.unlink(missing_ok=True)
     if what == "pipe":
         os.mkfifo(name)
@@ -246,7 +246,7 @@ def test_an_export_reads_back_the_file_that_it_wrote(desk: Desk, recorded: list[
                                                      tmp_path: pathlib.Path) -> None:
     folder, secret, waits = tmp_path / "to", tmp_path / "secret", tmp_path / "waits"
     folder.mkdir()
-    secret.write_bytes(recorded[0].read_bytes())  # the same bytes: their sum does not show another file
+    secret.write_bytes(recorded[0].read_bytes())  # same bytes, so that the checksum does not reveal it
     wrapper = ("env", f"LD_PRELOAD={preload('stalled_disk', tmp_path)}", f"STALLED_FSYNC={waits}")
     part = folder / f"{recorded[0].name}.part"
     for what in PLANTED:
@@ -270,7 +270,7 @@ def test_an_export_writes_a_new_file(desk: Desk, recorded: list[pathlib.Path], t
         same(folder, recorded[:1])
 
 
-def test_a_list_waits_for_no_pipe_and_follows_no_link(desk: Desk, recorded: list[pathlib.Path]) -> None:
+def test_list_opens_no_pipe_and_follows_no_link(desk: Desk, recorded: list[pathlib.Path]) -> None:
     ready, secret = "files ready: 1\n", desk.folder / "secret"
     assert ready in run(desk, "list").stdout
     data = next(one for one in (desk.folder / "rec/pool").glob("*.y4m") if one.stat().st_nlink == 1)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`recordings verify` and `export` notice each byte that differs from what was recorded: of the first line, of each
-FRAME line, of each picture, and after the end."""
+"""`recordings verify` and `export` find each changed byte: in the first line, in each FRAME line, in each picture, and
+after the end."""
 from __future__ import annotations
 
 import pathlib
@@ -16,7 +16,7 @@ from .test_recordings import flip, run
 
 FRAMES = 2
 SIDE = 4
-HEAD = 2  # in the header's flags: the first line has its sum
+HEAD = 2  # flag in the header: the first line has a checksum
 
 
 @pytest.fixture
@@ -34,13 +34,13 @@ def file(desk: Desk) -> pathlib.Path:
 
 
 def verify(desk: Desk) -> str:
-    """What it says; "" if all is good."""
+    """Its complaints; "" if all is good."""
     done = run(desk, "verify")
     assert (done.returncode, done.stderr == "") in ((0, True), (1, False))
     return done.stderr
 
 
-def test_each_byte(desk: Desk, file: pathlib.Path) -> None:
+def test_each_changed_byte_is_found(desk: Desk, file: pathlib.Path) -> None:
     assert verify(desk) == ""
     first = index_of(file).entries[0][3]
     size = file.stat().st_size
@@ -54,7 +54,7 @@ def test_each_byte(desk: Desk, file: pathlib.Path) -> None:
     assert verify(desk) == ""
 
 
-def test_what_follows_the_end(desk: Desk, file: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_bytes_after_the_end_are_found(desk: Desk, file: pathlib.Path, tmp_path: pathlib.Path) -> None:
     data = file.read_bytes()
     (tmp_path / "to").mkdir()
     for more in b"\n", bytes(5000), data[index_of(file).entries[1][3]:]:
@@ -74,7 +74,7 @@ def test_export_checks_the_first_line(desk: Desk, file: pathlib.Path, tmp_path: 
 
 
 def without_sum(file: pathlib.Path) -> None:
-    """Its index as older recorders wrote it."""
+    """Change the index to the form of older recorders."""
     inode = file.stat().st_ino
     index = next(one for one in (file.parent / "pool").glob("*.y4m") if one.stat().st_ino == inode)
     index = index.with_suffix(".index")
@@ -89,7 +89,7 @@ def without_sum(file: pathlib.Path) -> None:
 
 
 def test_an_index_of_an_older_recorder(desk: Desk, file: pathlib.Path) -> None:
-    """It has no sum of the first line; which must still be one, of pictures of that size."""
+    """It has no checksum of the first line, which must still be valid for pictures of that size."""
     without_sum(file)
     assert verify(desk) == ""
     data = file.read_bytes()
@@ -98,7 +98,7 @@ def test_an_index_of_an_older_recorder(desk: Desk, file: pathlib.Path) -> None:
         assert f"{file.name}: its first line" in verify(desk)
 
 
-def test_a_spoilt_index_or_magic_hides_nothing(desk: Desk, file: pathlib.Path) -> None:
+def test_a_damaged_index_or_magic_is_reported(desk: Desk, file: pathlib.Path) -> None:
     inode = file.stat().st_ino
     index = next(one for one in (file.parent / "pool").glob("*.y4m") if one.stat().st_ino == inode)
     flip(index.with_suffix(".index"), 20)

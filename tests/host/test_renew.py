@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Of what an earlier build left, that is made again which the change concerns, and nothing stays that is gone."""
+"""After a change, Buildroot rebuilds exactly the affected parts of an earlier build, and leaves no obsolete files."""
 import json
 import pathlib
 from collections.abc import Callable
@@ -23,7 +23,7 @@ ALL = ["busybox-reconfigure", "ddx-reconfigure", "ddxcatalog-reconfigure", "ddxg
 
 @pytest.fixture(autouse=True)
 def _ours_alone(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Other trees, which a run of all tests may have, need not be for Buildroot."""
+    """Hide other trees that a run of all tests may have."""
     monkeypatch.delenv("EXTERNAL", raising=False)
 
 
@@ -35,23 +35,23 @@ def changed(before: dict[str, str], after: dict[str, str]) -> list[str]:
     (lambda text: text, []),
     (lambda text: text.replace("a comment", "another"), []),
     (lambda text: text.replace('"h264"', '"h264 mjpeg"'), ["ffmpeg-reconfigure", "target"]),
-    (lambda text: text.replace("/one/overlay", "/another/overlay"), []),  # it is looked at with the sources
+    (lambda text: text.replace("/one/overlay", "/another/overlay"), []),  # overlays are compared with the sources
     (lambda text: text.replace("BR2_PACKAGE_LZ4=y", "# BR2_PACKAGE_LZ4 is not set"), ["clean", "target"]),
     (lambda text: text.replace("x86_64", "i386"), ["clean", "target"]),
     (lambda text: text.replace("miniitx", "pc104"), ["linux-reconfigure"])])
-def test_an_option_concerns(edit: Callable[[str], str], concerns: list[str]) -> None:
+def test_an_option_s_change_rebuilds(edit: Callable[[str], str], concerns: list[str]) -> None:
     before, after = renew.keys(CONFIG, "1", "2"), renew.keys(edit(CONFIG), "1", "2")
     assert sorted([*after]) == sorted([*ALL, renew.CLEAN, renew.TARGET])
     assert changed(before, after) == concerns
 
 
-def test_buildroot_itself_and_files_concern() -> None:
+def test_changes_of_buildroot_and_of_files_rebuild() -> None:
     before = renew.keys(CONFIG, "1", "2")
     assert changed(before, renew.keys(CONFIG, "another commit", "2")) == ["clean", "target"]
     assert changed(before, renew.keys(CONFIG, "1", "another file")) == ["target"]
 
 
-def test_a_package_is_made_of_those_that_it_needs(tmp_path: pathlib.Path) -> None:
+def test_a_package_s_key_contains_those_of_its_dependencies(tmp_path: pathlib.Path) -> None:
     for name, text in [("low", "LOW_SITE_METHOD = local\n"),
                        ("middle", "MIDDLE_SITE_METHOD = local\nMIDDLE_DEPENDENCIES = low zlib\n"),
                        ("high", "HIGH_SITE_METHOD = local\nHIGH_DEPENDENCIES = middle\n"),
@@ -68,7 +68,7 @@ WANTED = {renew.CLEAN: "1", renew.TARGET: "1", "ddx-reconfigure": "1", "linux-re
 
 @pytest.fixture(name="build")
 def _build(tmp_path: pathlib.Path) -> pathlib.Path:
-    """Two packages are built and installed, and the compiler."""
+    """A build folder with the compiler and two packages built and installed."""
     (tmp_path / "target/etc").mkdir(parents=True)
     (tmp_path / "target/etc/gone").touch()
     for name, stamps in [("ddx-0.1.0", ["built", "staging_installed", "target_installed", "installed"]),
@@ -85,13 +85,13 @@ def stamps(build: pathlib.Path) -> set[str]:
     return {str(path.relative_to(build / "build")) for path in build.glob("build/*/.stamp_*")}
 
 
-def test_nothing_is_made_again_for_nothing(build: pathlib.Path) -> None:
+def test_without_a_change_nothing_is_rebuilt(build: pathlib.Path) -> None:
     before = stamps(build)
     assert renew.begin(build, WANTED) == []
     assert stamps(build) == before and (build / "target/etc/gone").exists()
 
 
-def test_a_change_makes_the_target_anew(build: pathlib.Path) -> None:
+def test_a_change_rebuilds_the_target(build: pathlib.Path) -> None:
     before = stamps(build)
     assert renew.begin(build, {**WANTED, renew.TARGET: "2", "ddx-reconfigure": "2"}) == ["ddx-reconfigure"]
     assert not (build / "target").exists()
@@ -99,14 +99,14 @@ def test_a_change_makes_the_target_anew(build: pathlib.Path) -> None:
                                       "host-gcc-final-14/.stamp_host_installed", "host-gcc-final-14/.stamp_installed"}
 
 
-def test_a_build_that_was_broken_off_is_not_believed(build: pathlib.Path) -> None:
+def test_an_interrupted_build_is_not_trusted(build: pathlib.Path) -> None:
     assert renew.begin(build, {**WANTED, "linux-reconfigure": "2"}) == ["linux-reconfigure"]
-    assert renew.begin(build, WANTED) == ["linux-reconfigure"]  # it may have been made of either
+    assert renew.begin(build, WANTED) == ["linux-reconfigure"]  # it may have been built from either version
     renew.end(build, WANTED)
     assert renew.begin(build, WANTED) == []
 
 
-def test_the_first_build_may_be_broken_off_too(tmp_path: pathlib.Path) -> None:
+def test_the_first_build_may_be_interrupted(tmp_path: pathlib.Path) -> None:
     assert renew.begin(tmp_path, WANTED) == []
     (tmp_path / "build").mkdir()
     assert renew.begin(tmp_path, WANTED) == []
@@ -114,7 +114,7 @@ def test_the_first_build_may_be_broken_off_too(tmp_path: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize("known", [None, {**WANTED, renew.CLEAN: "2"}])
-def test_what_cannot_be_mended_is_built_from_nothing(build: pathlib.Path, known: dict[str, str] | None) -> None:
+def test_an_unusable_build_is_started_from_scratch(build: pathlib.Path, known: dict[str, str] | None) -> None:
     if known is None:
         (build / ".made-of").unlink()
     else:

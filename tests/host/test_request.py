@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Requests: `ddxctl set` asks the program that writes an item, and programs ask each other."""
+"""Requests: `ddxctl set` sends them to the program that writes an item, and programs send them to each other."""
 from __future__ import annotations
 
 import signal
@@ -18,7 +18,7 @@ def serve(desk: Desk, compile_client: Compiler, ms: int = 0) -> Process:
 
 
 def done(server: Process) -> list[str]:
-    """What the server has set, in its order; ends it."""
+    """Stop the server; return what it has set, in order."""
     server.kill()
     return server.communicate()[0].split()
 
@@ -33,9 +33,9 @@ def test_set_is_a_request(desk: Desk, compile_client: Compiler) -> None:
 
 @pytest.mark.parametrize("words, status, text", [
     (["level=101"], 2, "level: takes a whole number from 0 to 100"),
-    (["gain=1", "level=-1"], 2, "level: takes a whole number from 0 to 100"),  # as a whole
+    (["gain=1", "level=-1"], 2, "level: takes a whole number from 0 to 100"),  # none of them is set
     (["colour=1"], 2, "colour: no such parameter"),
-    (["\x1b[31m\x9b=1"], 2, "?[31m??: no such parameter"),  # nothing that steers a terminal
+    (["\x1b[31m\x9b=1"], 2, "?[31m??: no such parameter"),  # no control characters are printed
     (["level=high"], 2, "level=high: not name=number"),
     (["level=1.5"], 2, "level=1.5: not name=number"),
     (["level="], 2, "level=: not name=number"),
@@ -52,8 +52,8 @@ def test_refused_with_the_range_and_nothing_set(desk: Desk, compile_client: Comp
     assert done(server) == []
 
 
-def test_requests_of_several_programs_queue_up(desk: Desk, compile_client: Compiler) -> None:
-    """None is lost, and each asker's come in its order."""
+def test_requests_of_several_programs_are_queued(desk: Desk, compile_client: Compiler) -> None:
+    """None is lost, and those of each client are in order."""
     server = serve(desk, compile_client)
     askers = [desk.start(compile_client("request_client"), "ask", "thing", count, name)
               for name, count in [("level", 50), ("gain", 8), ("level", 50)]]
@@ -64,7 +64,7 @@ def test_requests_of_several_programs_queue_up(desk: Desk, compile_client: Compi
     assert gains == sorted(gains)
 
 
-def test_a_server_that_does_not_answer_is_not_waited_for(desk: Desk, compile_client: Compiler) -> None:
+def test_a_request_without_an_answer_times_out(desk: Desk, compile_client: Compiler) -> None:
     server = serve(desk, compile_client)
     server.send_signal(signal.SIGSTOP)
     begin = time.monotonic()
@@ -75,8 +75,8 @@ def test_a_server_that_does_not_answer_is_not_waited_for(desk: Desk, compile_cli
     assert desk.run("ddxctl", "set", "thing", "level=2").returncode == 0
 
 
-def test_an_asker_that_dies_blocks_nobody(desk: Desk, compile_client: Compiler) -> None:
-    server = serve(desk, compile_client, 500)  # ms for each; ddxctl waits 3 s for both
+def test_a_client_that_dies_blocks_no_other(desk: Desk, compile_client: Compiler) -> None:
+    server = serve(desk, compile_client, 500)  # ms per request; ddxctl waits 3 s for both
     asker = desk.start("ddxctl", "set", "thing", "level=1")
     wait_until(lambda: desk.sequence("thing.request") > 0)
     asker.kill()
@@ -84,7 +84,7 @@ def test_an_asker_that_dies_blocks_nobody(desk: Desk, compile_client: Compiler) 
     assert done(server)[-1] == "level=2"
 
 
-def test_what_was_asked_of_others_is_not_done_again(desk: Desk, compile_client: Compiler) -> None:
+def test_a_new_server_does_not_repeat_old_requests(desk: Desk, compile_client: Compiler) -> None:
     former = serve(desk, compile_client)
     assert desk.run("ddxctl", "set", "thing", "level=5").returncode == 0
     assert done(former) == ["level=5"]
@@ -93,7 +93,7 @@ def test_what_was_asked_of_others_is_not_done_again(desk: Desk, compile_client: 
     assert done(server) == []
 
 
-def test_without_a_living_server_set_writes(desk: Desk, compile_client: Compiler) -> None:
+def test_set_writes_the_item_when_no_server_runs(desk: Desk, compile_client: Compiler) -> None:
     assert desk.run(compile_client("sensor_client")).returncode == 0
     server = desk.start(compile_client("request_client"), "serve", "sensor", 0)
     assert server.stdout and server.stdout.readline() == "serves\n"
@@ -103,6 +103,6 @@ def test_without_a_living_server_set_writes(desk: Desk, compile_client: Compiler
     assert "serial" in desk.run("ddxctl", "show", "sensor").stdout
 
 
-def test_asking_where_nobody_listens(desk: Desk, compile_client: Compiler) -> None:
+def test_a_request_to_an_item_without_a_server(desk: Desk, compile_client: Compiler) -> None:
     result: subprocess.CompletedProcess[str] = desk.run(compile_client("request_client"), "ask", "nothing", 1, "level")
     assert (result.returncode, result.stdout) == (1, "-95 no program takes requests for it\n")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""output/results.md: each long test in a line, with all that it has measured, failed ones as well."""
+"""output/results.md: one line for each long test with its figures, also for failed tests."""
 import pathlib
 from typing import Any
 

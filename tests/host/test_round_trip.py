@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What is played is what is recorded, frame by frame and time by time."""
+"""Recorded frames and times equal the played ones."""
 from __future__ import annotations
 
 import itertools
@@ -17,7 +17,7 @@ from .programs import (ROOT, Counters, Desk, ffmpeg, frame_md5, header_of, lost,
                        start_recorder, stop, times, wait_until)
 
 MILLISECOND = 1_000_000
-# FFmpeg's converter told to do as ours: chroma samples sit on the left luma column before and after.
+# Makes FFmpeg's converter equal ours: chroma samples lie on the left luma column before and after.
 SAME_CONVERSION = ("scale=in_h_chr_pos=0:out_h_chr_pos=0:"
                    "flags=bicubic+accurate_rnd+full_chroma_inp+bitexact")
 PLAIN: dict[str, list[str]] = {"C420jpeg": [], "C420mpeg2": ["-chroma_sample_location", "left"],
@@ -36,7 +36,7 @@ def test_frames_and_times(desk: Desk) -> None:
     assert frame_md5(first) == frame_md5(clip)
     assert times(first) == [n * 40 * MILLISECOND for n in range(50)]
 
-    # Played again: the same bytes at the same times, so the recording of the recording is equal to it.
+    # Playing the recording and recording it again gives an equal file.
     record(desk, first, second, instance="two")
     assert pictures(second) == pictures(first)
     assert times(second) == times(first)
@@ -45,7 +45,7 @@ def test_frames_and_times(desk: Desk) -> None:
 
 
 def test_uneven_times_are_kept(desk: Desk) -> None:
-    """Recorded time steps, not the frame rate, say when a frame is due."""
+    """A frame is due by its recorded time, not by the frame rate."""
     clip = make_clip(desk.folder / "clip.y4m", size="64x48", frames=6)
     steps = [0, 1_234_567, 150_000_001, 150_000_002, 400_000_000, 400_000_000]
     parts = clip.read_bytes().split(b"FRAME\n")
@@ -57,7 +57,7 @@ def test_uneven_times_are_kept(desk: Desk) -> None:
 
 
 def check_on_time(loaded: Counters) -> None:
-    """Half of the frames are, whatever else the machine had to do."""
+    """Check that half of the frames are on time, even on a busy machine."""
     assert loaded["latency_us"]["p50"] < 100_000
 
 
@@ -85,8 +85,8 @@ def test_rate_zero_does_not_wait(desk: Desk) -> None:
     assert desk.stats("ddxvideoload")["out"] == 500
 
 
-def test_behind_a_stall_it_catches_up_at_twice_its_pace(desk: Desk) -> None:
-    """Not in a burst, of which the store would keep the last few."""
+def test_after_a_stall_it_catches_up_at_twice_its_pace(desk: Desk) -> None:
+    """A burst would be lost except for the frames that the store keeps."""
     clip = make_clip(desk.folder / "clip.y4m", size="64x48", rate="50", frames=75)
     loader = desk.start("ddxvideoload", clip, "-readers", "1")
     wait_until(lambda: "video.frame" in desk.run("ddxctl", "list").stdout)
@@ -104,8 +104,8 @@ def test_behind_a_stall_it_catches_up_at_twice_its_pace(desk: Desk) -> None:
     assert all(took >= frames * 10 * MILLISECOND for took, frames in steps)
 
 
-def test_loop_goes_on(desk: Desk) -> None:
-    """Times and numbers of the second pass follow those of the first, without a seam."""
+def test_a_loop_continues_times_and_numbers(desk: Desk) -> None:
+    """Times and numbers of the second pass continue those of the first without a gap."""
     clip = make_clip(desk.folder / "clip.y4m", size="64x48", rate="100", frames=10)
     saver = start_recorder(desk, "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
@@ -131,7 +131,7 @@ def test_every_siting_is_untouched(desk: Desk, tag: str) -> None:
 
 @pytest.mark.parametrize("facts", ["Ip A128:117", "It A1:1 XCOLORRANGE=LIMITED", "Ib A0:0 XCOLORRANGE=FULL",
                                    "I? A12:11 XDDX_FIELDS=3"])
-def test_header_facts_are_kept(desk: Desk, facts: str) -> None:
+def test_header_parameters_are_kept(desk: Desk, facts: str) -> None:
     clip, out = make_clip(desk.folder / "clip.y4m", "64x48", "100", 4), desk.folder / "out.y4m"
     data = clip.read_bytes()
     clip.write_bytes(f"YUV4MPEG2 W64 H48 F100:1 {facts} C420mpeg2\n".encode() + data[data.index(b"\n") + 1:])
@@ -156,7 +156,7 @@ def test_every_layout_is_converted(desk: Desk, format: str) -> None:
     size = len(theirs) // 5
     for number, picture in enumerate(ours):
         reference = theirs[number * size:(number + 1) * size]
-        # FFmpeg takes mono for full-range grey and rounds it down; otherwise the two agree.
+        # FFmpeg treats mono as full-range grey and rounds down; otherwise the converters agree.
         assert difference(picture[:size], reference) < (0.6 if "gray" in format else 0.01)
 
 
@@ -196,7 +196,7 @@ def test_from_a_pipe(desk: Desk) -> None:
 
 @pytest.mark.parametrize("size", ["2x2", "16x16", "1920x1080", "3840x2160"])
 def test_sizes(tmp_path: pathlib.Path, size: str) -> None:
-    """From the smallest picture to one that is larger than the paper's struct."""
+    """From the smallest picture to one larger than the paper's struct."""
     desk = Desk(tmp_path, memory="512M")
     try:
         clip = make_clip(tmp_path / "clip.y4m", size, "10", 4)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What `make run` judges by: right runs are right, and each wrong picture, gap and counter shows."""
+"""The verdict of `make run`: correct runs pass, and each wrong picture, gap and counter is found."""
 import filecmp
 import json
 import pathlib
@@ -19,7 +19,7 @@ from parts.media.likeness import Likeness
 from parts.media.report import About, Report, Stage
 
 MS = 1_000_000
-PERIODS = 5  # of the camera, that a frame of the clip is shown for
+PERIODS = 5  # camera periods that each frame of the clip is shown for
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 
 
 def looped(path: pathlib.Path, frames: list[tuple[int, int]]) -> pathlib.Path:
-    """A recording: (ms, number of the clip's frame)."""
+    """Write a recording of frames (ms, number of the clip's frame)."""
     path.write_bytes(b"YUV4MPEG2 W352 H288 F25:1 C420jpeg\n" + b"".join(
         f"FRAME XTIME={at * MS}\n".encode() + default_clip.picture(number) for at, number in frames))
     return path
@@ -54,7 +54,7 @@ def camera(clip: pathlib.Path, path: pathlib.Path, frames: list[tuple[int, int]]
     return result.disagreements
 
 
-def test_a_camera_is_judged_by_what_was_due(clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_a_camera_is_judged_by_the_frames_that_were_due(clip: pathlib.Path, tmp_path: pathlib.Path) -> None:
     path = tmp_path / "recorded.y4m"
     assert not camera(clip, path, shown())
     assert not camera(clip, path, shown()[:7] + shown()[10:], driver=3)
@@ -62,23 +62,23 @@ def test_a_camera_is_judged_by_what_was_due(clip: pathlib.Path, tmp_path: pathli
     back = shown()
     back[18] = (back[18][0], 0)  # an old picture
     assert "1 recorded frames that were not due" in camera(clip, path, back)[0]
-    late = [(at, min(number, 1)) for at, number in shown()]  # the far side was late, or the camera stuck
+    late = [(at, min(number, 1)) for at, number in shown()]  # the output was late, or the camera stuck
     assert "5 recorded frames that were not due" in camera(clip, path, late)[0]
     assert not camera(clip, path, late, times=(0, 200, 700, 800))
-    # The far side was held up and makes up for it: the camera sees the newest, a little before it is due.
+    # The output was delayed and catches up: the camera sees the newest frame slightly before it is due.
     quick = [(at, 0 if at < 200 else 1 if at < 560 else 3) for at, _ in shown()]
     assert not camera(clip, path, quick, times=(0, 200, 590, 595))
     path.write_bytes(looped(path, quick).read_bytes().replace(b"XTIME=0\n", b"XTIME=0 XDDX_START=7000000000\n"))
     at_once, shifted = ([one + 7000 for one in times] for times in ((0, 200, 590, 595), (0, 500, 590, 895)))
-    assert camera_run.compare(clip, path, at_once)[1] == []  # by the clock itself: wherever 1 was first seen
+    assert camera_run.compare(clip, path, at_once)[1] == []  # judged by the clock, not by the first sight of frame 1
     assert len(camera_run.compare(clip, path, shifted)[1]) > 3
     strange = shown()
-    strange[3] = (strange[3][0], 77)  # not the clip's
+    strange[3] = (strange[3][0], 77)  # no frame of the clip
     assert "not due" in camera(clip, path, strange)[0]
     assert "rising" in camera(clip, path, [*shown()[:5], shown()[4], *shown()[6:]])[0]
 
 
-def test_a_stream_is_judged_by_what_was_recorded_at_that_time() -> None:
+def test_a_stream_is_judged_by_the_recording_of_the_same_time() -> None:
     source = [Picture(40 * MS * index, index // 2) for index in range(40)]
     seen = [Picture(one.time - source[7].time + 3000, one.number) for one in source[7:] if one.time % 3]
     assert stream.unlike(seen, source) == []
@@ -90,32 +90,32 @@ def test_a_stream_is_judged_by_what_was_recorded_at_that_time() -> None:
     assert stream.unlike([Picture(0, None)], source) == [0]
 
 
-def test_what_decode_missed_shows(clip: pathlib.Path) -> None:
+def test_pictures_missed_by_decode_are_found(clip: pathlib.Path) -> None:
     good = stream.judge(clip, clip, counters("send", 4), counters("decode", 4), counters("save", 4))
     assert len(good.shown) == 4 and not good.disagreements
     bad = stream.judge(clip, clip, counters("send", 5), counters("decode", 4), counters("save", 3))
     assert len(bad.disagreements) == 2
 
 
-COUNT, AFTER = 40, 3  # pictures of a clip without numbers; decode shows it from the fourth one on
+COUNT, AFTER = 40, 3  # pictures of a clip without numbers; decode starts with the fourth
 Pictures = list[NDArray[numpy.uint8]]
 
 
 def waves(speed: int) -> Pictures:
-    """A clip without numbers: 160x96."""
+    """A clip without numbers, 160x96."""
     y, x = numpy.mgrid[0:96, 0:160]
     return [(128 + 90 * numpy.sin((x + speed * number) / 5) * numpy.cos(y / 7)).astype(numpy.uint8)
             for number in range(COUNT)]
 
 
 def coded(pictures: Pictures) -> Pictures:
-    """With the errors of a lossy codec."""
+    """The pictures with errors like those of a lossy codec."""
     noise = numpy.random.default_rng(1)
     return [numpy.clip(one + noise.normal(0, 12, one.shape), 0, 255).astype(numpy.uint8) for one in pictures]
 
 
 def unnumbered(path: pathlib.Path, pictures: Pictures, begin: int) -> pathlib.Path:
-    """A recording at 30000/1001 frames a second; `begin`: number of the first picture's time."""
+    """Write a recording at 30000/1001 frames a second whose times start with that of picture `begin`."""
     chroma = bytes([128]) * (160 * 96 // 2)
     with path.open("wb") as file:
         file.write(b"YUV4MPEG2 W160 H96 F30000:1001 C420jpeg\n")
@@ -148,7 +148,7 @@ def test_a_clip_without_numbers_is_judged_by_its_pictures(tmp_path: pathlib.Path
     assert streamed(tmp_path, source, once[AFTER:]).wrong == [20 - AFTER, 30 - AFTER]
 
 
-def test_a_clip_that_stands_still_says_what_cannot_be_seen(tmp_path: pathlib.Path) -> None:
+def test_a_still_clip_is_reported_as_hard_to_judge(tmp_path: pathlib.Path) -> None:
     source = waves(0)
     found = streamed(tmp_path, source, coded(source)[AFTER:])
     assert found.wrong == [] and found.likeness and found.likeness.told == 0
@@ -156,7 +156,7 @@ def test_a_clip_that_stands_still_says_what_cannot_be_seen(tmp_path: pathlib.Pat
 
 
 def test_noise_that_the_codec_destroys_is_not_judged(tmp_path: pathlib.Path) -> None:
-    """At a low bit rate nothing of it is left; a stream without a fault must not be called wrong."""
+    """A low bit rate destroys it, and a correct stream must not be called wrong."""
     random = numpy.random.default_rng(1)
     source = [random.integers(0, 256, picture.shape, numpy.uint8) for picture in waves(0)]
     seen = [(picture // 16 + 120).astype(numpy.uint8) for picture in source]
@@ -176,7 +176,7 @@ def test_a_damaged_clip_is_named_with_its_frame(tmp_path: pathlib.Path) -> None:
             list(y4m.read(path)[1])
 
 
-def test_report() -> None:
+def test_the_keys_and_values_of_the_report() -> None:
     histogram = [0] * 736
     histogram[5], histogram[40], histogram[735] = 3, 2, 1
     stages = [Stage(name, 10 - index, index, counters(name, 10 - index, index), histogram)
@@ -197,7 +197,7 @@ def test_report() -> None:
 
 
 def rows_of(page: str, title: str) -> dict[str, str]:
-    """The table after this line: the words of each key."""
+    """The text of each key in the table after this line."""
     rows = re.match(r"(?:\|.*\n)+", page.split(f"{title}\n\n")[1])
     assert rows
     cells = [line.strip("|").split("|", 1) for line in rows[0].splitlines()[2:]]
@@ -215,17 +215,17 @@ def test_the_page_lists_each_key_of_the_report(compared: dict[str, object]) -> N
     assert [(key, one) for key, one in inside if f"`{one}`" not in rows[key]] == []
 
 
-def test_buckets_are_the_books() -> None:
-    """ddx_stats.h: below 32 µs one each, then 32 for each power of two, up to 2^27 µs."""
+def test_latency_buckets_match_ddx_stats() -> None:
+    """ddx_stats.h: one bucket per µs below 32, then 32 per power of two, up to 2^27 µs."""
     assert [report.bucket_us(index) for index in (0, 31, 32, 63, 64, 95)] == [0, 31, 32.5, 63.5, 65, 127]
     assert 2**27 - 2**22 < report.bucket_us(735) < 2**27
 
 
-def test_a_window_in_which_the_host_stalls_does_not_count_a_slow_stream_does() -> None:
+def test_a_window_with_a_stalled_host_does_not_count() -> None:
     quick, slow = 300, 400  # buckets
 
     def marks(*late: int) -> list[list[int]]:
-        """Windows of 100 frames, with these numbers of late ones."""
+        """Windows of 100 frames with these numbers of late frames."""
         result = [[0] * 500]
         for count in late:
             result.append(list(result[-1]))
@@ -243,7 +243,7 @@ def test_a_window_in_which_the_host_stalls_does_not_count_a_slow_stream_does() -
 
 @pytest.mark.parametrize("megabytes", [1, 220])
 def test_a_clip_of_any_size_fits_onto_its_disk(tmp_path: pathlib.Path, megabytes: int) -> None:
-    """The space that mke2fs takes for itself does not just grow with the disk: it has other rules for small ones."""
+    """mke2fs' own share of the disk is not proportional: small disks have other rules."""
     clip = tmp_path / "clip.y4m"
     frame = b"FRAME\n" + bytes([17]) * (1280 * 720 * 3 // 2)
     with clip.open("wb") as file:

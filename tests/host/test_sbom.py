@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What `make sbom` says of the images that Buildroot made here, compared with what is in them."""
+"""`make sbom`, compared with the contents of the images that Buildroot made here."""
 import copy
 import json
 import pathlib
@@ -55,7 +55,7 @@ def test_another_list_of_licences_is_refused(tmp_path: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize("board", buildroot.boards())
-def test_what_an_image_holds_is_listed(board: str) -> None:
+def test_an_image_s_contents_are_listed(board: str) -> None:
     build, root = buildroot.output(board), OUTPUT / board / "root"
     owners = build / "build/packages-file-list.txt"
     if not (owners.exists() and root.exists() and buildroot.present()):
@@ -67,6 +67,6 @@ def test_what_an_image_holds_is_listed(board: str) -> None:
     assert sbom.unknown(listed, root, owners.read_text()) == []
     assert "genimage" in {name.removeprefix("host-") for name in sbom.components(listed, "host")}
     assert not [name for name in sbom.components(listed, "target") if name.startswith("host-")]
-    for name in [*ours, "busybox", "linux", "glibc"]:  # what is not listed is missed
+    for name in [*ours, "busybox", "linux", "glibc"]:  # missing entries are found
         less = listed | {"components": [one for one in listed["components"] if one["name"] != name]}
         assert sbom.unknown(less, root, owners.read_text()), name

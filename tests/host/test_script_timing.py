@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The image's scripts where their timing is unlucky, which no boot shows often enough."""
+"""Races in the image's scripts, which are too rare in boots."""
 from __future__ import annotations
 
 import fcntl
@@ -22,7 +22,7 @@ THING = "run/service/thing"
 @pytest.fixture
 def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
     if os.geteuid() != 0:
-        pytest.skip("a root folder of one's own takes root")
+        pytest.skip("a separate root folder needs root")
     appliance = Appliance(tmp_path)
     yield appliance
     appliance.end()
@@ -30,7 +30,7 @@ def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
 
 @pytest.fixture
 def service(appliance: Appliance) -> Appliance:
-    """A service that has been started, and that no runsv runs yet."""
+    """A service that was started, but has no runsv yet."""
     appliance.install_service()
     appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
     (appliance.root / "etc/default/thing").write_text("user=root\n")
@@ -48,7 +48,7 @@ def state(appliance: Appliance) -> str:
 
 @contextmanager
 def runsv_without_ears(service: Appliance) -> Iterator[None]:
-    """It has looked for `down`, and waits for its logger's lock; at the end it listens."""
+    """A runsv that has read `down` and waits for its logger's lock; at the end it reads commands."""
     folder = service.root / THING / "log/supervise"
     folder.mkdir()
     with (folder / "lock").open("w") as lock:
@@ -59,7 +59,7 @@ def runsv_without_ears(service: Appliance) -> Iterator[None]:
     wait_until(lambda: service.run("sv status /run/service/thing")[0] == 0)
 
 
-def test_a_stop_is_heard_by_a_runsv_that_just_begins(service: Appliance) -> None:
+def test_a_stop_reaches_a_runsv_that_is_starting(service: Appliance) -> None:
     with runsv_without_ears(service):
         stop = service.start("/usr/libexec/ddx/service thing stop")
         wait_until((service.root / THING / "down").exists)
@@ -67,7 +67,7 @@ def test_a_stop_is_heard_by_a_runsv_that_just_begins(service: Appliance) -> None
     assert state(service) == "stopped"
 
 
-def test_a_start_is_heard_by_a_runsv_that_just_begins(service: Appliance) -> None:
+def test_a_start_reaches_a_runsv_that_is_starting(service: Appliance) -> None:
     told(service, "stop")
     with runsv_without_ears(service):
         start = service.start("/usr/libexec/ddx/service thing start")
@@ -76,14 +76,14 @@ def test_a_start_is_heard_by_a_runsv_that_just_begins(service: Appliance) -> Non
     wait_until(lambda: state(service) == "running")
 
 
-def test_nobody_is_waited_for_where_nobody_runs_it(service: Appliance) -> None:
+def test_without_a_runsv_nothing_is_waited_for(service: Appliance) -> None:
     assert told(service, "stop") == "Stopping thing: OK\n" and state(service) == "stopped"
     assert told(service, "start") == "Starting thing: OK\n" and state(service) == "starting"
 
 
 @pytest.mark.parametrize("begin", ["", "\n", "soon 1.0\n", None])
-def test_it_is_not_known_when_a_program_began(service: Appliance, begin: str | None) -> None:
-    """The disk of /run was full, or it ended too early. It is counted, and not started at once again and again."""
+def test_a_program_with_unknown_start_time_is_delayed(service: Appliance, begin: str | None) -> None:
+    """/run was full, or it exited too early: it is counted, and not restarted in a fast loop."""
     folder = service.root / THING
     (folder / "supervise/stat").write_text("finish, want up\n")
     if begin is not None:
@@ -98,7 +98,7 @@ NOT_DONE = "ddxgrow: not done, the next boot goes on"
 
 
 @pytest.mark.parametrize("table, files, last", [(0, 0, "ddxgrow: done"), (0, 1, NOT_DONE), (1, 0, NOT_DONE)])
-def test_growing_says_when_it_is_done(appliance: Appliance, table: int, files: int, last: str) -> None:
+def test_growing_reports_when_it_is_done(appliance: Appliance, table: int, files: int, last: str) -> None:
     appliance.install("package/ddxgrow/grow", "usr/libexec/ddx/grow")
     appliance.add("usr/sbin/ddxgrow", f'#!/bin/sh\necho "table $*"\nexit {table}\n')
     appliance.add("usr/sbin/resize2fs", f'#!/bin/sh\nusleep 300000\necho "files $*"\nexit {files}\n')
@@ -111,7 +111,7 @@ def test_growing_says_when_it_is_done(appliance: Appliance, table: int, files: i
     assert (status, text.splitlines()) == (0, ["table /dev/sda 6", "files /dev/sda6", last])
 
 
-def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Appliance) -> None:
+def test_a_script_that_hangs_delays_the_boot_for_a_limited_time(appliance: Appliance) -> None:
     text = (TOP / "overlay/etc/init.d/rcS").read_text()
     assert "sleep 5" in text and "-ge 90" in text
     appliance.add("etc/init.d/rcS", text.replace("sleep 5", "sleep 0.2").replace("-ge 90", "-ge 1"))
@@ -121,7 +121,7 @@ def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Applianc
     appliance.add("etc/init.d/S20hangs", "#!/bin/sh\necho second\nsleep 1000\necho never\n")
     appliance.add("etc/init.d/S30last", "#!/bin/sh\necho last\nfalse\n")
     status, text = appliance.run("/etc/init.d/rcS && pkill sleep")
-    said = [line for line in text.splitlines() if line not in ("Killed", "Terminated")]  # the shell's own words
+    said = [line for line in text.splitlines() if line not in ("Killed", "Terminated")]  # the shell's messages
     assert (status, said) == (0, ["first", "second", "FAIL: S20hangs takes too long", "last", "up"])
     boot = [line.split()[2:] for line in (appliance.root / "run/log/boot").read_text().splitlines()]
     assert boot == [["0", "S10first"], ["137", "S20hangs"], ["1", "S30last"]]
@@ -129,13 +129,13 @@ def test_a_script_that_hangs_holds_the_boot_for_a_while_only(appliance: Applianc
 
 
 def supervise(service: Appliance) -> None:
-    """By a runsv that no other process waits for: a test may stop it."""
+    """Start a runsv that no other process waits for, so that a test may freeze it."""
     service.run("cd /run/service && runsv thing > /dev/null 2>&1 &")
     wait_until(lambda: service.run("sv status /run/service/thing")[0] == 0)
 
 
 def be(service: Appliance, text: str) -> None:
-    """What the service's program does from its next start on; that it started is a line in /run/starts."""
+    """Replace the service's program from its next start on; each start adds a line to /run/starts."""
     new = service.root / "usr/bin/thing.new"
     new.write_text(f"#!/bin/sh\necho >> /run/starts\n{text}\n")
     new.chmod(0o755)
@@ -148,7 +148,7 @@ def starts(service: Appliance) -> int:
 
 
 def die(service: Appliance) -> None:
-    """The program that a start has counted may not have become `sleep` yet."""
+    """Kill the service's program, which may not have executed `sleep` yet."""
     wait_until(lambda: service.run("killall sleep")[0] == 0)
 
 
@@ -160,22 +160,22 @@ def supervised(service: Appliance) -> Appliance:
     return service
 
 
-def test_toggles_within_a_second_are_heard_in_their_order(supervised: Appliance) -> None:
-    """After a program that ran for less than a second, runsv sleeps for one."""
+def test_toggles_within_a_second_take_effect_in_order(supervised: Appliance) -> None:
+    """After a program that ran for less than a second, runsv sleeps for a second."""
     told(supervised, "stop")
     for _ in range(4):
         before = starts(supervised)
         told(supervised, "start")
         told(supervised, "stop")
         assert supervised.run("pidof sleep")[0] != 0
-        assert starts(supervised) <= before + 1  # none that comes after its own stop
+        assert starts(supervised) <= before + 1  # no start after its own stop
     told(supervised, "start")
     wait_until(lambda: state(supervised) == "running")
     assert (supervised.root / THING / "restarts").read_text() == "0\n"  # nothing died
 
 
-def test_a_restart_of_what_dies_at_once_is_a_start(supervised: Appliance) -> None:
-    """Told while its runsv sleeps, and wants it up."""
+def test_a_restart_of_a_service_that_dies_at_once_starts_it(supervised: Appliance) -> None:
+    """Requested while its runsv sleeps before the next start."""
     be(supervised, "exit 1")
     die(supervised)
     runsv = supervised.run("pidof runsv")[1].strip()
@@ -184,14 +184,14 @@ def test_a_restart_of_what_dies_at_once_is_a_start(supervised: Appliance) -> Non
     be(supervised, "exec sleep 1000")
     restart = supervised.start("/usr/libexec/ddx/service thing restart")
     wait_until(lambda: restart.poll() is not None or (supervised.root / THING / "down").exists())
-    time.sleep(0.3)  # a script that does not wait has said all that it has to
+    time.sleep(0.3)  # a script that did not wait would be done
     supervised.run(f"kill -CONT {runsv}")
     assert restart.communicate(timeout=30)[0] == "Stopping thing: OK\nStarting thing: OK\n"
     wait_until(lambda: state(supervised) == "running")
 
 
 def test_nothing_waits_for_a_back_off(supervised: Appliance) -> None:
-    """Neither a stop nor a start after a correction; it would be eight seconds."""
+    """Neither a stop nor a start after a correction waits the eight seconds."""
     for action, result in (("stop", "stopped"), ("start", "running")):
         told(supervised, "start")
         wait_until(lambda: state(supervised) == "running")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Senseless settings of a service: they are refused by file and line, and no part of them is executed."""
+"""Invalid settings of a service are refused with file and line, and no part of them is executed."""
 from __future__ import annotations
 
 import functools
@@ -18,7 +18,7 @@ FOLDERS = ["data/ddx", "run/settings", "test"]
 
 @pytest.fixture
 def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
-    """With a service that runs for ever, as a user other than root."""
+    """An appliance with a service that runs forever as a user other than root."""
     with with_service(tmp_path) as appliance:
         for folder in FOLDERS:
             (appliance.root / folder).mkdir(parents=True)
@@ -44,7 +44,7 @@ def supervise(appliance: Appliance) -> None:
     ("data/ddx", "enabled=off"), ("data/ddx", "enabled=No"), ("run/settings", "enabled=false"), ("test", "enabled="),
     ("data/ddx", "enabled = YES"), ("data/ddx", "once=1"), ("data/ddx", "oom_score_adj=low"),
     ("data/ddx", "oom_score_adj=-1001")])
-def test_any_other_word_is_refused_by_file_and_line(appliance: Appliance, folder: str, line: str) -> None:
+def test_an_invalid_value_is_refused_with_file_and_line(appliance: Appliance, folder: str, line: str) -> None:
     file = appliance.root / folder / "thing.conf"
     file.write_text(f"# mine\n{line}\n")
     code, text = appliance.run(f"{THING} start")
@@ -58,7 +58,7 @@ def test_any_other_word_is_refused_by_file_and_line(appliance: Appliance, folder
     assert appliance.run(f"{THING} start") == (0, "Starting thing: OK\n")
 
 
-def test_bad_usage_is_tried_once_until_somebody_starts_it(appliance: Appliance) -> None:
+def test_bad_usage_is_not_retried_until_the_next_start(appliance: Appliance) -> None:
     appliance.add("usr/bin/thing", "#!/bin/sh\ncat /tmp/code >> /tmp/starts\nexit $(cat /tmp/code)\n")
     (appliance.root / "tmp").mkdir()
     (appliance.root / "tmp").chmod(0o777)
@@ -79,7 +79,7 @@ def test_bad_usage_is_tried_once_until_somebody_starts_it(appliance: Appliance) 
 
 
 def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
-    """Each ends only when all have been told to: one after the other they would be killed, after five seconds each."""
+    """Each exits only once all got TERM: stopped one by one, each would be killed after five seconds."""
     appliance.add("usr/bin/thing", "#!/bin/sh\ntrap 'touch /tmp/told.$$; until [ $(ls /tmp | grep -c told) = 3 ]; "
                                    "do usleep 20000; done; touch /tmp/met.$$; exit' TERM\n"
                                    "touch /tmp/ready.$$\nwhile :; do usleep 20000; done\n")
@@ -91,7 +91,7 @@ def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
     supervise(appliance)
     for instance in INSTANCES:
         wait_until(functools.partial(runs, appliance, instance))
-    wait_until(lambda: len(list((appliance.root / "tmp").glob("ready.*"))) == 3)  # from then on TERM does not end them
+    wait_until(lambda: len(list((appliance.root / "tmp").glob("ready.*"))) == 3)  # the TERM handlers are set
     assert appliance.run(f"{THING} stop") == (0, "Stopping thing: OK\n")
     assert len(list((appliance.root / "tmp").glob("met.*"))) == 3
     assert [status(appliance, one)[1]["state"] for one in INSTANCES] == ["stopped"] * 3
@@ -99,7 +99,7 @@ def test_several_instances_are_stopped_at_once(appliance: Appliance) -> None:
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_only_the_image_sets_the_user(appliance: Appliance, folder: str) -> None:
-    """Otherwise anyone with a disk, or with the right to write settings, would be root."""
+    """Otherwise the right to write settings, or a disk, would give root's rights."""
     (appliance.root / folder / "thing.conf").write_text("user=root\n user = ddxhealth\r\n")
     text = appliance.run(f"{THING} start")[1]
     supervise(appliance)
@@ -112,8 +112,8 @@ def test_only_the_image_sets_the_user(appliance: Appliance, folder: str) -> None
 COMMANDS = ["$(touch /x)", "`touch /x`", "';touch /x;'", '";touch /x;"', "a'\\''touch /x", "\\", "& > /x | * ~ $HOME"]
 
 
-def test_no_value_is_a_command(appliance: Appliance) -> None:
-    """Whatever stands in it: the program gets it as it was written, and root's shell runs nothing of it."""
+def test_no_value_is_executed(appliance: Appliance) -> None:
+    """The program gets each value as written, and root's shell executes nothing of it."""
     appliance.add("usr/bin/thing", "#!/bin/sh\nprintf '%s\\n' \"$@\" > /tmp/new && mv /tmp/new /tmp/words\n"
                                    "exec sleep 1000\n")
     (appliance.root / "tmp").mkdir()
@@ -130,8 +130,8 @@ def test_no_value_is_a_command(appliance: Appliance) -> None:
 
 
 @pytest.mark.parametrize("folder", ["etc/default", *FOLDERS])
-def test_what_root_uses_has_one_form(appliance: Appliance, folder: str) -> None:
-    """In every file; the service is not started, and root runs no part of it."""
+def test_settings_used_by_root_have_a_strict_form(appliance: Appliance, folder: str) -> None:
+    """In every file; a service with another form is not started, and root executes nothing of it."""
     file = appliance.root / folder / ("thing" if folder == "etc/default" else "thing.conf")
     before = file.read_text() if file.exists() else ""
     for text in ("mounted=$(touch /x)", 'mounted=/";touch /x;"', "mounted=/rec\\", "mounted=rec", "needs=`touch /x`",
@@ -146,7 +146,7 @@ def test_what_root_uses_has_one_form(appliance: Appliance, folder: str) -> None:
     assert appliance.run(f"{THING} start") == (0, "Starting thing: OK\n")
 
 
-def test_a_name_that_is_none_for_an_instance(appliance: Appliance) -> None:
+def test_an_invalid_name_of_an_instance(appliance: Appliance) -> None:
     for name in ("thing.$(touch /x)", "thing.a b", "thing.", "thing.a.b", "thing/../x", "other", "-x"):
         code, text = appliance.run(f"{THING} start '{name}'")
         assert (code, text) == (2, f"/usr/libexec/ddx/service: '{name}' is not a name for an instance of thing\n")
@@ -154,7 +154,7 @@ def test_a_name_that_is_none_for_an_instance(appliance: Appliance) -> None:
 
 
 def test_values_in_a_script_are_quoted(appliance: Appliance) -> None:
-    """What S18network and `service` paste into root's scripts is one word there."""
+    """Values that S18network and `service` insert into root's scripts stay one word."""
     (appliance.root / "text").write_text("\n".join(COMMANDS) + "\n")
     assert appliance.run("""
         . /usr/libexec/ddx/folder

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The second copy of the settings is on a disk whose first folder is the recorder's: its user can change any name in
-there, at any moment, and still neither writes a file of root's nor makes root believe a copy that is not root's."""
+"""The second copy of the settings is on a disk whose top folder belongs to the recorder's user. That user can change
+any name there at any time, but cannot make root write another file or accept a copy that is not root's."""
 from __future__ import annotations
 
 import os
@@ -24,7 +24,7 @@ UNCOPIED = ("settings have no copy: /rec/.ddx cannot be made, or is not root's a
 
 @pytest.fixture
 def robot(tmp_path: pathlib.Path) -> Iterator[Appliance]:
-    """With a disk that is the recorder's, settings, and what only root may read and write."""
+    """An appliance with the recorder's disk, settings, and files that only root may read and write."""
     with with_service(tmp_path) as robot:
         for script, to in SCRIPTS.items():
             robot.install(script, to)
@@ -40,18 +40,18 @@ def robot(tmp_path: pathlib.Path) -> Iterator[Appliance]:
 
 
 def vault(robot: Appliance) -> str:
-    """What only root may write: all of it."""
+    """The complete state of root's files."""
     return robot.run("cd /vault && ls -A && cat settings && stat -c '%U %a' .")[1]
 
 
-def test_a_copy_is_root_s_alone_and_comes_back(robot: Appliance) -> None:
-    (robot.root / "data/ddx/thing.a.conf").write_text("enabled=yes\nrate=5")  # without an end of its last line
+def test_a_copy_belongs_to_root_and_is_restored(robot: Appliance) -> None:
+    (robot.root / "data/ddx/thing.a.conf").write_text("enabled=yes\nrate=5")  # no newline at the end
     (robot.root / "data/ddx/logger.conf").write_text("output /rec/log\n")
     robot.run("echo old > /rec/.settings")
     assert robot.run(f"{SAVE} && stat -c '%U %A' /rec/.ddx {COPY} && ls -A /rec /rec/.ddx") == (
         0, "root drwx------\nroot -rw-------\n/rec:\n.ddx\n\n/rec/.ddx:\nsettings\n")
     before = robot.run(f"stat -c %i {COPY}")[1]
-    assert robot.run(f"{SAVE}; stat -c %i {COPY}")[1] == before  # nothing new, nothing written
+    assert robot.run(f"{SAVE}; stat -c %i {COPY}")[1] == before  # without a change nothing is written
     for file in (robot.root / "data/ddx").iterdir():
         file.unlink()
     (robot.root / "data/ddx/other.conf").touch()
@@ -61,8 +61,8 @@ def test_a_copy_is_root_s_alone_and_comes_back(robot: Appliance) -> None:
     assert robot.run(f"{THIEF} 'cat {COPY} || ls /rec/.ddx'")[0] != 0
 
 
-def test_names_that_root_may_choose_are_taken(robot: Appliance) -> None:
-    """As settings-copy of earlier images did: the number of its process was the name's end."""
+def test_planted_names_of_temporary_files_are_harmless(robot: Appliance) -> None:
+    """settings-copy of earlier images used names that end with its process number."""
     inside = robot.enter[robot.enter.index("--target") + 1]
     for end in ["", *(f".{number}" for number in range(1, 2000))]:
         link = f"/proc/{inside}/root/rec/.settings{end}"
@@ -73,7 +73,7 @@ def test_names_that_root_may_choose_are_taken(robot: Appliance) -> None:
     assert vault(robot) == before and "enabled=no" in robot.run(f"cat {COPY}")[1]
 
 
-def test_nothing_of_root_s_is_written_through_a_name_of_the_recorder_s(robot: Appliance) -> None:
+def test_root_writes_no_file_through_a_planted_name(robot: Appliance) -> None:
     before = vault(robot)
     told = robot.root / "run/settings.uncopied"
     for planted in (
@@ -85,7 +85,7 @@ def test_nothing_of_root_s_is_written_through_a_name_of_the_recorder_s(robot: Ap
         code, text = robot.run(SAVE)
         assert vault(robot) == before
         assert (code, text, told.read_text()) == (1, "", UNCOPIED)
-        robot.run(f"rm -rf /rec/.ddx && {SAVE}")  # as the message says
+        robot.run(f"rm -rf /rec/.ddx && {SAVE}")  # as the message advises
         assert not told.exists() and "enabled=no" in robot.run(f"cat {COPY}")[1]
         robot.run("rm -rf /rec/.ddx /rec/x")
 
@@ -93,7 +93,7 @@ def test_nothing_of_root_s_is_written_through_a_name_of_the_recorder_s(robot: Ap
 FORGED = "printf \"--- thing.conf ---\\nenabled=yes\\n\""
 
 
-def test_a_copy_that_is_not_root_s_is_not_believed(robot: Appliance) -> None:
+def test_a_forged_copy_is_not_used(robot: Appliance) -> None:
     for forged in (
             f"mkdir -m 700 .ddx; {FORGED} > .ddx/settings", f"{FORGED} > settings; ln -s /rec .ddx", "ln -s x .ddx",
             f"{FORGED} > .settings"):
@@ -107,7 +107,7 @@ def test_a_copy_that_is_not_root_s_is_not_believed(robot: Appliance) -> None:
         robot.run("rm -rf /rec/.ddx /rec/x /rec/settings")
 
 
-def test_a_copy_of_doubtful_rights_is_not_believed(robot: Appliance) -> None:
+def test_a_copy_with_unsafe_rights_is_not_used(robot: Appliance) -> None:
     for spoil in (f"chown ddxsave {COPY}", "chmod 755 /rec/.ddx", f"ln {COPY} /rec/x",
                   f"mv {COPY} /rec/x; ln -s ../x {COPY}"):
         assert robot.run(f"{SAVE} && {RESTORE}") == (0, "")
@@ -115,8 +115,8 @@ def test_a_copy_of_doubtful_rights_is_not_believed(robot: Appliance) -> None:
         robot.run("rm -rf /rec/.ddx /rec/x")
 
 
-def test_only_lines_that_are_right_come_back(robot: Appliance) -> None:
-    """Where `service` would refuse a line, its meaning is unknown: off, as before."""
+def test_only_valid_lines_are_restored(robot: Appliance) -> None:
+    """A file with a line that `service` refuses switches the service off, as before."""
     (robot.root / "data/ddx/thing.conf").write_text("user=root\n# mine\nrate=$(x)\nnonsense\nname=a\033b\n")
     (robot.root / "data/ddx/thing.a.conf").write_text("enabled=yes\nmounted=$(touch /x)\nrate=5\n")
     (robot.root / "data/ddx/logger.conf").write_text("output /rec/log\n\titem\tx\r\nitem \033\n")
@@ -128,8 +128,8 @@ def test_only_lines_that_are_right_come_back(robot: Appliance) -> None:
     assert robot.run("/usr/libexec/ddx/service thing status thing.a")[1].startswith("thing.a enabled=no state=stopped")
 
 
-def test_no_folder_of_root_s_is_given_to_the_logger(robot: Appliance) -> None:
-    """When a disk is mounted, and the recorder's user makes a link of the log's folder, at the worst moment."""
+def test_no_folder_of_root_is_given_to_the_logger(robot: Appliance) -> None:
+    """Even if the recorder's user replaces the log's folder by a link at the worst moment of mounting."""
     script = (TOP / "overlay/usr/libexec/ddx/recordings-disk").read_text()
     begin = script.index("give_away() {")
     give_away = script[begin:script.index("\n}\n", begin) + 3]

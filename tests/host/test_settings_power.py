@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The power goes at any write of a toggle: the image's scripts on this machine's kernel, with a disk of their own whose
-every write is kept. In the emulated machine, with more of what a disk may lose: tests/boot/test_settings_power.py."""
+"""Power cuts at any write of a toggle: the image's scripts on the host's kernel, with a disk whose writes are logged.
+tests/boot/test_settings_power.py does it in the emulated machine, with more kinds of lost writes."""
 from __future__ import annotations
 
 import mmap
@@ -21,16 +21,15 @@ from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 
 from .programs import wait_until
 
-SIZE = 24 << 20  # bytes of the file system: of several groups, so there is a second superblock, as on the appliance
-SECTOR = 512     # for marks, after it
+SIZE = 24 << 20  # bytes; several groups, so there is a second superblock, as in the appliance
+SECTOR = 512     # for marks, after the file system
 ENVIRONMENT = {**os.environ, **SBIN}
 
 
 class SettingsDisk:
-    """A loop device: a process holds its file, and writes down what is written to it and when it is flushed.
+    """A loop device on a file of a process that logs all writes and flushes.
 
-    All that is written has to come through the device, one after the other: QEMU 7.2 mixes up the data of two writes to
-    such a file that are under way at once."""
+    Writes must come through the device one by one: QEMU 7.2 mixes up the data of simultaneous writes to such a file."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         self.image, self.log, self.file = folder / "data.img", folder / "writes", folder / "disk"
@@ -50,9 +49,9 @@ class SettingsDisk:
         self.device = run(["losetup", "--find", "--show", self.file]).strip()
 
     def mark(self, text: bytes) -> None:
-        """Not flushed: that would save what a toggle has left unsaved."""
+        """Write a mark without a flush, which would also save unsaved data of a toggle."""
         descriptor = os.open(self.device, os.O_WRONLY | os.O_DIRECT)
-        with mmap.mmap(-1, SECTOR) as sector:  # O_DIRECT takes aligned memory only
+        with mmap.mmap(-1, SECTOR) as sector:  # O_DIRECT needs aligned memory
             sector[:len(text)] = text
             os.pwrite(descriptor, sector, SIZE)
         os.close(descriptor)
@@ -68,7 +67,7 @@ class SettingsDisk:
 @pytest.fixture
 def disk(tmp_path: pathlib.Path) -> Iterator[SettingsDisk]:
     if os.geteuid() != 0 or not os.access("/dev/fuse", os.W_OK) or not os.access("/dev/loop-control", os.W_OK):
-        pytest.skip("a disk whose writes are kept takes root, FUSE and loop devices")
+        pytest.skip("needs root, FUSE and loop devices")
     disk = SettingsDisk(tmp_path)
     yield disk
     disk.end()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The counter of boots, both of its halves: GRUB's menu, which counts, and slot-came-up, which clears. The part of
-grub.cfg that chooses a slot is close enough to a shell's language to run in one."""
+"""The boot counter: GRUB's menu increments it, slot-came-up clears it. The part of grub.cfg that chooses a slot is
+close enough to shell syntax to run in a shell."""
 from __future__ import annotations
 
 import os
@@ -22,7 +22,7 @@ LOST = ", so a slot that cannot be booted may stay the chosen one; flash another
 
 
 def menu(block: Block) -> tuple[Block, str, str]:
-    """What GRUB leaves in the block, the slot that it boots, and what it says to have counted."""
+    """The block after GRUB's menu, the slot that it boots, and the count that it reports."""
     text = (TOP / "board/common/grub.cfg").read_text()
     choice = text[text.index("set slot=A\n"):text.index("# A slot that cannot be read")]
     known = "; ".join(f"{name}={value}" for name, value in block.items())
@@ -38,7 +38,7 @@ def menu(block: Block) -> tuple[Block, str, str]:
 
 
 class Robot:
-    """With a boot partition."""
+    """An appliance with a boot partition."""
 
     def __init__(self, appliance: Appliance) -> None:
         self.appliance = appliance
@@ -68,7 +68,7 @@ class Robot:
         return path.read_text() if path.exists() else ""
 
     def boot(self, block: Block, good: str) -> tuple[Block, str]:
-        """With one slot that comes up, if it is booted."""
+        """Boot once; only the slot `good` comes up."""
         counted, slot, words = menu(block)
         assert (counted.get("left"), counted.get("begun")) != (block.get("left"), block.get("begun")), "not counted"
         return (self.comes_up(counted, f"ddx.slot={slot} ddx.counted={words}") if slot == good else counted), slot
@@ -87,29 +87,29 @@ def _robot(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Robot]:
     ({"begun": "1"}, "ddx.slot=A ddx.counted=begun=1", {}, ""),
     ({"slot": "B", "left": "2"}, "ddx.slot=B ddx.counted=left=2", {"slot": "B"}, ""),
     ({"begun": "2"}, "ddx.slot=B ddx.counted=begun=2", {"begun": "2"}, "A"),
-    ({"slot": "B", "left": "1"}, "ddx.slot=A ddx.counted=left=1", {"slot": "B", "left": "1"}, "B"),  # B is unreadable
+    ({"slot": "B", "left": "1"}, "ddx.slot=A ddx.counted=left=1", {"slot": "B", "left": "1"}, "B"),  # unreadable B
     ({"begun": "1", "failed": "B"}, "ddx.slot=A ddx.counted=begun=1", {"failed": "B"}, "B"),
     ({"begun": "2", "failed": "B"}, "ddx.slot=B ddx.counted=begun=2", {"begun": "2"}, "A"),
-    ({"slot": "B", "left": "0"}, "ddx.slot=A", {"failed": "B"}, "B"),  # of a loader that does not do it itself
+    ({"slot": "B", "left": "0"}, "ddx.slot=A", {"failed": "B"}, "B"),  # a loader that does not clear it itself
     ({"begun": "1"}, "ddx.slot=A ddx.counted=begun=1 ddx.rescue", {"begun": "1"}, ""),
 ])
-def test_a_slot_that_has_come_up_says_so(robot: Robot, block: Block, words: str, after: Block, failed: str) -> None:
+def test_a_running_slot_clears_the_count(robot: Robot, block: Block, words: str, after: Block, failed: str) -> None:
     assert robot.comes_up(block, words) == after
     assert (robot.said("failed").strip(), robot.said("wrong")) == (failed, "")
 
 
 @pytest.mark.parametrize("file", ["board/common/grub.cfg", "overlay/boot/cmdline.cfg"])
-def test_grub_can_read(file: str) -> None:
+def test_grub_can_parse(file: str) -> None:
     run(["grub-script-check", TOP / file])
 
 
 @pytest.mark.parametrize("block, counted", [({}, "begun=1"), ({"slot": "B", "left": "3"}, "left=2")])
-def test_a_loader_that_does_not_count_is_noticed(robot: Robot, block: Block, counted: str) -> None:
+def test_a_loader_that_does_not_count_is_reported(robot: Robot, block: Block, counted: str) -> None:
     robot.comes_up(block, f"ddx.slot={block.get('slot', 'A')} ddx.counted={counted}")
     assert robot.said("wrong") == f"the boot loader has not counted this boot{LOST}"
 
 
-def test_a_boot_partition_that_cannot_be_used_is_noticed(robot: Robot) -> None:
+def test_an_unusable_boot_partition_is_reported(robot: Robot) -> None:
     partition = robot.appliance.root / "usr/libexec/ddx/own-partition"
     text = partition.read_text()
     partition.write_text("#!/bin/sh\necho /none\n")
@@ -120,8 +120,8 @@ def test_a_boot_partition_that_cannot_be_used_is_noticed(robot: Robot) -> None:
 
 @pytest.mark.parametrize("first", [{}, {"begun": "3"}, {"slot": "B", "left": "3"}, {"slot": "B", "left": "0"}],
                          ids=["fresh", "gave-way", "updated", "no-boots-left"])
-def test_the_slot_that_comes_up_is_found_and_found_again(robot: Robot, first: Block) -> None:
-    """First one slot comes up, then only the other one, then the first again: four boots at most each time."""
+def test_a_working_slot_is_found_within_four_boots(robot: Robot, first: Block) -> None:
+    """First only one slot comes up, then only the other, then the first again."""
     block = first
     for good in ("A", "B", "A"):
         slots = []
@@ -129,7 +129,7 @@ def test_the_slot_that_comes_up_is_found_and_found_again(robot: Robot, first: Bl
             block, slot = robot.boot(block, good)
             slots.append(slot)
             assert len(slots) <= 4, slots
-        for _ in range(2):  # the chosen slot may have one more chance in between
+        for _ in range(2):  # the chosen slot may get one more attempt in between
             block, slot = robot.boot(block, good)
             slots.append(slot)
         assert good in slots[-2:]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Single pictures: what the file shows is what the frame shows, by FFmpeg's opinion."""
+"""Single pictures: the file shows the frame's picture, as judged by FFmpeg."""
 from __future__ import annotations
 
 import pathlib
@@ -17,7 +17,7 @@ from .programs import Desk, ffmpeg, make_clip
 
 Image = NDArray[numpy.uint8]
 CONVERSION = "scale=in_color_matrix=bt601:out_color_matrix=bt601:flags=bicubic+accurate_rnd+full_chroma_int"
-# Mean difference of samples that a right picture has at most.
+# Largest mean difference of samples in a correct picture.
 FORMATS = {"ppm": 1.0, "png": 1.0, "jpg": 4.0, "JPEG": 4.0}
 
 
@@ -53,7 +53,7 @@ def test_formats(desk: Desk, format: str) -> None:
     last = rgb(clip, "-vf", f"select=eq(n\\,2),{CONVERSION}")
     found = rgb(picture)
     assert difference(found, last) < FORMATS[format]
-    # The check itself: another frame, another matrix, and planes exchanged are seen.
+    # Proves that the check can fail: another frame, another matrix, swapped planes.
     first = rgb(clip, "-vf", f"select=eq(n\\,0),{CONVERSION}")
     assert difference(found, first) > FORMATS[format]
     assert difference(found[:, :, ::-1], last) > FORMATS[format]
@@ -62,7 +62,7 @@ def test_formats(desk: Desk, format: str) -> None:
 
 
 def test_montage(desk: Desk) -> None:
-    """Three items of different sizes; each picture's number is read from its cell, and what it is from below it."""
+    """Three items of different sizes; the number is read from each cell, and the caption from below it."""
     numbers = {"one": 7, "two": 123456, "wide": 42}
     for name, number in numbers.items():
         clip = desk.folder / f"{name}.y4m"
@@ -74,7 +74,7 @@ def test_montage(desk: Desk) -> None:
         play(desk, clip, name)
     snap(desk, "-montage", desk.folder / "all.png")
     image = rgb(desk.folder / "all.png")
-    line = 12  # of text
+    line = 12  # rows of text
     second = 288 + line
     assert image.shape == (2 * second, 2 * 704, 3)
     gray = numpy.ascontiguousarray(image[:, :, 1])
@@ -86,8 +86,8 @@ def test_montage(desk: Desk) -> None:
     for name, cell in cells.items():
         found = numbered_clip.frame_number(cell.tobytes(), cell.shape[1], cell.shape[0])
         assert found == numbers[name]
-    assert gray[:288, :176].max() == 0 and gray[second:, 704:].max() == 0  # around them it is black
-    # one item is missing: it shows
+    assert gray[:288, :176].max() == 0 and gray[second:, 704:].max() == 0  # black around the pictures
+    # a missing item is shown as missing
     assert numbered_clip.frame_number(gray[second:second + 288, 704:].tobytes(), 704, 288) is None
 
 

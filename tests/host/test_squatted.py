@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Another user's program has the names of items that only show what a program does: each program does its task
-without them, and says so."""
+"""Another user's program occupies the names of items that only publish a program's state: each program works without
+them, and reports it."""
 from __future__ import annotations
 
 import pathlib
@@ -31,7 +31,7 @@ Squat = Callable[..., None]
 
 @pytest.fixture
 def squat(tmp_path: pathlib.Path) -> Iterator[Squat]:
-    """Take names, and keep them."""
+    """Take names and keep them."""
     squatters = []
 
     def take(desk: Desk, *names: str, type: str = "X") -> None:
@@ -71,9 +71,9 @@ def test_a_clip_is_played_and_recorded(desk: Desk, squat: Squat) -> None:
     assert pictures(next((desk.folder / "rec").glob("*.y4m"))) == pictures(clip)
 
 
-def test_what_is_called_counters_and_is_none(desk: Desk, squat: Squat) -> None:
-    """Its writer lives, and is no other instance of the recorder. Where it is not known how the former recorder ended,
-    its file is kept."""
+def test_an_item_with_the_name_of_counters_but_another_type(desk: Desk, squat: Squat) -> None:
+    """Its writer runs, but is no other instance of the recorder. If the last recorder's exit is unknown, its file is
+    kept."""
     squat(desk, "ddxvideosave.stats", type="DDX_STATS")
     clip = make_clip(desk.folder / "clip.y4m", "64x48", "100", 20)
     (desk.folder / "out.y4m").write_text("older")

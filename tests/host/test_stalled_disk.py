@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The disk hangs: the thread that takes frames continues, and every frame is recorded, or counted."""
+"""The disk hangs: the thread that takes frames continues, and every frame is recorded or counted."""
 from __future__ import annotations
 
 import functools
@@ -13,7 +13,7 @@ from .test_record_commands import command, reached
 
 
 class StalledDisk:
-    """A recorder's disk that stands still between stall() and go_on(): for what becomes of files, or for the first."""
+    """A recorder's disk that hangs between stall() and go_on(), for syncs or for the first open."""
 
     def __init__(self, folder: pathlib.Path) -> None:
         source = pathlib.Path(__file__).with_name("stalled_disk.c")
@@ -54,8 +54,8 @@ def count(desk: Desk, what: str) -> int:
     return int(desk.stats("ddxvideosave")[what])
 
 
-def test_files_are_closed_by_who_writes_them(desk: Desk, disk: StalledDisk) -> None:
-    """Frames come in, and files are begun, while three are waiting for the disk."""
+def test_frames_are_taken_while_files_wait_to_be_closed(desk: Desk, disk: StalledDisk) -> None:
+    """New files are started while three wait for the disk."""
     clip = make_clip(desk.folder / "clip.y4m", frames=100)
     saver, loader = start(desk, disk, clip)
     reached(desk, "in", 5)
@@ -74,7 +74,7 @@ def test_files_are_closed_by_who_writes_them(desk: Desk, disk: StalledDisk) -> N
 
 
 def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: StalledDisk) -> None:
-    """Numbers tell the order, also where the second recording was begun before the first one had a file."""
+    """Numbers show the order, even if the second recording began before the first had a file."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", frames=250)
     disk.stall("open")
     saver, loader = start(desk, disk, clip)
@@ -94,8 +94,8 @@ def test_a_file_that_opens_late_keeps_its_place(desk: Desk, disk: StalledDisk) -
     assert [int(file.name.split("-")[1]) for file in sorted((desk.folder / "rec").iterdir())] == [1, 2]
 
 
-def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: StalledDisk) -> None:
-    """Memory has an end. What has no ring is lost there, is counted, and the recorder goes on with the disk."""
+def test_frames_beyond_the_ring_are_counted(desk: Desk, disk: StalledDisk) -> None:
+    """When memory is full, frames are lost and counted, and the recorder continues when the disk does."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48", frames=1000)
     saver, loader = start(desk, disk, clip, "-ring", "16")
     reached(desk, "in", 5)
@@ -113,11 +113,11 @@ def test_beyond_all_patience_frames_are_counted(desk: Desk, disk: StalledDisk) -
     assert saved["in"] == loaded["out"] == saved["out"] + lost(saved)
     shown = [picture for file in recorded(desk) for picture in file]
     played = iter(pictures(clip))
-    assert len(shown) == saved["out"] and all(picture in played for picture in shown)  # in their order
+    assert len(shown) == saved["out"] and all(picture in played for picture in shown)  # in order
 
 
 def test_a_new_file_that_another_user_locks_first(desk: Desk, disk: StalledDisk) -> None:
-    """Between its creation and the recorder's own lock: another file is recorded to."""
+    """Locked between its creation and the recorder's lock: another file is used."""
     clip = make_clip(desk.folder / "clip.y4m", "64x48")
     saver = start_recorder(desk, "-output", "rec", wrapper=(*disk.wrapper, "LOCKED_FIRST=yes"))
     assert desk.run("ddxvideoload", clip, "-readers", "1", "-rate", "8").returncode == 0
@@ -126,7 +126,7 @@ def test_a_new_file_that_another_user_locks_first(desk: Desk, disk: StalledDisk)
 
 
 def test_two_recorders_are_killed(desk: Desk, disk: StalledDisk) -> None:
-    """The disk has frames of one of them only: these count for that one, whichever is started first."""
+    """Only one has frames on the disk; these count for that one, whichever starts first."""
     make_clip(desk.folder / "clip.y4m", "64x48", frames=250)
     wanted = ("-output", "rec", "-segment", 4, "-instance")
     disk.stall("sync")
@@ -137,7 +137,7 @@ def test_two_recorders_are_killed(desk: Desk, disk: StalledDisk) -> None:
         saver.kill()
         saver.wait()
     assert desk.out("two") == 0
-    files = 1  # that of the first one
+    files = 1  # of the first recorder
     for name in "two", "one":
         saver = start_recorder(desk, *wanted, name)
         wait_until(functools.partial(is_recording, desk, saver))

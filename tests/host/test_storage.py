@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The scripts that mount settings and recordings, with a `mount` that refuses: they ask again, and say so when all was
-in vain. Their programs and /run are ours, all else are the scripts as they ship."""
+"""The shipped scripts that mount settings and recordings, with replaced programs and /run: when `mount` fails, they try
+again, and finally report it."""
 from __future__ import annotations
 
 import os
@@ -14,7 +14,7 @@ from parts.common import TOP
 from .programs import wait_until
 
 DISKS = {"DDXDATA": "/data", "DDXREC": "/rec", "DDXTEST": "/test"}
-# Refuses the first mounts of that folder, as often as `refuse.<folder>` says; then notes it as mounted.
+# Refuses the first mounts of a folder, `refuse.<folder>` times; then records it as mounted.
 MOUNT = """#!/bin/sh
 for folder; do :; done
 name=${folder#/}
@@ -71,7 +71,7 @@ class Machine:
         return done.returncode, done.stdout
 
     def recordings(self) -> str:
-        """The result of the job that mounts them, which nothing waited for."""
+        """The result of the background job that mounts them."""
         said = self.folder / "log/recordings-disk"
         wait_until(lambda: said.exists() and said.read_text() != "" and
                not said.read_text().endswith("is being checked\n"))
@@ -90,14 +90,14 @@ def machine(tmp_path: pathlib.Path) -> Machine:
     return Machine(tmp_path)
 
 
-def test_everything_is_mounted_and_drivers_come_first(machine: Machine) -> None:
+def test_all_is_mounted_and_drivers_are_loaded_first(machine: Machine) -> None:
     assert machine.start() == (0, "Starting storage: OK\n")
     assert machine.recordings() == "/dev/DDXREC is there"
     assert machine.mounted == set(DISKS.values())
     assert {"ext4", "crc32c_generic", "vfat"} <= set((machine.folder / "modprobe.said").read_text().split())
 
 
-def test_a_test_disk_that_nobody_asked_for_is_left_alone(machine: Machine) -> None:
+def test_a_test_disk_is_not_mounted_unless_requested(machine: Machine) -> None:
     (machine.folder / "provision").write_text("hostname=robot\ntest=no\n")
     assert machine.start() == (0, "Starting storage: OK\n")
     assert machine.recordings() == "/dev/DDXREC is there"
@@ -114,11 +114,11 @@ def test_a_mount_that_fails_once_is_tried_again(machine: Machine, label: str) ->
 
 
 @pytest.mark.parametrize("label", DISKS)
-def test_a_mount_that_always_fails_is_told_and_the_others_are_there(machine: Machine, label: str) -> None:
+def test_a_mount_that_always_fails_is_reported_and_others_work(machine: Machine, label: str) -> None:
     folder = DISKS[label]
     machine.refuse(folder[1:], 1000)
     if label == "DDXREC":
-        assert machine.start() == (0, "Starting storage: OK\n")  # nothing waited for it
+        assert machine.start() == (0, "Starting storage: OK\n")  # the boot did not wait for it
         assert "cannot be used" in machine.recordings()
     else:
         assert machine.start() == (1, f"Starting storage: FAIL: {folder[1:]}\n")
@@ -126,4 +126,4 @@ def test_a_mount_that_always_fails_is_told_and_the_others_are_there(machine: Mac
     assert machine.mounted - {"/data"} == set(DISKS.values()) - {folder} - {"/data"}
     assert label != "DDXDATA" or "settings are the image's" in (machine.folder / "settings.lost").read_text()
     assert "No such device" in machine.log(label)
-    assert int((machine.folder / f"refuse.{folder[1:]}").read_text()) > 900  # it ends soon
+    assert int((machine.folder / f"refuse.{folder[1:]}").read_text()) > 900  # it gives up soon

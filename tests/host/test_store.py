@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The store's tools, its example, and programs of two word sizes around one store."""
+"""The store's tools, its example, and programs of two word sizes with one store."""
 from __future__ import annotations
 
 import contextlib
@@ -37,7 +37,7 @@ def test_example_of_the_manual(desk: Desk) -> None:
 @pytest.mark.parametrize("writer, readers, store", [("desk", "m32", "desk"), ("m32", "desk", "desk"),
                                                     ("m32", "desk", "m32")])
 def test_word_sizes_share_a_store(writer: str, readers: str, store: str) -> None:
-    """The stress test: one writer, nine readers, every word of every frame checked; see tests/unit/ddx_stress.c."""
+    """tests/unit/ddx_stress.c: one writer, nine readers, every word of every frame checked."""
     program = {name: BUILT / name / "ddx/tests/test-stress" for name in ("desk", "m32")}
     if not program["m32"].exists():
         pytest.skip("the 32-bit programs are not built; make test builds them")
@@ -48,8 +48,8 @@ def test_word_sizes_share_a_store(writer: str, readers: str, store: str) -> None
     assert done.returncode == 0, done.stderr
 
 
-def test_no_faults_in_what_is_installed() -> None:
-    """The points where tests end a program (lib/fault.h) are in the tests' own copies only."""
+def test_installed_programs_have_no_fault_injection() -> None:
+    """The points where tests kill a program (lib/fault.h) are only in the builds for tests."""
     installed = [library_folder() / "libddx.so", ROOT / "bin/store", ROOT / "bin/ddxctl"]
     for name in (b"ddx_fault", b"DDX_FAULT", b"writer.published"):
         assert name in (BUILT / "desk/ddx/tests/store-with-faults").read_bytes()
@@ -76,7 +76,7 @@ def test_list_and_show(desk: Desk) -> None:
     assert "position" in desk.run("ddxctl", "list").stdout
 
 
-def test_reasons_of_loss_do_not_steer_a_terminal(desk: Desk, compile_client: Compiler) -> None:
+def test_reasons_of_loss_cannot_control_the_terminal(desk: Desk, compile_client: Compiler) -> None:
     assert desk.run(compile_client("request_client"), "lose", "forged", 3, "\x1b[2J\n").returncode == 0
     assert " lost 3 (?[2J? 3)," in desk.run("ddxctl", "stats").stdout
 
@@ -90,7 +90,7 @@ def test_reasons_of_loss_do_not_steer_a_terminal(desk: Desk, compile_client: Com
     (["list", "-port", "7"], 1, "ddxctl: no store runs here"),
     (["list", "-port", "x"], 2, "ddxctl: x: -port takes a whole number from 1 to 65535"),
 ])
-def test_ddxctl_complains_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
+def test_ddxctl_reports_errors_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
     done = desk.run("ddxctl", *arguments)
     assert done.returncode == status
     assert done.stderr.startswith(text) and done.stderr.count("\n") == 1
@@ -103,8 +103,8 @@ exit 3
 """
 
 
-def test_words_of_other_packages(tmp_path: pathlib.Path) -> None:
-    """Without any store: what is installed beside ddxctl is a word of its, as long as it has none of this name."""
+def test_commands_of_other_packages(tmp_path: pathlib.Path) -> None:
+    """Programs installed beside ddxctl are its commands, without a store, unless it has a command of that name."""
     program, folder = tmp_path / "bin/ddxctl", tmp_path / "libexec/ddx"
     program.parent.mkdir()
     folder.mkdir(parents=True)
@@ -130,7 +130,7 @@ def test_words_of_other_packages(tmp_path: pathlib.Path) -> None:
     assert run("hello")[::2] == (1, f"ddxctl: hello: {folder}/ctl-hello: Permission denied\n")
 
 
-def test_help_has_all_words() -> None:
+def test_help_lists_all_commands() -> None:
     done = subprocess.run([ROOT / "bin/ddxctl", "-help"], capture_output=True, text=True, timeout=60, check=True)
     words = [path.name.removeprefix("ctl-") for path in (ROOT / "libexec/ddx").glob("ctl-*")]
     assert {"services", "enable", "health", "recordings"} <= set(words)
@@ -146,7 +146,7 @@ def test_help_has_all_words() -> None:
     (["nonsense"], 2, "store: nonsense: unexpected"),
     ([], 1, "store: a store runs at port 2005 already"),
 ])
-def test_store_complains_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
+def test_store_reports_errors_in_one_line(desk: Desk, arguments: list[str], status: int, text: str) -> None:
     done = desk.run("store", *arguments)
     assert done.returncode == status
     assert done.stderr.startswith(text) and done.stderr.count("\n") == 1
@@ -170,7 +170,7 @@ def test_a_budget_that_is_too_small(tmp_path: pathlib.Path) -> None:
 
 @pytest.fixture
 def guarded(tmp_path: pathlib.Path) -> Iterator[Desk]:
-    """A store that AddressSanitizer watches."""
+    """A store with AddressSanitizer."""
     program = BUILT / "address/ddx/store"
     if not program.exists():
         pytest.skip("the store with AddressSanitizer is not built; make test builds it")
@@ -179,8 +179,8 @@ def guarded(tmp_path: pathlib.Path) -> Iterator[Desk]:
     desk.end()
 
 
-def test_nonsense_from_clients(guarded: Desk) -> None:
-    """Messages of every kind with random fields, descriptors and layouts: the store goes on, other programs too."""
+def test_invalid_messages_from_clients(guarded: Desk) -> None:
+    """With random fields, descriptors and layouts in every kind of message, the store and other programs go on."""
     desk = guarded
     path = str(desk.folder / "run/store-2005")
     writer = desk.start(BUILT / "desk/ddx/tests/test-example", "write")
@@ -201,7 +201,7 @@ def test_nonsense_from_clients(guarded: Desk) -> None:
                 try:
                     socket.send_fds(link, [message[:chance.choice([1000, 1000, 100])]], [file] * chance.randrange(0, 4))
                 except OSError:
-                    break  # it hung up on us, or does not read as fast as we write
+                    break  # disconnected, or slower than we write
                 finally:
                     os.close(file)
     assert desk.store.poll() is None
@@ -210,8 +210,8 @@ def test_nonsense_from_clients(guarded: Desk) -> None:
     wait_until(lambda: bool(json.loads(desk.run("ddxctl", "list", "--json").stdout)["clients"] == 0))
 
 
-def test_a_crowd_that_comes_at_once_waits(desk: Desk) -> None:
-    """600 programs connect while the store does not run: none fails for lack of a store, and each is served."""
+def test_many_programs_may_connect_before_the_store_starts(desk: Desk) -> None:
+    """600 programs wait for the store; none fails, and each is served."""
     address = str(next((desk.folder / "run").glob("store-*[0-9]")))
     send_signal(desk.store, signal.SIGSTOP)
     with contextlib.ExitStack() as stack:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Parties of the store are killed over and over, at random and at each point of the protocol: nothing torn, no hang."""
+"""Store, writers and readers are killed, at random and at each point of the protocol: no torn frame, no hang."""
 from __future__ import annotations
 
 import json
@@ -14,13 +14,13 @@ from parts.common import MORTAL, OUTPUT
 
 TESTS = OUTPUT / "desk/ddx/tests"
 Figure = Callable[[str, object], None]
-SEEDS = 10  # a test; 200 together
+SEEDS = 10  # per test; 200 in all
 
 
 def run(*arguments: str) -> str:
     """
-    What the test counted, as JSON, if it does; with all that it says when it fails. One after the other: with three
-    side by side the kernel was busy with the remains of dead processes in /proc, and everything stood for seconds.
+    Run test-crash and return its last line, counts as JSON. Not in parallel: with three at once, the kernel was busy
+    with dead processes in /proc, and everything stalled for seconds.
     """
     done = subprocess.run([*MORTAL, TESTS / "test-crash", *arguments], text=True, capture_output=True, check=False,
                           timeout=1800, env={**os.environ, "DDX_STORE_PROGRAM": str(TESTS / "store-with-faults")})
@@ -42,7 +42,7 @@ def test_killed_at_random(first: int, record_property: Figure) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("first", range(1, 51, 10))
 def test_killed_and_stopped_at_each_point(first: int, record_property: Figure) -> None:
-    """Fifty times in all."""
+    """Fifty runs in all."""
     for _ in range(10):
         run("walk")
     record_property("walks", first + 9)

@@ -12,7 +12,7 @@ from parts.media import clip as numbered_clip
 from .programs import lost, preload, send_signal, stop, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
-FRAMES = numbered_clip.RATE  # of the clip's second
+FRAMES = numbered_clip.RATE  # in the clip's second
 CODECS = ["h264", "mpeg4"]
 
 
@@ -20,21 +20,20 @@ CODECS = ["h264", "mpeg4"]
 def test_every_frame_arrives(stream: Stream, clip: pathlib.Path, codec: str) -> None:
     decode, sender = stream.decode(), stream.send("-codec", codec)
     recorder = stream.record(clip)
-    stream.play(clip, "-rate", "0.25")  # the sender keeps no frame, and has other things to do on a busy machine
+    stream.play(clip, "-rate", "0.25")  # slow, since the sender keeps no frame and may be delayed on a busy machine
     (_, sent_packets, sent), (lines, packets, shown) = finish(sender, decode)
     stop_recording(recorder)
     for counters in (sent, shown):
         assert (counters["in"], counters["out"], sum(counters["lost"].values())) == (FRAMES + 1, FRAMES + 1, 0)
     assert packets["received"] == packets["used"] == sent_packets["packets"] > FRAMES
     assert packets["bytes"] == sent_packets["bytes"]
-    # What the pictures show is what was said of them, and all of it.
+    # The pictures show exactly the printed numbers.
     assert printed(lines) == [0, *range(FRAMES)]
     assert drawn(stream.folder / "seen.y4m") == list(range(FRAMES))
 
 
 def test_the_first_frames_are_counted(stream: Stream, clip: pathlib.Path) -> None:
-    """A writer publishes all its frames at once after the sender has waited for the item: none of them is missed
-    without being counted."""
+    """A writer publishes all its frames at once after the sender has waited for the item: missed frames are counted."""
     sender = stream.send(*TO_RELAY)
     wait_until(lambda: "waiting for video" in stream.desk.errors(sender))
     stream.play(clip, "-rate", "0", readers=0)
@@ -42,8 +41,8 @@ def test_the_first_frames_are_counted(stream: Stream, clip: pathlib.Path) -> Non
     assert (sent["in"], sent["out"] + sent["lost"]["store"]) == (FRAMES, FRAMES) and sent["out"] > 0
 
 
-def test_what_waits_at_the_end(stream: Stream, clip: pathlib.Path) -> None:
-    """Told to stop while frames wait in the store, or packets in the socket: none goes without being counted."""
+def test_frames_and_packets_waiting_at_the_end_are_counted(stream: Stream, clip: pathlib.Path) -> None:
+    """Stopped while frames wait in the store, or packets in the socket."""
     decode = stream.decode()
     sender = stream.send(wrapper=("env", f"LD_PRELOAD={preload('last_act', stream.folder)}", "LAST_ACT=written",
                                   "LAST_CALL=1", f"LAST_SIGNAL={signal.SIGSTOP.value}"))
@@ -56,15 +55,15 @@ def test_what_waits_at_the_end(stream: Stream, clip: pathlib.Path) -> None:
         process.send_signal(signal.SIGCONT)
         results += finish(process)
     (_, _, sent), (lines, _, shown) = results
-    # It stood still when it counted the first frame, perhaps with the second one on its way.
+    # It was frozen when it counted the first frame; the second one may have been on its way.
     assert sent["in"] == FRAMES == sent["out"] + sent["lost"]["store"] and sent["out"] in (2, 3)
     assert shown["in"] == shown["out"] == sent["out"]
     assert printed(lines) == [0, 1][:sent["out"] - 1] + [FRAMES - 1]
 
 
 def test_a_store_that_hangs(stream: Stream, clip: pathlib.Path) -> None:
-    """It hangs when the first picture comes: decode continues, counts the pictures that could not be stored, and then
-    shows the rest."""
+    """It hangs at the first picture: decode continues, counts the pictures that could not be stored, and then shows the
+    rest."""
     decode, sender = stream.decode(), stream.send(*TO_RELAY)
     loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: stream.desk.out("ddxvideosend") > 2)

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""10,000 datagrams of garbage a second at either end of a stream that loses packets: it goes on, and each datagram is
-counted. What the kernel drops because a program was too slow is known from the kernel."""
+"""10,000 datagrams of garbage a second at either end of a lossy stream: it goes on, and each datagram is counted,
+except those that the kernel reports as dropped because a program was too slow."""
 from __future__ import annotations
 
 import dataclasses
@@ -23,11 +23,11 @@ FLOOD = pathlib.Path(__file__).with_name("flood.py")
 RATE = 10000  # datagrams a second, at either end
 WIRE = 1000   # kbit/s
 LOSS = Iid(0.1)
-# Of the pictures: forged reports leave frames little of the rate, and then one may still show the number before it.
+# Share of whole pictures: forged reports leave little rate for frames, which may then still show an older number.
 COARSE = 0.01
 KINDS = {PORT: "media", PORT + 1: "reports", PORT + 2: "repair"}
 SHORT = 1     # s
-WARM_UP, STEP = 5, 5  # frames before the flood, and from one look at the memory to the next
+WARM_UP, STEP = 5, 5  # frames before the flood, and between samples of the memory
 Sent = dict[int, int]
 FRAMES = numbered_clip.RATE
 
@@ -39,7 +39,7 @@ def flood(node: Node, ssrc: str, seconds: int, *ports: int) -> subprocess.Popen[
 
 
 def dropped(process: Process, port: int) -> int:
-    """By the kernel, of what came to this port of the process's network."""
+    """Datagrams to a port in the process's network that the kernel dropped."""
     lines = [line.split() for kind in ("udp", "udp6")
              for line in pathlib.Path(f"/proc/{process.pid}/net/{kind}").read_text().splitlines()[1:]]
     return sum(int(words[-1]) for words in lines if words[1].endswith(f":{port:04X}"))
@@ -50,7 +50,7 @@ def passed(way: Way, port: int) -> int:
 
 
 def miscounted(done: Lasted, sent: Sent, drops: Sent) -> list[str]:
-    """Datagrams that came to a port, and are not counted there; garbage that passed for something else."""
+    """Datagrams that came to a port without being counted; garbage that was accepted."""
     ours, theirs = done.shown_packets, done.sent_packets
     made, gone = sent[PORT] + sent[PORT + 2], drops[PORT] + drops[PORT + 2]
     came = sum(passed(done.counts.down[0], port) for port in (PORT, PORT + 2)) + made - gone
@@ -65,7 +65,7 @@ def miscounted(done: Lasted, sent: Sent, drops: Sent) -> list[str]:
 
 
 def run(folder: pathlib.Path, clip: pathlib.Path, seconds: int) -> tuple[Lasted, Sent, Sent, list[Memory]]:
-    """What came of the stream, how much garbage was sent to each port and dropped by the kernel, and the memory."""
+    """The result of the stream, the garbage sent to each port and dropped by the kernel, and the memory."""
     with lasting(folder, clip, LOSS, "-wire", WIRE) as stream:
         stream.wait_for(WARM_UP)
         memory = [stream.memory()]
@@ -82,7 +82,7 @@ def run(folder: pathlib.Path, clip: pathlib.Path, seconds: int) -> tuple[Lasted,
 
 
 def check(done: Lasted, sent: Sent, drops: Sent, memory: list[Memory]) -> float:
-    """The part of the frames that was shown whole."""
+    """Check the counts; return the share of frames shown whole."""
     whole = done.right(FRAMES) / int(done.sent["out"])
     print(f"{100 * whole:.1f} % whole, sent {sent}, dropped by the kernel {drops}, memory {memory}\n{done}")
     assert done.disagreements() == []
@@ -97,13 +97,13 @@ def test_the_stream_goes_on(tmp_path: pathlib.Path, clip: pathlib.Path) -> None:
     done, sent, drops, memory = run(tmp_path, clip, SHORT)
     assert check(done, sent, drops, memory) > 0.5
     assert grown(memory) == []
-    for name in ("received", "repair_received", "refused"):  # and a wrong count is seen
+    for name in ("received", "repair_received", "refused"):  # a wrong count is found
         wrong = {**done.shown_packets, name: done.shown_packets[name] + 1}
         assert miscounted(dataclasses.replace(done, shown_packets=wrong), sent, drops)
 
 
 @pytest.mark.long
-def test_a_minute_of_it(tmp_path: pathlib.Path, clip: pathlib.Path) -> None:
+def test_a_minute_of_flood(tmp_path: pathlib.Path, clip: pathlib.Path) -> None:
     done, sent, drops, memory = run(tmp_path, clip, 60)
     assert check(done, sent, drops, memory) > 0.9
     assert grown(memory) == []

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The stream over IPv6: a group and single receivers, IPv4 beside them; frames are known by the numbers in pictures."""
+"""The stream over IPv6, to a group and single receivers, together with IPv4; frames are judged by their numbers."""
 from __future__ import annotations
 
 import pathlib
@@ -14,7 +14,7 @@ ONE_SECOND = 1
 
 
 def start_decode(stream: Stream, name: str, *options: object) -> Process:
-    """Records what comes."""
+    """Start a decode that records the stream."""
     process = stream.desk.start("decode", "-headless", "-print", "-instance", name, "-record", f"{name}.mkv", *options,
                                 wrapper=stream.network.inside)
     wait_until(lambda: f"{name}.packets" in stream.desk.run("ddxctl", "list").stdout)
@@ -22,16 +22,16 @@ def start_decode(stream: Stream, name: str, *options: object) -> Process:
 
 
 def drawn_numbers(movie: pathlib.Path) -> list[int | None]:
-    """Read from the pictures of a recorded stream."""
+    """The numbers in the pictures of a recorded stream."""
     y4m = movie.with_suffix(".y4m")
     ffmpeg("-i", movie, "-fps_mode", "passthrough", "-pix_fmt", "yuv420p", "-y", y4m)
     return [numbered_clip.frame_number(picture, numbered_clip.WIDTH, numbered_clip.HEIGHT) for picture in pictures(y4m)]
 
 
 def test_one_stream_to_ipv6_and_ipv4(stream: Stream, tmp_path: pathlib.Path) -> None:
-    """Group and single receivers of both kinds see the same frames of one sender. `direct` takes IPv6 and IPv4 at one
-    port, so each packet comes to it twice; it needs one of the two. `other`, at the group's port, has not joined the
-    group, and gets nothing of what a program beside it has joined."""
+    """Group and single receivers see the same frames of one sender over IPv6 and IPv4. `direct` gets each packet twice,
+    since it takes both at one port. `other` uses the group's port without joining the group, and gets nothing although
+    another program on its machine has joined."""
     clip = numbered_clip.write(tmp_path / "clip.y4m", ONE_SECOND)
     decodes = [start_decode(stream, "group", "-group", GROUP_IPV6, "-interface", "lo"),
                start_decode(stream, "direct", "-group", "none", "-port", 9000),
@@ -44,7 +44,7 @@ def test_one_stream_to_ipv6_and_ipv4(stream: Stream, tmp_path: pathlib.Path) -> 
     (lines, packets, _), (direct, twice, _), (_, other, _) = finish(*decodes)
     assert sent["lost"]["network"] == 0 and sent["out"] >= 3
     assert "c=IN IP6 ff15::5\n" in (stream.folder / "stream.sdp").read_text()
-    each = sent_packets["packets"] // 3  # a busy machine may read the repair packet first, and restore from that
+    each = sent_packets["packets"] // 3  # a busy machine may read a repair packet first, and use it
     assert packets["used"] + packets["restored"] == twice["used"] + twice["restored"] == each
     assert packets["duplicate"] == packets["restored"] and twice["duplicate"] == 2 * each - twice["used"]
     assert other["received"] == 0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Encrypted streams: only decode with the same key shows anything, and each program says why there is no picture."""
+"""Encrypted streams: only decode with the same key shows pictures; others report why they do not."""
 from __future__ import annotations
 
 import base64
@@ -15,16 +15,16 @@ from .rtp_rules import captured
 from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, make_key, printed, turn
 
 FRAMES = numbered_clip.RATE
-# Of a stream with a key, of one without, and what decode says about each. Ports are those of the receivers.
+# Receivers: port, key, and decode's message.
 RECEIVERS = {"wrong": (8010, "other.key", "it is encrypted with another key than that of -key other.key"),
              "missing": (8020, "", "it is encrypted; give its key: -key FILE"),
              "plain": (8030, "stream.key", "it is not encrypted, unlike -key stream.key")}
-EXPLAINED = 25  # packets, after which a receiver has reported why it shows nothing
+EXPLAINED = 25  # packets until a receiver has reported why it shows nothing
 
 
 @pytest.fixture
 def keyed(stream: Stream) -> Stream:
-    """With two keys."""
+    """A stream with two key files."""
     make_key(stream.folder / "stream.key")
     make_key(stream.folder / "other.key")
     return stream
@@ -40,8 +40,8 @@ def parameter_sets(sdp: str) -> list[bytes]:
     return [base64.b64decode(word) for word in found[1].split(",")]
 
 
-def test_only_the_key_shows_it(keyed: Stream, clip: pathlib.Path) -> None:
-    """One sender with a key, its packets sent to several receivers; one sender without."""
+def test_only_a_receiver_with_the_key_shows_pictures(keyed: Stream, clip: pathlib.Path) -> None:
+    """One sender with a key and several receivers, and one sender without a key."""
     show = decode(keyed, "right", PORT, "stream.key")
     others = {name: decode(keyed, name, port, key) for name, (port, key, _) in RECEIVERS.items()}
     relay = keyed.relay("copy=packets")
@@ -56,12 +56,12 @@ def test_only_the_key_shows_it(keyed: Stream, clip: pathlib.Path) -> None:
     (_, sent_packets, sent), _ = finish(sender, plain)
     relay.terminate()
     assert result(relay)[0] == 0
-    # A receiver with the key sees all, and received what was sent.
+    # The receiver with the key shows all, and received all packets.
     (lines, packets, shown), = finish(show)
     assert shown["in"] == shown["out"] == sent["out"] == len(printed(lines)) and sum(shown["lost"].values()) == 0
     assert packets["refused"] == packets["repeated"] == packets["garbage"] == 0 and packets["received"] > EXPLAINED
     assert packets["reports"] >= sent_packets["reports"] > sent_packets["reports_unused"]
-    # All others see nothing, and say why once.
+    # All others show nothing, and report why once.
     for name, process in others.items():
         said = keyed.desk.errors(process)
         (lines, packets, counters), = finish(process)
@@ -69,7 +69,7 @@ def test_only_the_key_shows_it(keyed: Stream, clip: pathlib.Path) -> None:
         assert packets["reports"] == packets["reports_lost"] == 0
         assert packets["refused"] > EXPLAINED and said.count("nothing is shown of SSRC") == 1
         assert RECEIVERS[name][2] in said
-    # On the wire there is nothing of the stream but headers; the description has the key, and is for its owner only.
+    # Only headers are readable on the wire; the description has the key, and only its owner can read it.
     description = (keyed.folder / "stream.sdp").read_text()
     assert (keyed.folder / "stream.sdp").stat().st_mode & 0o777 == 0o600
     assert " RTP/SAVP 96\n" in description
@@ -82,7 +82,7 @@ def test_only_the_key_shows_it(keyed: Stream, clip: pathlib.Path) -> None:
 
 
 def test_lost_and_changed_packets_are_restored(keyed: Stream, clip: pathlib.Path) -> None:
-    """A packet that was changed on its way is refused, and restored like one that was lost."""
+    """A packet changed on its way is refused, and restored like a lost one."""
     show = decode(keyed, "decode", PORT, "stream.key")
     relay, repair = keyed.relay("drop=15", "damage=15"), keyed.relay(offset=2)
     sender = keyed.send("-key", "stream.key", *TO_RELAY)
@@ -102,7 +102,7 @@ def test_lost_and_changed_packets_are_restored(keyed: Stream, clip: pathlib.Path
     assert "nothing is shown" not in keyed.desk.errors(show)
 
 
-def test_what_is_no_key(keyed: Stream) -> None:
+def test_invalid_keys_are_refused(keyed: Stream) -> None:
     make_key(keyed.folder / "open.key", 0o644)
     (keyed.folder / "empty.key").touch(0o600)
     (keyed.folder / "link.key").symlink_to("stream.key")

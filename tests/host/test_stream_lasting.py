@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The stream over a lossy link for a long time: frames stay whole, all of them are counted, no program grows. Each
-pattern takes ten minutes; pytest's option `--seconds` chooses another length, to try the test."""
+"""A long stream over a lossy link: frames stay whole, all of them are counted, no program grows. Each pattern takes ten
+minutes; pytest's option `--seconds` shortens it."""
 from __future__ import annotations
 
 import pathlib
@@ -16,7 +16,7 @@ from . import two_ends
 from .lasting import Lasted, grown, lasting
 
 WIRE = 250  # kbit/s
-LAP = 20    # s of the clip, which is played over and over
+LAP = 20    # s; length of the clip, which is played in a loop
 FRAMES = LAP * numbered_clip.RATE
 LEAST = {"every third": (EveryThird(), 0.95), "iid": (Iid(0.3), 0.95), "bursts": (Bursts(0.3), 0.85),
          "outages": (Outages(0.3), 0.75)}
@@ -30,7 +30,7 @@ def outcome(seen: two_ends.Shown, coded: two_ends.Shown) -> Lasted:
     return Lasted(empty, {}, empty, {}, seen, coded, NOWHERE, 1, NOWHERE)
 
 
-def test_wrong_pictures_and_growth_are_seen() -> None:
+def test_wrong_pictures_and_growth_are_found() -> None:
     coded: two_ends.Shown = [(8, 15), (9, 9), (10, 10)]
     assert outcome([(8, 15), (9, None), (10, 10)], coded).wrong(FRAMES) == []
     assert outcome([(8, 15), (9, 10), (FRAMES + 3, 3)], coded).wrong(FRAMES) == [(9, 10)]

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The stream over a link that loses 30 % of the packets, within its rate: how many frames the operator sees whole, by
-the numbers in the pictures. Frames that a busy machine keeps the sender from sending are counted, and not judged."""
+"""The stream over a link that loses 30 % of the packets, within its rate: the share of frames that the operator sees
+whole, by the numbers in the pictures. Frames that a busy machine could not send are counted, but not judged."""
 from __future__ import annotations
 
 import pathlib
@@ -36,9 +36,9 @@ def say(run: Run) -> None:
           f"{way.peak * 8 / 1000:.0f}, late by {run.counts.late_ms:.0f} ms\n{run}")
 
 
-def test_wrong_numbers_are_seen() -> None:
-    """Whatever the rate: 108 and 109 are so coarse that they still show 107, and 8 shows all bits of 7 and its own.
-    Were each number one too high, the robot's pictures would be no excuse."""
+def test_wrong_numbers_are_found() -> None:
+    """At any rate: coarse pictures may still show 107 for 108 and 109, or all bits of 7 for 8. If each number were one
+    too high, the robot's pictures would not excuse it."""
     coded: two_ends.Shown = [(5, None), (6, 6), (7, 7), (8, 15), (9, 9), (107, 107), (108, 107), (109, 107), (110, 110)]
     assert two_ends.wrong_numbers(coded, coded) == []
     assert two_ends.wrong_numbers([(108, 107), (109, 108), (110, None)], coded) == [(109, 108)]
@@ -57,8 +57,8 @@ def test_with_reports(tmp_path: pathlib.Path, clip: pathlib.Path) -> None:
 
 
 def test_without_reports_and_without_repair(tmp_path: pathlib.Path, short: pathlib.Path) -> None:
-    """Side by side: reports blocked, where repair packets go out in advance; and no repair at all, where the same
-    figure has to be bad."""
+    """In parallel: with blocked reports, repair packets are sent in advance; without any repair, the figure must be
+    bad."""
     cases = {"one-way": (ALL, "-repair", 1.75), "off": (LOSS, "-repair", "off")}
     with ThreadPoolExecutor() as pool:
         started = {name: pool.submit(two_ends.run, tmp_path / name, short, LOSS, back, "-wire", WIRE, *options)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A bad network: what decode counts is what the relay did, and good pictures come back."""
+"""A bad network: decode counts exactly the relay's faults, and good pictures come back."""
 from __future__ import annotations
 
 import json
@@ -16,11 +16,11 @@ from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording, tu
 
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
-# Frames after which the pictures are whole again, since decode asks for that: H.264's renewal that has begun and one
-# more, MPEG-4's key frame, which comes at most once a second. Half a second for a report on a busy machine.
+# Frames until pictures are whole again on decode's request: for H.264 the current renewal and one more; for MPEG-4 a
+# key frame, at most one a second. Includes half a second for a report on a busy machine.
 BUSY = numbered_clip.RATE // 2
 RECOVERY = {"h264": 2 * 22 + BUSY, "mpeg4": numbered_clip.RATE + BUSY}
-WHOLE = 30  # frames after these
+WHOLE = 30  # frames after that
 BAD = {
     "all": ["drop=15", "duplicate=10", "reorder=10", "foreign=10", "garbage=10"],
     "late": ["delay=10"],
@@ -44,10 +44,10 @@ def end_relay(relay: Process) -> Counters:
 
 def through_relay(stream: Stream, clip: pathlib.Path, codec: str, words: list[str],
                   *options: object) -> tuple[Counters, Counters, dict[str, int], Counters, list[int]]:
-    """The clip through a bad network, then again through a good one. What the relay did; the frames' counters of the
-    sender; packets', frames' and printed numbers of decode."""
+    """Play the clip through a bad network, then through a good one. Returns the relay's faults, the sender's frame
+    counters, and decode's packet counters, frame counters and printed numbers."""
     decode = stream.decode("-group", "none", *options)
-    relay = stream.relay(*words)  # of the stream alone: repair packets do not get through
+    relay = stream.relay(*words)  # of the media port only: repair packets are lost
     sender = stream.send("-codec", codec, "-wire", 2000, "-bitrate", 1200, "-repair", "off", *TO_RELAY)
     recorder = stream.record(clip)
     turn(relay, "bad")
@@ -62,13 +62,13 @@ def through_relay(stream: Stream, clip: pathlib.Path, codec: str, words: list[st
 
 
 def last_playing(numbers: list[int]) -> list[int]:
-    """The frames shown since the clip was begun for the last time."""
+    """The frames shown since the last start of the clip."""
     begins = [at for at, (before, number) in enumerate(zip(numbers, numbers[1:]), 1) if number < before]
     return numbers[begins[-1]:] if begins else numbers
 
 
 def disagreements(did: Counters, packets: dict[str, int]) -> list[str]:
-    """What decode counts other than what was done to the packets."""
+    """Differences between decode's counters and the relay's faults."""
     pairs = {"drop": packets["lost"] - packets["late"], "duplicate": packets["duplicate"],
              "foreign": packets["foreign"], "garbage": packets["garbage"]}
     found = [f"{name}: {did[name]}, counted {count}" for name, count in pairs.items() if did[name] != count]
@@ -87,18 +87,18 @@ def test_counters_and_recovery(stream: Stream, clip: pathlib.Path, codec: str, b
     assert packets["reordered"] > 0 or not did["reorder"]
     assert packets["late"] > 0 or not did["delay"]
     assert packets["sources"] == 1
-    # Each frame that was sent was shown or is counted as lost.
+    # Each sent frame was shown or is counted as lost.
     assert shown["in"] == sent["out"] and shown["in"] == shown["out"] + sum(shown["lost"].values())
-    # Each picture is what it is said to be: where damaged ones are shown, some time after the network became good.
+    # Each picture has its printed number; if damaged ones are shown, some time after the network became good.
     assert len(numbers) == shown["out"] and len(last_playing(numbers)) >= WHOLE
-    said = [number % FRAMES for number in numbers]  # the clip is played over and over, and numbers go on
+    said = [number % FRAMES for number in numbers]  # numbers continue when the clip starts again
     seen = drawn(stream.folder / "seen.y4m")
     assert seen[-WHOLE:] == said[-WHOLE:]
-    assert "-conceal" in options or seen == said[1:]  # the first one made the item
+    assert "-conceal" in options or seen == said[1:]  # the first picture created the item
 
 
-def test_a_wrong_count_is_seen(stream: Stream, clip: pathlib.Path) -> None:
-    """The check itself: without patience, packets that were only overtaken are counted as lost; and the sums."""
+def test_a_wrong_count_is_found(stream: Stream, clip: pathlib.Path) -> None:
+    """Proves that the check can fail: without patience, reordered packets are counted as lost; also for the sums."""
     did, _, packets, _, _ = through_relay(stream, clip, "h264", ["drop=5", "duplicate=5"])
     assert disagreements(did, packets) == []
     for name in ("lost", "duplicate", "used", "received", "garbage"):
@@ -106,7 +106,7 @@ def test_a_wrong_count_is_seen(stream: Stream, clip: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize("codec", ["h264", "mpeg4"])
-def test_restarted_sender(stream: Stream, short: pathlib.Path, codec: str) -> None:
+def test_a_restarted_sender_is_followed(stream: Stream, short: pathlib.Path, codec: str) -> None:
     """A new sender has another SSRC and other numbers; decode goes on with its first frame."""
     decode, total = stream.decode(), 0
     for number, kill in enumerate([signal.SIGKILL, signal.SIGTERM, signal.SIGTERM]):
@@ -120,11 +120,11 @@ def test_restarted_sender(stream: Stream, short: pathlib.Path, codec: str) -> No
     (lines, packets, shown), = finish(decode)
     assert packets["sources"] == 3 and packets["lost"] == packets["foreign"] == 0
     assert shown["in"] == shown["out"]
-    assert printed(lines).count(0) == 3  # the first frame of each
+    assert printed(lines).count(0) == 3  # the first frame of each sender
 
 
 def test_quick_restart(stream: Stream, clip: pathlib.Path) -> None:
-    """Without a pause: the new sender is followed once the former one was silent for a while, and nothing is lost."""
+    """Without a pause, the new sender is followed once the old one has been silent for a while; nothing is lost."""
     decode = stream.decode()
     loader = stream.desk.start("ddxvideoload", clip, "-loop")
     for number in range(3):
@@ -142,7 +142,7 @@ def test_quick_restart(stream: Stream, clip: pathlib.Path) -> None:
 
 @pytest.mark.parametrize("codec", ["h264", "mpeg4"])
 def test_joining_late(stream: Stream, clip: pathlib.Path, codec: str) -> None:
-    """The first key frame is long gone: pictures come with the next place where one can begin, whole ones."""
+    """After the first key frame, whole pictures come from the next entry point on."""
     sender = stream.send("-codec", codec)
     loader = stream.desk.start("ddxvideoload", clip, "-loop", "-readers", 1)
     wait_until(lambda: stream.packets("ddxvideosend").get("packets", 0) > numbered_clip.RATE, 60)
@@ -152,12 +152,11 @@ def test_joining_late(stream: Stream, clip: pathlib.Path, codec: str) -> None:
     loader.wait()
     (_, _, sent), (lines, packets, shown) = finish(sender, decode)
     assert packets["lost"] == 0 == shown["lost"]["decode"]
-    assert shown["lost"]["network"] <= 1  # the frame that was on its way when decode began
+    assert shown["lost"]["network"] <= 1  # the frame on its way when decode started
     assert 0 < shown["lost"]["join"] <= RECOVERY[codec]
 
 
-def test_settings_say_json(stream: Stream) -> None:
-    """The packets' counters are in the store as well."""
+def test_packet_counters_are_in_the_store(stream: Stream) -> None:
     stream.decode()
     names = stream.packets("decode")
     assert {"received", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage"} <= set(names)
@@ -165,7 +164,7 @@ def test_settings_say_json(stream: Stream) -> None:
 
 
 def test_a_gap_at_the_end(stream: Stream, short: pathlib.Path) -> None:
-    """Told to stop while packets wait for others that were lost: their frames are shown and counted."""
+    """Stopped while packets wait for lost ones: their frames are shown and counted."""
     decode, relay = stream.decode("-group", "none", "-reorder", "1000"), stream.relay("drop=100")
     sender = stream.send(*TO_RELAY)
     stream.play(short)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Debian's players open a stream by its .sdp file, with repair packets at the port beside it; what they show is read
-from their pictures."""
+"""Debian's players open a stream by its .sdp file, with repair packets at the next port; judged by their pictures."""
 from __future__ import annotations
 
 import json
@@ -21,7 +20,7 @@ from .stream import Stream, make_key
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
 CODECS = ["h264", "mpeg4"]
-JOIN = 5  # s until the first whole picture at the latest: H.264 is renewed column by column
+JOIN = 5  # s until the first whole picture: H.264 is renewed column by column
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +30,7 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
 
 @pytest.fixture(params=CODECS)
 def sent(tmp_path: pathlib.Path, clip: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Stream]:
-    """A stream that goes on and on, with its description in stream.sdp."""
+    """A continuous stream with its description in stream.sdp."""
     stream = Stream(tmp_path)
     send(stream, clip, "-codec", request.param)
     yield stream
@@ -53,12 +52,12 @@ WHITELIST = ["-protocol_whitelist", "file,udp,rtp"]
 
 
 def follows(numbers: list[int | None], least: int) -> bool:
-    """Now and then a picture is dropped or repeated; but they are the clip's, and go on as it does."""
+    """Whether the numbers follow the clip; a few pictures may be dropped or repeated."""
     steps = [(b - a) % FRAMES for a, b in zip(numbers, numbers[1:]) if a is not None and b is not None]
     return len(steps) >= least and all(step < FRAMES // 2 for step in steps) and steps.count(0) < least // 2
 
 
-def test_check() -> None:
+def test_the_check_of_numbers() -> None:
     assert follows([97, 98, 99, 0, 1, 2, 2, 4], 6)
     assert not follows([97, 98, 99], 6) and not follows([7, 7, 7, 7, 7, 7, 7, 7], 6)
     assert not follows([5, 4, 3, 2, 1, 0, 1, 0], 6) and not follows([None] * 8, 6)
@@ -74,7 +73,7 @@ def test_ffprobe(sent: Stream) -> None:
 
 
 def ffmpeg_numbers(stream: Stream) -> list[int | None]:
-    """Of the last 30 of 80 pictures: FFmpeg may join between two key frames, and shows grey until the next one."""
+    """The numbers in the last 30 of 80 pictures: FFmpeg may join between key frames, and shows grey until the next."""
     run(stream, "ffmpeg", "-v", "error", "-nostdin", *WHITELIST, "-i", "stream.sdp", "-frames:v", "80", "-fps_mode",
         "passthrough", "-pix_fmt", "yuv420p", "-y", "seen.y4m")
     return [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(stream.folder / "seen.y4m")[-30:]]
@@ -85,7 +84,7 @@ def test_ffmpeg(sent: Stream) -> None:
 
 
 def test_ffmpeg_with_a_key(stream: Stream, clip: pathlib.Path) -> None:
-    """FFmpeg's own SRTP, with the key in the description."""
+    """Uses FFmpeg's SRTP, with the key in the description."""
     make_key(stream.folder / "stream.key")
     send(stream, clip, "-codec", "mpeg4", "-key", "stream.key")
     assert "a=crypto:" in (stream.folder / "stream.sdp").read_text()
@@ -93,7 +92,7 @@ def test_ffmpeg_with_a_key(stream: Stream, clip: pathlib.Path) -> None:
 
 
 def number_in_bmp(path: pathlib.Path) -> int | None:
-    """From a picture of a window: 24 or 32 bits a pixel, bottom up; green will do for the luma."""
+    """The number in a window's picture: 24 or 32 bits a pixel, bottom up; uses green as luma."""
     data = path.read_bytes()
     assert len(data) == int.from_bytes(data[2:6], "little")
     begin, width, height = (int.from_bytes(data[at:at + 4], "little") for at in (10, 18, 22))
@@ -103,20 +102,20 @@ def number_in_bmp(path: pathlib.Path) -> int | None:
 
 
 def window_numbers(folder: pathlib.Path) -> list[int | None]:
-    """Of the latest pictures."""
+    """The numbers in the latest pictures."""
     found = sorted(folder.glob("SDL_window*.bmp"), key=lambda path: int(path.stem.split("-")[-1]))
-    return [number_in_bmp(path) for path in found[-31:-1]]  # the very last one may have been cut short
+    return [number_in_bmp(path) for path in found[-31:-1]]  # the last file may be incomplete
 
 
 def watch_window(process: subprocess.Popen[bytes], folder: pathlib.Path, enough: int = 110) -> list[int | None]:
-    """The numbers in a player's window after `enough` pictures; then the player is stopped."""
+    """The numbers in a player's window after `enough` pictures; stops the player."""
     wait_until(lambda: len(list(folder.glob("SDL_window*.bmp"))) > enough, 60)
     process.terminate()
     process.communicate(timeout=60)
     return window_numbers(folder)
 
 
-# SDL's dummy screen: each picture of the window becomes a file.
+# SDL's dummy screen writes each picture of the window to a file.
 SCREEN = {"SDL_VIDEODRIVER": "dummy", "SDL_VIDEO_DUMMY_SAVE_FRAMES": "1"}
 
 
@@ -127,7 +126,7 @@ def test_ffplay(sent: Stream) -> None:
 
 
 def test_decode_window(sent: Stream) -> None:
-    """Our own window, at the same screen."""
+    """decode's window on the same screen."""
     process = subprocess.Popen([*MORTAL, *sent.network.inside, "env", *(f"{k}={v}" for k, v in SCREEN.items()),
                                 ROOT / "bin/decode", "-instance", "window"], cwd=sent.folder,
                                env=sent.desk.environment, stdout=subprocess.PIPE)
@@ -136,7 +135,7 @@ def test_decode_window(sent: Stream) -> None:
 
 
 def test_gstreamer(sent: Stream) -> None:
-    """Its own demuxer, jitter buffer and depacketiser; the result is looked at with FFmpeg."""
+    """Uses its demuxer, jitter buffer and depacketiser; FFmpeg decodes the result."""
     h264 = "H264" in (sent.folder / "stream.sdp").read_text()
     chain = ["rtph264depay", "!", "h264parse", "!", "video/x-h264,stream-format=byte-stream"] if h264 else \
         ["rtpmp4vdepay"]
@@ -150,7 +149,7 @@ def test_gstreamer(sent: Stream) -> None:
 
 
 def test_without_sdl(desk: Desk) -> None:
-    """A machine without a screen, such as the image: said in one line, and the stream is received all the same."""
+    """Without a screen, as in the image, decode reports it in one line and receives the stream."""
     process = subprocess.Popen([*MORTAL, ROOT / "bin/decode"], env={**desk.environment, "SDL_VIDEODRIVER": "none"},
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     assert process.stderr and "going on without" in process.stderr.readline()

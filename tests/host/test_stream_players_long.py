@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""More players, and players with a key: they open the stream by its .sdp file or with the key from its file; numbers
-are read from the pictures that they show. Other players: test_stream_players.py, and VLC: test_vlc.py."""
+"""More players, and players with a key; they open the stream by its .sdp file or with the key file, and are judged by
+the numbers in their pictures. Other players: test_stream_players.py, test_vlc.py."""
 from __future__ import annotations
 
 import base64
@@ -29,14 +29,14 @@ pytestmark = pytest.mark.long
 
 @pytest.fixture(params=["open", "key"])
 def sent(stream: Stream, clip: pathlib.Path, request: pytest.FixtureRequest) -> Stream:
-    """H.264 without and with a key, with its description in stream.sdp."""
+    """An H.264 stream, without and with a key, with its description in stream.sdp."""
     make_key(stream.folder / "stream.key")
     send(stream, clip, *(("-key", "stream.key") if request.param == "key" else ()))
     return stream
 
 
 def numbers(y4m: pathlib.Path) -> list[int | None]:
-    """Of the last 30 pictures."""
+    """The numbers in the last 30 pictures."""
     return [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(y4m)[-30:]]
 
 
@@ -47,7 +47,7 @@ def test_ffplay(sent: Stream) -> None:
 
 
 def test_mpv(sent: Stream) -> None:
-    """mpv writes each picture that it shows into a file."""
+    """mpv writes each picture to a file."""
     if not shutil.which("mpv"):
         pytest.skip("no mpv: tools/setup long")
     player = ["mpv", "--no-config", "--no-audio", "--really-quiet", "--profile=low-latency", f"--frames={ENOUGH}",
@@ -60,7 +60,7 @@ def test_mpv(sent: Stream) -> None:
 
 
 def key_of_gstreamer(stream: Stream) -> str:
-    """The key in the file, in the form that GStreamer takes, and the stream's SSRC."""
+    """The key in GStreamer's form, and the stream's SSRC."""
     key = base64.b64decode((stream.folder / "stream.key").read_bytes()).hex()
     said = "".join(path.read_text() for path in stream.folder.glob("errors-*"))
     found = re.search(r"SSRC (\w+)", said)
@@ -69,7 +69,7 @@ def key_of_gstreamer(stream: Stream) -> str:
 
 
 def test_gstreamer_with_a_key(stream: Stream, clip: pathlib.Path) -> None:
-    """GStreamer decrypts with its own SRTP element; FFmpeg decodes the result."""
+    """GStreamer decrypts with its SRTP element; FFmpeg decodes the result."""
     make_key(stream.folder / "stream.key")
     send(stream, clip, "-key", "stream.key")
     caps = "application/x-srtp,media=video,clock-rate=90000,encoding-name=H264,payload=96," + key_of_gstreamer(stream)

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""-wire: what a relay counts for each of several rates, what is lost when the rate is far too small, and what ddxctl
-shows of it."""
+"""-wire: bytes counted by a relay at several rates, losses at a rate that is far too low, and ddxctl's report."""
 from __future__ import annotations
 
 import functools
@@ -23,7 +22,7 @@ FRAMES, RATE, LARGE = 50, 25, 12
 
 
 def make_noise(path: pathlib.Path, width: int, height: int, frames: int) -> pathlib.Path:
-    """It takes each rate that there is."""
+    """A clip of noise, which needs any rate."""
     random = numpy.random.default_rng(1)
     with path.open("wb") as file:
         file.write(f"YUV4MPEG2 W{width} H{height} F{RATE}:1 Ip A1:1\n".encode())
@@ -37,7 +36,7 @@ def noise(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     return make_noise(tmp_path_factory.mktemp("noise") / "clip.y4m", 352, 288, FRAMES)
 
 
-def test_the_relay_counts_no_more_than_the_rate(tmp_path: pathlib.Path, noise: pathlib.Path) -> None:
+def test_no_more_than_the_rate_is_sent(tmp_path: pathlib.Path, noise: pathlib.Path) -> None:
     with ThreadPoolExecutor() as pool:
         runs = dict(zip(WIRES, pool.map(lambda wire: two_ends.run(tmp_path / str(wire), noise, NOTHING, NOTHING,
                                                                   "-wire", wire), WIRES)))
@@ -45,14 +44,14 @@ def test_the_relay_counts_no_more_than_the_rate(tmp_path: pathlib.Path, noise: p
         way = run.counts.down[0]
         print(f"{wire}: {way.bytes} bytes in {run.seconds:.1f} s, most {way.peak}, {run.sent}")
         assert run.disagreements(FRAMES) == [] and run.beyond_rate(wire) == []
-        packets = run.shown_packets  # on a busy machine repair packets are read first: what they restored comes after
+        packets = run.shown_packets  # a busy machine reads repair packets first; restored packets then come twice
         assert packets["lost"] == packets["late"] and packets["restored"] <= packets["duplicate"]
-    each = [run.counts.down[0].bytes / run.sent["out"] for run in runs.values()]  # a frame
-    assert each[0] < each[1] < each[2] and each[2] > 0.5 * WIRES[2] * 1000 / 8 / RATE  # and the rate is used
+    each = [run.counts.down[0].bytes / run.sent["out"] for run in runs.values()]  # bytes per frame
+    assert each[0] < each[1] < each[2] and each[2] > 0.5 * WIRES[2] * 1000 / 8 / RATE  # the rate is used
 
 
-def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
-    """Frames that nothing is left for are counted, and no other ones are lost than those."""
+def test_a_rate_that_is_far_too_low(stream: Stream) -> None:
+    """Frames without rate left for them are counted, and no others are lost."""
     clip = make_noise(stream.folder / "large.y4m", 1920, 1080, LARGE)
     sender = stream.send("-wire", 50, "-preset", "ultrafast", *TO_RELAY)
     stream.play(clip)
@@ -64,8 +63,8 @@ def test_a_rate_that_is_far_too_small(stream: Stream) -> None:
 
 
 def test_frames_of_mpeg4_fit_the_rate(stream: Stream) -> None:
-    """Without -bitrate, too. Its encoder does not keep to a size: with frames for more than the rate, nearly each
-    second one was lost.rate."""
+    """Also without -bitrate. Its encoder does not keep to a size: with frames too large for the rate, nearly every
+    second frame was lost as `lost.rate`."""
     clip = numbered_clip.write(stream.folder / "clip.y4m", 2)
     sender = stream.send("-codec", "mpeg4", "-wire", 400, *TO_RELAY)
     stream.play(clip)
@@ -76,7 +75,7 @@ def test_frames_of_mpeg4_fit_the_rate(stream: Stream) -> None:
 
 
 def test_ddxctl_shows_rate_and_repair(stream: Stream, noise: pathlib.Path) -> None:
-    """As long as the sender runs. Of a program without such counters, nothing."""
+    """While the sender runs; not for programs without these counters."""
     sender = stream.send("-wire", 250, "-repair", 1.5, *TO_RELAY)
     loader = stream.desk.start("ddxvideoload", noise, "-loop", "-readers", 1)
     wait_until(lambda: stream.desk.out("ddxvideosend") > 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Streams that cannot be shown: each of their frames is counted, one line says why, and decode goes on."""
+"""Streams that cannot be shown: each frame is counted, one line reports why, and decode goes on."""
 from __future__ import annotations
 
 import pathlib
@@ -16,7 +16,7 @@ FORMAT = "a stream that cannot be shown: its samples have more than 8 bits, or i
 
 
 def streams(codec: int) -> tuple[Frames, list[tuple[Frames, str]]]:
-    """A good one, and bad ones with what is to be said of them."""
+    """A good stream, and bad ones with the expected messages."""
     if codec == H264:
         many = [large_h264(3200, 3200, 16)]
         return encode(H264, 3, "64x48"), [([large_h264(16000, 16000)] * 2, SIZE),
@@ -30,7 +30,7 @@ def streams(codec: int) -> tuple[Frames, list[tuple[Frames, str]]]:
 
 
 @pytest.mark.parametrize("codec", [H264, MPEG4])
-def test_it_goes_on(stream: Stream, codec: int) -> None:
+def test_decode_goes_on_after_streams_that_cannot_be_shown(stream: Stream, codec: int) -> None:
     good, bad = streams(codec)
     decode, source = stream.decode("-group", "none"), Source(stream.network, codec)
     refused = 0
@@ -52,7 +52,7 @@ def test_it_goes_on(stream: Stream, codec: int) -> None:
 
 
 def test_the_store_refuses(stream: Stream, tmp_path: pathlib.Path) -> None:
-    """Another program writes the item; when it has gone, the pictures are there."""
+    """Another program writes the item; once it has exited, the pictures are stored."""
     clip = make_clip(tmp_path / "clip.y4m", "64x48", "25", 25)
     other = stream.desk.start("ddxvideoload", clip, "-loop", "-name", "seen")
     wait_until(lambda: stream.desk.sequence("seen") > 0)
@@ -72,8 +72,8 @@ def test_the_store_refuses(stream: Stream, tmp_path: pathlib.Path) -> None:
     assert stream.desk.errors(decode).count("the store refuses the pictures") == 1
 
 
-def test_a_window_has_a_bound_of_its_own(stream: Stream) -> None:
-    """Without an item there is no store to ask."""
+def test_a_window_limits_the_size(stream: Stream) -> None:
+    """Without an item there is no store that would refuse."""
     decode = stream.desk.start("decode", "-headless", "-group", "none", wrapper=stream.network.inside)
     wait_until(lambda: "decode.packets" in stream.desk.run("ddxctl", "list").stdout)
     source = Source(stream.network, H264)

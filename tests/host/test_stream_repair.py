@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""decode and a sender that repairs: what is shown while packets are missing, and what decode reports. The sender is a
-program of this test, so that each packet is where the test wants it."""
+"""decode and a sender that repairs: pictures shown while packets are missing, and decode's reports. The test itself is
+the sender, so that it controls each packet."""
 from __future__ import annotations
 
 import dataclasses
@@ -21,7 +21,7 @@ SSRC = 7
 REPAIR = PORT + 2
 ROBOT = """
 import signal, socket, sys, threading
-signal.alarm(60)  # a report that never comes
+signal.alarm(60)  # in case a report never comes
 out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 out.bind(("127.0.0.1", 0))
 def listen():
@@ -51,11 +51,11 @@ class Robot:
         self.process = subprocess.Popen([*stream.network.inside, "/usr/bin/python3", "-c", ROBOT],
                                         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         self.sequence, self.count = 65500, 65530
-        self.packets: list[bytes] = []  # all of them
+        self.packets: list[bytes] = []  # all media packets
         self.frames: list[list[bytes]] = []
 
     def add(self, frames: Frames) -> None:
-        """Make packets of them."""
+        """Make packets of the frames."""
         for frame in frames:
             parts, packets = payloads(H264, frame), []
             for number, payload in enumerate(parts):
@@ -99,7 +99,7 @@ class Robot:
             yield Report(highest, base, missing, len(data) > 32)
 
     def wait_for(self, highest: int, missing: int) -> Report:
-        """The report that says so."""
+        """Wait for the report with these values."""
         return next(one for one in self.reports() if (one.highest, one.missing) == (highest & 0xffff, missing))
 
     def end(self) -> None:
@@ -120,14 +120,14 @@ def last_of(robot: Robot, frame: int) -> int:
 
 
 def stats(stream: Stream) -> dict[str, int]:
-    """The frames' counters, without those that are 0."""
+    """The frame counters that are not 0."""
     found = stream.desk.stats("decode")
     return {"in": int(found["in"]), "out": int(found["out"]),
             **{name: count for name, count in found["lost"].items() if count}}
 
 
 def lose_one(stream: Stream, robot: Robot) -> None:
-    """All frames but a packet of frame 4; decode has reported that it is missing."""
+    """Send all frames except a packet of frame 4; wait until decode has reported it as missing."""
     for number in range(4):
         robot.send_frames(number, number + 1)
         wait_until(lambda: stats(stream) == {"in": number + 1, "out": number + 1})
@@ -161,8 +161,8 @@ def test_the_newest_of_a_backlog_is_on_the_screen(stream: Stream, robot: Robot) 
     wait_until(lambda: stats(stream) == {"in": 10, "out": 5, "newer": 5})
 
 
-def test_a_packet_is_given_up(stream: Stream, robot: Robot) -> None:
-    """Nothing is shown from then on until the picture is whole again; decode asks for that."""
+def test_a_packet_that_is_not_restored_is_given_up(stream: Stream, robot: Robot) -> None:
+    """Nothing is shown until the picture is whole again, which decode requests."""
     decode = stream.decode("-group", "none")
     robot.add(encode(H264, WINDOW + 5, "64x48")[1:])  # no key frame
     robot.send_frames(0, 4)
@@ -178,8 +178,8 @@ def test_a_packet_is_given_up(stream: Stream, robot: Robot) -> None:
     assert packets["lost"] == len(robot.frames[4])
 
 
-def test_conceal(stream: Stream, robot: Robot) -> None:
-    """A damaged frame is shown without repair, and a new picture is asked for."""
+def test_conceal_shows_damaged_frames(stream: Stream, robot: Robot) -> None:
+    """A damaged frame is shown without repair, and a new picture is requested."""
     decode = stream.decode("-group", "none", "-conceal")
     robot.send_frames(0, 4)
     robot.send(*robot.frames[4][1:])
@@ -191,10 +191,10 @@ def test_conceal(stream: Stream, robot: Robot) -> None:
 
 
 def test_garbage_on_both_ports(stream: Stream, robot: Robot) -> None:
-    """And a receiver that must not send anything sends nothing."""
+    """Also: a receiver without permission to send does not send."""
     decode, noise = stream.decode("-group", "none", "-silent"), random.Random(1)
     for number in range(10):
-        for _ in range(100 if number else 0):  # the first packet of all decides what decode follows at first
+        for _ in range(100 if number else 0):  # decode first follows the source of the first packet
             head = bytes([0x80, 96]) if noise.random() < 0.3 else b""
             robot.send(head + noise.randbytes(noise.randint(1, 1200)))
             robot.send(noise.choice([b"", robot.packets[0], b"\x81\x62"]) + noise.randbytes(800), port=REPAIR)

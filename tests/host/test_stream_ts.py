@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The same video as MPEG-TS over RTP: packets judged by the standards, frames by the numbers in their pictures."""
+"""The video as MPEG-TS over RTP: packets are judged by the standards, frames by the numbers in their pictures."""
 from __future__ import annotations
 
 import pathlib
@@ -43,12 +43,12 @@ def clock(packet: bytes) -> int | None:
 
 
 def check_joining(found: list[bytes]) -> int:
-    """What a player that joins needs: a clock with each frame, and the tables each 0.3 s, or with the next frame after
-    that. The number of frames."""
+    """Check what a joining player needs: a clock with each frame, and the tables every 0.3 s or with the next frame
+    after that. Returns the number of frames."""
     clocks = [clock(packet) for packet in found if pid(packet) == VIDEO and packet[1] & 0x40]
     times = [time for time in clocks if time is not None]
     assert len(times) == len(clocks)
-    longest = max(b - a for a, b in zip(times, times[1:]))  # on a busy machine frames are left out
+    longest = max(b - a for a, b in zip(times, times[1:]))  # a busy machine skips frames
     now = table = times[0]
     for packet in found:
         now = clock(packet) or now
@@ -59,8 +59,8 @@ def check_joining(found: list[bytes]) -> int:
     return len(times)
 
 
-def test_it_is_within_the_rate(tmp_path: pathlib.Path) -> None:
-    """By what a relay counts. Each of its packets was sent or is lost, and the frames of the stream leave it room."""
+def test_mpeg_ts_stays_within_the_rate(tmp_path: pathlib.Path) -> None:
+    """Counted by a relay. Each packet is sent or counted as lost, and the main stream's frames leave room for it."""
     clip = numbered_clip.write(tmp_path / "clip.y4m", 2 * SECONDS)
     run = two_ends.run(tmp_path, clip, NOTHING, NOTHING, "-wire", WIRE, "-ts", TS_PORT)
     way, packets = run.counts.down[0], run.sent_packets
@@ -72,11 +72,11 @@ def test_it_is_within_the_rate(tmp_path: pathlib.Path) -> None:
 
 
 @pytest.mark.parametrize("codec", ["h264", pytest.param("mpeg4", marks=pytest.mark.long)])
-def test_all_frames_are_in_it(stream: Stream, tmp_path: pathlib.Path, codec: str) -> None:
+def test_mpeg_ts_has_all_frames(stream: Stream, tmp_path: pathlib.Path, codec: str) -> None:
     clip = numbered_clip.write(tmp_path / "clip.y4m", SECONDS)
     relay = stream.relay("copy=packets")
-    # The same machine twice: it gets the packets once. Nothing listens at port 9100.
-    # The rate is enough for MPEG-4, whose key frames are large.
+    # A machine that is named twice gets the packets once. Nothing listens at port 9100.
+    # High enough for MPEG-4's large key frames.
     sender = stream.send("-codec", codec, "-group", "none", "-to", "127.0.0.1:9100,127.0.0.1:9102", "-ts", RELAYED,
                          "-wire", 4000)
     stream.play(clip, "-rate", "2")

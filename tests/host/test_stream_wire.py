@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What goes over the wire, and how good it looks: judged from packets and pictures, not from what the programs say."""
+"""The stream on the wire and its quality, judged from packets and pictures only."""
 from __future__ import annotations
 
 import json
@@ -38,7 +38,7 @@ def psnr(ours: list[bytes], numbers: list[int], theirs: list[bytes]) -> float:
 
 
 def send_clip(stream: Stream, clip: pathlib.Path, codec: str, bitrate: int) -> tuple[float, float, pathlib.Path]:
-    """Through a relay that keeps what comes. PSNR, kbit/s on the wire (RTP, UDP, IP), and the packets."""
+    """Send the clip through a relay that saves packets; return PSNR, kbit/s on the wire (RTP, UDP, IP), the packets."""
     decode, relay = stream.decode("-group", "none"), stream.relay("copy=packets")
     sender = stream.send("-codec", codec, "-bitrate", bitrate, *TO_RELAY)
     recorder = stream.record(clip)
@@ -59,7 +59,7 @@ def send_clip(stream: Stream, clip: pathlib.Path, codec: str, bitrate: int) -> t
 def test_rules_and_quality(stream: Stream, clip: pathlib.Path, codec: str) -> None:
     quality, wire, packets = send_clip(stream, clip, codec, BITRATE)
     parsed = [parse(packet) for packet in captured(packets)]
-    assert len(parsed) > FRAMES // 2  # of those that a busy machine has time for
+    assert len(parsed) > FRAMES // 2  # frames that a busy machine has time for
     assert broken_rules(parsed) == set()
     print(f"{codec}: {quality:.1f} dB, {wire:.0f} kbit/s on the wire")
     assert quality >= GOOD
@@ -68,7 +68,7 @@ def test_rules_and_quality(stream: Stream, clip: pathlib.Path, codec: str) -> No
 
 @pytest.mark.parametrize("preset, good", [("h264", 31.5), ("ultrafast", 30.1)])
 def test_encoder(tmp_path: pathlib.Path, clip: pathlib.Path, preset: str, good: float) -> None:
-    """H.264 at a low rate, without a sender: 29.0 dB came out of ultrafast when it was renewed each second."""
+    """H.264 at a low rate, without a sender; ultrafast reached 29.0 dB with a renewal each second."""
     coded, decoded = tmp_path / "coded.264", tmp_path / "decoded.y4m"
     done = subprocess.run([ENCODE, clip, preset, str(LOW), coded], check=True, stdout=subprocess.PIPE)
     assert json.loads(done.stdout)["bytes"] == coded.stat().st_size <= LOW * 1000 / 8 * FRAMES / 25
@@ -78,10 +78,10 @@ def test_encoder(tmp_path: pathlib.Path, clip: pathlib.Path, preset: str, good: 
     assert quality >= good
 
 
-def test_bad_quality_is_seen(stream: Stream, clip: pathlib.Path) -> None:
+def test_bad_quality_is_found(stream: Stream, clip: pathlib.Path) -> None:
     quality, _, packets = send_clip(stream, clip, "h264", 20)
     assert quality < GOOD
-    # ... and broken rules in packets that keep them.
+    # Also broken rules are found in packets that keep them.
     parsed = [parse(packet) for packet in captured(packets)]
     assert broken_rules(parsed) == set()
     assert broken_rules(parsed[:50] + parsed[51:])
@@ -89,8 +89,8 @@ def test_bad_quality_is_seen(stream: Stream, clip: pathlib.Path) -> None:
     assert broken_rules(parsed) == {"at most 1200 bytes"}
 
 
-def test_packets_cut_anywhere_are_seen(stream: Stream) -> None:
-    """FFmpeg's own RTP muxer cuts MPEG-4 where a packet is full: just what must not be."""
+def test_packets_split_at_wrong_places_are_found(stream: Stream) -> None:
+    """FFmpeg's RTP muxer splits MPEG-4 where a packet is full, which breaks our rule."""
     relay = stream.relay("copy=packets")
     command = ["ffmpeg", "-v", "error", "-nostdin", "-f", "lavfi", "-i", "testsrc2=size=352x288:rate=25",
                "-frames:v", "50", "-c:v", "mpeg4", "-b:v", "1000k", "-ps", "800", "-payload_type", "97", "-f", "rtp",
@@ -102,8 +102,8 @@ def test_packets_cut_anywhere_are_seen(stream: Stream) -> None:
 
 
 def test_other_senders(stream: Stream) -> None:
-    """A stream that is not ours is shown as well; nothing is known of its frames' numbers. It claims 3,000,000 frames
-    a second: that rate does not reach the item."""
+    """A foreign stream is shown, with unknown frame numbers. Its claimed rate of 3,000,000 frames a second is not used
+    for the item."""
     decode = stream.decode("-group", "none")
     command = ["ffmpeg", "-v", "error", "-nostdin", "-re", "-f", "lavfi", "-i", "testsrc2=size=352x288:rate=25",
                "-frames:v", "50", "-c:v", "libx264", "-tune", "zerolatency", "-bsf:v",

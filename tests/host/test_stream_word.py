@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`ddxctl stream`: the description of what the service sends, with which a player opens it, and nothing else."""
+"""`ddxctl stream` prints the description of the service's stream for players, and no other file."""
 from __future__ import annotations
 
 import pathlib
@@ -17,7 +17,7 @@ SEND, LAPTOP = "ddxvideosend", "ddxvideosend.laptop"
 
 @pytest.fixture(scope="module")
 def machine(root: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[NativeMachine]:
-    """Plays a clip again and again, and can send to itself."""
+    """A machine that plays a clip in a loop and can send to itself."""
     keep = tmp_path_factory.mktemp("robot")
     (keep / "test").mkdir()
     clip.write(keep / "test/clip.y4m", 1)
@@ -30,7 +30,7 @@ def machine(root: pathlib.Path, tmp_path_factory: pytest.TempPathFactory) -> Ite
 
 @pytest.fixture
 def robot(machine: NativeMachine) -> NativeMachine:
-    """The machine as after its boot, whatever the test before left: nothing is sent. One boot serves all tests."""
+    """The machine reset to its state after boot, without a stream. One boot serves all tests."""
     machine.run(f"ddxctl remove {LAPTOP}")
     machine.sh(f"ddxctl stop {SEND}; rm -f /run/stream/*; chown ddxsend /run/stream; ddxctl start ddxvideoload")
     machine.wait_until("ddxctl status ddxvideoload | grep -q state=running")
@@ -38,31 +38,31 @@ def robot(machine: NativeMachine) -> NativeMachine:
 
 
 def described(robot: NativeMachine, words: str = "") -> str:
-    """What goes into a file on the laptop."""
+    """The description that a laptop saves."""
     robot.wait_until(f"ddxctl stream {words} > /dev/null 2>&1")
     return robot.sh(f"ddxctl stream {words} 2> /dev/null")
 
 
 def asked_at_once(robot: NativeMachine, words: str = "") -> tuple[int, str]:
-    """What `ddxctl stream` runs, without its waits of 5 s in all. A `usleep` in $PATH would do nothing: the image's
-    shell has its own."""
+    """Run `ddxctl stream` without its waits of up to 5 s. A `usleep` in $PATH would not help: the image's shell has a
+    builtin."""
     return robot.run(f"set -- {words}; usleep() {{ :; }}; . /usr/libexec/ddx/ctl-stream")
 
 
 def sent(robot: NativeMachine) -> int:
-    """Frames so far, those of earlier starts included."""
+    """Frames sent so far, including earlier starts."""
     return sum(one.out for one in counters.of(SEND, robot.run("ddxctl stats --json")[1]))
 
 
 def played(robot: NativeMachine, sdp: pathlib.Path) -> bytes:
-    """Twenty pictures of the stream, by a player in the robot's network."""
+    """Twenty pictures of the stream, played in the robot's network."""
     inside = ["nsenter", "--net", "--target", str(robot.init)]
     source = ["-protocol_whitelist", "file,udp,rtp", "-i", str(sdp), "-frames:v", "20"]
     return subprocess.run([*inside, "ffmpeg", "-v", "error", "-nostdin", *source, "-pix_fmt", "gray", "-f", "rawvideo",
                            "-"], check=True, timeout=60, stdout=subprocess.PIPE).stdout
 
 
-def test_what_is_sent_is_described(robot: NativeMachine, tmp_path: pathlib.Path) -> None:
+def test_the_description_plays_the_stream(robot: NativeMachine, tmp_path: pathlib.Path) -> None:
     off = f"ddxctl: stream: {SEND} is off; `ddxctl enable {SEND}` switches it on"
     assert robot.run("ddxctl stream") == (1, off)
     robot.sh(f"ddxctl enable {SEND}; ddxctl add {LAPTOP} group=none to=127.0.0.1 port=9000")
@@ -88,8 +88,8 @@ def test_no_description_of_an_earlier_stream(robot: NativeMachine) -> None:
     assert described(robot).startswith("v=0")
 
 
-def test_root_s_files_are_no_descriptions(robot: NativeMachine) -> None:
-    """Neither through a link of the sender's user, nor by a name with slashes."""
+def test_root_s_files_are_not_printed(robot: NativeMachine) -> None:
+    """Neither through a link of the sender's user nor by a name with slashes."""
     robot.sh(f"ddxctl enable {SEND}")
     described(robot)
     robot.sh("echo secret > /data/secret.sdp; chmod 600 /data/secret.sdp")
@@ -100,7 +100,7 @@ def test_root_s_files_are_no_descriptions(robot: NativeMachine) -> None:
     assert f"there are: {SEND}" in robot.run("ddxctl stream nonsense")[1]
 
 
-def test_a_description_that_cannot_be_written_stops_no_stream(robot: NativeMachine) -> None:
+def test_the_stream_runs_if_its_description_cannot_be_written(robot: NativeMachine) -> None:
     robot.sh(f"chown root /run/stream; ddxctl enable {SEND}")
     robot.wait_until(f"ddxctl logs {SEND} | grep -q 'no description for players: Permission denied'")
     before = sent(robot)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The run of the tests itself: second runs, the summary, and that no test passes by silence."""
+"""The test runner: second runs, the summary, and that a run without results does not pass."""
 from __future__ import annotations
 
 import os
@@ -15,7 +15,7 @@ from parts.common import TOP, run
 from parts.testing import suite
 from parts.testing.suite import Suite
 
-# Fails when it is run for the first time in this folder, with these words.
+# Fails with these words on its first run in a folder.
 ONCE = """\
 import pathlib
 def test_it():
@@ -46,7 +46,7 @@ test('never', sh, args: ['-c', 'echo begins; echo no hardware >&2; exit 77'])
 
 @pytest.fixture
 def places(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.Path:
-    """Not the files of the run that this test is a part of."""
+    """Separate result files, so that those of the current run are not touched."""
     for name in ("TEST", "FAILED", "RESULTS"):
         monkeypatch.setattr(suite, name, tmp_path / "out" if name == "TEST" else tmp_path / "out" / name.lower())
     monkeypatch.setattr(suite, "OUTPUT", tmp_path)
@@ -55,7 +55,7 @@ def places(tmp_path: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> pathlib.P
 
 def run_python(places: pathlib.Path, words: str, source: str = ONCE, strict: bool = False,
                options: Sequence[str] = ()) -> Suite:
-    # Below our own root, where a test's name leads back to it.
+    # Below our root, so that a test's name leads to its file.
     with tempfile.TemporaryDirectory(prefix="suite-", dir=TOP / "output") as name:
         folder = pathlib.Path(name)
         shutil.copy(TOP / "tests/conftest.py", folder)
@@ -70,7 +70,7 @@ def outcomes(result: Suite) -> list[str]:
     return [test.outcome for test in result.tests]
 
 
-def test_a_second_chance_is_told_of(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_second_run_is_reported_as_flaky(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = run_python(places, "it came too late")
     assert outcomes(result) == ["flaky"]
     assert result.verdict(places / "flaky.txt") == 0
@@ -86,26 +86,26 @@ def test_a_second_chance_is_told_of(places: pathlib.Path, capsys: pytest.Capture
     ("assert again or not {{'torn': 1}}['torn'], 'some'", "failed"),
     ("assert again, 'some were lost and torn'", "flaky"),
     ("lost = 1\n    if not again: raise OSError('some: the guest did not come up')", "flaky")])
-def test_none_for_an_assertion_about_frames(places: pathlib.Path, judged: str, outcome: str) -> None:
-    """What the code asks for counts, not the words of a failure."""
+def test_no_second_run_for_assertions_about_frames(places: pathlib.Path, judged: str, outcome: str) -> None:
+    """The asserted code counts, not the text of the failure."""
     result = run_python(places, "", ONCE.replace("assert again, {words!r}", judged))
     assert outcomes(result) == [outcome]
     kept = list((places / "out/failed").iterdir())
     assert len(kept) == 1 and "some" in kept[0].read_text()
 
 
-def test_none_when_it_is_strict(places: pathlib.Path) -> None:
+def test_no_second_run_when_strict(places: pathlib.Path) -> None:
     assert outcomes(run_python(places, "it came too late", strict=True)) == ["failed"]
 
 
-def test_tests_in_c(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_outcomes_of_c_tests(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     source, build = places / "source", places / "desk/x"
     source.mkdir()
     (source / "meson.build").write_text(MESON.replace("@folder@", str(places)))
     run(["meson", "setup", build, source])
     result = Suite()
     result.meson("desk", "x", {}, beside=True)
-    assert "torn: frame 7" in capsys.readouterr().out  # what a test says is shown also where other parts run meanwhile
+    assert "torn: frame 7" in capsys.readouterr().out  # output is shown also if other parts run at the same time
     assert {test.name.rsplit(": ")[-1]: test.outcome for test in result.tests} == {
         "sleeps": "flaky", "tears": "failed", "always": "passed", "never": "skipped"}
     assert [test.reason for test in result.tests if test.reason] == ["no hardware"]
@@ -113,21 +113,21 @@ def test_tests_in_c(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gets a priority back")
-def test_what_computes_has_less_priority() -> None:
+def test_tests_that_compute_have_less_priority() -> None:
     with tempfile.TemporaryDirectory(prefix="suite-", dir=TOP / "output") as name:
         folder = pathlib.Path(name)
         shutil.copy(TOP / "tests/conftest.py", folder)
-        usual = min(os.nice(0) + 3, LEAST)  # this suite may run under nice itself
+        usual = min(os.nice(0) + 3, LEAST)  # this suite may run under nice
         (folder / "test_it.py").write_text(PRIORITIES.format(usual=usual, later=min(usual + 10, LEAST)))
         run(["nice", "-n", "3", "/usr/bin/python3", "-B", "-m", "pytest", folder], cwd=TOP)
 
 
-def test_a_group_is_no_part_of_a_name() -> None:
+def test_test_names_do_not_contain_their_group() -> None:
     assert suite.plain("tests/boot/test_x.py::test_it[a@b]@test_x.py bios") == "tests/boot/test_x.py::test_it[a@b]"
     assert suite.plain("tests/x.py::test_it[a@b]") == "tests/x.py::test_it[a@b]"
 
 
-def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_run_without_results_fails(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     result = Suite()
     result.pytest([], ["--no-such-option"])
     assert outcomes(result) == ["failed"] and result.verdict(places / "flaky.txt") == 1
@@ -135,8 +135,8 @@ def test_a_run_that_tells_nothing_is_not_green(places: pathlib.Path, capsys: pyt
     assert "no test has a name that matches" in capsys.readouterr().out
 
 
-def test_a_test_that_ends_its_process_has_failed(places: pathlib.Path) -> None:
-    """pytest-xdist goes on with another process then, and the exit status is that of any failure."""
+def test_a_test_that_exits_its_process_has_failed(places: pathlib.Path) -> None:
+    """pytest-xdist goes on with another process, and the exit status is the usual one of a failure."""
     result = run_python(places, "", "import os\ndef test_exit(): os._exit(0)\n", strict=True, options=["-n", "1"])
     assert outcomes(result) == ["failed"] and result.verdict(places / "flaky.txt") == 1
     assert result.tests[0].name.endswith("::test_exit") and "crashed" in result.tests[0].failure
@@ -145,11 +145,11 @@ def test_a_test_that_ends_its_process_has_failed(places: pathlib.Path) -> None:
 def test_c_tests_skip_with_a_reason() -> None:
     sources = {path: path.read_text() for path in (TOP / "tests").rglob("*.[ch]")}
     found = {path.name for path, text in sources.items() if re.search(r"(exit|return)\b.*\b77\b", text)}
-    assert found == {"check.h"}, "SKIP(reason) is for that"
+    assert found == {"check.h"}, "use SKIP(reason)"
 
 
 def test_a_sanitizer_s_report_is_a_failure(places: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Also that of a program that a test starts, and where the test does not notice."""
+    """Also of a program that a test starts, and even if the test passes."""
     source, build = places / "source", places / "address/x"
     source.mkdir()
     (source / "meson.build").write_text("project('x')\ntest('overruns', find_program('sh'), args: ['-c', "

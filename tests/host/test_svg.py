@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Pictures of figures: where bars and columns are, and that each is well-formed XML."""
+"""Charts: positions of bars and columns, and well-formed XML."""
 import re
 import xml.etree.ElementTree as xml
 from typing import Any
@@ -25,7 +25,7 @@ def test_bars_are_logarithmic(low: int | None, expected: list[float]) -> None:
     assert svg.bars([])[0] and lengths(svg.bars([Bar("a", "x", "#111", 0, "")])[0]) == [1]
 
 
-def test_columns_stand_on_the_axis() -> None:
+def test_columns_start_at_the_axis() -> None:
     axes = Axes(10, 4)
     content = axes.column(2, 4, "#111", "4") + axes.line([(0, 0), (10, 4)], "#222")
     root = xml.fromstring(axes.picture([(0, "0")], "s", "n", content))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""docs/technician.md: the laptop's commands work in the shells of Linux and macOS. With a robot: make docs."""
+"""docs/technician.md: the laptop's commands work in the shells of Linux and macOS. `make docs` uses a robot."""
 from __future__ import annotations
 
 import json
@@ -16,13 +16,13 @@ from parts.media import clip
 
 from .programs import Desk, ffmpeg, record
 
-# In place of a program that needs a robot: notes its words.
+# Replaces a program that needs a robot: records its arguments.
 NOTES = '#!/bin/sh\nfor word in "${0##*/}" "$@"; do printf "%s\\n" "$word"; done >> "$HOME/words"\n'
 
 
 @pytest.fixture
 def home(tmp_path: pathlib.Path) -> pathlib.Path:
-    """A laptop's, with a key."""
+    """A laptop's home folder with a key."""
     (tmp_path / ".ssh").mkdir()
     (tmp_path / ".ssh/id_ed25519.pub").write_text("ssh-ed25519 AAAA me\n")
     (tmp_path / "bin").mkdir()
@@ -33,14 +33,14 @@ def home(tmp_path: pathlib.Path) -> pathlib.Path:
 
 
 def words(home: pathlib.Path, shell: str, command: str) -> tuple[int, str, list[str]]:
-    """Exit status and complaint of a command, and the words of the programs that the shell started for it."""
+    """A command's exit status and messages, and the arguments of the programs that the shell started."""
     (home / "words").write_text("")
     done = subprocess.run([shell, "-c", command], cwd=home, timeout=60, capture_output=True, text=True, check=False,
                           env={"HOME": str(home), "PATH": f"{home}/bin:{os.environ['PATH']}"})
     return done.returncode, done.stderr, (home / "words").read_text().splitlines()
 
 
-def test_each_shell_understands_each_line(home: pathlib.Path) -> None:
+def test_each_shell_runs_each_line(home: pathlib.Path) -> None:
     lines = [command for machine, command in docs.commands() if machine == docs.LAPTOP]
     assert any("*" in line for line in lines)
     for line in lines:
@@ -50,15 +50,15 @@ def test_each_shell_understands_each_line(home: pathlib.Path) -> None:
             assert words(home, shell, line) == (0, "", started), (shell, line)
 
 
-def test_a_shell_that_looks_for_the_name_on_the_laptop(home: pathlib.Path) -> None:
-    """The check itself: without quotes, macOS's shell starts nothing."""
+def test_an_unquoted_pattern_fails_on_macos(home: pathlib.Path) -> None:
+    """Proves that the check can fail: without quotes, macOS's shell starts no program."""
     status, said, started = words(home, "zsh-static", "scp root@robot1:/rec/*.y4m .")
     assert (status, started) == (1, []) and "no matches found" in said
 
 
 @pytest.mark.parametrize("format", ["yuv420p", "yuv422p"])
 def test_a_recording_becomes_an_mp4(desk: Desk, format: str) -> None:
-    """With the page's line: each picture, in its order, in the format that each player knows."""
+    """The page's command keeps all pictures in order, in a format that every player supports."""
     line = next(command for _, command in docs.commands() if command.startswith("ffmpeg"))
     recording, movie = docs.EXAMPLE.findall(line)[0], line.split()[-1]
     source = desk.folder / "clip.y4m"

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a technician has switched holds at once, after a boot and in the next image, until he takes it back. With the
-image's root on this machine's kernel; with its disk, its two slots and its power: tests/boot/test_control.py."""
+"""A technician's toggles take effect at once, and hold after a boot and in the next image. Runs the image's root on the
+host's kernel; tests/boot/test_control.py uses the disk, both slots and a power cut."""
 from __future__ import annotations
 
 import json
@@ -17,7 +17,7 @@ Services = dict[str, dict[str, object]]
 
 @pytest.fixture
 def newer(root: pathlib.Path, tmp_path: pathlib.Path) -> pathlib.Path:
-    """Another image's, with another opinion of what is on, and at which bit rate."""
+    """The root of another image with other default services and another bit rate."""
     subprocess.run(["cp", "-a", root, tmp_path / "newer"], check=True)
     for name, old, new in ((SAVE, "segment=256", "segment=64"), (SEND, "wire=400", "wire=321")):
         file = tmp_path / "newer/etc/default" / name
@@ -36,7 +36,7 @@ def runs(robot: NativeMachine, name: str) -> None:
 
 
 def held(robot: NativeMachine) -> None:
-    """What was toggled in the first boot."""
+    """Check that the toggles of the first boot still hold."""
     runs(robot, REAR)
     found = services(robot)
     assert found[SAVE]["enabled"] is False and found[SAVE]["state"] == "stopped"
@@ -69,7 +69,7 @@ def test_a_toggle_holds_now_after_a_boot_and_in_the_other_slot(root: pathlib.Pat
         assert REAR not in services(robot)
 
 
-def test_each_level_of_a_reset_takes_its_own_and_asks_first(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+def test_each_level_of_a_reset_asks_first_and_removes_its_part(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with NativeMachine(root, tmp_path) as robot:
         robot.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo")
         robot.sh("echo kept > /rec/old.y4m; mkdir /data/ssh; echo secret > /data/ssh/key")

@@ -13,7 +13,7 @@ from .programs import Compiler, Desk, wait_until
 
 @pytest.fixture
 def sensor(desk: Desk, compile_client: Compiler) -> Desk:
-    """A store with the item `sensor`, whose writer has ended."""
+    """A store with the item `sensor`, whose writer has exited."""
     done = desk.run(compile_client("sensor_client"))
     assert done.returncode == 0, done.stderr
     return desk
@@ -24,7 +24,7 @@ def shown(desk: Desk, item: str = "sensor") -> dict[str, Any]:
 
 
 def refused(desk: Desk, *changes: str) -> str:
-    """`ddxctl set` fails as bad usage, in one line, and writes nothing."""
+    """Check that `ddxctl set` reports bad usage in one line and writes nothing; return the message."""
     before = shown(desk)
     done = desk.run("ddxctl", "set", "sensor", *changes)
     assert done.returncode == 2 and done.stdout == ""
@@ -99,7 +99,7 @@ def test_set_refuses(sensor: Desk, change: str, text: str) -> None:
     assert refused(sensor, "imu.temperature=1", change) == text
 
 
-def test_set_leaves_a_writer_alone(desk: Desk, compile_client: Compiler) -> None:
+def test_set_does_not_replace_a_running_writer(desk: Desk, compile_client: Compiler) -> None:
     writer = desk.start(compile_client("sensor_client"), "hold")
     wait_until(lambda: desk.run("ddxctl", "show", "sensor").returncode == 0)
     done = desk.run("ddxctl", "set", "sensor", "name=rear")
@@ -123,13 +123,13 @@ def test_set_needs_an_item_and_changes(sensor: Desk, arguments: list[str], statu
 
 
 def test_a_reader_sees_whole_values_only(sensor: Desk, tmp_path: pathlib.Path) -> None:
-    """A watcher counts every write of `set` as one, with nothing missed."""
+    """A watcher sees each `set` as one write, without a missed one."""
     watcher = sensor.start("ddxctl", "watch", "sensor", "-count", "5", "-json")
     wait_until(lambda: '"readers":1,' in sensor.run("ddxctl", "list", "--json").stdout)
     first = shown(sensor)["sequence"]
     assert watcher.stdout
     writes = []
-    for number in range(5):  # each is shown before the next one: a watcher may come late, and would say so
+    for number in range(5):  # one at a time: a late watcher would report missed ones
         assert sensor.run("ddxctl", "set", "sensor", f"serial={number}").returncode == 0
         writes.append(json.loads(watcher.stdout.readline()))
     watcher.wait(60)
@@ -137,7 +137,7 @@ def test_a_reader_sees_whole_values_only(sensor: Desk, tmp_path: pathlib.Path) -
     assert [write["missed"] for write in writes] == [0] * 5
 
 
-def test_numbers_are_taken_whole_or_refused(sensor: Desk) -> None:
+def test_partly_valid_numbers_are_refused(sensor: Desk) -> None:
     assert sensor.run("ddxctl", "set", "sensor", "serial=010").returncode == 0
     assert shown(sensor)["value"]["serial"] == 10
     for value in ("\t-5", " -5", "0x", "--5", "5 "):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which version is it: one number in the whole tree, and the same words from the image and from its programs."""
+"""Versions: one number in the whole tree, and the same text from the image and its programs."""
 import os
 import pathlib
 import re
@@ -36,7 +36,7 @@ def test_one_number_everywhere() -> None:
     assert [entry for entry in entries if entry != "Not released yet"][0] == number()
 
 
-def test_an_image_says_which_version_it_is(tmp_path: pathlib.Path) -> None:
+def test_an_image_contains_its_version(tmp_path: pathlib.Path) -> None:
     found = image(tmp_path, DDX_COMMIT="v9-1-gabc", DDX_BOARD="miniitx", BR2_VERSION="2026.02.3")
     assert found["VERSION"] == f"{number()} (v9-1-gabc, miniitx, Buildroot 2026.02.3)"
     assert (found["ID"], found["BUILD_ID"], found["VARIANT_ID"]) == ("ddxvideo", "v9-1-gabc", "miniitx")
@@ -46,9 +46,9 @@ def test_an_image_says_which_version_it_is(tmp_path: pathlib.Path) -> None:
     assert image(tmp_path, DDX_COMMIT="", DDX_BOARD="dev")["BUILD_ID"] == (commit() or "unknown")
 
 
-def test_programs_of_an_image_name_it(tmp_path: pathlib.Path) -> None:
+def test_programs_print_their_image_s_version(tmp_path: pathlib.Path) -> None:
     if os.geteuid() != 0:
-        pytest.skip("a mount of one's own takes root")
+        pytest.skip("a mount needs root")
     found = image(tmp_path, DDX_COMMIT="v9-1-gabc", DDX_BOARD="dev")
     script = 'mount --bind "$0" "$(readlink -f /etc/os-release)" && for name; do "$name" -version; done'
     names = ["ddxctl", "store", "ddxvideosave", "ddxrecordings"]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideoview under a real X server: real keys, and the frame numbers that are read from its window."""
+"""ddxvideoview under a real X server, with real keys; frame numbers are read from its window."""
 from __future__ import annotations
 
 import os
@@ -37,7 +37,7 @@ def display() -> Iterator[Display]:
 
 
 def make_clip(path: pathlib.Path, frames: int, fields: int = 1, begin: int = 0) -> pathlib.Path:
-    """Grey pictures with their numbers; those of further fields are 1000 larger each."""
+    """Write grey pictures with their numbers; each further field adds 1000."""
     chroma = bytes([100]) * (WIDTH * HEIGHT * fields // 4) + bytes([150]) * (WIDTH * HEIGHT * fields // 4)
     with path.open("wb") as file:
         file.write(b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg XDDX_FIELDS=%d\n" % (WIDTH, HEIGHT * fields, fields))
@@ -50,13 +50,13 @@ def make_clip(path: pathlib.Path, frames: int, fields: int = 1, begin: int = 0) 
 
 
 def play(desk: Desk, clip: pathlib.Path, *options: object, readers: int = 1) -> None:
-    """At full speed, which waits for readers: no frame is lost, however slow the machine is."""
+    """Play a clip at full speed, which waits for readers, so that no frame is lost on a slow machine."""
     done = desk.run("ddxvideoload", clip, "-readers", readers, "-rate", "0", *options)
     assert done.returncode == 0, done.stderr
 
 
 def check(seen: Seen, number: int, *labels: str) -> None:
-    """The picture, its number as text, and how it stands."""
+    """Check the picture's number, its number as text, and the labels."""
     assert (seen.number(), seen.frame()) == (number, number) and seen.label in labels, seen.text
 
 
@@ -72,7 +72,7 @@ def test_item(desk: Desk, display: Display) -> None:
 
     check(window.press("space"), 39, "PAUSED")
     check(window.press(*["comma"] * 10), 29, "PAUSED")
-    play(desk, clip)  # is received, and not shown
+    play(desk, clip)  # received, but not shown
     paused = window.until(lambda seen: " 50 newer" in seen.text)
     assert " 50 newer" in paused.text
     check(paused, 29, "PAUSED")
@@ -100,7 +100,7 @@ def test_file_zoom_fields_and_pixels(desk: Desk, display: Display) -> None:
     clip = make_clip(desk.folder / "clip.y4m", 60, fields=2, begin=7)
     window = Window(desk, display, clip)
     both = window.press("Home", "space")
-    while both.label != "PAUSED":  # it had come to the end meanwhile
+    while both.label != "PAUSED":  # the clip had reached its end
         both = window.press("space")
     width, height = both.area.shape[1] // 2, both.area.shape[0]
     first = window.press("Home")
@@ -111,7 +111,7 @@ def test_file_zoom_fields_and_pixels(desk: Desk, display: Display) -> None:
     assert window.press("Right", "comma", "2").number(*middle(window.see(), 1)) == 65 + 1000
     assert window.press("1").number(*middle(window.see(), 1)) == 65
 
-    # One pixel each: the picture is in the middle, as it is; the text says what is under the pointer.
+    # At 1:1 the picture is in the middle; the text describes the pixel under the pointer.
     exact = window.press("z")
     left, top, _, _ = middle(exact, WIDTH)
     luma = numpy.frombuffer(pictures(clip)[58], numpy.uint8)[:WIDTH * HEIGHT].reshape(HEIGHT, WIDTH)
@@ -122,7 +122,7 @@ def test_file_zoom_fields_and_pixels(desk: Desk, display: Display) -> None:
     red, green, blue = shown[y, x]
     said = f"field 1  {x},{y}  Y {luma[y, x]} U 100 V 150  RGB {red} {green} {blue}"
     assert said in window.until(lambda seen: said in seen.text).text
-    # The wheel enlarges what is under the pointer.
+    # The wheel zooms in at the pointer.
     window.display.run("xdotool", "click", "--repeat", 8, "--delay", 0, 4)
     large = window.press()
     assert said in large.text
@@ -131,7 +131,7 @@ def test_file_zoom_fields_and_pixels(desk: Desk, display: Display) -> None:
 
 
 def middle(seen: Seen, width: int) -> tuple[int, int, int, int]:
-    """Where a field of this width is; 1: one that fills the area in its shape."""
+    """The position of a field of this width; 1: as large as its shape allows."""
     high, wide = seen.area.shape[:2]
     scale = width / WIDTH if width > 1 else min(wide / WIDTH, high / HEIGHT)
     across, down = int(WIDTH * scale + 1e-6), int(HEIGHT * scale + 1e-6)
@@ -141,7 +141,7 @@ def middle(seen: Seen, width: int) -> tuple[int, int, int, int]:
 @pytest.mark.parametrize("name, size, becomes", [("video", None, (704, 327)), ("left", (500, 400), (500, 400))])
 def test_name_and_size_of_the_window(desk: Desk, display: Display, name: str, size: tuple[int, int] | None,
                                      becomes: tuple[int, int]) -> None:
-    """One that has waited gets the size of the first picture, unless the user has given it another one."""
+    """A waiting window gets the size of the first picture, unless the user has resized it."""
     window = Window(desk, display, "-name", name)
     waiting = window.until(lambda seen: seen.label == "WAITING")
     assert waiting.image.shape[1::-1] == (704, 654)
@@ -169,7 +169,7 @@ def test_stopped_resized_and_closed(desk: Desk, display: Display) -> None:
     larger = window.until(lambda seen: seen.image.shape == (1010, 900, 3) and seen.label == "STALLED")
     assert larger.number(*middle(larger, 1)) == still.number(), larger.text
 
-    # What is written while the viewer stands still is missing, and that is seen.
+    # Frames written while the viewer is frozen are missing, and are shown as missing.
     window.press("space")
     window.process.send_signal(signal.SIGSTOP)
     seen_before = desk.sequence("video")
@@ -185,8 +185,8 @@ def test_stopped_resized_and_closed(desk: Desk, display: Display) -> None:
     assert result(window.process)[0] == 0
 
 
-# Writes the range of frame 1 beside the item `video`: 8 pixels' disparity at 10,20, none elsewhere. Then a frame with
-# contradictory numbers into an item of its own.
+# Writes the range of frame 1 of item `video`: a disparity of 8 pixels at 10,20, none elsewhere. Then writes a frame
+# with contradictory numbers into another item.
 RANGE = """
 import sys
 import ddx
@@ -212,8 +212,7 @@ def write_range(desk: Desk) -> None:
 
 
 def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
-    """Of three fields, as ddxvideoSVS writes them: the range is that of the left picture, and of no pixel of the right
-    one."""
+    """Three fields, as ddxvideoSVS writes them: the range belongs to the left picture, not to the right one."""
     window = Window(desk, display)
     play(desk, make_clip(desk.folder / "clip.y4m", 3, fields=3))
     assert window.until(lambda seen: seen.frame() == 2) and window.press("space", "comma").frame() == 1
@@ -225,7 +224,7 @@ def test_range_and_bad_numbers(desk: Desk, display: Display) -> None:
         wanted = f"field {field}  {x},20  Y [^m]*{said}$"
         text = window.until(lambda seen: re.search(wanted, seen.text)).text
         assert re.search(wanted, text), text
-    window.display.run("xdotool", "windowsize", "--sync", window.id, 640, 558)  # the letters get smaller, all are seen
+    window.display.run("xdotool", "windowsize", "--sync", window.id, 640, 558)  # smaller letters, all visible
     narrow = window.until(lambda seen: seen.image.shape[1] == 640)
     left, top, _, _ = middle(narrow, WIDTH)
     window.press("3")
@@ -253,7 +252,7 @@ def test_too_small_to_be_shown(desk: Desk, display: Display) -> None:
 
 
 def test_stream(stream: Stream, display: Display) -> None:
-    """Through decode's receiver: the numbers of the sender's frames are those in the pictures."""
+    """With decode's receiver: frame numbers are those in the pictures."""
     desk = stream.desk
     window = Window(desk, display, "-port", PORT, wrapper=stream.network.inside)
     wait_until(lambda: bool(desk.item("ddxvideoview.packets")))
@@ -273,7 +272,7 @@ def test_stream(stream: Stream, display: Display) -> None:
 
 
 def test_stream_with_loss(stream: Stream, display: Display) -> None:
-    """What comes to nothing is seen at once, and before the next picture."""
+    """Lost frames are shown at once, before the next picture."""
     desk = stream.desk
     window = Window(desk, display, "-port", PORT, "-group", "none", wrapper=stream.network.inside)
     wait_until(lambda: bool(desk.item("ddxvideoview.packets")))
@@ -293,8 +292,8 @@ def test_stream_with_loss(stream: Stream, display: Display) -> None:
     assert re.search(r"PAUSED [1-9]\d* missing before this one", gap.text), gap.text
 
 
-def test_recording_with_its_parts(desk: Desk, display: Display) -> None:
-    """All files of it, from any of their names; the end of the first one is missing."""
+def test_a_recording_of_several_files(desk: Desk, display: Display) -> None:
+    """All files open from any of their names; the first one is truncated."""
     (desk.folder / "rec").mkdir()
     clip = make_clip(desk.folder / "clip.y4m", 70)
     saver = start(desk)
@@ -330,14 +329,14 @@ def test_bad_input(desk: Desk, display: Display, small_disk: pathlib.Path) -> No
     (small_disk / "filler").write_bytes(bytes(64 << 10))
     desk.folder = small_disk
     window = Window(desk, display)
-    assert window.until(lambda seen: seen.label != "WAITING").label == "STALLED"  # from the beginning
+    assert window.until(lambda seen: seen.label != "WAITING").label == "STALLED"  # from the start
     full = window.press("s")
     assert "No space left on device" in full.text
     assert [path.name for path in small_disk.glob("*.png*")] == []
 
 
 def test_no_display_in_the_background(desk: Desk) -> None:
-    """As the paper starts it: with `&`. It prints a line, though terminals may stop background programs that write."""
+    """Started with `&`, as in the paper, it prints a line, though terminals may stop background programs that write."""
     environment = {**desk.environment, "PATH": os.environ["PATH"]}
     environment.pop("DISPLAY", None)
     environment.pop("WAYLAND_DISPLAY", None)

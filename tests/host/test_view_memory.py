@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What ddxvideoview keeps of a live source: a limited number of frames, in a limited memory."""
+"""ddxvideoview keeps a limited number of frames of a live source, in limited memory."""
 import os
 import pathlib
 import re
@@ -16,8 +16,8 @@ from .window import Window
 
 __all__ = ["display"]  # the fixture
 FRAMES = 40
-HOUR = 6      # of --seconds, which are ten minutes
-LOOK = 5      # s between two looks
+HOUR = 6      # times --seconds, which is ten minutes by default
+LOOK = 5      # s between samples
 HISTORY = 50  # frames: full within the first quarter of the shortest run
 GROWTH = 1 << 20
 
@@ -34,7 +34,7 @@ def test_the_oldest_frames_make_room(desk: Desk, display: Display, option: str, 
 
 
 def anonymous(window: Window) -> int:
-    """Bytes of memory of the viewer's own: without the store's frames that it looks at."""
+    """Bytes of the viewer's private memory, without mapped frames of the store."""
     found = re.search(r"RssAnon:\s+(\d+) kB", pathlib.Path(f"/proc/{window.process.pid}/status").read_text())
     assert found
     return int(found[1]) << 10
@@ -43,8 +43,8 @@ def anonymous(window: Window) -> int:
 @pytest.mark.long
 @pytest.mark.parametrize(("side", "mib"), [(4096, 64), (8192, 256)])
 def test_memory_before_frames(tmp_path: pathlib.Path, display: Display, side: int, mib: int) -> None:
-    """Two large frames fit, though 250 are allowed. The frame on display is kept in addition; its memory stays for the
-    next one."""
+    """Two large frames fit, though 250 are allowed. The displayed frame is kept in addition, and its memory is reused
+    for the next one."""
     frame, limit = side * side * 3 // 2, mib << 20
     with (tmp_path / "clip.y4m").open("wb") as file:
         file.write(b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg\n" % (side, side))
@@ -69,8 +69,8 @@ def test_memory_before_frames(tmp_path: pathlib.Path, display: Display, side: in
 @pytest.mark.long
 def test_an_hour_without_growth(desk: Desk, display: Display, pytestconfig: pytest.Config,
                                 record_property: Callable[[str, object], None]) -> None:
-    """After the first quarter, memory and open files do not grow; the window shows newer frames at each look. A file
-    may be open for a moment, so the least of a quarter counts."""
+    """After the first quarter, memory and open files do not grow, and each sample shows newer frames. A file may be
+    open briefly, so the least of a quarter counts."""
     window = Window(desk, display, "-history", HISTORY)
     clip = make_clip(desk.folder / "clip.y4m", FRAMES)
     source = desk.start("ddxvideoload", clip, "-loop")

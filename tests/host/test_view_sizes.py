@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""ddxvideoview with pictures of each number of fields, and of the smallest and the largest size."""
+"""ddxvideoview with each number of fields, and with the smallest and the largest pictures."""
 import pathlib
 
 import pytest
@@ -13,12 +13,12 @@ from .window import Window
 
 __all__ = ["display"]  # the fixture
 FRAMES, FIELDS, KEYS = 3, 16, 9
-STEP = 50  # levels between two frames
-TOLERANCE = 4  # levels: a picture that is scaled down is converted with little precision
+STEP = 50  # levels between frames
+TOLERANCE = 4  # levels: scaling down is imprecise
 
 
 def flat(path: pathlib.Path, side: int) -> pathlib.Path:
-    """Square frames of one grey each."""
+    """Write square frames of one grey level each."""
     with path.open("wb") as file:
         file.write(b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420jpeg XCOLORRANGE=FULL\n" % (side, side))
         for number in range(FRAMES):
@@ -32,7 +32,7 @@ def paused(window: Window) -> None:
 
 
 def numbers(seen: Seen, fields: int, columns: int) -> list[int | None]:
-    """Of all fields, in `columns` columns."""
+    """The numbers of all fields, in `columns` columns."""
     high, wide = seen.area.shape[:2]
     rows = -(-fields // columns)
     scale = min(wide / (columns * WIDTH), high / (rows * HEIGHT)) + 1e-6
@@ -43,7 +43,7 @@ def numbers(seen: Seen, fields: int, columns: int) -> list[int | None]:
 
 
 def long_but(values: list[int], short: int) -> list[object]:
-    """The gate tries one of the values."""
+    """Mark all values except one as long tests; the gate tries that one."""
     return [value if value == short else pytest.param(value, marks=pytest.mark.long) for value in values]
 
 

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Debian's VLC and FFmpeg watch the stream as MPEG-TS: by its address, or found by its announcement; numbers are read
-from the pictures that the player shows."""
+"""Debian's VLC and FFmpeg play the stream as MPEG-TS, by its address or its announcement; judged by the numbers in
+their pictures."""
 from __future__ import annotations
 
 import os
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.long
 
 @pytest.fixture(params=["h264", "mpeg4"])
 def sent(tmp_path: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Stream]:
-    """A stream that goes on and on."""
+    """A continuous stream."""
     stream = Stream(tmp_path)
     subprocess.run([*stream.network.inside, "ip", "addr", "add", "10.0.0.1/32", "dev", "lo"], check=True)
     clip = numbered_clip.write(tmp_path / "clip.y4m", SECONDS)
@@ -42,7 +42,7 @@ def sent(tmp_path: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Str
 
 
 def check(y4m: pathlib.Path) -> None:
-    """VLC repeats pictures while it finds its pace."""
+    """Check the numbers; VLC repeats pictures at its start."""
     numbers = [numbered_clip.frame_number(picture, 352, 288) for picture in pictures(y4m)]
     assert follows(numbers[-ENOUGH // 2:], 20), numbers
 
@@ -51,7 +51,7 @@ class Vlc:
     def __init__(self, stream: Stream, *words: str) -> None:
         if not shutil.which("vlc"):
             pytest.skip("no vlc: tools/setup long")
-        # VLC refuses to be root, and another user cannot look into the test's folder.
+        # VLC refuses to run as root, and another user cannot access the test's folder.
         self.keeper = tempfile.TemporaryDirectory(prefix="ddx-")
         self.folder = pathlib.Path(self.keeper.name)
         self.folder.chmod(0o777)
@@ -72,7 +72,7 @@ class Vlc:
         return (self.folder / "out").read_text(errors="replace")
 
     def watch(self) -> None:
-        """Until it has shown enough."""
+        """Wait until it has shown enough pictures."""
         wait_until(lambda: self.y4m.exists() and self.y4m.stat().st_size > ENOUGH * BYTES)
         self.type("quit")
         self.process.communicate(timeout=60)
@@ -84,7 +84,7 @@ def test_vlc_by_address(sent: Stream) -> None:
 
 
 def test_vlc_by_announcement(sent: Stream) -> None:
-    """It is in VLC's list of network streams, and is played from there."""
+    """Played from VLC's list of network streams."""
     vlc = Vlc(sent, "--services-discovery", "sap")
 
     def number() -> str:

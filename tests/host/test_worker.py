@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The store's worker is killed over and over while a recording goes on: no frame is lost, and none comes late."""
+"""The store's worker is killed repeatedly during a recording: no frame is lost or late."""
 from __future__ import annotations
 
 import json
@@ -14,13 +14,13 @@ import pytest
 from .programs import KEEP, Compiler, Desk, Process, lost, make_clip, pictures, stop, wait_until, worker_of
 
 Figure = Callable[[str, object], None]
-LATE = 50_000  # us that a frame may be late
+LATE = 50_000  # us; largest delay of a frame
 RATE = 25      # frames a second
-PAUSE = 0.1    # s between two deaths
+PAUSE = 0.1    # s between kills
 
 
 def kill_worker(store: Process) -> None:
-    """And wait for the next one."""
+    """Kill the worker and wait for the next one."""
     before = worker_of(store)
     os.kill(before, signal.SIGKILL)
     wait_until(lambda: worker_of(store) not in (0, before))
@@ -28,7 +28,7 @@ def kill_worker(store: Process) -> None:
 
 def record(desk: Desk, clip: pathlib.Path, client: pathlib.Path, deaths: int, output: str = "out.y4m",
            keep: int = KEEP) -> dict[str, int]:
-    """Kill `deaths` workers in a recording; returns what a reader beside the recorder saw."""
+    """Kill `deaths` workers during a recording; return the result of a second reader."""
     frames = int(deaths * PAUSE * RATE) + RATE
     reader = desk.start(client, frames, keep)
     saver = desk.start("ddxvideosave", "-keep", keep, "-output", output)
@@ -59,7 +59,7 @@ def test_workers_die_while_recording(desk: Desk, compile_client: Compiler) -> No
 @pytest.mark.parametrize("size, keep", [("352x288", KEEP), ("1920x1080", 16)])
 def test_a_thousand_workers_die_while_recording(tmp_path: pathlib.Path, compile_client: Compiler, size: str, keep: int,
                                                 record_property: Figure) -> None:
-    """At 1080p nothing is written: it would be the disk that is judged."""
+    """At 1080p nothing is written to disk, which would be too slow."""
     desk = Desk(tmp_path, memory="512M")
     clip = make_clip(desk.folder / "clip.y4m", size, frames=RATE)
     seen = record(desk, clip, compile_client("late_client", "ddx"), 1000, "/dev/null", keep)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A robot and an operator at both ends of the lossy link, each with a store and the programs of the stream: a clip goes
-from one to the other, and what is judged are counts and the numbers in the operator's pictures. A second decode runs on
-the robot, where no packet is lost: its pictures show what the encoder made of each number."""
+"""A robot and an operator at the ends of the lossy link, each with a store and the programs of the stream. A clip is
+sent to the operator, and judged by counts and the numbers in the pictures. A second decode runs on the robot, where no
+packet is lost: its pictures show how the encoder changed each number."""
 from __future__ import annotations
 
 import dataclasses
@@ -14,15 +14,15 @@ from parts.link.loss import NOTHING, Pattern
 from .programs import Counters, Desk, start_recorder, stop, wait_until
 from .stream import drawn, finish, printed
 
-COARSE = 25  # frames, from the first one, whose pictures may be too coarse for their numbers
+COARSE = 25  # first frames, whose pictures may be too coarse for their numbers
 LOCAL = "127.0.0.1"
 
-Shown = list[tuple[int, int | None]]  # of each frame shown, the number that it has and the one in its picture
+Shown = list[tuple[int, int | None]]  # for each shown frame: its number, and the number in its picture
 
 
 @dataclasses.dataclass
 class Outcome:
-    """What came of a stream. The counters are those of the programs, but for `counts`, which are the link's."""
+    """The result of a stream. `counts` are the link's, all others the programs' counters."""
     sent: Counters
     sent_packets: dict[str, int]
     shown: Counters
@@ -30,10 +30,10 @@ class Outcome:
     seen: Shown             # at the operator
     coded: Shown            # on the robot
     counts: Counts
-    seconds: float          # from the first frame until all was there
+    seconds: float          # from the first frame until all had arrived
 
     def wrong_sums(self, *more: tuple[str, int, int]) -> list[str]:
-        """Of the sums that hold for every stream, and of others: those whose two sides differ."""
+        """Sums of every stream, and `more`, whose two sides differ."""
         sent, shown = self.sent, self.shown
         both = [*more, ("robot: in, and out + lost", sent["in"], sent["out"] + sum(sent["lost"].values())),
                 ("frames sent and expected", sent["out"], shown["in"]),
@@ -44,17 +44,17 @@ class Outcome:
 
 @dataclasses.dataclass
 class Run(Outcome):
-    """Of a clip with a mark after it."""
+    """The result of a clip with a mark after it."""
 
     @property
     def whole(self) -> float:
-        """The part of the clip's frames sent that the operator saw, by the numbers in the pictures. The first second's
-        do not count: they are small, and a number may not be readable in them yet."""
+        """The share of sent frames that the operator saw, by the numbers in the pictures. The first second does not
+        count: its numbers may not be readable yet."""
         right = sum(said == seen for said, seen in of_clip(self.seen) if said >= COARSE)
         return right / (int(self.sent["out"]) - 1 - COARSE)
 
     def disagreements(self, frames: int) -> list[str]:
-        """The sums that are wrong, of a clip of `frames` frames and the mark after it."""
+        """Wrong sums for a clip of `frames` frames and the mark after it."""
         packets = self.sent_packets["packets"]
         found = self.wrong_sums(("robot: frames written and seen", frames + 1, self.sent["in"]),
                                 ("packets sent, and passed on twice", packets, 2 * self.counts.down[0].packets))
@@ -64,7 +64,7 @@ class Run(Outcome):
         return found
 
     def beyond_rate(self, wire: int) -> list[str]:
-        """The rules of a rate in kbit/s that the relay saw broken. What waited for a busy relay came to it at once."""
+        """Limits of a rate in kbit/s that were exceeded at the relay, which may receive waiting packets in a burst."""
         way, kbit = self.counts.down[0], wire * 1000 / 8
         most = {"mean": (way.bytes / self.seconds, kbit),
                 "second": (way.peak, kbit * (1.3 + self.counts.late_ms / 1000))}
@@ -72,20 +72,19 @@ class Run(Outcome):
 
 
 def of_clip(shown: Shown) -> Shown:
-    """Without the mark, which has number 0 again."""
+    """The frames without the mark, which has number 0 again."""
     return shown[:-1] if len(shown) > 1 and shown[-1][0] == 0 else shown
 
 
 def coarse(coded: Shown) -> Shown:
-    """The robot's pictures with another number than their frame's because the rate did not suffice: each block of the
-    number shows the frame's bit, or still the one of the picture before. Another frame's picture shows a bit that
-    neither of these two has."""
+    """The robot's pictures with a wrong number because the rate was too low: each block of the number shows the frame's
+    bit, or still that of the picture before. A wrong frame's picture shows a bit that neither of the two has."""
     return [(said, drawn) for (_, before), (said, drawn) in zip(coded, coded[1:])
             if drawn is not None and before is not None and not (drawn ^ said) & (drawn ^ before)]
 
 
 def wrong_numbers(seen: Shown, coded: Shown) -> Shown:
-    """The operator's pictures that are of other frames than decode printed."""
+    """The operator's pictures that do not belong to the printed frame."""
     allowed = set(coarse(coded))
     return [(said, drawn) for said, drawn in seen if drawn not in (said, None) and (said, drawn) not in allowed]
 
@@ -96,15 +95,15 @@ def play(robot: Desk, clip: pathlib.Path, instance: str, *options: object) -> No
 
 
 def mark(clip: pathlib.Path, path: pathlib.Path) -> pathlib.Path:
-    """The last picture of the clip once more."""
+    """Write a clip with only the last picture of the clip."""
     header, *frames = clip.read_bytes().split(b"FRAME\n")
     path.write_bytes(header + b"FRAME\n" + frames[-1])
     return path
 
 
 def run(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, back: Pattern, *options: object) -> Run:
-    """The clip through a link that loses packets from the first one on; a mark after it, when the link is good again,
-    so that the operator knows of all frames."""
+    """Send the clip through a link that loses packets from the first one on, then a mark over a good link, so that the
+    operator knows of all frames."""
     for name in ("robot", "operator"):
         (folder / name).mkdir(parents=True)
     with Link(loss=loss, back=back, delay_ms=2) as link:
@@ -117,7 +116,7 @@ def run(folder: pathlib.Path, clip: pathlib.Path, loss: Pattern, back: Pattern, 
 
 
 class Screen:
-    """decode, and a recorder of its pictures."""
+    """decode and a recorder of its pictures."""
 
     def __init__(self, desk: Desk, node: Node, *options: object) -> None:
         self.desk = desk
@@ -128,7 +127,7 @@ class Screen:
         wait_until(lambda: "decode.packets" in desk.run("ddxctl", "list").stdout)
 
     def end(self) -> tuple[Shown, dict[str, int], Counters]:
-        """What was shown; packets' and frames' counters."""
+        """Return the frames shown, and the counters of packets and frames."""
         (lines, packets, frames), = finish(self.decode)
         assert stop(self.recorder)[0] == 0
         file = self.desk.folder / "seen.y4m"
@@ -144,7 +143,7 @@ def _run(robot: Desk, operator: Desk, link: Link, clip: pathlib.Path, back: Patt
                          wrapper=link.robot.inside)
     begin = time.monotonic()
     play(robot, clip, "clip")
-    wait_until(lambda: settled(robot, "ddxvideosend", robot.sequence("video")))  # the rate has room for the mark
+    wait_until(lambda: settled(robot, "ddxvideosend", robot.sequence("video")))  # leaves rate for the mark
     link.lose(NOTHING, back)
     play(robot, mark(clip, robot.folder / "mark.y4m"), "mark")
     wait_until(lambda: settled(robot, "ddxvideosend", robot.sequence("video")))
@@ -158,6 +157,6 @@ def _run(robot: Desk, operator: Desk, link: Link, clip: pathlib.Path, back: Patt
 
 
 def settled(desk: Desk, instance: str, frames: int) -> bool:
-    """`frames` frames came in, and each one is out or counted as lost."""
+    """Whether `frames` frames came in, and each is out or counted as lost."""
     found = desk.stats(instance)
     return bool(found["in"] == frames == found["out"] + sum(found["lost"].values()))

@@ -2,8 +2,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Numbered UDP packets: udp_peer.py send ADDRESS PORT COUNT SIZE [SECONDS], udp_peer.py receive PORT [GROUP]
 
-send: evenly over that time, else as fast as the receiver can be expected to read. receive: prints `ready`, and once
-standard input is closed, what came as JSON: the numbers, and how long each packet was on its way.
+send: evenly over that time, by default as fast as a receiver can read. receive: prints `ready`, and when standard input
+is closed, the received numbers and the delay of each packet, as JSON.
 """
 import contextlib
 import json
@@ -15,7 +15,7 @@ import time
 
 SO_RCVBUFFORCE = 33  # missing in Python's module
 BUFFER = 8 << 20
-HURRY = 50e-6  # s a packet
+HURRY = 50e-6  # s per packet
 
 
 def send(address: str, port: int, count: int, size: int, seconds: float) -> None:
@@ -30,7 +30,7 @@ def send(address: str, port: int, count: int, size: int, seconds: float) -> None
 
 def receive(port: int, group: str) -> dict[str, list[int]]:
     found: dict[str, list[int]] = {"numbers": [], "transit_ns": []}
-    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as one:  # takes IPv4 as well
+    with socket.socket(socket.AF_INET6, socket.SOCK_DGRAM) as one:  # also receives IPv4
         with contextlib.suppress(PermissionError):
             one.setsockopt(socket.SOL_SOCKET, SO_RCVBUFFORCE, BUFFER)
         one.bind(("::", port))

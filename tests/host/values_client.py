@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writes or reads an item, values as JSON:
-    values_client.py ITEM TYPE DECLARATION     writes each line of standard input, and answers it
-    values_client.py ITEM                      prints each value that is written from then on, in order
+"""Writes or reads an item, with values as JSON:
+    values_client.py ITEM TYPE DECLARATION     writes each line of standard input, and answers each
+    values_client.py ITEM                      prints each value written from then on, in order
 """
 from __future__ import annotations
 

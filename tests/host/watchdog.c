@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Preloaded: a file that is a hardware watchdog for the program that opens it; each feeding is a byte in the file
- * $FOOD.
+ * Preloaded: any opened file acts as a hardware watchdog; each feeding writes a byte to the file $FOOD.
  */
 #define _GNU_SOURCE
 #include <fcntl.h>

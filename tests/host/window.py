@@ -13,9 +13,9 @@ from parts.media.seen import Image, Seen
 
 from .programs import Desk, Process
 
-PATIENCE = 15  # s; for a machine that hangs
+PATIENCE = 15  # s; limits a test that hangs
 
-# Sends WM_DELETE_WINDOW: xdotool has no word for that.
+# Sends WM_DELETE_WINDOW, which xdotool cannot do.
 CLOSE = """
 import ctypes, sys
 x11 = ctypes.CDLL("libX11.so.6")
@@ -44,13 +44,13 @@ class Window:
         self.process: Process = desk.start("ddxvideoview", *arguments, wrapper=wrapper)
         self.id = display.run("xdotool", "search", "--all", "--sync", "--onlyvisible", "--pid", self.process.pid,
                               "--class", "ddxvideoview").split()[-1].decode()
-        display.run("xdotool", "windowmove", self.id, 0, 0, "windowfocus", self.id)  # all of it is on the screen
+        display.run("xdotool", "windowmove", self.id, 0, 0, "windowfocus", self.id)  # completely on the screen
 
     def see(self) -> Seen:
         return Seen(parse_xwd(self.display.run("xwd", "-silent", "-id", self.id)))
 
     def until(self, condition: Callable[[Seen], object]) -> Seen:
-        """What is seen as soon as the condition holds; what is seen last, if it never does."""
+        """Wait until the condition holds, or time out; return the last picture seen."""
         end = time.monotonic() + PATIENCE
         while not condition(seen := self.see()) and time.monotonic() < end:
             pass
@@ -60,12 +60,12 @@ class Window:
         self.display.run("xdotool", "mousemove", "--window", self.id, x, y)
 
     def press(self, *keys: str) -> Seen:
-        """Press keys, and see what came of it: `?` shows and hides the list, after all keys before it."""
+        """Press keys and return the result: a final `?` shows and hides the list, after all other keys are handled."""
         self.display.run("xdotool", "key", "--delay", "0", *keys, "question")
         self.until(lambda seen: seen.is_listing())
         self.display.run("xdotool", "key", "question")
         return self.until(lambda seen: not seen.is_listing())
 
     def close(self) -> None:
-        """As a window manager does it."""
+        """Close like a window manager does."""
         self.display.run("/usr/bin/python3", "-B", "-c", CLOSE, self.id)
