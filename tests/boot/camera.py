@@ -15,6 +15,8 @@ from parts.media import counters, y4m
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 from parts.media.counters import Counters
 
+from .figures import uptime
+
 KEEP = 64  # frames that a reader may lag behind
 MS = 100  # between frames of the USB camera
 UVC = f"/tmp/v4l uvc {{format}} {WIDTH} {HEIGHT} {MS} /test/{{file}}"
@@ -25,7 +27,7 @@ def wait_for_node(guest: Guest, there: bool, node: str = "/dev/video0") -> float
     """Wait until the device is there and owned by the grabber's user, or is gone; return the guest's uptime in s."""
     is_there = f'[ "$(stat -c %U {node} 2> /dev/null)" = ddxgrab ]' if there else f"! [ -c {node} ]"
     guest.wait_until(is_there, pause=0.05)
-    return float(guest.sh("read up rest < /proc/uptime; echo $up"))
+    return uptime(guest)
 
 
 def plug(guest: Guest, form: str = "YUYV") -> float:

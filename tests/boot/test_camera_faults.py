@@ -14,7 +14,7 @@ from parts.media import clip as default_clip
 
 from . import camera
 from .camera import GRABBER
-from .figures import Figure
+from .figures import Figure, uptime
 
 pytestmark = pytest.mark.long
 
@@ -68,7 +68,7 @@ def test_a_missing_camera_is_reported_once_and_waited_for(guest: Guest, record_p
     before = guest.sh(f"cat /run/service/{GRABBER}/supervise/pid")
     reader = camera.Reader(guest, 60)
     camera.vivid(guest)
-    came = float(guest.sh("read up rest < /proc/uptime; echo $up"))
+    came = uptime(guest)
     camera.wait_for_frames(guest, 1)
     frames = reader.stop()
     record_property("seconds_until_first_frame", round(frames[0].published / 1e9 - came, 2))
@@ -76,12 +76,13 @@ def test_a_missing_camera_is_reported_once_and_waited_for(guest: Guest, record_p
     assert guest.sh(f"cat /run/service/{GRABBER}/supervise/pid") == before
 
 
-def test_dropped_frames_are_counted_exactly(vivid: Guest, record_property: Figure) -> None:
-    def drop() -> None:
-        with controlled(vivid, "Percentage of Dropped Buffers", 30, 0):
-            time.sleep(6)
+def drop(vivid: Guest) -> None:
+    with controlled(vivid, "Percentage of Dropped Buffers", 30, 0):
+        time.sleep(6)
 
-    run = camera.run_grabber(vivid, SETTINGS, 8, drop)
+
+def test_dropped_frames_are_counted_exactly(vivid: Guest, record_property: Figure) -> None:
+    run = camera.run_grabber(vivid, SETTINGS, 8, lambda: drop(vivid))
     frames, lost = run.frames, camera.gaps(run.frames)
     assert run.wrong == []
     record_property("gaps_of_the_driver", lost)
@@ -97,11 +98,7 @@ def test_dropped_frames_are_counted_exactly(vivid: Guest, record_property: Figur
 
 def test_skip_keeps_the_pace_and_skipped_frames_are_not_lost(vivid: Guest) -> None:
     """The paper's example: each fifth frame of 25 a second; only wanted frames can be lost."""
-    def drop() -> None:
-        with controlled(vivid, "Percentage of Dropped Buffers", 30, 0):
-            time.sleep(6)
-
-    run = camera.run_grabber(vivid, SETTINGS + " skip=5", 8, drop)
+    run = camera.run_grabber(vivid, SETTINGS + " skip=5", 8, lambda: drop(vivid))
     assert run.wrong == []
     assert all(frame.number % 5 == 0 for frame in run.frames)
     missing = run.frames[-1].number // 5 + 1 - len(run.frames)
@@ -156,7 +153,7 @@ def test_a_silent_camera_and_its_return_are_reported(vivid: Guest, record_proper
     def silence() -> None:
         with controlled(vivid, "Percentage of Dropped Buffers", 100, 0):
             time.sleep(silent)
-        times.append(float(vivid.sh("read up rest < /proc/uptime; echo $up")))
+        times.append(uptime(vivid))
 
     run = camera.run_grabber(vivid, SETTINGS, silent + 3, silence)
     text = camera.said(vivid)

@@ -14,7 +14,7 @@ from parts.guest.session import LOAD, SAVE
 from parts.guest.slow_disk import SlowDisk
 
 from .conftest import BOARD
-from .figures import Figure
+from .figures import Figure, uptime
 
 pytestmark = [
     pytest.mark.long,
@@ -96,11 +96,11 @@ def test_a_disk_that_fails(boot: Boot, work: pathlib.Path, clip: pathlib.Path, r
     with recording(boot, work, clip, "disk-fails", "once=yes\n") as (guest, disk):
         wait_for_out(guest, SAVE, 50)
         log = f"/run/log/{SAVE}/current"
-        before = float(guest.sh("read up rest < /proc/uptime; echo $up"))
+        before = uptime(guest)
         disk.fail()
         guest.wait_until(f'grep -q "recording stopped" {log}', SOON)
-        told = float(guest.sh("read up rest < /proc/uptime; echo $up")) - before
-        record_property("seconds_until_told", round(told, 1))
+        reported = uptime(guest) - before
+        record_property("seconds_until_told", round(reported, 1))
         source_is_unaffected(guest)
         assert "! service    ddxvideosave" in guest.sh("ddxctl health || true")
         save = session.end_counters(guest, SAVE)

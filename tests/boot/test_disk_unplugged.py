@@ -11,7 +11,7 @@ from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
 from parts.guest.slow_disk import FILE_SYSTEMS, OPTIONS
 
-from .figures import Figure
+from .figures import Figure, uptime
 from .test_disk import SOON, source_is_unaffected, wait_for_out
 
 pytestmark = pytest.mark.long
@@ -38,11 +38,11 @@ def test_a_disk_that_is_pulled_out(boot: Boot, work: pathlib.Path, clip: pathlib
         guest.sh(f"ddxctl enable {SAVE}")
         wait_for_out(guest, SAVE, 100)
 
-        begin = float(guest.sh("read up rest < /proc/uptime; echo $up"))
+        begin = uptime(guest)
         guest.monitor("device_del", id="stick")
         guest.wait_until(f'grep -q "recording stopped" /run/log/{SAVE}/current', SOON)
-        told = float(guest.sh("read up rest < /proc/uptime; echo $up")) - begin
-        record_property("seconds_until_told", round(told, 1))
+        reported = uptime(guest) - begin
+        record_property("seconds_until_told", round(reported, 1))
         assert "! disk       /rec is not mounted" in guest.sh("ddxctl health || true")
         source_is_unaffected(guest)
         assert guest.sh("touch /rec/here 2> /dev/null || ls -A /rec") == ""  # the mount point is read-only

@@ -14,9 +14,9 @@ from parts.media import calibration
 from parts.testing import crash_loop
 
 from . import camera
-from .figures import Figure
+from .figures import Figure, uptime
 from .test_control import runs, services
-from .test_health import HEALTH, hang, state, uptime
+from .test_health import HEALTH, hang, state
 
 pytestmark = pytest.mark.long
 

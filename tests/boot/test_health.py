@@ -12,7 +12,7 @@ from parts.guest.qemu import Boot, Guest
 from parts.media.recording import FileSystem
 
 from . import camera
-from .figures import Figure
+from .figures import Figure, uptime
 
 SAVE, HEALTH = "ddxvideosave", "ddxhealth"
 BACK = 30.0    # s until a program that hangs is replaced; the goal is 10, but emulated machines are slow
@@ -20,10 +20,6 @@ TIMEOUT = 20   # s; the watchdog's
 # QEMU's hardware watchdog; the machine does start again
 DOG = ("-device", "i6300esb", "-action", "reboot=reset,watchdog=reset")
 FED = f'grep -q "after {TIMEOUT} s" /run/log/{HEALTH}/current'  # ddxhealth feeds the watchdog
-
-
-def uptime(guest: Guest) -> float:
-    return float(guest.sh("read up rest < /proc/uptime; echo $up"))
 
 
 def state(guest: Guest, name: str) -> dict[str, str]:

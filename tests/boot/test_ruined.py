@@ -13,7 +13,7 @@ from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.guest.session import LOAD, SAVE
 
-from .figures import Figure
+from .figures import Figure, uptime
 
 pytestmark = pytest.mark.long
 
@@ -74,7 +74,7 @@ def test_a_check_that_takes_long(boot: Boot, image: pathlib.Path, work: pathlib.
         frames_flow(guest)
         record_property("frames_in_the_store_meanwhile", session.follow(guest, 0)[LOAD].out)
         guest.wait_until("mountpoint -q /rec")
-        record_property("seconds_until_mounted", float(guest.sh("cut -d ' ' -f 1 /proc/uptime")))
+        record_property("seconds_until_mounted", uptime(guest))
         session.wait_for_recording(guest)
         frames_flow(guest)
 

@@ -2,16 +2,15 @@
 """The paper's session on two machines: values written on one are read on the other, by name."""
 from __future__ import annotations
 
-import json
 import pathlib
 import tempfile
-from typing import Any
 
 import pytest
 
 from parts.guest import qemu
 from parts.guest.qemu import Guest
 
+from .camera import value
 from .segment import Segment
 
 pytestmark = pytest.mark.long
@@ -49,7 +48,3 @@ def exchange(writer: Guest, reader: Guest, name: str) -> None:
         writer.sh(f"ddxctl set {ITEM} in={count}")
         reader.wait_until(f"ddxctl show {name}:{ITEM} --json | grep -q '\"in\":{count},'")
         assert value(reader, f"{name}:{ITEM}") == {**before, "in": count}
-
-
-def value(guest: Guest, item: str) -> dict[str, Any]:
-    return dict(json.loads(guest.sh(f"ddxctl show {item} --json"))["value"])
