@@ -23,9 +23,11 @@ SETUP = 'mount --rbind /dev "$0/dev" && mount -t proc proc "$0/proc" && exec chr
 
 
 class Appliance:
-    """A root folder; its programs are killed with the holder process."""
+    """A root folder; its programs are killed with the holder process. Skips the test without root."""
 
     def __init__(self, folder: pathlib.Path) -> None:
+        if os.geteuid() != 0:
+            pytest.skip("a separate root folder needs root")
         self.root = folder / "root"
         shutil.copytree(busybox.busybox(), self.root, symlinks=True)
         for name in ("dev", "proc", "etc/default", "run/service", "run/log", "usr/libexec/ddx"):
@@ -68,9 +70,7 @@ class Appliance:
 
 @contextlib.contextmanager
 def with_service(folder: pathlib.Path) -> Iterator[Appliance]:
-    """A root folder with the scripts of services; skips the test without root."""
-    if os.geteuid() != 0:
-        pytest.skip("a separate root folder needs root")
+    """A root folder with the scripts of services."""
     appliance = Appliance(folder)
     appliance.install_service()
     yield appliance

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import fcntl
-import os
 import pathlib
 import time
 from collections.abc import Iterator
@@ -21,8 +20,6 @@ THING = "run/service/thing"
 
 @pytest.fixture
 def appliance(tmp_path: pathlib.Path) -> Iterator[Appliance]:
-    if os.geteuid() != 0:
-        pytest.skip("a separate root folder needs root")
     appliance = Appliance(tmp_path)
     yield appliance
     appliance.end()
