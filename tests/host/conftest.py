@@ -57,10 +57,11 @@ def root() -> pathlib.Path:
     return build.dev([native.build()]).parent / "root"
 
 
-@pytest.fixture(scope="session")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    """A second of numbered frames; some modules override it."""
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", 1)
+@pytest.fixture(scope="module")
+def clip(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> pathlib.Path:
+    """Numbered frames, for the module's SECONDS, or for one second; some modules have another clip."""
+    seconds = getattr(request.module, "SECONDS", 1)
+    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", seconds)
 
 
 @pytest.fixture(scope="session")

@@ -17,7 +17,7 @@ from parts.link.link import Counts, Link, Node, Way
 from parts.link.loss import NOTHING, Pattern
 from parts.media.clip import HEIGHT, RATE, WIDTH
 
-from .programs import TOP, Counters, Desk, Process, stop, wait_until
+from .programs import TOP, Counters, Desk, stop, wait_until
 from .stream import finish
 from .two_ends import Outcome, Shown, play, settled
 

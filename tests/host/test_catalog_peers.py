@@ -20,7 +20,9 @@ from parts.image import cargo, peers
 from parts.link.link import Link
 
 from .programs import Compiler, Process, lost, stop, wait_until
-from .test_catalog import Machine, read, write
+from .test_catalog import Machine, link, read, write
+
+__all__ = ["link"]  # a fixture
 
 HERE = pathlib.Path(__file__).parent
 MESSAGE = """std_msgs/Header header
@@ -72,12 +74,6 @@ class Laptop:
 
     def ros(self, *words: str) -> Process:
         return self.start("python", HERE / "ros_peer.py", *words)
-
-
-@pytest.fixture
-def link() -> Iterator[Link]:
-    with Link() as link:
-        yield link
 
 
 @pytest.fixture

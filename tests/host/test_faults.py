@@ -138,10 +138,15 @@ def test_slow_disk(desk: Desk, clip: pathlib.Path) -> None:
 
 # ---- Signals and exits ----
 
-def test_report_on_request(desk: Desk, clip: pathlib.Path) -> None:
+def record_loop(desk: Desk, clip: pathlib.Path) -> tuple[Process, Process]:
     saver = start_recorder(desk, "-output", "out.y4m")
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     wait_until(lambda: recording_begun(desk.folder / "out.y4m"))
+    return saver, loader
+
+
+def test_report_on_request(desk: Desk, clip: pathlib.Path) -> None:
+    saver, loader = record_loop(desk, clip)
     for process in (loader, saver):
         process.send_signal(signal.SIGUSR1)
         assert process.stdout
@@ -305,9 +310,7 @@ def test_a_small_store_keeps_fewer_frames_for_the_recorder(tmp_path: pathlib.Pat
 
 def test_killed_loader(desk: Desk, clip: pathlib.Path) -> None:
     """The recorder waits for the next writer of the item and goes on in the same file."""
-    saver = start_recorder(desk, "-output", "out.y4m")
-    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    wait_until(lambda: recording_begun(desk.folder / "out.y4m"))
+    saver, loader = record_loop(desk, clip)
     loader.kill()
     loader.wait()
     again = desk.run("ddxvideoload", clip, "-readers", "1")
@@ -322,9 +325,7 @@ def test_killed_loader(desk: Desk, clip: pathlib.Path) -> None:
 
 def test_store_restarted(desk: Desk, clip: pathlib.Path) -> None:
     """The frame path does not need the store, which may restart during a recording."""
-    saver = start_recorder(desk, "-output", "out.y4m")
-    loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
-    wait_until(lambda: recording_begun(desk.folder / "out.y4m"))
+    saver, loader = record_loop(desk, clip)
     desk.store.kill()
     desk.store.wait()
     wait_until(lambda: recording_begun(desk.folder / "out.y4m", 30))

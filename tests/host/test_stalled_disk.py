@@ -9,7 +9,7 @@ import subprocess
 import pytest
 
 from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_until
-from .test_record_commands import command, reached
+from .test_record_commands import command, count, reached
 
 
 class StalledDisk:
@@ -48,10 +48,6 @@ def is_recording(desk: Desk, saver: Process) -> bool:
 
 def recorded(desk: Desk) -> list[list[bytes]]:
     return [pictures(file) for file in sorted((desk.folder / "rec").glob("*.y4m"))]
-
-
-def count(desk: Desk, what: str) -> int:
-    return int(desk.stats("ddxvideosave")[what])
 
 
 def test_frames_are_taken_while_files_wait_to_be_closed(desk: Desk, disk: StalledDisk) -> None:

@@ -16,8 +16,8 @@ from . import two_ends
 from .lasting import Lasted, grown, lasting
 
 WIRE = 250  # kbit/s
-LAP = 20    # s; length of the clip, which is played in a loop
-FRAMES = LAP * numbered_clip.RATE
+SECONDS = 20  # of the clip, which is played in a loop
+FRAMES = SECONDS * numbered_clip.RATE
 LEAST = {"every third": (EveryThird(), 0.95), "iid": (Iid(0.3), 0.95), "bursts": (Bursts(0.3), 0.85),
          "outages": (Outages(0.3), 0.75)}
 
@@ -36,11 +36,6 @@ def test_wrong_pictures_and_growth_are_found() -> None:
     assert outcome([(8, 15), (9, 10), (FRAMES + 3, 3)], coded).wrong(FRAMES) == [(9, 10)]
     flat = [{"decode": 9000 + number % 3} for number in range(100)]
     assert grown([{"decode": 4000}, *flat]) == [] and grown([*flat, {"decode": 12000}]) != []
-
-
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", LAP)
 
 
 @pytest.mark.long

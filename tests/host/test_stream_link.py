@@ -21,11 +21,6 @@ SECONDS, SHORT = 8, 3
 
 
 @pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", SECONDS)
-
-
-@pytest.fixture(scope="module")
 def short(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     return numbered_clip.write(tmp_path_factory.mktemp("short") / "clip.y4m", SHORT)
 

@@ -23,11 +23,6 @@ CODECS = ["h264", "mpeg4"]
 JOIN = 5  # s until the first whole picture: H.264 is renewed column by column
 
 
-@pytest.fixture(scope="module")
-def clip(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
-    return numbered_clip.write(tmp_path_factory.mktemp("clip") / "clip.y4m", SECONDS)
-
-
 @pytest.fixture(params=CODECS)
 def sent(tmp_path: pathlib.Path, clip: pathlib.Path, request: pytest.FixtureRequest) -> Iterator[Stream]:
     """A continuous stream with its description in stream.sdp."""

@@ -17,13 +17,13 @@ from parts.media import clip as numbered_clip
 
 from .programs import ffmpeg, pictures
 from .stream import GROUP, PORT, Stream, make_key
-from .test_stream_players import JOIN, SCREEN, clip, follows, send, watch_window
+from .test_stream_players import JOIN, SCREEN, SECONDS, follows, send, watch_window
 
 ENOUGH = JOIN * numbered_clip.RATE + 50  # pictures
 WHITELIST = "file,udp,rtp,srtp,crypto"
 CIPHERS = "srtp-cipher=aes-128-icm,srtp-auth=hmac-sha1-80,srtcp-cipher=aes-128-icm,srtcp-auth=hmac-sha1-80"
 
-__all__ = ["clip"]  # a fixture
+__all__ = ["SECONDS"]  # of the clip
 pytestmark = pytest.mark.long
 
 

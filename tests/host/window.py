@@ -2,7 +2,6 @@
 """A viewer's window on a display."""
 from __future__ import annotations
 
-import subprocess
 import time
 from collections.abc import Callable
 
