@@ -96,11 +96,12 @@ def test_each_option_is_in_the_page(pages: pathlib.Path) -> None:
 def test_a_call_s_page_shows_the_text_of_its_header(pages: pathlib.Path) -> None:
     page = shown(pages, "man3/ddx_store_acquire.3")
     assert "int ddx_store_acquire(DDX_STORE_ITEM *item, struct ddx_frame *frame, double timeout, int tail);" in page
-    assert "Hold a value without copying it: it cannot change until ddx_store_release()." in page
+    assert "Hold a value without copying it: the value cannot change until ddx_store_release()." in page
     assert "uint64_t missed; /*" in page and "ddx.h(3)" in page
     assert shown(pages, "man3/ddx_store_item_type.3") == shown(pages, "man3/ddx_store_item_name.3")
     overview = shown(pages, "man3/ddx.h.3")
-    assert "-EHOSTUNREACH no other machine of this name is heard" in overview and "DDX_IN_ORDER = -1" in overview
+    assert "-EHOSTUNREACH the catalog has not heard from a machine of this name" in overview
+    assert "DDX_IN_ORDER = -1" in overview
     assert "SAMPLE y[MAX];" in shown(pages, "man3/ddxvideo.h.3") and "declaration_" not in overview
 
 
