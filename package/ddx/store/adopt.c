@@ -17,11 +17,11 @@
 #include "retired.h"
 #include "send.h"
 
-#define OFFERED 16 /* descriptors that are looked for when an offer did not get all of its own: it comes again */
-#define NOT_OURS "no store has made it, or for something else"
+#define OFFERED 16 /* descriptors to free when an offer arrived without all of its files: the client offers again */
+#define NOT_OURS "no store made these files, or they belong to another item"
 #define NO_MEMORY "no memory"
 #define NO_DESCRIPTOR "no descriptor is left"
-#define NO_ROOM "there is no room left; -m gives it"
+#define NO_ROOM "the memory budget is used up; give the store more with -m"
 
 void offer_abandon(struct client *client) {
     epoch_free(client->offered);
@@ -34,14 +34,14 @@ void offer_abandon(struct client *client) {
 }
 
 /*
- * It is hung up on, and tries again: there may be room next time. Were it to believe that it is known, it would wait
- * for news in vain. Said once for each that keeps trying.
+ * Disconnect the client, which then offers again: there may be room next time. If the offer were only dropped, the
+ * client would wait for messages in vain. Logged once for a client that keeps trying.
  */
 static void refuse(struct client *client, const char *why) {
     static int32_t last;
 
     if (client->pid != last)
-        log_line("%s: what %d offers cannot be taken back: %s", client->item->name, (int)client->pid, why);
+        log_line("%s: the offer of %d is refused: %s", client->item->name, (int)client->pid, why);
     last = client->pid;
     client->gone = true;
 }
@@ -85,8 +85,8 @@ static void take_slot(struct client *client, struct ddx_packet *packet) {
 }
 
 /*
- * Another holder of an epoch that the store knows. It may have slots that are new here; and if it is the writer, whose
- * connection was lost with messages in it, the store may not know which ones that has. True if readers must be told.
+ * Another holder of an epoch that the store knows. It may have slots that the store does not know; and if it is the
+ * writer, it may lack slots whose messages were lost with its connection. True if readers must be notified.
  */
 static bool merge(struct epoch *known, struct epoch *offered, bool by_writer) {
     bool changed = false;
@@ -111,7 +111,7 @@ static bool is_current(const struct item *item, const struct epoch *epoch) {
     return item->epoch && (item->epoch == epoch || ddx_memory_same(item->epoch->control_fd, epoch->control_fd));
 }
 
-/* Is there room for the item with this epoch instead of its own? */
+/* Whether the budget has room for the item with this epoch instead of its own. */
 static bool affordable(struct item *item, struct epoch *epoch) {
     struct epoch *former = item->epoch;
 
@@ -142,8 +142,8 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
         DDX_PASS(STORE_MERGED);
         return changed;
     }
-    /* An epoch that began in our time is the newest. Otherwise the one with the highest number is: a writer that
-     * slept through a change of writer reports an older one, and continues to write until it is notified. */
+    /* An epoch that began since this store runs is the newest. Otherwise the highest number is: a writer that was
+     * stopped during a change of writer reports an older one, and continues to write until it is notified. */
     if (item->epoch && (!item->foreign || item->pending || epoch->number < item->epoch->number ||
                         (epoch->number == item->epoch->number && (!writes || item->writer))))
         return 0;
@@ -158,7 +158,7 @@ static int adopt_epoch(struct item *item, struct client *client, bool writes) {
     return true;
 }
 
-/* `current`: what it writes is the item's epoch. */
+/* `current`: the client writes the item's current epoch. */
 static int adopt_writer(struct item *item, struct client *client, bool current) {
     if (item->writer || item->pending || (item->epoch && !current))
         return -EEXIST;
@@ -169,7 +169,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     client->offered_notice_fd = -1;
     if (result)
         return result;
-    /* It may have taken in news that our predecessor died over before the notice said so. */
+    /* It may have received messages of the former store, which died before it changed the notice. */
     if ((int32_t)(client->offered_seen - item->announced) > 0)
         item->announced = item->taken = client->offered_seen;
     item->writer = client;
@@ -182,7 +182,7 @@ static int adopt_writer(struct item *item, struct client *client, bool current) 
     return 0;
 }
 
-/* Whether a reader has this page already. */
+/* Whether a reader with this pin page is known already. */
 static bool reads(const struct item *item, int pin_fd) {
     for (const struct client *c = NULL; (c = item_next_reader(item, c));)
         if (ddx_memory_same(c->pin_fd, pin_fd))
@@ -199,7 +199,7 @@ static int adopt_reader(struct item *item, struct client *client) {
         return -EINVAL;
     if (reads(item, fd))
         return -EEXIST;
-    /* Its share may have gone to others while it was away: it gets what is left, but room for what it may hold. */
+    /* Other readers may have its share by now: it gets the rest, but at least one frame for each pin. */
     while (reader_add_slots(item, keep, 1)) {
         if (keep == least)
             return -EBUSY;
@@ -216,7 +216,7 @@ static int adopt_reader(struct item *item, struct client *client) {
     return result;
 }
 
-/* For a writer that another one has replaced: which of its frames was the last that counted. */
+/* For a writer that was replaced: the number of its last frame that was carried over. */
 static void tell_end(const struct item *item, const struct epoch *offered, struct ddx_message *reply) {
     const struct ended *ended = offered ? &item->ended[offered->number % ENDED] : NULL;
 
@@ -236,7 +236,7 @@ static void finish(struct client *client, uint32_t flags) {
         refuse(client, NO_ROOM);
         return;
     }
-    /* The writer hears of the readers before they hear of its epoch: from then on they may pin. */
+    /* The writer must know the readers before they get its epoch: from then on they may pin. */
     if (flags & DDX_FLAG_WRITER)
         reply.status = adopt_writer(item, client, offered && is_current(item, offered));
     if (reply.status && reply.status != -EEXIST)
@@ -257,7 +257,7 @@ static void finish(struct client *client, uint32_t flags) {
 void offer_message(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 
-    if (packet->cut && client->item) { /* with a part of it the item would not be what it was */
+    if (packet->cut && client->item) { /* an offer without all of its files would be an incomplete item */
         descriptors_for_item(client->item, OFFERED);
         refuse(client, NO_DESCRIPTOR);
         return;
@@ -271,7 +271,7 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
             return;
         struct item *item = item_find(client->store, m->name);
         if (item && !item_is_awaited(item) && !awaits && strcmp(item->type, m->type) != 0) {
-            client->gone = true; /* the name went to something else meanwhile */
+            client->gone = true; /* another item has this name by now */
             return;
         }
         if (item && item_is_awaited(item) && !awaits && item_define(item, m->type, layout))
@@ -298,5 +298,5 @@ void offer_message(struct client *client, struct ddx_packet *packet) {
         break;
     }
     if (!client->gone && client->item && client_holds_too_much(client))
-        refuse(client, "it offers much at once, and others need descriptors, too");
+        refuse(client, "too many files are offered at once, and other clients need descriptors");
 }

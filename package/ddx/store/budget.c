@@ -36,7 +36,7 @@ bool budget_allows(struct item *item, uint64_t reserved) {
         if (others + reserved <= store->settings->budget)
             return true;
         if (others - leftover_bytes(store, item) + reserved > store->settings->budget)
-            return false; /* nothing is dropped in vain */
+            return false; /* even dropping all of them would not be enough */
         struct item *victim = leftover_first(store, item, INT_MAX, NULL);
         if (!victim)
             return false;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The budget is a promise: what is reserved is never more than -m. An item reserves its memory and, since a new writer
- * needs files of its own while readers still look at the old ones, the same again for a change of writer.
+ * The budget: reservations never exceed -m. An item reserves its memory twice, since after a change of writer the new
+ * writer needs files of its own while readers still use the old ones.
  */
 #ifndef STORE_BUDGET_H
 #define STORE_BUDGET_H
@@ -10,11 +10,11 @@
 
 uint64_t budget_used(struct store *store);
 uint64_t budget_reserved(const struct store *store);
-/* May this item's reservation become `reserved`? Drops items without a holder, oldest first, to free memory. */
+/* Whether this item's reservation may become `reserved`. Drops items without a holder, oldest first, to free memory. */
 bool budget_allows(struct item *item, uint64_t reserved);
 /*
- * Before a process's next request: drop items that it has left, oldest first, while its share of checkpointed memory
- * is nearly used up.
+ * Before a process's next request: while its share of checkpointed memory is nearly used up, drop items that the
+ * process has left, oldest first.
  */
 void budget_make_room(struct store *store, const struct process *process);
 

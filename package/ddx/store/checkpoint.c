@@ -11,12 +11,12 @@
 
 #include "heap.h"
 
-#define ROOM ((size_t)64 << 20) /* address space; only what is used takes memory */
+#define ROOM ((size_t)64 << 20) /* address space; only used pages take memory */
 #define PAGES (ROOM / 4096)     /* at most; pages may be larger */
-#define OPEN 32                 /* pages that stay open: with so few, copying is cheaper than page faults */
-#define RANGES 64               /* to be given back by one commit, at most; the next one takes more */
+#define OPEN 32                 /* pages that stay open: copying these is cheaper than page faults */
+#define RANGES 64               /* returned by one commit at most; the next commit returns more */
 
-/* Seen by all workers: which copy counts. */
+/* Shared by all workers: which copy is valid. */
 static struct version {
     _Atomic(uint32_t) newest; /* 0: none yet; else 1 or 2 */
 } *version;
@@ -29,8 +29,8 @@ struct pages {
     unsigned count;
     uint32_t page[PAGES];
 };
-static struct pages open;  /* writable; in the order in which they became so */
-static struct pages stale; /* closed by the last commit, and not in the older copy as they are */
+static struct pages open;  /* writable; in the order of opening */
+static struct pages stale; /* closed by the last commit, not yet copied to the older copy */
 static size_t page_bytes, copied;
 static struct sigaction former;
 
@@ -45,7 +45,7 @@ int checkpoint_begin(void) {
     version = mmap(NULL, sizeof *version, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
     copy[0] = room(MAP_SHARED);
     copy[1] = room(MAP_SHARED);
-    heap = room(MAP_PRIVATE); /* each worker finds it empty, and at the same address */
+    heap = room(MAP_PRIVATE); /* empty and at the same address in each worker */
     if (version == MAP_FAILED || !copy[0] || !copy[1] || !heap)
         return -ENOMEM;
     madvise(heap, ROOM, MADV_NOHUGEPAGE); /* its pages are opened one by one */
@@ -60,7 +60,7 @@ static void add(struct pages *list, size_t page) {
     list->page[list->count++] = (uint32_t)page;
 }
 
-/* The worker writes to a page that is not open; or this is an error like any other, and kills it. */
+/* A write to a page that is not open opens the page. Any other access is an error and kills the worker. */
 static void on_fault(int number, siginfo_t *info, void *context) {
     size_t place = (uintptr_t)info->si_addr - (uintptr_t)heap;
 
@@ -80,7 +80,7 @@ static void close_all(void) {
     sigaction(SIGSEGV, &action, &former);
 }
 
-/* Both copies become what the newest one is: the worker that died may have left anything in the other. */
+/* Make the other copy equal to the newest one: the worker that died may have left it inconsistent. */
 bool checkpoint_restore(void) {
     uint32_t newest = atomic_load(&version->newest);
 
@@ -103,7 +103,7 @@ static void copy_pages(char *to, const struct pages *list) {
     copied += list->count * page_bytes;
 }
 
-/* Those that were opened first. */
+/* Close the pages that were opened first. */
 static void close_some(void) {
     unsigned some = open.count > OPEN ? open.count - OPEN : 0;
 
@@ -124,7 +124,7 @@ static void leave_out(struct pages *list, size_t first, size_t end) {
     list->count = count;
 }
 
-/* Heap and copies may differ there afterwards: what is free has no content. */
+/* Heap and copies may differ in this range afterwards: free memory has no content. */
 static void give_back(size_t from, size_t to) {
     size_t first = (from + page_bytes - 1) / page_bytes, end = to / page_bytes;
 
@@ -149,10 +149,10 @@ void checkpoint_commit(void) {
     copied = 0;
     copy_pages(copy[next - 1], &stale);
     copy_pages(copy[next - 1], &open);
-    /* Last, and after all of the copy: a worker that dies before this leaves the former one. */
+    /* After the whole copy: a worker that dies before this leaves the former copy valid. */
     atomic_store(&version->newest, next);
     close_some();
-    /* Only now: until then the former copy counted, in which these ranges may be in use. */
+    /* Only now: until here the former copy was valid, in which these ranges may be in use. */
     for (unsigned i = 0; i < ranges; i++)
         give_back(from[i], to[i]);
 }

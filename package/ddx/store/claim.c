@@ -18,9 +18,9 @@
 #include "retired.h"
 #include "send.h"
 
-#define BESIDE 4 /* descriptors of an epoch besides its frames: control page, notice, for readers, to watch its end */
+#define BESIDE 4 /* other descriptors of an epoch: control page, notice, the readers' one, the one to watch its end */
 
-/* May this client write this layout? */
+/* Whether this client may write this layout. */
 static int permitted(struct client *client, const struct ddx_layout *layout) {
     struct item *item = client->item;
 
@@ -29,7 +29,7 @@ static int permitted(struct client *client, const struct ddx_layout *layout) {
     if (item->writer)
         return item->writer == client ? -EINVAL : -EEXIST;
     if (item->adopted && !item->store->settled && ddx_memory_held(item->epoch->control_fd))
-        return -EEXIST; /* its writer outlived our predecessor and will report; unless it is stopped */
+        return -EEXIST; /* its writer outlived the former store and will report, unless it is stopped */
     if (item->away && item->epoch && ddx_memory_held(item->epoch->control_fd))
         return -EEXIST;
     if (item->readers)
@@ -48,8 +48,8 @@ static int new_notice(struct item *item) {
 
 /*
  * Readers that awaited the item asked for frames before the size was known. The writer takes precedence: each reader
- * keeps half of its frames, at least one. False if there is nothing to take away, or a reader has seen frames and
- * relies on its share.
+ * keeps half of its frames, at least one. False if no reader can keep less, or if readers have seen frames and rely on
+ * their shares.
  */
 static bool keep_less(struct item *item) {
     bool less = false;
@@ -66,8 +66,7 @@ static bool keep_less(struct item *item) {
     return less;
 }
 
-/* What the files of a new epoch take of the budget: now those of former ones and its own; afterwards the new ones and
- * the room for the next. */
+/* The budget that a new epoch needs: now for the former epochs' files and its own; later for its own and the next's. */
 static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     uint64_t one =
         ddx_page_round(sizeof(struct ddx_control)) + (2 + item->keep_total) * frame_bytes + ddx_page_round(1);
@@ -77,7 +76,7 @@ static uint64_t most_of(const struct item *item, uint64_t frame_bytes) {
     return (old > one ? old : one) + one + pins;
 }
 
-/* Never twice: a program may still have the files of an epoch that has not begun. */
+/* No number is used twice: a program may still have the files of an epoch that never began. */
 static uint32_t next_number(const struct item *item) {
     uint32_t last = (int32_t)(item->numbered - item->epochs) > 0 ? item->numbered : item->epochs;
 
@@ -108,8 +107,8 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
     while (!budget_allows(item, most_of(item, epoch->runs.file_bytes)) && keep_less(item))
         continue;
     if (item->keep_total < wanted)
-        log_line("%s: %u frames are kept for its readers, not %u: there is no room for more; -m gives it", item->name,
-             item->keep_total, wanted);
+        log_line("%s: %u frames are kept for its readers, not %u: the memory budget is used up; give the store more "
+                 "with -m", item->name, item->keep_total, wanted);
     unsigned slots = 2 + item->keep_total;
     if (slots > DDX_SLOTS_MAX || !budget_allows(item, most_of(item, epoch->runs.file_bytes)))
         result = -ENOSPC;
@@ -150,7 +149,7 @@ void writer_claim(struct client *client, const struct ddx_layout *layout) {
     }
     item->writer = client;
     item->adopted = item->away = false;
-    tell_all(client); /* DONE follows when it is ready */
+    tell_all(client); /* DONE follows when the writer is ready */
 }
 
 static void go_live(struct item *item) {
@@ -162,13 +161,13 @@ static void go_live(struct item *item) {
     DDX_PASS(STORE_LIVE);
     notify_epoch_to_all(item);
     readers_count(item);
-    /* After the readers were told: what is written when the claim returns, they can see. */
+    /* After the notifications to the readers: they must see the first frame that is written after the claim. */
     client_reply(item->writer, DDX_DONE, 0);
-    log_line("%s: %d writes it, %llu bytes a frame", item->name, (int)item->writer->pid,
+    log_line("%s: the writer is %d, %llu bytes a frame", item->name, (int)item->writer->pid,
          (unsigned long long)item->epoch->runs.file_bytes);
 }
 
-/* Its readers are known to the new writer, each of them, and all its slots are there. */
+/* Once the new writer knows all readers and has mapped all slots. */
 static void go_live_if_ready(struct item *item) {
     if (item->pending && epoch_ready(item->pending) && item->taken == item->announced)
         go_live(item);
@@ -208,8 +207,8 @@ bool writers_go_on(struct store *store) {
 }
 
 /*
- * The writer cannot take a file: without it, it cannot write at all; or it continues, and the reader of that file is
- * refused.
+ * The writer cannot map a file. If the file belongs to the pending epoch, the claim fails; otherwise the writer
+ * continues, and the reader that the file was for is refused.
  */
 static void refused(struct client *client, struct epoch *epoch, const struct ddx_message *m) {
     if (epoch == client->item->pending) {
@@ -237,7 +236,7 @@ void writer_ready(struct client *client, const struct ddx_message *m) {
         refused(client, epoch, m);
         return;
     }
-    /* Its word is not enough: readers get nothing that anybody could map writable. */
+    /* The store checks this itself: readers must not get a file that a program could map writable. */
     if (m->index == DDX_NO_SLOT)
         epoch->control_ready = ddx_memory_sound(epoch->control_fd, ddx_page_round(sizeof(struct ddx_control)), true);
     else if (m->index < DDX_SLOTS_MAX && epoch->slot_fd[m->index] >= 0 && !epoch->slot_ready[m->index] &&
@@ -267,11 +266,11 @@ void writer_taken(struct client *client, const struct ddx_message *m) {
     while ((reader = item_next_reader(item, reader)) && reader->id != m->index)
         continue;
     if (m->status && reader && reader->admitted && !reader->asked && item->pending) {
-        give_up(client, m->status); /* it would write over what this one holds */
+        give_up(client, m->status); /* it would overwrite frames that this reader holds */
         return;
     }
-    /* First: a reader that is admitted now must hear of the new epoch before it hears that it is admitted, to find
-     * the newest value. */
+    /* First: a reader that is admitted now must get the new epoch before the answer that it is admitted, to find the
+     * newest value. */
     go_live_if_ready(item);
     if (reader)
         reader_taken(reader, m->status);
@@ -282,10 +281,10 @@ void writer_left(struct client *client) {
 
     if (!item || item->writer != client)
         return;
-    log_line("%s: its writer %d is gone; the last frame stays", item->name, (int)client->pid);
+    log_line("%s: its writer %d has left; the last frame remains", item->name, (int)client->pid);
     item->writer = NULL;
     item->away = !item->pending;
-    /* It may have died between W7 and the wake-up: then readers sleep over a frame that is there. */
+    /* It may have died between W7 and the wake-up: then readers sleep although a frame is there. */
     if (item->epoch)
         ddx_futex_wake(&item->epoch->control->latest);
     epoch_retire(item, item->pending);

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A writer's term: claim, get ready, go live, end. */
+/* A writer's term: claim, preparation, begin, end. */
 #ifndef STORE_CLAIM_H
 #define STORE_CLAIM_H
 
 #include "state.h"
 
-/* More files of the claims that are being prepared, some of each. Whether there was anything to do. */
+/* Make more files for the claims in preparation, some for each. Whether there was work to do. */
 bool writers_go_on(struct store *store);
 void writer_claim(struct client *client, const struct ddx_layout *layout);
 void writer_ready(struct client *client, const struct ddx_message *message);

@@ -6,10 +6,10 @@
 #include "descriptors.h"
 #include "leftover.h"
 
-#define WANTED_MAX (DDX_SLOTS_MAX + 8u) /* an item's frames, and what goes with them */
+#define WANTED_MAX (DDX_SLOTS_MAX + 8u) /* an item's frames and its other files */
 #define NEEDED "descriptors are"
 
-/* How many could be had now, up to `wanted`. */
+/* Number of free descriptors, up to `wanted`. */
 static unsigned count_free(unsigned wanted) {
     int fd[WANTED_MAX];
     unsigned count = 0;

@@ -10,7 +10,7 @@
 #include "memfd_name.h"
 
 #define NUMBER_MAX (UINT64_MAX / 4) /* no writer reaches it; beyond it numbers could overflow */
-#define CARRY_ATTEMPTS 20 /* to copy a frame that its writer, given up but alive, writes over */
+#define CARRY_ATTEMPTS 20 /* to copy a frame that a replaced but living writer overwrites */
 
 struct ddx_layout *store_layout(const struct ddx_layout *layout) {
     size_t bytes = ddx_layout_bytes(layout->field_count);
@@ -67,7 +67,7 @@ int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count) {
     }
     if (!count)
         return 0;
-    /* All or none. The writer knows nothing of new ones. */
+    /* All or none. The writer does not know the new ones yet. */
     for (unsigned i = DDX_SLOTS_MAX; i-- > 0 && epoch->slots > before;)
         if (epoch->slot_fd[i] >= 0 && !epoch->slot_ready[i] && !epoch->slot_told[i]) {
             file_close(epoch->slot_fd[i]);
@@ -96,7 +96,7 @@ bool epoch_ready(const struct epoch *epoch) {
     return epoch->control_ready;
 }
 
-/* Whole, if the frame is still in its slot afterwards: a writer that was given up may live, and write. */
+/* The copy is whole if the frame is still in its slot afterwards: a replaced writer may still live, and write. */
 static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *frame, void *to) {
     const ddx_word *generation = &from->control->slot[frame->slot].generation;
     size_t bytes = (size_t)from->runs.file_bytes;
@@ -110,15 +110,14 @@ static bool copy_frame(const struct epoch *from, const struct ddx_ring_frame *fr
     }
     munmap(old, bytes);
 #pragma GCC diagnostic push
-#pragma GCC diagnostic ignored "-Wtsan" /* cannot see fences, nor other processes */
+#pragma GCC diagnostic ignored "-Wtsan" /* ThreadSanitizer knows neither fences nor other processes */
     atomic_thread_fence(memory_order_acquire);
 #pragma GCC diagnostic pop
     return atomic_load_explicit(generation, memory_order_relaxed) == (uint32_t)frame->sequence << 1;
 }
 
 /*
- * The newest existing frame: the very last one may be in a slot that no remaining holder knows.
- * Never an unpublished one.
+ * The newest published frame whose slot the store has: the last one may be in a slot that no remaining holder knows.
  */
 static bool newest_left(const struct epoch *from, uint64_t last, struct ddx_ring_frame *frame) {
     bool found = false;
@@ -137,7 +136,7 @@ static bool newest_left(const struct epoch *from, uint64_t last, struct ddx_ring
     return found;
 }
 
-/* The last whole frame of a writer that is gone becomes the first one of its successor, so that it stays readable. */
+/* The last whole frame of a former writer becomes the first one of the next writer, so that it remains readable. */
 bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence) {
     size_t bytes = (size_t)to->runs.file_bytes;
     bool same = ddx_layout_same(from->layout, to->layout), carried = false;

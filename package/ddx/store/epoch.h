@@ -5,17 +5,17 @@
 
 #include "state.h"
 
-struct ddx_layout *store_layout(const struct ddx_layout *layout); /* a copy that is kept; NULL: no memory */
+struct ddx_layout *store_layout(const struct ddx_layout *layout); /* a copy in checkpointed memory; NULL: no memory */
 
 struct epoch *epoch_new(const struct ddx_layout *layout, uint32_t number);
 int epoch_create_control(struct epoch *epoch, const char *name);
 int epoch_add_slots(struct epoch *epoch, const char *name, unsigned count);
-/* How many of `count` slots are made in one turn of the worker; the others wait, since other clients must not. */
+/* How many of `count` slots the worker makes in one turn; the rest follow in later turns, after other clients. */
 unsigned epoch_slots_a_turn(const struct epoch *epoch, unsigned count);
-/* Slots that there are, or will be before it begins. */
+/* Number of slots that the epoch has, or will have when it begins. */
 unsigned epoch_slots_planned(const struct epoch *epoch);
 bool epoch_ready(const struct epoch *epoch);
-/* True if a frame was carried over; *sequence is the number with which `from` ends, if it has any. */
+/* True if a frame was carried over; *sequence: number of the last frame of `from`, if it has one. */
 bool epoch_carry_over(struct epoch *from, struct epoch *to, uint64_t *sequence);
 void epoch_free(struct epoch *epoch);
 

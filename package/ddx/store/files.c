@@ -12,14 +12,14 @@
 #include "holder.h"
 #include "checkpoint.h"
 
-#define OTHERS 64 /* descriptors that were open when the store began, at most */
+#define OTHERS 64 /* most descriptors that were open when the store began */
 
 static struct files *files;
 
 static int others[OTHERS];
 static unsigned other_count;
 
-/* To be closed after the next commit. Not kept: what a dead worker did not close, the next one sweeps. */
+/* To be closed after the next commit. Not checkpointed: files_sweep() closes the descriptors of a dead worker. */
 static int *closing;
 static unsigned closing_count, closing_room;
 
@@ -84,12 +84,12 @@ void files_commit(void) {
     checkpoint_commit();
     DDX_PASS(STORE_COMMITTED);
     while (closing_count) {
-        close(closing[--closing_count]); /* the kernel frees the memory at once, and it may be a lot */
+        close(closing[--closing_count]); /* the kernel frees the memory here, which may take long */
         holder_beat();
     }
 }
 
-/* Calls `what` for each open descriptor but that of the look itself. */
+/* Call `what` for each open descriptor except the folder's own. */
 static void each_open(void (*what)(void *context, int fd), void *context) {
     DIR *folder = opendir("/proc/self/fd");
 

@@ -6,30 +6,30 @@
 
 #define UNIT 16u      /* bytes; sizes are multiples of it */
 #define BINS 32       /* lists of free blocks: of 1 unit, 2 to 3, 4 to 7, ... */
-#define LOOKS 8       /* at blocks that may be too small; each block of the next list is large enough */
-#define WORTH 65536u  /* bytes that are given back together; less costs more time than it saves memory */
+#define LOOKS 8       /* blocks to try that may be too small; each block of the next list is large enough */
+#define WORTH 65536u  /* bytes to return to the system at least; for less the call costs more than the memory saved */
 
 /* In front of each piece. */
 struct block {
     _Alignas(16) void *owner;
-    uint32_t before;    /* size of the block below it; 0: there is none */
+    uint32_t before;    /* size of the block below this one; 0: none */
     uint32_t size : 31; /* in units, with this header */
     uint32_t spare : 1;
 };
 
-/* A free block. Never the last one, which is cut off instead, and never next to another. */
+/* A free block. It is never the last block (`used` shrinks instead), and never next to another free block. */
 struct spare {
     struct block block;
     struct spare *next, *former;
-    uint32_t fresh; /* units of it that were in use since it was given back */
+    uint32_t fresh; /* units that were in use since the block was last returned to the system */
 };
 #define LEAST ((uint32_t)((sizeof(struct spare) + UNIT - 1) / UNIT))
 
 struct heap {
-    _Alignas(16) size_t room, used; /* bytes from here on */
-    size_t top;                     /* what was used at most, since what lies above `used` was given back */
+    _Alignas(16) size_t room, used; /* bytes, counted from this struct */
+    size_t top;                     /* maximum of `used` since the memory above it was last returned to the system */
     uint32_t last;                  /* size of the last block, in units */
-    bool loose;                     /* there may be a free block that is worth giving back */
+    bool loose;                     /* there may be a free block that is worth returning */
     struct spare *bin[BINS];
 };
 
@@ -64,7 +64,7 @@ static void put_in(struct heap *heap, struct block *block, uint32_t fresh) {
     heap->loose |= (size_t)spare->fresh * UNIT >= WORTH;
 }
 
-/* How much of it is fresh. */
+/* Returns `fresh` of the block. */
 static uint32_t take_out(struct heap *heap, struct block *block) {
     struct spare *spare = (void *)block;
 
@@ -92,7 +92,7 @@ static struct block *find(const struct heap *heap, uint32_t size) {
     return NULL;
 }
 
-/* Take a free block; what is left of it stays free. */
+/* Take a free block; the rest of the block stays free. */
 static struct block *cut(struct heap *heap, struct block *block, uint32_t size) {
     uint32_t fresh = take_out(heap, block), rest = block->size - size;
     struct block *tail = (void *)((char *)block + (size_t)size * UNIT);

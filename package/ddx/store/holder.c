@@ -22,18 +22,18 @@
 #include "log.h"
 
 /*
- * ns without a beat, by the clock; between two looks at most LOOK counts, since a holder that was stopped cannot know
- * whether its worker was, too. Clients give up what they ask after five seconds, and then ddxhealth starts the whole
- * store again; the next worker has to answer before that.
+ * ns without a beat, by the clock. At most LOOK counts between two checks, since a holder that was stopped cannot know
+ * whether its worker was stopped too. Clients give up a request after five seconds, and then ddxhealth restarts the
+ * whole store; the next worker must answer before that.
  */
 #define HUNG INT64_C(3000000000)
 #define LOOK INT64_C(1000000000)
-#define PATIENCE INT64_C(2000000000) /* ns that a worker gets to end */
-#define STRIKES 3        /* workers that one client may cost */
-#define HASTE 20         /* workers within a second; then it takes its time */
-#define REST 100000000   /* ns */
+#define PATIENCE INT64_C(2000000000) /* ns that a worker gets to exit */
+#define STRIKES 3        /* workers that one client may kill */
+#define HASTE 20         /* workers within a second without a pause */
+#define REST 100000000   /* ns of that pause */
 
-/* What holder and workers tell each other; a test that is its own worker has no holder. */
+/* Shared by holder and workers; a test that is its own worker has no holder. */
 static struct watch {
     _Atomic(uint32_t) beats;
     _Atomic(int32_t) serving; /* socket plus one, 0: none */
@@ -59,7 +59,7 @@ unsigned holder_restarts(void) {
 
 static pid_t start(int (*work)(void)) {
     pid_t holder = getpid();
-    /* As fork(), but for the table of descriptors, which no call of the C library shares. */
+    /* As fork(), but with a shared descriptor table, which the C library does not offer. */
     pid_t pid = (pid_t)syscall(SYS_clone, CLONE_FILES | SIGCHLD, NULL, NULL, NULL, NULL);
 
     if (pid)
@@ -74,7 +74,7 @@ static pid_t start(int (*work)(void)) {
     exit(work());
 }
 
-/* Whose request killed it? */
+/* Count the death against the client whose request was being handled. */
 static void blame(void) {
     static int32_t last, strikes;
     int32_t served = atomic_exchange(&watch->serving, 0);
@@ -84,7 +84,7 @@ static void blame(void) {
     watch->banned = served && strikes >= STRIKES ? served : 0;
 }
 
-/* One that dies as soon as it begins must not take all of the processor. */
+/* Workers that die as soon as they begin must not take all processor time. */
 static void slow_down(void) {
     static int64_t since;
     static unsigned count;
@@ -107,14 +107,14 @@ static void end(pid_t worker) {
     for (int64_t now, deadline = ddx_time_now() + PATIENCE; (now = ddx_time_now()) < deadline;) {
         if (waitpid(worker, NULL, WNOHANG) == worker)
             return;
-        /* It may be reported first that it goes on. */
+        /* The first SIGCHLD may only report that the worker continues. */
         sigtimedwait(&child, NULL, &(struct timespec){(deadline - now) / 1000000000, (deadline - now) % 1000000000});
     }
     kill(worker, SIGKILL);
     waitpid(worker, NULL, 0);
 }
 
-/* False: it is dead. */
+/* False: the worker is dead; logs how it died. */
 static bool still_there(pid_t worker) {
     int status;
 
@@ -128,11 +128,11 @@ static bool still_there(pid_t worker) {
 }
 
 struct silence {
-    uint32_t beats; /* at the last look */
+    uint32_t beats; /* at the last check */
     int64_t looked, lasted;
 };
 
-/* However often signals wake the holder. True once for each silence. */
+/* True once for each silence, however often signals wake the holder. */
 static bool hangs(struct silence *silence) {
     int64_t now = ddx_time_now(), passed = now - silence->looked;
     uint32_t beats = watch->beats;
@@ -181,7 +181,7 @@ int holder_run(int (*work)(void)) {
         blame();
         slow_down();
 #ifdef DDX_FAULTS
-        unsetenv("DDX_FAULT"); /* a test has planned one death, not that of each */
+        unsetenv("DDX_FAULT"); /* the fault is for the first worker only */
 #endif
         watch->restarts++;
     }

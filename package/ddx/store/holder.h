@@ -1,26 +1,26 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Two processes make a store: the worker does all the work, and the holder starts the next one when it has died or
- * hangs. Holder and worker share one table of descriptors (CLONE_FILES), so sockets, memory files and locks are open as
- * long as either lives; what the worker knew is kept (checkpoint.h). Its clients notice nothing.
+ * A store consists of two processes: the worker does all the work, and the holder starts the next worker after one has
+ * died or hangs. Holder and worker share one descriptor table (CLONE_FILES), so sockets, memory files and locks remain
+ * open while either lives; the worker's state is checkpointed (checkpoint.h). Clients do not notice the change.
  */
 #ifndef STORE_HOLDER_H
 #define STORE_HOLDER_H
 
-/* Returns the exit status when the program was told to end. `work` is the worker, and gives its exit status. */
+/* Run workers until a request to stop; returns the exit status. `work` is the worker; it returns its exit status. */
 int holder_run(int (*work)(void));
 
-/* By the worker, at least once a second, or it is taken to hang. */
+/* By the worker, at least once a second; otherwise the holder takes it to hang. */
 void holder_beat(void);
 
 /*
- * By the worker: the client (a socket) whose request it handles from now on, -1: none. A client that has cost three
- * workers their lives is not served any more: the next worker finds it here, -1: none.
+ * By the worker: holder_serving() names the client (a socket, -1: none) whose request is handled from now on. A client
+ * whose requests killed three workers is not served again: holder_banned() returns it to the next worker, or -1.
  */
 void holder_serving(int socket);
 int holder_banned(void);
 
-/* How many workers there were before this one. */
+/* Number of workers before this one. */
 unsigned holder_restarts(void);
 
 #endif

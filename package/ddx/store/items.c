@@ -118,11 +118,11 @@ uint64_t item_reserved(const struct item *item) {
     uint64_t next = epoch ? control_bytes() + ddx_page_round(1) + (2 + item->keep_total) * epoch->runs.file_bytes : 0;
     uint64_t now = item_bytes(item), then = now + next, ended = retired_bytes(item->store, item);
 
-    /* While a new writer prepares its epoch, the reservation is in use; the new files may be larger than the old ones,
-     * and then there must be room for the next. */
+    /* While a new writer prepares its epoch, the pending files use the reservation for the next epoch; once they
+     * replace the old ones, there must be room for a further epoch. */
     if (item->pending && item->epoch)
         then -= epoch_bytes(item->epoch);
-    /* An epoch that a client has not left yet occupies the place of the next one. */
+    /* An ended epoch that a client still maps uses the reservation for the next one. */
     return then > now + ended ? then : now + ended;
 }
 

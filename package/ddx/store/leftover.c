@@ -26,7 +26,7 @@ static bool any_below(const struct item *item, int below) {
     return epoch->control_fd < below;
 }
 
-/* Whether this account, NULL: any, pays for it. */
+/* Whether the item is charged to this account (NULL: any). */
 static bool is_paid_by(const struct item *item, const struct checkpoint_account *payer) {
     return !payer || checkpoint_account(item) == payer || (item->epoch && checkpoint_account(item->epoch) == payer);
 }
@@ -45,7 +45,7 @@ struct item *leftover_first(const struct store *store, const struct item *except
         if (item->epoch)
             ddx_ring_peek(item->epoch->control, &frame);
         bool book = !strcmp(item->type, BOOK);
-        /* The first one in any case: a writer may have given its frame the latest time that there is. */
+        /* The first one in any case: its frame may have the time INT64_MAX. */
         if (!found || (book != found_book ? found_book : frame.time < oldest)) {
             oldest = frame.time;
             found = item;

@@ -16,7 +16,7 @@
 #include "../lib/wire.h"
 
 #define LOCK_TRIES 100
-#define BACKLOG 1024 /* connections that wait; to one more it looks as if no store ran */
+#define BACKLOG 1024 /* waiting connections; a further one is refused as if no store ran */
 #define LOCK_STEP 10000000 /* ns */
 
 /* One store per port: the lock is held as long as this process lives, however it ends. */
@@ -27,7 +27,7 @@ static int lock_port(const char *path) {
     int fd = open(name, O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
     if (fd < 0)
         return -errno;
-    /* The worker of a store that was killed may live a moment longer. */
+    /* After a store was killed, its worker may live a moment longer. */
     for (int i = 0; flock(fd, LOCK_EX | LOCK_NB); i++) {
         if (i == LOCK_TRIES) {
             close(fd);
@@ -46,7 +46,7 @@ static int make_folder(const char *path) {
     *strrchr(folder, '/') = 0;
     if (mkdir(folder, 0755) && errno != EEXIST)
         return -errno;
-    /* In a folder that another user made, or can change, programs believe no store. */
+    /* Programs trust no store in a folder that another user made or can change. */
     int result = ddx_folder_owner(path, &owner);
     if (result)
         return result;
@@ -72,7 +72,7 @@ int listen_on(int port, char *path, size_t bytes, bool *restarted) {
     int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
     if (fd < 0)
         return -errno;
-    /* Group and owner only; on the appliance the folder hands its group, ddx, down. */
+    /* Group and owner only; on the appliance the socket inherits the folder's group, ddx. */
     mode_t before = umask(0117);
     result = bind(fd, (struct sockaddr *)&address, sizeof address) || listen(fd, BACKLOG) ? -errno : 0;
     umask(before);

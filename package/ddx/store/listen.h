@@ -6,8 +6,8 @@
 #include <stddef.h>
 
 /*
- * A listening socket for this port; its path is put into `path`. `restarted`: a store ran here before, so there may be
- * living holders of items. -EADDRINUSE: a store runs here now.
+ * Open a listening socket for this port; its path goes into `path`. *restarted: a store ran here before, so there may
+ * be living holders of items. -EADDRINUSE: a store runs here now.
  */
 int listen_on(int port, char *path, size_t bytes, bool *restarted);
 

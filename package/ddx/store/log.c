@@ -11,8 +11,8 @@
 #define NOTES 100 /* lines a second at most */
 
 /*
- * The log's reader may be stopped, or its disk full: nothing that is said here is worth waiting for. A pipe that poll()
- * calls writable has room for PIPE_BUF bytes.
+ * The log's reader may be stopped, or its disk full: the store does not wait for it. A pipe that poll() reports as
+ * writable has room for PIPE_BUF bytes.
  */
 bool log_text(int fd, const char *text, size_t length) {
     struct pollfd room = {.fd = fd, .events = POLLOUT};
@@ -28,7 +28,7 @@ void log_line(const char *format, ...) {
     char text[512] = "store: ";
     va_list arguments;
 
-    /* A program that does nonsense as fast as it can must not fill the log. */
+    /* A client that sends bad requests as fast as it can must not fill the log. */
     if (ddx_time_now() / 1000000000 != second)
         lines = 0;
     second = ddx_time_now() / 1000000000;

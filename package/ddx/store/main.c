@@ -26,7 +26,7 @@ static const char usage[] = "usage: store [-m SIZE] [-port N]\n"
                             "Keeps the names of items in shared memory, and their memory.\n"
                             "\n"
                             "  -m SIZE    memory for all items together, for example 8M (the default), 512K, 1G\n"
-                            "  -port N    several stores on one machine are told apart by this number; default 2005\n"
+                            "  -port N    number of this store, if several run on one machine; default 2005\n"
                             "  -help      this text; -version\n"
                             "\n"
                             "The store runs until it gets TERM or INT; USR1 prints one line of JSON.\n";
@@ -54,7 +54,7 @@ static bool parse_size(const char *text, uint64_t *bytes) {
     return true;
 }
 
-/* 0 if it is none. */
+/* 0 if the text is not a port. */
 static int parse_port(const char *text) {
     char *end;
     unsigned long port = strtoul(text, &end, 10);
@@ -62,7 +62,7 @@ static int parse_port(const char *text) {
     return *text >= '0' && *text <= '9' && !*end && port <= 65535 ? (int)port : 0;
 }
 
-/* 0: go on; else the exit status plus one. */
+/* 0: continue; else the exit status plus one. */
 static int parse_options(int argc, char **argv) {
     static const struct option options[] = {{"m", required_argument, NULL, 'm'},
                                             {"port", required_argument, NULL, 'p'},
@@ -100,7 +100,7 @@ static int parse_options(int argc, char **argv) {
     return 0;
 }
 
-/* One descriptor for each frame, reader and handle: the shell's usual limit of 1024 is soon reached. */
+/* One descriptor is needed for each frame, reader and handle: the usual limit of 1024 is soon reached. */
 static void allow_descriptors(void) {
     struct rlimit limit;
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A memory file's name states its purpose, and its owner its maker: no holder of the file can change
- * either. So after a restart the store recognizes its predecessor's files, and accepts no others, nor
- * these for another item, epoch, layout or place.
+ * A memory file's name states its purpose, and its owner the user that made it; no holder of the file can change
+ * either. So after a restart the store recognizes the files of the former store, accepts no others, and accepts each
+ * only for its item, epoch, layout and slot.
  */
 #include <stdio.h>
 #include <string.h>

@@ -33,7 +33,7 @@ void notify_epoch(const struct item *item, struct client *reader) {
     strcpy(message.name, item->name);
     strcpy(message.type, item->type); /* new to clients that awaited the item */
     message.sequence = ddx_ring_peek(epoch->control, &frame) ? frame.sequence : 0;
-    if (message.sequence < item->sequence) /* of what was published in the one before, not all may be left */
+    if (message.sequence < item->sequence) /* the last frame of the former epoch may not have been carried over */
         message.sequence = item->sequence;
     message.missed = item->sequence;
     message.frames = reader->keep;

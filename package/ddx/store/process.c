@@ -4,12 +4,12 @@
 #include "checkpoint.h"
 #include "log.h"
 
-#define SHARE 16 /* messages of one process in a turn; then the others are heard */
+#define SHARE 16 /* messages of one process handled in a turn, so that others get theirs */
 
 struct process *process_join(struct store *store, int32_t pid) {
     struct process *process = store->processes;
 
-    while (process && (process->pid != pid || !process->clients)) /* a process that is gone had that number, too */
+    while (process && (process->pid != pid || !process->clients)) /* a dead process may have had the same number */
         process = process->next;
     if (!process) {
         if (!(process = checkpoint_allocate(sizeof *process)))

@@ -16,16 +16,16 @@
 #include "send.h"
 
 /* ns */
-#define STOPPED 100000000   /* after which a writer that says nothing seems to be stopped */
-#define PATIENCE 4000000000 /* that a reader waits at most; it gives up after five seconds itself */
-#define AGAIN 50000000      /* between attempts to tell a writer of a reader that it could not see */
+#define STOPPED 100000000   /* without an answer, after which a writer seems to be stopped */
+#define PATIENCE 4000000000 /* that a reader waits at most; the reader itself gives up after five seconds */
+#define AGAIN 50000000      /* between announcements of a reader whose pins the writer could not map */
 
-/* NULL: it was never written, and the size of its frames is unknown. */
+/* NULL: the item was never written, and the size of its frames is unknown. */
 static struct epoch *newest_epoch(const struct item *item) {
     return item->pending ? item->pending : item->epoch;
 }
 
-/* Slots to be made for `keep` frames more; -EBUSY: there is no room for them. */
+/* Number of slots to add so that `keep` more frames can be kept; -EBUSY: no room for them. */
 static int slots_to_add(struct item *item, unsigned keep, unsigned pages) {
     const struct epoch *epoch = newest_epoch(item);
     unsigned wanted = 2 + item->keep_total + keep, more = 0;
@@ -84,8 +84,8 @@ static int may_attach(const struct client *client, unsigned keep) {
 
     if (keep < 1 || keep > DDX_READERS_MAX)
         return -EINVAL;
-    /* Whose writer lives, but is not heard (it has not reported since we started, or stopped listening): it would not
-     * look at the new pins. Nor while another one gets ready to replace it: until then its frames are the item's. */
+    /* The writer lives, but is not connected (it has not reported since this store started, or has disconnected), so it
+     * would not check the new pins. Also while another writer prepares to replace it: until then it may still write. */
     if (item->epoch && (!item->writer || item->pending) && ddx_memory_held(item->epoch->control_fd))
         return -EAGAIN;
     return 0;
@@ -101,9 +101,9 @@ bool reader_must_wait(struct client *client, unsigned keep) {
     unsigned now = more > 0 ? epoch_slots_a_turn(epoch, (unsigned)more) : 0;
     if (more <= (int)now)
         return false;
-    /* For all of them: no item is dropped, and no file made, for a request that is refused in the end. */
+    /* Descriptors for all slots: a request that must be refused in the end shall drop no items and make no files. */
     if (!descriptors_for_item(item, (unsigned)more + !client->id) || epoch_add_slots(epoch, item->name, now))
-        return false; /* it is refused */
+        return false; /* reader_attach() will refuse it */
     notify_slots(item, epoch, item->writer);
     return true;
 }
@@ -127,7 +127,7 @@ static int attach(struct client *client, unsigned keep) {
     return fd < 0 ? -EBUSY : reader_register(client, fd, keep);
 }
 
-/* The answer to what it has asked for. */
+/* Answer the reader's ATTACH. */
 static void reply(struct client *client, int status) {
     struct ddx_message message = {.operation = DDX_ATTACHED, .status = status, .sequence = client->asked_after};
     bool before = client->admitted;
@@ -142,18 +142,18 @@ static void reply(struct client *client, int status) {
     if (client->item->epoch)
         notify_epoch(client->item, client);
     client_send(client, &message, NULL, &client->pin_fd, 1);
-    readers_count(client->item); /* unless it has to wait for the writer: see writer_ready() */
+    readers_count(client->item); /* not yet counted if the writer lacks slots: see writer_ready() */
 }
 
 void reader_attach(struct client *client, unsigned keep) {
     struct item *item = client->item;
     struct ddx_ring_frame frame;
 
-    if (client->asked) { /* one after the other */
+    if (client->asked) { /* one request at a time */
         client->gone = true;
         return;
     }
-    /* Before the writer hears of the reader: what is written from then on must count as not yet seen. */
+    /* Before the reader is announced to the writer: all later frames must count as not yet seen. */
     client->asked_after = item->epoch && ddx_ring_peek(item->epoch->control, &frame) ? frame.sequence : item->sequence;
     int result = attach(client, keep);
     client->asked = keep;
@@ -162,7 +162,7 @@ void reader_attach(struct client *client, unsigned keep) {
         reply(client, result);
 }
 
-/* As if it had never asked. */
+/* Undo the reader's request. */
 static void withdraw(struct client *client, int status) {
     struct item *item = client->item;
     unsigned asked = client->asked;
@@ -183,7 +183,7 @@ static void admit(struct client *client) {
         reply(client, 0);
         return;
     }
-    client->admitted = true; /* it came back with an offer */
+    client->admitted = true; /* it returned with an offer */
     if (client->item->epoch)
         notify_epoch(client->item, client);
     readers_count(client->item);
@@ -194,14 +194,14 @@ void reader_taken(struct client *client, int status) {
     if (!status && (client->asked || !client->admitted))
         admit(client);
     else if (status && client->asked) {
-        log_line("%s: its writer cannot take one more reader, %d: %s", client->item->name, (int)client->pid,
+        log_line("%s: its writer cannot take another reader, %d: %s", client->item->name, (int)client->pid,
              strerror(-status));
         withdraw(client, -EBUSY);
     } else if (status && !client->admitted)
-        client->gone = true; /* it comes back, and there may be room then */
+        client->gone = true; /* it will offer again, and there may be room then */
 }
 
-/* The news of it is in its writer's socket, and it would be seen there before a frame is written over. */
+/* Whether the reader's announcement is in its writer's socket: the writer will read it before it overwrites a frame. */
 static bool is_noticed(const struct client *client) {
     const struct item *item = client->item;
 

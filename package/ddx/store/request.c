@@ -66,7 +66,7 @@ void list_continue(struct client *client) {
     unsigned listed = 0;
 
     if (client->queue.count)
-        return; /* what was to be said before */
+        return; /* earlier messages first */
     for (struct item *item = store->items; item; item = item->next) {
         if (strcmp(item->name, client->listed) <= 0 || item_is_awaited(item))
             continue;
@@ -81,7 +81,7 @@ void list_continue(struct client *client) {
     m.size = store->settings->budget;
     m.bytes = budget_used(store);
     m.reserved = budget_reserved(store);
-    m.pid = (int32_t)getppid(); /* the holder: its end is the end of the store */
+    m.pid = (int32_t)getppid(); /* the holder: the process to stop */
     m.index = holder_restarts();
     for (const struct client *c = store->clients; c; c = c->next)
         m.readers += c->item != NULL;
@@ -108,8 +108,8 @@ void request_handle(struct client *client, struct ddx_packet *packet) {
     const struct ddx_message *m = &packet->message;
 
     if (client->pid == 0)
-        client->pid = m->pid; /* another pid name space cannot be seen from here; its own word has to do */
-    if (m->status > 0 || m->status < -ERRNO_MAX) { /* it is logged as an error */
+        client->pid = m->pid; /* the kernel cannot report a pid of another name space: use the client's own word */
+    if (m->status > 0 || m->status < -ERRNO_MAX) { /* not an errno, but it is logged as one */
         client->gone = true;
         return;
     }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* From one worker to the next: what is done is committed, then said; and a new worker finds everything as it was. */
+/* Takeover of the state by the next worker: each action is committed before its messages are sent. */
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -46,7 +46,7 @@ static void know(int fd) {
         bool *more = realloc(known, count * sizeof *more);
 
         if (!more)
-            abort(); /* the next one may have more luck */
+            abort(); /* the next worker tries again */
         memset(more + known_count, 0, (count - known_count) * sizeof *more);
         known = more;
         known_count = count;
@@ -70,7 +70,7 @@ static void *map(int fd, size_t bytes, bool writable) {
     return address;
 }
 
-/* The control page has been sealed against writers meanwhile; what the store wrote into it remains. */
+/* The control page is sealed by now, so it is mapped read-only; the store's former writes remain in it. */
 static void take_over_epoch(struct epoch *epoch) {
     if (!epoch)
         return;
@@ -100,7 +100,7 @@ static void take_over_client(struct client *client) {
         client->pin = map(client->pin_fd, sizeof *client->pin, false);
     }
     if (client->socket == holder_banned()) {
-        log_line("%d has cost three workers their lives; closing its connection", (int)client->pid);
+        log_line("requests of %d have killed three workers; closing its connection", (int)client->pid);
         client->gone = true;
     }
 }

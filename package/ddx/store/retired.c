@@ -17,7 +17,7 @@ static bool known(const struct store *store, int watch) {
 
 void epoch_retire(struct item *item, struct epoch *epoch) {
     struct store *store = item->store;
-    /* Not its readers, which have not left the epoch yet. */
+    /* Charged to no client: the process that causes the change of epoch is not the one that still maps it. */
     struct checkpoint_payer client = checkpoint_charge(NULL, 0);
     struct retired *retired = epoch && epoch->control_fd >= 0 ? checkpoint_allocate(sizeof *retired) : NULL;
 
@@ -29,7 +29,7 @@ void epoch_retire(struct item *item, struct epoch *epoch) {
 
         *retired = (struct retired){store->retired, item, bytes, watch};
     }
-    epoch_free(epoch); /* what we have of it ourselves does not count */
+    epoch_free(epoch); /* the store's own descriptors and mappings must not count */
     if (watch >= 0 && in_use(watch) && !known(store, watch)) {
         store->retired = retired;
         return;

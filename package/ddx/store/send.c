@@ -7,7 +7,7 @@
 #include "log.h"
 #include "send.h"
 
-#define QUEUED_MAX 1024 /* messages for one client: more than there are frames and readers of an item */
+#define QUEUED_MAX 1024 /* messages for one client: more than an item has frames and readers */
 
 bool client_holds_too_much(const struct client *client) {
     struct rlimit limit;
@@ -40,7 +40,7 @@ void client_send(struct client *client, const struct ddx_message *message, const
     client->gone |= result || client->queue.count > QUEUED_MAX;
 }
 
-/* For tests: the point at which others know. */
+/* For tests: fault points of sent messages. */
 static void pass_said(const struct ddx_message *message, const struct item *item) {
     bool to_reader = message->flags & DDX_FLAG_READER, to_writer = message->flags & DDX_FLAG_WRITER;
 
@@ -73,16 +73,16 @@ static void sent(const struct ddx_message *message, void *context) {
 
     pass_said(message, client->item);
     if (message->operation != DDX_READER || client->item->writer != client)
-        return; /* or its claim has failed, and the notice is another one's */
-    /* Only now that the news is in its socket: a writer that sees the new version finds it there, without waiting. And
-     * never back: what is said a second time, since a worker has died, was followed by more. */
+        return; /* its claim has failed, and the notice belongs to another writer */
+    /* Only after the message was sent: a writer that sees the new version must find it in its socket without waiting.
+     * The version never decreases: a message that is repeated after a worker's death was followed by later ones. */
     ddx_word *version = &client->item->notice->version;
     if ((int32_t)((uint32_t)message->sequence - atomic_load(version)) > 0)
         atomic_store(version, (uint32_t)message->sequence);
     DDX_PASS(STORE_NOTICED);
 }
 
-/* Whether a message was waiting for it. */
+/* Whether a message was waiting for the client. */
 static bool go_on(struct client *client) {
     if (!client->queue.count || client->gone)
         return false;
@@ -98,7 +98,7 @@ static bool go_on(struct client *client) {
 bool clients_go_on(struct store *store, struct client *last) {
     bool any = false;
 
-    /* Writers first: others wait for what they answer. */
+    /* Writers first: other clients wait for their answers. */
     for (struct client *client = store->clients; client; client = client->next)
         if (client != last && client->item && client->item->writer == client)
             any |= go_on(client);

@@ -26,25 +26,26 @@
 #include "send.h"
 #include "session.h"
 
-#define FULL 100000000      /* ns without a look at the listening socket when there is no descriptor for a connection */
+#define FULL 100000000 /* ns without polling the listening socket when there is no descriptor for a connection */
 
 static uint32_t turn; /* of this worker */
 
-/* A quarter of our descriptors. */
+/* A quarter of the store's descriptors. */
 static int quarter(void) {
     struct rlimit limit;
 
     return getrlimit(RLIMIT_NOFILE, &limit) || limit.rlim_cur > INT_MAX ? INT_MAX / 4 : (int)(limit.rlim_cur / 4);
 }
 
-/* One process gets a quarter of our descriptors at most. */
+/* One process gets a quarter of the descriptors at most. */
 static bool too_many(const struct process *process) {
     return process->clients > (unsigned)quarter();
 }
 
 /*
- * All connections together get three quarters: the rest is for memory files. Descriptors are given out from below, so
- * the newest one tells how many there are, and it takes the place of a file dropped for it. False: no place.
+ * All connections together get three quarters: the rest is for memory files. The kernel assigns the lowest free
+ * number, so a high one shows that the share is used up; then the connection replaces the file of a dropped item.
+ * False: no place.
  */
 static bool find_place(struct store *store, int *socket) {
     while (*socket >= quarter() * 3) {
@@ -75,7 +76,7 @@ struct client *client_add(struct store *store, int socket) {
     struct client *client = has_place ? allocate(process) : NULL;
     if (!client) {
         log_line("%d is refused: %s", (int)peer.pid,
-             process && !has_place ? "too many connections" : "no memory for one connection more");
+             process && !has_place ? "too many connections" : "no memory for another connection");
         if (process)
             process_leave(process);
         close(socket);
@@ -92,14 +93,14 @@ struct client *client_add(struct store *store, int socket) {
     return client;
 }
 
-/* For the next look at the listening socket; a client that leaves brings it forward. */
+/* The listening socket is not polled before this time, unless a client leaves. */
 static int64_t full_until;
 
 void client_accept(struct store *store) {
     static bool said;
     int fd;
 
-    clients_sweep(store); /* what those had open that are gone may be dropped */
+    clients_sweep(store); /* items that disconnected clients had open may then be dropped */
     do
         fd = accept4(store->settings->listener, NULL, NULL, SOCK_CLOEXEC | SOCK_NONBLOCK);
     while (fd < 0 && errno == EMFILE && descriptors_below(store, INT_MAX));
@@ -109,9 +110,9 @@ void client_accept(struct store *store) {
         return;
     }
     if (errno == EAGAIN || errno == EINTR || errno == ECONNABORTED)
-        return; /* it did not wait */
+        return; /* the connection was aborted */
     if (!said)
-        log_line("programs that come have to wait: %s", strerror(errno));
+        log_line("new connections must wait: %s", strerror(errno));
     said = true;
     full_until = ddx_time_now() + FULL;
 }
@@ -120,7 +121,7 @@ bool clients_must_wait(void) {
     return full_until && ddx_time_now() < full_until;
 }
 
-/* After a restart, newcomers wait until living holders have reported, or they would find items missing. */
+/* After a restart, new clients wait until living holders have reported; otherwise items would be missing. */
 static bool too_early(struct client *client) {
     uint32_t operation = 0;
 
@@ -130,7 +131,7 @@ static bool too_early(struct client *client) {
     return got > 0 && (operation == DDX_OPEN || operation == DDX_LIST);
 }
 
-/* What it held is free again. */
+/* Release the client's holdings. */
 static void detach(struct client *client) {
     struct item *item = client->item;
 
@@ -145,7 +146,7 @@ static void detach(struct client *client) {
     item_drop_if_unused(item);
 }
 
-/* What poll() knows of all clients, in the order of their list; NULL: no memory. */
+/* Poll all clients, in the order of their list; NULL: no memory. */
 static const struct pollfd *look(const struct store *store) {
     static struct pollfd *list;
     static size_t room;
@@ -168,8 +169,8 @@ static const struct pollfd *look(const struct store *store) {
 }
 
 /*
- * Take back the holdings of clients that hung up and whose last messages were not read yet: a client that asks for
- * something after another client gave it back must get it.
+ * Release the holdings of clients that have disconnected but whose last messages are unread: a client that asks for
+ * something that another client has just given up must get it.
  */
 static void reap(const struct client *asking) {
     const struct pollfd *found = look(asking->store);
@@ -179,7 +180,7 @@ static void reap(const struct client *asking) {
             detach(client);
 }
 
-/* Its process pays for what comes of it. False: it stays, for the next turn. */
+/* Memory that the request causes is charged to the client's process. False: the request waits for the next turn. */
 static bool handle(struct client *client, struct ddx_packet *packet) {
     struct process *process = client->process;
 
@@ -193,7 +194,7 @@ static bool handle(struct client *client, struct ddx_packet *packet) {
     return !waits;
 }
 
-/* A worker may have done this, and died before it took it off. */
+/* A former worker may have handled this message, and died before it removed the message from the socket. */
 static bool is_handled(struct client *client, struct ddx_packet *packet) {
     uint64_t number = packet->message.number;
 
@@ -224,11 +225,11 @@ void client_receive(struct client *client, unsigned most) {
             return;
         if (result < 0) {
             if (result == -EPROTO)
-                log_line("%d sent nonsense; closing its connection", (int)client->pid);
+                log_line("%d sent an invalid message; closing its connection", (int)client->pid);
             client->gone = true;
             return;
         }
-        holder_beat(); /* a turn with many messages is no sign of a worker that hangs */
+        holder_beat(); /* a turn with many messages may take long */
         process_heard(client->process, turn);
         bool done = is_handled(client, &packet);
         ddx_packet_close(&packet);
@@ -236,7 +237,7 @@ void client_receive(struct client *client, unsigned most) {
             return;
         ddx_discard(client->socket);
         DDX_PASS(STORE_DISCARDED);
-        /* The complaining client gets its reply first. */
+        /* Replies go to this client after all others, except when it reports an error. */
         clients_tell(client->store, packet.message.status ? NULL : client);
     }
 }
@@ -247,12 +248,12 @@ static void hear(struct client *client, short found) {
         list_continue(client);
     }
     if (client->early && found & (POLLHUP | POLLERR))
-        client->gone = true; /* what it asked for it wants no more */
+        client->gone = true; /* its waiting request is obsolete */
     else if (found & ~POLLOUT)
         client_receive(client, process_share(client->process, turn));
 }
 
-/* Clients `from` to `to` of the list. The first one whose process had no share left; `to`: each was heard. */
+/* Hear clients `from` to `to` of the list. Returns the first one whose process had no share left, or `to`. */
 static size_t hear_some(struct store *store, const struct pollfd *found, size_t from, size_t to) {
     size_t i = 0, first = to;
 
@@ -268,7 +269,7 @@ static size_t hear_some(struct store *store, const struct pollfd *found, size_t 
 }
 
 void clients_hear(struct store *store, const struct pollfd *found) {
-    static size_t first; /* of those whose turn it is before the others */
+    static size_t first; /* client to begin with */
     size_t count = 0;
 
     for (const struct client *client = store->clients; client; client = client->next)
@@ -288,7 +289,7 @@ void clients_sweep(struct store *store) {
         if (client->gone) {
             *link = client->next;
             detach(client);
-            shutdown(client->socket, SHUT_RDWR); /* or the next worker might take it for one that has just come */
+            shutdown(client->socket, SHUT_RDWR); /* else the next worker might take it for a new connection */
             offer_abandon(client);
             ddx_queue_clear(&client->queue);
             file_close(client->socket);
@@ -296,14 +297,14 @@ void clients_sweep(struct store *store) {
             checkpoint_free(client);
             holder_beat();
             full_until = 0;
-            link = &store->clients; /* forgetting one may have found out that another is gone, too */
+            link = &store->clients; /* detaching one may have marked others as gone */
         } else
             link = &client->next;
     }
     processes_sweep(store);
 }
 
-/* Not before the commit: a reply must hold even if any process dies. */
+/* Only after the commit: a reply must hold even if the worker dies. */
 void clients_tell(struct store *store, struct client *last) {
     bool said = clients_go_on(store, last);
     readers_tell(store);

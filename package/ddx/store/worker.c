@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the worker does: it waits for news of its clients, and takes them in one after the other. */
+/* The worker: waits for messages of its clients, and handles them one after the other. */
 #include <errno.h>
 #include <poll.h>
 #include <signal.h>
@@ -25,7 +25,7 @@
 #define GRACE 250000000   /* in which only living holders are served */
 #define NOISE 1000000000  /* after which new clients are served although holders still send a lot */
 #define SETTLE 2000000000 /* after which holders that did not report count as dead */
-#define TICK 20000000     /* between checks of the clock meanwhile */
+#define TICK 20000000     /* between checks of the clock during this time */
 #define BEAT 500000000    /* between reports of liveness, at most */
 
 static volatile sig_atomic_t stop, report;
@@ -54,7 +54,7 @@ static void print_json(struct store *store) {
     log_text(1, text, (size_t)length);
 }
 
-/* Readers that died while no store ran still stand in the writers' lists. */
+/* Remove readers that died while no store ran from the writers' lists. */
 static void settle(struct store *store) {
     if (store->settled || !store->settings->restarted || store->listened < SETTLE)
         return;
@@ -69,8 +69,8 @@ static void settle(struct store *store) {
 }
 
 /*
- * The sockets to listen on: first the listener, then the clients in the order of their list. *waits: for some of them
- * something is to be done of which poll() does not tell when.
+ * The sockets to poll: first the listener, then the clients in the order of their list. *waits: some clients need
+ * work whose time poll() does not report.
  */
 static struct pollfd *poll_list(struct store *store, nfds_t *count, bool *waits) {
     static struct pollfd *list;
@@ -101,8 +101,8 @@ static struct pollfd *poll_list(struct store *store, nfds_t *count, bool *waits)
 }
 
 /*
- * After a restart: count the time spent listening. A store that was stopped meanwhile, or got no processor, has not
- * read the holders' reports; if it admitted new clients by the clock, it would give them items that others hold.
+ * After a restart: count the time spent listening. A store that was stopped, or got no processor time, has not read the
+ * holders' reports; if it admitted new clients by the clock, it would give them items that others hold.
  */
 static void count_time(struct store *store, bool calm) {
     static int64_t last;
@@ -166,7 +166,7 @@ int worker_run(const struct settings *settings) {
         sigaction(signals[i], &action, NULL);
         sigaddset(&blocked, signals[i]);
     }
-    /* Delivered while ppoll() waits, and only then. */
+    /* Delivered only while ppoll() waits. */
     sigprocmask(SIG_BLOCK, &blocked, &waiting);
     sigemptyset(&waiting);
     store_memory();
@@ -182,7 +182,7 @@ int worker_run(const struct settings *settings) {
             print_json(store);
         report = 0;
     }
-    /* The socket's name stays: it tells the next store that there may be living holders of items. */
+    /* The socket's name remains, so that the next store knows that there may be living holders of items. */
     print_json(store);
     return 0;
 }

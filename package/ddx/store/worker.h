@@ -4,7 +4,7 @@
 
 #include "state.h"
 
-/* Until a request to stop; gives the exit status. */
+/* Run until a request to stop; returns the exit status. */
 int worker_run(const struct settings *settings);
 
 #endif
