@@ -154,7 +154,7 @@ def test_ddxctl_shows_machines_and_mirrors(machines: tuple[Machine, Machine]) ->
     assert [(one["name"], one["heard"]) for one in shown["machines"]] == [("robot", True)]
     text = laptop.desk.run("ddxctl", "catalog").stdout
     unknown = laptop.desk.run("ddxctl", "show", "carol:gps")
-    assert unknown.returncode == 1 and "no machine of this name is heard" in unknown.stderr
+    assert unknown.returncode == 1 and "no machine of this name is known to the catalog" in unknown.stderr
     assert re.search("^robot +heard +[0-9]+ ", text, re.M) and re.search("^robot:sensor +SENSOR +heard +1$", text, re.M)
 
 

@@ -19,7 +19,7 @@ void ddx_connection_wake_keeper(void) {
     uint64_t one = 1;
 
     if (write(ddx_connection_waker, &one, sizeof one) < 0) {
-        /* the counter is full, so it wakes anyway */
+        /* the counter is full, so the keeper wakes anyway */
     }
 }
 

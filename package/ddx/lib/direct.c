@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Reading through a pointer that stays the same: the calls; window.c has the window that it shows. */
+/* Reading through the stable pointer: the public calls; the window itself is in window.c. */
 #include <errno.h>
 
 #include "fault.h"

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* A request and its answer: one item for each direction, the writer's role as the place in the queue. */
+/* A request and its answer: one item for each direction; the writer's role serializes the requests. */
 #include "exchange.h"
 
 #include <errno.h>
@@ -75,7 +75,7 @@ static int ask(DDX_STORE_ITEM *to, DDX_STORE_ITEM *from, const DDX_REQUEST *requ
     int64_t deadline = ddx_time_now() + (int64_t)(timeout * 1e9);
     DDX_ANSWER former;
 
-    ddx_store_read(from, &former, NULL, 0, DDX_CURRENT); /* from here on answers are news */
+    ddx_store_read(from, &former, NULL, 0, DDX_CURRENT); /* so that DDX_NEXT returns only later answers */
     int error = queue_up(to, request, deadline);
     if (!error)
         error = wait_for_answer(from, request->number, deadline, text);

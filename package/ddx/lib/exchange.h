@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * Requests, below remote.c, which asks the catalog by one; request.c has the public calls. Items are found by the
- * function that the caller names.
+ * Requests; the public calls are in request.c. This layer is below remote.c, which sends requests to the catalog, so
+ * the caller passes the function that finds items.
  */
 #ifndef DDX_EXCHANGE_H
 #define DDX_EXCHANGE_H
@@ -14,10 +14,10 @@ typedef DDX_STORE_ITEM *ddx_lookup(DDX_STORE_ID *id, const char *name, const cha
 /* "<item>.request", "<item>.answer"; false if that is too long. */
 int ddx_request_name(char name[DDX_NAME_MAX + 1], const char *item, const char *suffix);
 
-/* Texts of other programs end up in logs and on terminals. */
+/* Terminate another program's text and replace control characters, since it goes to logs and terminals. */
 void ddx_request_clean(char *text, size_t bytes);
 
-/* The two items of a program that lives. 0; -EOPNOTSUPP, else as `lookup`. */
+/* Open the two request items of a living program. 0; -EOPNOTSUPP, else as `lookup`. */
 int ddx_request_find(ddx_lookup *lookup, DDX_STORE_ID *id, const char *item, DDX_STORE_ITEM **to,
                      DDX_STORE_ITEM **from);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Constant integer expressions, as they stand in array bounds after the preprocessor: "(1920*1080)/4". */
+/* Constant integer expressions, as in array bounds after the preprocessor: "(1920*1080)/4". */
 #ifndef DDX_EXPRESSION_H
 #define DDX_EXPRESSION_H
 

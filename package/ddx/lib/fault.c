@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Ends or stops the program at a point of fault.h. Part of the tests' copies of library and store only. */
+/* Kills or stops the program at a point of fault.h. Only in the tests' copies of library and store. */
 #include "fault.h"
 
 #include <fcntl.h>
@@ -90,7 +90,7 @@ static void strike(const struct plan *plan) {
     }
     if (plan->with_holder && ddx_fault_holder)
         kill(ddx_fault_holder, SIGKILL);
-    raise(plan->signal); /* this very thread does nothing any more */
+    raise(plan->signal); /* not kill(): this thread must not run on */
 }
 
 void ddx_fault_pass(enum ddx_point point) {

@@ -21,8 +21,8 @@ DDX_HOT void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, i
 #endif
     struct kernel_time time = {deadline / SECOND, deadline % SECOND};
 
-    /* BITSET, since its time is absolute: a signal in between does not prolong the wait. One word, not futex_waitv() on
-     * two, which costs each reader 2.5 us a frame. */
+    /* BITSET, since its timeout is absolute: a signal does not prolong the wait. One word, since futex_waitv() on two
+     * costs each reader 2.5 us a frame. */
     syscall(number, word, shared ? FUTEX_WAIT_BITSET : FUTEX_WAIT_BITSET | FUTEX_PRIVATE_FLAG, value,
             deadline == DDX_FOREVER ? NULL : &time, NULL, FUTEX_BITSET_MATCH_ANY);
 }

@@ -10,8 +10,8 @@
 #define DDX_FOREVER INT64_MAX
 
 /*
- * Sleep until the word is no longer `value`, or another thread wakes it, or the deadline (ns, CLOCK_MONOTONIC). May
- * return early: the caller looks. `shared`: other processes may wake it, too.
+ * Sleep until the word differs from `value`, a wake-up, or the deadline (ns, CLOCK_MONOTONIC). May return early: the
+ * caller checks its condition. `shared`: other processes may wake the sleeper, too.
  */
 void ddx_futex_wait(const ddx_word *word, uint32_t value, bool shared, int64_t deadline);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* What a handle is made of, for the files of this library. */
+/* The parts of a handle; private to this library. */
 #ifndef DDX_HANDLE_H
 #define DDX_HANDLE_H
 
@@ -10,16 +10,16 @@
 #include "queue.h"
 #include "ring.h"
 
-#define DDX_RETRY 50000000         /* ns between attempts to find the store again */
+#define DDX_RETRY 50000000         /* ns between attempts to reconnect to the store */
 #define DDX_ANSWER_WAIT 5000000000 /* ns that the store may take to answer */
 
 struct ddx_store_id {
     int port;
-    char host[DDX_NAME_MAX + 1]; /* whose items are meant; "": this machine's */
+    char host[DDX_NAME_MAX + 1]; /* machine of the items; "": this one */
     DDX_STORE_ITEM *items; /* under the keeper's lock */
 };
 
-/* One epoch as this handle has it mapped, for one of its roles. */
+/* One epoch as mapped by this handle, for one of its roles. */
 struct ddx_term {
     struct ddx_control *control;
     uint32_t epoch;
@@ -30,8 +30,8 @@ struct ddx_term {
     void *base[DDX_SLOTS_MAX]; /* NULL: not mapped (yet) */
     int fd[DDX_SLOTS_MAX];
     int control_fd;
-    int mismatch;           /* -errno if the caller's type cannot take the item's values */
-    int uncopied;           /* -errno if values are not copied: `mismatch`, or the caller's struct is not known */
+    int mismatch;           /* -errno if the caller's type cannot hold the item's values */
+    int uncopied;           /* -errno if values cannot be copied: `mismatch`, or the caller's struct is not known */
     struct ddx_span *spans; /* between the item's layout and the caller's */
     unsigned span_count;
     struct ddx_layout *layout;
@@ -39,26 +39,26 @@ struct ddx_term {
 };
 
 struct ddx_reader_role {
-    struct ddx_term *term, *coming; /* `coming` waits for its slots, and for the frame that is held in `term` */
+    struct ddx_term *term, *coming; /* `coming` waits for its slots, and for the release of a frame held in `term` */
     struct ddx_pin_page *page;
     uint64_t seen;
-    int held;             /* slot that ddx_store_acquire() gave, or -1 */
-    bool waiting;         /* ddx_reader_take() sleeps, unlocked, ... */
+    int held;             /* slot of ddx_store_acquire(), or -1 */
+    bool waiting;         /* ddx_reader_take() sleeps, unlocked */
     bool both;            /* memory for both of its pins at once */
-    bool in_order;        /* it last asked for the oldest frame not yet seen */
-    uint32_t waits_since; /* ... and has seen as much news: `changed` below */
+    bool in_order;        /* its last read asked for the oldest frame not yet seen */
+    uint32_t waits_since; /* value of `changed` (below) when it began to sleep */
     uint64_t missed;
     unsigned keep;
     int pin_fd, hold_fd; /* -1: not attached */
     /* ddx_store_read_direct() */
     void *window;
     uint64_t window_bytes;
-    bool window_copied; /* holds copies, since the caller's layout is not the item's */
+    bool window_copied; /* holds copies, because the caller's layout differs from the item's */
     struct ddx_term *shown_term;
     int shown;  /* slot that the window shows, or -1 */
-    uint32_t shown_generation; /* and what it must still be for that */
-    int placed; /* slot whose pages are in the window: `shown`; the one that probably comes next while the reader waits;
-                 * or -1, if the reader of the window faults in its pages */
+    uint32_t shown_generation; /* generation that `shown` must still have */
+    int placed; /* slot whose pages are in the window: `shown`; while the reader waits, probably the next frame's slot;
+                 * -1: an access to the window faults in its pages */
 };
 
 struct ddx_writer_role {
@@ -71,48 +71,48 @@ struct ddx_writer_role {
     bool leaving[DDX_READERS_MAX];   /* reported as left; kept until the kernel confirms it */
     unsigned leaving_count;
     unsigned offered; /* slots offered to the restarted store, which announces them to readers */
-    uint64_t unseen[DDX_READERS_MAX]; /* numbers of the pin pages that it could not take: their readers may be in */
+    uint64_t unseen[DDX_READERS_MAX]; /* numbers of pin pages that it could not map; their readers may read already */
     unsigned unseen_count;
-    bool refused;    /* a slot that was added could not be taken: nor can the reader that it was for */
+    bool refused;    /* an added slot could not be mapped, so the reader that it was for is refused */
     int loaned;      /* slot, or -1 */
-    bool superseded; /* another writer took over while no store could tell us */
-    uint64_t lost;   /* what was published since then */
-    uint64_t given_up; /* writes, for want of a free slot */
+    bool superseded; /* another writer took over while this handle had no connection to the store */
+    uint64_t lost;   /* frames published since then */
+    uint64_t given_up; /* writes without a free slot */
 };
 
 struct ddx_store_item {
-    /* What a delivery needs is in the first cache line: it is cold whenever a frame comes. */
-    _Alignas(64) ddx_lock lock; /* for keeper and caller, which both take messages in */
-    ddx_word changed;           /* counts messages taken in; a reader without a term sleeps on it */
+    /* The fields of a delivery share the first cache line, because it is cold when a frame comes. */
+    _Alignas(64) ddx_lock lock; /* for keeper and caller, which both receive messages */
+    ddx_word changed;           /* counts received messages; a reader without a term sleeps on it */
     struct ddx_reader_role reader;
     struct ddx_writer_role writer;
     DDX_STORE_ID *id;
     DDX_STORE_ITEM *next, *next_of_id; /* under the keeper's lock */
-    struct pollfd listen;              /* only for the keeper: where news came from when it last looked */
+    struct pollfd listen;              /* only for the keeper: the result of its last poll() */
     char name[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
-    struct ddx_layout *layout; /* as the store last told, or as wanted */
+    struct ddx_layout *layout; /* as last received from the store, or as declared by the caller */
     uint32_t layouts;          /* number of layouts before it */
-    struct ddx_layout *own;    /* the caller's struct, NULL if it knows none */
+    struct ddx_layout *own;    /* the caller's struct; NULL if the library does not know it */
     struct ddx_field *fields;  /* of the layout, for ddx_store_field() */
-    bool deaf;                 /* for want of descriptors: what came over this connection is not complete */
-    int socket;                /* -1: the store is gone; the keeper tries again */
-    int64_t retry;             /* when */
-    struct ddx_queue queue;    /* what the store has no room for yet; the keeper goes on */
-    uint64_t heard;            /* number of the last message taken in */
+    bool deaf;                 /* no free descriptor: a message of this connection arrived without its files */
+    int socket;                /* -1: no connection; the keeper tries again */
+    int64_t retry;             /* time of the next attempt */
+    struct ddx_queue queue;    /* messages that the socket does not take yet; the keeper sends them */
+    uint64_t heard;            /* number of the last message received */
     struct ddx_packet *packet;
-    uint32_t answer; /* operation that a request waits for, and what came */
+    uint32_t answer; /* operation that a request waits for; then its answer */
     bool answered;
     struct ddx_message reply;
 };
 static_assert(offsetof(struct ddx_store_item, reader.missed) <= 64, "one cache line");
 
 /*
- * Under the lock: whether values may be copied to or from the caller's struct, as far as that can be known now.
+ * Under the lock: whether values may be copied to or from the caller's struct, as far as this is known now. 0;
  * -EPROTOTYPE: the item has a type that the caller has not declared, so the library does not know the struct's size.
  */
 int ddx_item_copies(const DDX_STORE_ITEM *item);
 
-/* The layout that ddx_store_field() describes; does nothing if it is that already. 0, -ENOMEM. */
+/* Set the layout that ddx_store_field() describes, if it differs. 0, -ENOMEM. */
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * Whenever a frame comes, the code that delivers it is cold: the machine did something else meanwhile. So the functions
- * of the frame path lie side by side, and what is rare is not among them.
+ * When a frame comes, the code that delivers it is usually not in the cache. So the functions of the frame path are
+ * placed side by side, without rarely used code between them.
  */
 #ifndef DDX_HOT_H
 #define DDX_HOT_H

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Questions about items and the store. */
+/* Information about items and the store. */
 #include <errno.h>
 #include <poll.h>
 #include <stdlib.h>
@@ -35,7 +35,7 @@ static int refresh(DDX_STORE_ITEM *item) {
 }
 
 const struct ddx_field *ddx_store_field(const DDX_STORE_ITEM *item, unsigned index) {
-    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item; /* the table is made when first asked for */
+    DDX_STORE_ITEM *handle = (DDX_STORE_ITEM *)(uintptr_t)item; /* the first call makes the table of fields */
     const struct ddx_field *field = NULL;
 
     if (!handle)
@@ -113,7 +113,7 @@ int ddx_store_item_info(DDX_STORE_ITEM *item, struct ddx_item_info *info) {
     return result;
 }
 
-/* The next message on a connection of our own, within the store's time to answer; *heard: the number of the last. */
+/* Get the next message on this connection, within DDX_ANSWER_WAIT; *heard: number of the last message. */
 static int next(int socket, struct ddx_packet *packet, uint64_t *heard) {
     int64_t deadline = ddx_time_now() + DDX_ANSWER_WAIT;
     int result;

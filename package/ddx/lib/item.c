@@ -40,7 +40,7 @@ static void item_free(DDX_STORE_ITEM *item) {
     ddx_writer_end(&item->writer);
     ddx_reader_end(&item->reader);
     if (item->socket >= 0) {
-        /* The keeper may be polling it, which keeps it open; the store must know at once that this handle is gone. */
+        /* While the keeper polls it, close() has no effect; the store must see the end of the handle at once. */
         shutdown(item->socket, SHUT_RDWR);
         close(item->socket);
     }
@@ -52,7 +52,7 @@ static void item_free(DDX_STORE_ITEM *item) {
     free(item);
 }
 
-/* A handle that the store does not know of yet. Takes `own`, also on failure. */
+/* Make a handle that the store does not know yet. Takes ownership of `own`, also on failure. */
 static int item_new(DDX_STORE_ID *id, const char *name, const char *type, struct ddx_layout *own,
                     DDX_STORE_ITEM **result) {
     DDX_STORE_ITEM *item = aligned_alloc(_Alignof(DDX_STORE_ITEM), sizeof *item);
@@ -88,7 +88,7 @@ static int item_open(DDX_STORE_ITEM *item, uint32_t flags) {
     return ddx_item_request(item, &message, item->own, DDX_OPENED);
 }
 
-/* Does the item that the store has agree with what the caller wants to see in it? */
+/* Check that the store's item agrees with the caller's type. 0, or -errno. */
 static int agrees(DDX_STORE_ITEM *item, const char *type) {
     struct ddx_span *spans;
     unsigned count;
@@ -101,14 +101,14 @@ static int agrees(DDX_STORE_ITEM *item, const char *type) {
     if (!item->own) {
         result = ddx_layout_of(item->type, &item->own);
         if (result == -ENOENT)
-            return 0; /* a type that this program knows nothing of: it gets the item's own struct */
+            return 0; /* a type that this program has not declared: it gets the item's own struct */
         if (result)
             return result;
     }
     result = ddx_layout_match(item->layout, item->own, &spans, &count);
     if (!result)
         free(spans);
-    /* Too large for this program's arrays is no reason to refuse: acquire reads it all the same. */
+    /* An item that is too large for this program's arrays can still be read with ddx_store_acquire(). */
     return result == -EMSGSIZE && item->layout->field_count && item->own->field_count &&
                    item->layout->size > item->own->size && ddx_layout_extents(item->layout)
                ? 0
@@ -194,7 +194,7 @@ int ddx_store_create(DDX_STORE_ID *id, const struct ddx_item_spec *spec, DDX_STO
     if (!result && strcmp(made->type, spec->type) != 0)
         result = -EPROTOTYPE;
     if (!result) {
-        /* What the store has may have other extents; ours is what we want to write. */
+        /* The store's layout may have other extents; this program writes with its own. */
         free(made->layout);
         made->layout = ddx_layout_copy(layout);
         ddx_lock_take(&made->lock);

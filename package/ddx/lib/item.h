@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Opening what this machine's store has; remote.c adds what the catalog makes of other machines' items. */
+/* Opening items of this machine's store; remote.c adds the items of other machines. */
 #ifndef DDX_ITEM_H
 #define DDX_ITEM_H
 

@@ -15,7 +15,7 @@
 #include "reader_take.h"
 #include "writer_readers.h"
 
-#define SOON DDX_QUEUE_PAUSE /* ms until an item is looked at again that its owner is busy with */
+#define SOON DDX_QUEUE_PAUSE /* ms until the keeper tries an item again that its owner is using */
 
 static struct {
     pthread_mutex_t lock;
@@ -31,14 +31,14 @@ static void unlock_keeper(void) {
     pthread_mutex_unlock(&keeper.lock);
 }
 
-/* Look after one item; the time in ms after which to do so again, -1 if it will be heard. */
+/* Serve one item. Returns the time in ms after which to do so again, -1 if only poll() need report it. */
 static int look_after(DDX_STORE_ITEM *item) {
     int again = -1;
 
     /* Never wait here: the owner may hold the lock while it waits for the store's answer. */
     item->listen = (struct pollfd){.fd = -1};
     if (!ddx_lock_try(&item->lock))
-        return SOON; /* a busy owner takes its messages in itself; polling for them would only keep this thread awake */
+        return SOON; /* a busy owner receives its messages itself; polling for them would only keep this thread awake */
     if (item->socket >= 0) {
         ddx_queue_go_on(&item->queue, item->socket, NULL, NULL); /* a dead peer may have left messages */
         ddx_item_service(item);
@@ -100,15 +100,15 @@ static void *run(void *unused) {
         DDX_PASS(KEEPER_HEARD);
         uint64_t ignored;
         if (list && list[0].revents & POLLIN && read(list[0].fd, &ignored, sizeof ignored) < 0) {
-            /* may be another file's descriptor by now: the keeper was about to exit */
+            /* after an exit and restart of the keeper the descriptor may be another file's */
         }
         free(list);
     }
 }
 
 /*
- * A child inherits sockets and locks, which would keep its dead parent alive in the eyes of store and writers: it
- * closes them. The handles are of no use to it anyway.
+ * A child inherits sockets and locks, by which store and writers would take its dead parent to be alive: the child
+ * closes them. It must not use the handles anyway.
  */
 static void in_child(void) {
     for (DDX_STORE_ITEM *item = keeper.items; item; item = item->next) {
@@ -131,7 +131,7 @@ static void in_child(void) {
 
 static void prepare_fork(void) {
     if (pthread_atfork(lock_keeper, unlock_keeper, in_child)) {
-        /* no memory: then a child that lives on has to exec, which closes them */
+        /* no memory: then only exec closes them in a child */
     }
 }
 
@@ -145,7 +145,7 @@ static int start(void) {
     ddx_connection_waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (ddx_connection_waker < 0)
         return -errno;
-    /* Signals are the program's, not ours. */
+    /* The keeper's thread must not take the program's signals. */
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
     int result = pthread_create(&thread, NULL, run, NULL);

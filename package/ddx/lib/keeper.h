@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * One thread per process listens to the store on behalf of all items: it takes in new slots, readers and epochs before
- * the frame path needs them, and offers everything again after the store was restarted, even if the program itself
+ * The keeper: one thread per process that receives the store's messages for all items. It maps new slots, readers and
+ * epochs before the frame path needs them, and offers the items to a restarted store, even while the program itself
  * sleeps.
  */
 #ifndef DDX_KEEPER_H
@@ -11,6 +11,6 @@
 
 /* Both take the keeper's lock. */
 int ddx_keeper_add(DDX_STORE_ITEM *item);
-void ddx_keeper_remove(DDX_STORE_ITEM *item); /* afterwards the keeper does not touch it */
+void ddx_keeper_remove(DDX_STORE_ITEM *item); /* after that the keeper does not use the item */
 
 #endif

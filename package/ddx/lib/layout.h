@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * What lies in shared memory. Fixed-width fields only, the same for i386 and x86_64; a change here is a new
- * DDX_LAYOUT_VERSION. Three kinds of memory file, all made by the store:
+ * Layout of the shared memory. Fixed-width fields only, the same for i386 and x86_64; a change here needs a new
+ * DDX_LAYOUT_VERSION. Four kinds of memory file, all made by the store:
  *
  *   control  one per epoch (one writer's term). Written by the writer, mapped read-only by readers.
  *   slot     one per frame, the item's struct without its unused pages. Written by the writer, read-only for readers.
@@ -27,7 +27,7 @@
 #define DDX_NO_SLOT 255u
 #define DDX_READERS_MAX (DDX_SLOTS_MAX - 2u)
 
-typedef _Atomic(uint32_t) ddx_word; /* 32 bits: lock-free everywhere, also by plain loads from a read-only page */
+typedef _Atomic(uint32_t) ddx_word; /* 32 bits: lock-free on all machines, also on a read-only page */
 
 /*
  * Generation of a slot.
@@ -62,7 +62,7 @@ static_assert(offsetof(struct ddx_control, slot) == 256, "shared layout");
 static_assert(sizeof(struct ddx_slot_state) == 32, "shared layout");
 static_assert(sizeof(struct ddx_control) == 256 + 32 * DDX_SLOTS_MAX, "shared layout");
 
-/* `pin`: which slot of which epoch this reader holds, 0 for none. The bits of an epoch that it has are never all 0, so
+/* `pin`: the slot and epoch that this reader holds, 0 for none. The low 24 bits of an epoch are never all 0, so that
  * slot 0 differs from none. */
 #define DDX_EPOCH_OK(epoch) (((epoch)&0xffffffu) != 0)
 #define DDX_PIN(epoch, slot) (((epoch)&0xffffffu) << 8 | (uint32_t)(slot))
@@ -73,13 +73,13 @@ static_assert(sizeof(struct ddx_control) == 256 + 32 * DDX_SLOTS_MAX, "shared la
 
 struct ddx_pin_page {
     ddx_word pin[DDX_PINS];
-    ddx_word missed_low, missed_high; /* for display: what this reader missed */
-    ddx_word seen;                    /* number of the newest frame it took, its low bits: for a writer that has time */
+    ddx_word missed_low, missed_high; /* for display: number of missed frames */
+    ddx_word seen;                    /* low bits of the newest frame taken: for a writer that can delay its writes */
 };
 
 struct ddx_notice {
     ddx_word version; /* changes after each message about a new reader was queued for the writer */
-    ddx_word readers; /* for whom frames are kept */
+    ddx_word readers; /* number of readers that frames are kept for */
 };
 
 #endif

@@ -37,7 +37,7 @@ void ddx_lock_wait(ddx_lock *lock) {
         if (ddx_lock_try(lock))
             return;
     }
-    /* The kernel made us the owner, which is a barrier, too; this is for tools that know only C's memory model
+    /* The kernel made this thread the owner, which is a barrier; this load is for tools that know only C's memory model
      * (ThreadSanitizer). */
     atomic_load_explicit(lock, memory_order_acquire);
 }

@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /*
- * A handle's lock. The frame path takes it several times for each frame, cold after each sleep, and almost never finds
- * it taken: so it is one word beside what it guards, and a few instructions where it is used. A thread that has to wait
- * lends its priority to the one it waits for: a recorder with real-time priority must not wait for a keeper that was
- * preempted.
+ * A handle's lock. The frame path takes it several times for each frame, not in the cache after each sleep, and almost
+ * never contended: so the lock is one word beside the data that it guards, and is taken inline. A waiting thread lends
+ * its priority to the owner, so that a recorder with real-time priority does not wait for a preempted keeper.
  */
 #ifndef DDX_LOCK_H
 #define DDX_LOCK_H
@@ -12,13 +11,13 @@
 
 #include "layout.h"
 
-/* 0: free. Else its owner's thread number, and a bit for "others wait", as the kernel has it. */
+/* 0: free. Else the owner's thread number, and a bit for "others wait" (a PI futex). */
 typedef ddx_word ddx_lock;
 
 /* This thread's number, 0 while unknown. */
 extern __thread uint32_t ddx_thread_number __attribute__((visibility("hidden"), tls_model("initial-exec")));
 
-/* lock.c: what is rare. */
+/* lock.c: the rare cases. */
 DDX_COLD void ddx_lock_wait(ddx_lock *lock);
 DDX_COLD void ddx_lock_hand_over(ddx_lock *lock);
 DDX_COLD uint32_t ddx_lock_thread(void);

@@ -11,7 +11,7 @@
 #include "hot.h"
 
 #define FIXED_SIZE (F_SEAL_SHRINK | F_SEAL_GROW)
-#define HUGE ((uint64_t)2 << 20) /* what one page-table page spans: moves of whole ones are cheap */
+#define HUGE ((uint64_t)2 << 20) /* bytes mapped by one page table; moving whole page tables is cheap */
 
 static uint64_t page_size(void) {
     return (uint64_t)sysconf(_SC_PAGESIZE);
@@ -54,14 +54,14 @@ void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs) {
                 add_run(runs, layout->field[i].offset, layout->field[i].offset + layout->field[i].used);
     for (unsigned i = 0; i < runs->count; i++)
         runs->run[i].room = runs->run[i].bytes;
-    /* Behind the last run the file ends: there is nothing to be seen there, only to be moved along. */
+    /* The pages after the last run are beyond the end of the file: never accessed, only moved along. */
     struct ddx_run *last = runs->count ? &runs->run[runs->count - 1] : NULL;
     uint64_t end = last && runs->span_bytes >= HUGE ? (last->place + last->bytes + HUGE - 1) / HUGE * HUGE : 0;
     if (end && last->place <= end - HUGE)
         last->room = end - last->place;
 }
 
-/* A worker that was stopped in the middle of it begins that step again. */
+/* If a signal interrupts a step (the worker was stopped), the step begins again. */
 static int allocate(int fd, uint64_t bytes, void (*step)(void)) {
     for (uint64_t at = 0; at < bytes;) {
         uint64_t next = bytes - at < DDX_MEMORY_STEP ? bytes - at : DDX_MEMORY_STEP;
@@ -83,7 +83,7 @@ int ddx_memory_create(const char *name, uint64_t bytes, void (*step)(void)) {
 
     if (fd < 0)
         return -errno;
-    /* Allocate now: what was promised must not be missing when a frame is written. */
+    /* Allocate now: writing a frame later must not fail for want of memory. */
     int result = allocate(fd, bytes, step);
     if (!result && fcntl(fd, F_ADD_SEALS, FIXED_SIZE))
         result = -errno;
@@ -105,7 +105,7 @@ bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen) {
     return seals >= 0 && (seals & required) == required && !fstat(fd, &status) && (uint64_t)status.st_size == bytes;
 }
 
-/* Bytes of the file that are locked as a sign; what is in them does not matter. */
+/* Bytes of the file that are locked as a mark; their content does not matter. */
 enum mark { HELD, SHARED };
 
 static int reopen(int fd, int flags) {
@@ -198,7 +198,7 @@ int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable)
     return 0;
 }
 
-/* How much of a run lies in the first `span_bytes`, as it is mapped. */
+/* Number of mapped bytes of a run that lie in the first `span_bytes`. */
 DDX_HOT static uint64_t mapped_within(const struct ddx_run *run, uint64_t span_bytes) {
     if (run->place + run->bytes > span_bytes)
         return run->place < span_bytes ? span_bytes - run->place : 0;
@@ -216,7 +216,7 @@ DDX_HOT int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uin
         /* DONTUNMAP leaves the source mapped, though empty: no other thread's mmap() can use the hole. */
         if (mremap(source, bytes, bytes, MREMAP_MAYMOVE | MREMAP_FIXED | MREMAP_DONTUNMAP, target) != MAP_FAILED)
             continue;
-        /* Kernels before 5.13 cannot do it for shared memory; a new mapping serves too, at the price of page faults. */
+        /* Kernels before 5.13 cannot do this for shared memory; a new mapping costs page faults instead. */
         if (mmap(target, bytes, PROT_READ, MAP_SHARED | MAP_FIXED | MAP_POPULATE, fd, (off_t)run->file) == MAP_FAILED)
             return -errno;
     }

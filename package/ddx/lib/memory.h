@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Memory files: how an item's struct lies in a slot file, mapping it, sealing it. */
+/* Memory files: layout of an item's struct in a slot file, mapping, sealing. */
 #ifndef DDX_MEMORY_H
 #define DDX_MEMORY_H
 
@@ -9,14 +9,15 @@
 #include "type.h"
 
 /*
- * A stretch of pages: `place` in the struct, `file` in the slot file; bytes, multiples of the page size. It is mapped
- * with `room` bytes: the last one up to where its page table ends, so that the kernel moves whole page tables.
+ * A range of pages, at offset `place` in the struct and `file` in the slot file; bytes, multiples of the page size.
+ * `room` bytes are mapped for it: the last range extends to the end of its page table, so that the kernel can move
+ * whole page tables.
  */
 struct ddx_run {
     uint64_t place, file, bytes, room;
 };
 
-/* The pages of a struct that are in use. A slot file holds these and no others, so it is no larger than its content. */
+/* The pages of a struct that are in use. A slot file holds only these, so it is not larger than its content. */
 struct ddx_runs {
     uint64_t file_bytes; /* of a slot file */
     uint64_t span_bytes; /* of address space */
@@ -28,39 +29,39 @@ void ddx_runs_of(const struct ddx_layout *layout, struct ddx_runs *runs);
 
 uint64_t ddx_page_round(uint64_t bytes);
 
-#define DDX_MEMORY_STEP ((uint64_t)16 << 20) /* bytes that are cleared or copied at once: some milliseconds */
+#define DDX_MEMORY_STEP ((uint64_t)16 << 20) /* bytes that are cleared or copied at once: a few milliseconds */
 
 /*
- * A memory file of `bytes` bytes, all of them backed by memory, of a fixed size. Descriptor, -ENOSPC, -ENOMEM.
- * `step` (NULL: none) is called after each DDX_MEMORY_STEP: the kernel clears every page, and a large file takes long.
+ * Create a memory file of fixed size, fully backed by memory. Descriptor, -ENOSPC, -ENOMEM. `step` (NULL: none) is
+ * called after each DDX_MEMORY_STEP, because the kernel clears every page, which takes long for a large file.
  */
 int ddx_memory_create(const char *name, uint64_t bytes, void (*step)(void));
 
-/* Forbid any further writable mapping; those that exist stay. */
+/* Forbid any further writable mapping; existing ones remain. */
 int ddx_memory_freeze(int fd);
 
-/* Is this a memory file of this size, sealed against resizing (and, if `frozen`, against new writable mappings)? */
+/* Whether this is a memory file of this size, sealed against resizing (if `frozen`, also against writable mappings). */
 bool ddx_memory_sound(int fd, uint64_t bytes, bool frozen);
 
 /*
- * A sign of life that other processes can see: hold a lock on the file through a description of our own, which dies
- * with this process at once (also as a zombie). A child that inherits the descriptor must close it, see keeper.c.
- * Descriptor to close, or -1.
+ * Hold a lock on the file that shows other processes that this one lives: the lock belongs to a separate description,
+ * which the kernel closes when this process dies (also as a zombie). A child that inherits the descriptor must close
+ * it, see keeper.c. Descriptor to close, or -1.
  */
 int ddx_memory_hold(int fd);
 bool ddx_memory_held(int fd);
 
 /*
- * A read-only description of the file to give away, with a mark that others see as long as anybody has it: as a
- * descriptor, as a mapping, or in a message that was not read yet. Descriptor to close, or -1 and errno.
+ * Make a read-only description of the file for other processes. ddx_memory_shared() reports whether any process still
+ * has it: as a descriptor, as a mapping, or in an unread message. Descriptor to close, or -1 and errno.
  */
 int ddx_memory_share(int fd);
 
-/* Whether one that was given away is left; to be asked of a description of one's own, which is no mark. */
+/* Whether any shared description is left. `fd` must be a description from ddx_memory_watch(), which does not count. */
 bool ddx_memory_shared(int fd);
-int ddx_memory_watch(int fd); /* makes one: descriptor to close, or -1 and errno */
+int ddx_memory_watch(int fd); /* descriptor to close, or -1 and errno */
 
-/* A memory file's number (inode), 0 if it is none. The same memory file? */
+/* A memory file's number (inode), 0 for any other file. Whether two descriptors are the same memory file. */
 uint64_t ddx_memory_number(int fd);
 bool ddx_memory_same(int a, int b);
 
@@ -70,12 +71,12 @@ void *ddx_memory_map(int fd, size_t bytes, bool writable);
 /* Address space for one slot, aligned so that the kernel can move whole page tables. Reads as zeros. NULL and errno. */
 void *ddx_slot_reserve(uint64_t span_bytes);
 
-/* Lay a slot file into reserved address space, prefaulted. 0, -errno. */
+/* Map a slot file into reserved address space, prefaulted. 0, -errno. */
 int ddx_slot_map(void *base, const struct ddx_runs *runs, int fd, bool writable);
 
 /*
- * Move the pages of a mapped slot from one address to another without copying; both stay mapped. Only what lies in the
- * first `span_bytes`, for which one of the two was reserved. 0, -errno.
+ * Move the pages of a mapped slot from one address to another without copying; both remain mapped. Only pages in the
+ * first `span_bytes`, the size that was reserved for the smaller of the two. 0, -errno.
  */
 int ddx_slot_move(void *from, void *to, const struct ddx_runs *runs, uint64_t span_bytes, int fd);
 

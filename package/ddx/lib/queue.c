@@ -83,7 +83,7 @@ int ddx_queue_put(struct ddx_queue *queue, const struct ddx_message *message, co
     return 0;
 }
 
-/* Has it read nothing of what it was told for so long that it may be stopped? */
+/* Whether the peer has left messages unread for so long that it may be stopped. */
 static bool sleeps(struct ddx_queue *queue, int socket) {
     int unread;
 

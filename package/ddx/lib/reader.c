@@ -69,7 +69,7 @@ int ddx_store_keep(DDX_STORE_ITEM *item, unsigned frames) {
     ddx_lock_take(&item->lock);
     struct ddx_reader_role *reader = &item->reader;
     int result = 0;
-    if (reader->page) /* what it keeps already, it goes on to keep */
+    if (reader->page) /* only the additional frames */
         result = frames > reader->keep ? ddx_reader_ask(item, frames - reader->keep) : 0;
     if (!result && (!reader->page || frames > reader->keep))
         reader->keep = frames;

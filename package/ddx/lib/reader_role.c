@@ -17,15 +17,15 @@ DDX_HOT void ddx_reader_saw(struct ddx_reader_role *reader, uint64_t sequence) {
 }
 
 DDX_COLD void ddx_reader_follow(struct ddx_reader_role *reader) {
-    /* If the store dies before it has announced all slots, this epoch is useless, and only the former one
-     * has the item's data: it must not be given up before. */
+    /* Not before all slots are announced: if the store dies earlier, the new epoch is useless, and only the former one
+     * has the item's data. */
     if (!reader->coming || reader->held >= 0 || reader->coming->slots_coming)
         return;
-    /* A reader in order has not seen all of it. Frames that its writer wrote after it was replaced do not count. */
+    /* A reader in order reads the former epoch to its end. Frames that a replaced writer wrote later do not count. */
     if (reader->in_order && reader->term &&
         ddx_ring_left(reader->term->control, reader->term->base, reader->seen, reader->coming->former_last))
         return;
-    /* A frame in the window stays until the next one arrives: no program writes into an epoch that has ended. */
+    /* A frame in the window remains valid until the next one arrives: no program writes into an ended epoch. */
     if (reader->term != reader->shown_term)
         ddx_term_free(reader->term);
     reader->term = reader->coming;
@@ -35,7 +35,7 @@ DDX_COLD void ddx_reader_follow(struct ddx_reader_role *reader) {
     DDX_PASS(ATTACH_FOLLOWED);
 }
 
-/* This handle was there before the item. 0, or -ENOMEM. */
+/* Set the type of a handle that awaited the item. 0, or -ENOMEM. */
 static int learn_type(DDX_STORE_ITEM *item, const char *type) {
     if (!item->own && ddx_layout_of(type, &item->own) == -ENOMEM)
         return -ENOMEM;
@@ -48,8 +48,8 @@ void ddx_reader_on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_reader_role *reader = &item->reader;
     struct ddx_term *term = reader->coming ? reader->coming : reader->term;
 
-    /* A store that was restarted tells of the epoch that this handle is in; what it says of numbers is older than what
-     * was seen since. Slots that are missing here follow. */
+    /* A restarted store announces the epoch that this handle has already; its numbers may be older than the ones seen
+     * since. Slots that this handle lacks follow. */
     if (term && packet->fd[0] >= 0 && ddx_memory_same(term->control_fd, packet->fd[0])) {
         term->slots_coming = packet->message.index;
         return;
@@ -96,9 +96,9 @@ void ddx_reader_on_attached(struct ddx_reader_role *reader, struct ddx_packet *p
     if (!reader->page)
         return;
     reader->pin_fd = ddx_packet_take(packet, 0);
-    /* By this the writer knows that its pins count. */
+    /* Shows the writer that this reader lives, so that its pins count. */
     reader->hold_fd = ddx_memory_hold(reader->pin_fd);
-    /* And no other program can ever write to it: each writer of the item gets this page. */
+    /* No other program may write to the page, although each writer of the item gets its file. */
     if (reader->hold_fd < 0 || ddx_memory_freeze(reader->pin_fd)) {
         if (reader->hold_fd >= 0)
             close(reader->hold_fd);
@@ -109,7 +109,7 @@ void ddx_reader_on_attached(struct ddx_reader_role *reader, struct ddx_packet *p
         reader->pin_fd = -1;
         return;
     }
-    /* Not what the control page says now: what was written since the store let us in must count as not yet seen. */
+    /* Not the number in the control page now: frames written since the store admitted this reader are not yet seen. */
     ddx_reader_saw(reader, packet->message.sequence);
     DDX_PASS(ATTACH_PAGE);
 }

@@ -11,10 +11,10 @@
 #include "reader_role.h"
 #include "window.h"
 
-#define AGAIN_WAIT 10000000    /* ns between requests to be let in */
-#define ATTEMPTS 5             /* to pin a value that is overtaken or not mapped yet, timeout or not */
+#define AGAIN_WAIT 10000000    /* ns between requests to attach */
+#define ATTEMPTS 5             /* to pin a frame that was overwritten or is not mapped yet, even without a timeout */
 #define OVERTAKEN 10000        /* attempts when there is no earlier frame; only a malicious writer causes this many */
-#define UNMAPPED_WAIT 10000000 /* ns; a slot that was just added is announced by the store within this time */
+#define UNMAPPED_WAIT 10000000 /* ns within which the store announces an added slot */
 
 int ddx_reader_ask(DDX_STORE_ITEM *item, unsigned frames) {
     struct ddx_message message;
@@ -39,13 +39,13 @@ DDX_COLD static int attach(DDX_STORE_ITEM *item) {
         return result;
     if (item->reader.page)
         return 0;
-    ddx_item_disconnect(item); /* the store would count it as a reader */
-    return -EMFILE; /* each handle has a descriptor for each frame */
+    ddx_item_disconnect(item); /* else the store would count this handle as a reader */
+    return -EMFILE; /* the pin page came without its file: no free descriptor */
 }
 
 /*
- * How far the newest frame is ahead of what was seen. Numbers are compared in their low 23 bits, and no reader sees an
- * unpublished frame: a large difference is a reader that slept for long, not a reader that is ahead.
+ * How far the newest frame is ahead of `seen`. Only the low 23 bits are compared; since no reader sees an unpublished
+ * frame, a large difference means that the reader slept for long, not that it is ahead.
  */
 DDX_HOT static int32_t ahead(uint32_t latest, uint64_t seen) {
     return (int32_t)((DDX_LATEST_SEQUENCE(latest) - (uint32_t)seen) & 0x7fffffu);
@@ -61,7 +61,7 @@ bool ddx_reader_wake(const DDX_STORE_ITEM *item) {
     return true;
 }
 
-/* Unlocked, so that the keeper can take in news, a new epoch among them; `waiting` keeps it from unmapping the word. */
+/* Unlocked, so that the keeper can receive messages; `waiting` prevents it from unmapping the word on a new epoch. */
 DDX_HOT static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_t value, uint32_t changed,
                              int64_t deadline) {
     item->reader.waiting = true;
@@ -72,10 +72,10 @@ DDX_HOT static void sleep_on(DDX_STORE_ITEM *item, const ddx_word *word, uint32_
     item->reader.waiting = false;
 }
 
-/* GONE: it was overtaken, or its slot is not mapped yet. Not what the store answers with -EAGAIN, above. */
+/* GONE: the frame was overwritten, or its slot is not mapped yet. */
 enum wanted { PINNED, NOT_THERE, GONE };
 
-/* The frame is in a slot that was just added. */
+/* The frame is in an added slot that is not mapped yet: wait for the slot's announcement. */
 DDX_COLD static void await_slot(DDX_STORE_ITEM *item, unsigned slot) {
     int64_t until = ddx_time_now() + UNMAPPED_WAIT;
     uint32_t changed = atomic_load(&item->changed);
@@ -87,7 +87,7 @@ DDX_COLD static void await_slot(DDX_STORE_ITEM *item, unsigned slot) {
     sleep_on(item, &item->changed, changed, changed, until);
 }
 
-/* Try to pin what `tail` asks for. */
+/* Try to pin the frame that `tail` selects. */
 DDX_HOT static enum wanted pin_wanted(DDX_STORE_ITEM *item, unsigned pin, int tail, uint32_t latest,
                                       struct ddx_ring_frame *frame) {
     struct ddx_reader_role *reader = &item->reader;
@@ -129,7 +129,7 @@ DDX_HOT static void count_missed(struct ddx_reader_role *reader, uint64_t sequen
     atomic_store_explicit(&reader->page->missed_high, (uint32_t)(reader->missed >> 32), memory_order_relaxed);
 }
 
-/* A handle that reads while a frame is in its window holds two frames, so it takes a second one's share of memory. */
+/* A handle that reads while a frame is in its window holds two frames, so it needs memory for a second one. */
 DDX_COLD static int take_both(DDX_STORE_ITEM *item) {
     int result = ddx_reader_ask(item, 1);
 
@@ -165,7 +165,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
         if (reader->term) {
             ddx_ring_newest(reader->term->control, &latest);
             if (tail == DDX_CURRENT && !asked) {
-                asked = true; /* has another writer begun, and the keeper not got round to it? Half a microsecond. */
+                asked = true; /* another writer may have begun, unnoticed by the keeper yet; costs 0.5 us */
                 ddx_item_service(item);
                 continue;
             }
@@ -177,8 +177,8 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
             return 0;
         }
         if (wanted == GONE && pin == DDX_PIN_DIRECT && !ddx_window_keep(reader) && overtaken++ < OVERTAKEN)
-            continue; /* the window shows what is gone: there has to be another one */
-        /* The value exists, its slot was not mapped: that is no timeout, not even for a reader that does not wait. */
+            continue; /* the window's frame was overwritten, so it needs another one */
+        /* The value exists, but its slot is not mapped: that is not a timeout, even for a reader that does not wait. */
         if (wanted == GONE && attempts-- > 0)
             continue;
         if (!deadline)
@@ -188,8 +188,7 @@ DDX_HOT int ddx_reader_take(DDX_STORE_ITEM *item, unsigned pin, struct ddx_ring_
         if (timeout == 0) {
             if (asked)
                 return -ETIMEDOUT;
-            /* The keeper may not have read the message yet; a reader that does not wait must see the frame all the
-             * same. */
+            /* The keeper may not have read the message yet; even a reader that does not wait must see the frame. */
             asked = true;
             ddx_item_service(item);
             continue;

@@ -17,8 +17,8 @@
 static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 
 /*
- * The keeper may be looking at the socket, which keeps it open: shut down, so that the store cannot send messages
- * that are never read. Earlier messages count: the store has admitted readers.
+ * Shut down, because close() has no effect while the keeper polls the socket: the store must not send messages that are
+ * never read. Earlier messages count, since they may announce readers that the store has admitted.
  */
 static void hang_up(DDX_STORE_ITEM *item) {
     int result;
@@ -36,7 +36,7 @@ void ddx_item_disconnect(DDX_STORE_ITEM *item) {
     item->socket = -1;
     ddx_queue_clear(&item->queue);
     item->retry = ddx_time_now();
-    /* Readers that the store tells us of again are confirmed; the others may have died meanwhile. */
+    /* The store will announce living readers again, which confirms them; the others may have died. */
     memset(item->writer.confirmed, 0, sizeof item->writer.confirmed);
     ddx_futex_change(&item->changed);
     DDX_PASS(KEEPER_LOST);
@@ -57,13 +57,12 @@ static void handle(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_message *m = &packet->message;
     const struct ddx_layout *layout;
 
-    if (m->number && m->number <= item->heard) { /* said twice: the store's worker has died in between */
+    if (m->number && m->number <= item->heard) { /* sent twice: the store's worker died in between */
         ddx_packet_close(packet);
         return;
     }
     item->heard = m->number ? m->number : item->heard;
-    /* A reader that lacked a descriptor for an announced file must get the announcement again when descriptors are
-     * free. */
+    /* A reader without a descriptor for an announced file must get the announcement again when descriptors are free. */
     if (packet->cut && (m->operation == DDX_EPOCH || (m->operation == DDX_SLOT && m->flags == DDX_FLAG_READER)))
         item->deaf = true;
     switch (m->operation) {
@@ -145,7 +144,7 @@ int ddx_item_request(DDX_STORE_ITEM *item, const struct ddx_message *message, co
         }
     }
     if (result)
-        ddx_item_service(item); /* its messages before it died; it may have admitted a reader */
+        ddx_item_service(item); /* the store's last messages: it may have admitted a reader */
     item->answer = 0;
     if (item->answered)
         return item->reply.status;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Stores of other machines: their items are items of this store, which the catalog makes when it is asked for them. */
+/* Items of other machines: the catalog makes them in this machine's store, on request. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -14,7 +14,7 @@
 #define OPEN_STEP 20000000 /* ns between two attempts to find a machine */
 #define ASK 5.0            /* s that the catalog may take to answer */
 
-/* As ddx_store_lookup_item(), of an item that this machine has itself. */
+/* As ddx_store_lookup_item(), for items of this machine. */
 static DDX_STORE_ITEM *find_here(DDX_STORE_ID *id, const char *name, const char *type, int size) {
     DDX_STORE_ITEM *item = NULL;
     int error = ddx_local_lookup(id, name, type, size, &item);
@@ -25,7 +25,7 @@ static DDX_STORE_ITEM *find_here(DDX_STORE_ID *id, const char *name, const char 
     return NULL;
 }
 
-/* Ask for "carol:gps", or with "carol:" whether there is such a machine. 0 or -errno. */
+/* Ask the catalog for "carol:gps", or with "carol:" whether it has heard from that machine. 0 or -errno. */
 static int ask(const DDX_STORE_ID *id, const char *name, double timeout) {
     char pieces[DDX_NAME_MAX / (DDX_REQUEST_NAME - 1) + 1][DDX_REQUEST_NAME], text[DDX_ANSWER_TEXT];
     struct ddx_change changes[sizeof pieces / sizeof *pieces];
@@ -47,7 +47,7 @@ static int wait_for_machine(const DDX_STORE_ID *id, const char *host, int64_t de
     if (snprintf(name, sizeof name, "%s:", host) >= DDX_NAME_MAX || !ddx_item_name_ok(name) ||
         strchr(host, ':'))
         return -EINVAL;
-    /* The catalog may be started after the program, too. */
+    /* The catalog may be started after this program. */
     while (((error = ask(id, name, ASK)) == -EHOSTUNREACH || error == -EOPNOTSUPP) && ddx_time_now() < deadline)
         nanosleep(&(struct timespec){.tv_nsec = OPEN_STEP}, NULL);
     return error;
@@ -70,7 +70,7 @@ DDX_STORE_ID *ddx_store_open(const char *host, int port, double timeout) {
     return NULL;
 }
 
-/* What a program calls `name` is called so in this store. */
+/* The name in this store of the item that the program calls `name`. */
 static int full_name(const DDX_STORE_ID *id, const char *name, char full[DDX_NAME_MAX + 1]) {
     int length = snprintf(full, DDX_NAME_MAX + 1, "%s%s%s", id->host, *id->host ? ":" : "", name);
 
@@ -83,7 +83,7 @@ DDX_STORE_ITEM *ddx_store_lookup_item(DDX_STORE_ID *id, const char *name, const 
     int error = !id || !name ? -EINVAL : full_name(id, name, full);
     int asked = !error && strchr(full, ':') ? ask(id, full, ASK) : 0;
 
-    /* Only the catalog makes such items. Their last value can be read while the other machine is away. */
+    /* Only the catalog makes items of other machines. Their last value can be read while the machine is away. */
     if (!error && *id->host)
         error = ddx_local_lookup(id, full, NULL, 0, &item);
     else if (!error)

@@ -40,7 +40,7 @@ static int open_items(DDX_REQUESTS *requests, DDX_STORE_ID *id, const char *item
     requests->request = ddx_store_lookup_item(id, name, "DDX_REQUEST", sizeof(DDX_REQUEST));
     if (!requests->request)
         return -errno;
-    ddx_store_read(requests->request, &former, NULL, 0, DDX_CURRENT); /* what was asked of others is not for us */
+    ddx_store_read(requests->request, &former, NULL, 0, DDX_CURRENT); /* skip requests to an earlier program */
     ddx_request_name(name, item, "answer");
     const struct ddx_item_spec spec = {.name = name, .type = "DDX_ANSWER", .size = sizeof(DDX_ANSWER)};
     return ddx_store_create(id, &spec, &requests->answer);

@@ -6,7 +6,7 @@
 
 #include "fault.h"
 
-#define ROUNDS 1000 /* over all slots, while pins move; readers that do not lie need a few at most */
+#define ROUNDS 1000 /* over all slots, while pins move; honest readers cause a few at most */
 
 static uint64_t join(const ddx_word *low, const ddx_word *high) {
     return (uint64_t)atomic_load_explicit(high, memory_order_relaxed) << 32 |
@@ -14,8 +14,8 @@ static uint64_t join(const ddx_word *low, const ddx_word *high) {
 }
 
 /*
- * Acquire: the loads that follow must not move before this one. For readers without a pin, which check afterwards
- * whether they were in time.
+ * Acquire: later loads must not move before this one. For readers without a pin, which check afterwards whether the
+ * frame was overwritten.
  */
 static uint64_t join_first(const ddx_word *low, const ddx_word *high) {
     return (uint64_t)atomic_load_explicit(high, memory_order_acquire) << 32 |
@@ -51,7 +51,7 @@ DDX_HOT static bool pinned(const struct ddx_ring_writer *writer, unsigned slot) 
     return false;
 }
 
-/* Leave out what is pinned without touching it: WRITING, even for a moment, hides a frame from readers in order. */
+/* Skip pinned slots without marking them: WRITING, even for a moment, hides a frame from readers in order. */
 DDX_HOT static void leave_out(const struct ddx_ring_writer *writer, bool *tried) {
     for (unsigned i = 0; i < writer->slot_count; i++)
         tried[writer->slot[i]] = pinned(writer, writer->slot[i]);
@@ -64,8 +64,8 @@ static void collect(const struct ddx_ring_writer *writer, uint32_t *pins) {
 }
 
 /*
- * No slot was free when it was looked at; but readers move on while we look. Two looks that find the same pins were
- * true at one moment between them.
+ * No slot was free when it was checked, but readers move their pins during the check. If two reads of all pins are
+ * equal, all slots checked between them were pinned at the same time.
  */
 DDX_COLD static bool pins_rest(const struct ddx_ring_writer *writer, bool *tried) {
     uint32_t before[DDX_READERS_MAX * DDX_PINS], now[DDX_READERS_MAX * DDX_PINS];
@@ -114,8 +114,8 @@ DDX_HOT int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *chosen) {
         unsigned slot = oldest(writer, newest, tried);
 
         if (slot == DDX_NO_SLOT) {
-            /* A reader pins ever newer frames while this loop runs, and none newer than `newest`, so this ends; but
-             * for one that lies, and moves its pins for ever. */
+            /* While this loop runs, readers pin ever newer frames up to `newest`, so the loop ends; ROUNDS is for a
+             * malicious reader that moves its pins for ever. */
             bool rest = pins_rest(writer, tried);
             if (oldest(writer, newest, tried) == DDX_NO_SLOT && (rest || ++rounds == ROUNDS))
                 return -ENOBUFS;
@@ -198,7 +198,7 @@ DDX_HOT uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t 
     return !(found & 1) && (found >> 1 & 0x7fffffu) == DDX_LATEST_SEQUENCE(latest) ? found : DDX_WRITING;
 }
 
-/* The number of the newest frame, all 64 bits of it. False: it was overtaken while we looked. */
+/* All 64 bits of the newest frame's number. False: the frame was overwritten during the read. */
 DDX_HOT static bool newest_number(const struct ddx_control *control, uint32_t latest, uint64_t *number) {
     const struct ddx_slot_state *state = &control->slot[DDX_LATEST_SLOT(latest)];
     uint32_t generation = atomic_load_explicit(&state->generation, memory_order_acquire);
@@ -229,8 +229,8 @@ DDX_HOT unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen,
             uint32_t behind = ((uint32_t)newest - (found >> 1)) & 0x7fffffffu; /* the newest, modulo 2^31 */
 
             hidden |= found == DDX_WRITING;
-            /* Far behind means ahead: whole, but not published. If its writer dies before W7 this frame never was, and
-             * its number is given to another one. */
+            /* Far behind means ahead: whole, but not published. If the writer dies before W7, another frame gets this
+             * number. */
             if (!(found & 1) && behind < 0x40000000u && newest - behind > seen && newest - behind < oldest_new) {
                 best = slot;
                 oldest_new = newest - behind;
@@ -302,7 +302,7 @@ DDX_HOT int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsig
 }
 
 DDX_HOT void ddx_ring_unpin(ddx_word *pin) {
-    /* Release: the writer that finds the slot free must not overtake our last reads of it. */
+    /* Release: a writer that finds the slot free must not write before this reader's last reads. */
     atomic_store_explicit(pin, 0, memory_order_release);
 }
 
@@ -318,7 +318,7 @@ bool ddx_ring_peek(const struct ddx_control *control, struct ddx_ring_frame *fra
         frame->slot = slot;
         frame->sequence = join_first(&state->sequence_low, &state->sequence_high);
         frame->time = (int64_t)join_first(&state->time_low, &state->time_high);
-        /* The words are atomics, so this is no data race; the number itself tells whether they belong together. */
+        /* The words are atomics, so this is no data race; the number shows whether they belong together. */
         if (!(before & 1) && before == (uint32_t)frame->sequence << 1 &&
             before == atomic_load_explicit(&state->generation, memory_order_acquire))
             return true;

@@ -13,8 +13,8 @@
  *   W6 generation := even
  *   W7 latest := slot, wake
  *
- * W2 before W4 and R2 before R3 need a full store-load barrier each (sequentially consistent operations here): with
- * anything weaker both sides can miss each other, and a pinned frame is overwritten. One of them always sees the other.
+ * W2 before W4 and R2 before R3 need a full store-load barrier each (sequentially consistent operations here), so that
+ * at least one side sees the other. Without them both can miss each other, and a pinned frame is overwritten.
  */
 #ifndef DDX_RING_H
 #define DDX_RING_H
@@ -40,7 +40,7 @@ struct ddx_ring_writer {
     struct ddx_ring_reader reader[DDX_READERS_MAX];
 };
 
-/* What a reader learns about the frame it pinned. */
+/* Data of the frame that a reader has pinned. */
 struct ddx_ring_frame {
     unsigned slot;
     uint64_t sequence;
@@ -49,26 +49,26 @@ struct ddx_ring_frame {
 
 /*
  * W1-W4: *slot is the writer's until ddx_ring_publish() or ddx_ring_cancel().
- * -EAGAIN: readers were added: take the news in, then call again. -ENOBUFS: every slot is pinned, which as many slots
- * as the readers' shares, and two more, exclude. A pin counts as long as its reader is in the list, whatever it does.
+ * -EAGAIN: readers were added: receive the store's messages, then call again. -ENOBUFS: every slot is pinned; cannot
+ * happen with two slots more than the sum of the readers' shares. A pin counts while its reader is in the list.
  */
 int ddx_ring_choose(struct ddx_ring_writer *writer, unsigned *slot);
 
-/* Whether the slot that ddx_ring_choose() would give now holds a frame that a reader has yet to see. */
+/* Whether the slot that ddx_ring_choose() would return now holds a frame that a reader has not seen. */
 bool ddx_ring_outruns(const struct ddx_ring_writer *writer);
 
-/* W6-W7 but for the wake-up, which is the caller's. */
+/* W6-W7 without the wake-up, which the caller does. */
 void ddx_ring_publish(struct ddx_ring_writer *writer, unsigned slot, int64_t time);
 
 /* Drop the frame in the slot; no reader sees it. */
 void ddx_ring_cancel(struct ddx_ring_writer *writer, unsigned slot);
 
-/* The slot of the newest frame, or DDX_NO_SLOT. `latest` is the word read, to sleep on. */
+/* The slot of the newest frame, or DDX_NO_SLOT. *latest: the word that was read, to sleep on. */
 unsigned ddx_ring_newest(const struct ddx_control *control, uint32_t *latest);
 
 /*
- * The generation that ddx_ring_pin() must find in the slot of `latest`: that frame's, and not one that overtook it,
- * which may be whole but not published yet. DDX_WRITING if it was overtaken.
+ * The generation that ddx_ring_pin() must find in the slot of `latest`: that of the published frame, not of a newer
+ * frame in the slot, which may be whole but not published yet. DDX_WRITING if the frame was overwritten.
  */
 uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest);
 
@@ -78,18 +78,18 @@ uint32_t ddx_ring_published(const struct ddx_control *control, uint32_t latest);
  */
 unsigned ddx_ring_next(const struct ddx_control *control, uint64_t seen, uint32_t *generation);
 
-/* Whether a frame is left that is newer than `seen`, and not than `last`; the oldest one has to have a `base`. */
+/* Whether a frame is left with a number above `seen` and up to `last`; the oldest of them must have a `base`. */
 bool ddx_ring_left(const struct ddx_control *control, void *const *base, uint64_t seen, uint64_t last);
 
 /*
- * Where the next frame will probably be: the one that is being written, or else the oldest. Only among those
- * that have a `base`, and not `except`, which the caller has pinned. DDX_NO_SLOT if there is none.
+ * The slot that probably gets the next frame: the one being written, or else the oldest. Only a slot that has a `base`,
+ * and not `except`, which the caller has pinned. DDX_NO_SLOT if there is none.
  */
 unsigned ddx_ring_coming(const struct ddx_control *control, void *const *base, unsigned except);
 
 /*
- * R2-R3. `generation` is the expected one. -EAGAIN: overtaken, nothing is pinned. A slot that the word held before is
- * let go of.
+ * R2-R3. `generation` is the expected one. -EAGAIN: overwritten, nothing is pinned. A slot pinned by this word before
+ * is unpinned.
  */
 int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot, uint32_t generation,
                  struct ddx_ring_frame *frame);
@@ -97,7 +97,7 @@ int ddx_ring_pin(const struct ddx_control *control, ddx_word *pin, unsigned slot
 /* R5. */
 void ddx_ring_unpin(ddx_word *pin);
 
-/* Number and time of the newest frame for onlookers without a pin; false if there is none. */
+/* Number and time of the newest frame, without a pin; false if there is none. */
 bool ddx_ring_peek(const struct ddx_control *control, struct ddx_ring_frame *frame);
 
 #endif

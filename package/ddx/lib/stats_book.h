@@ -15,7 +15,7 @@ struct ddx_stats_book {
     char instance[DDX_NAME_MAX + 1];
     DDX_STATS stats;      /* totals, those of former starts included */
     unsigned restart;     /* number of the reason "restart" */
-    bool failed;          /* ends, but not as told */
+    bool failed;          /* exits without a request to stop */
     DDX_STORE_ITEM *item; /* NULL: not attached */
 };
 

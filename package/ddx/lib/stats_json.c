@@ -8,7 +8,7 @@
 
 struct line {
     char *text;
-    size_t size, length; /* length counts what did not fit as well */
+    size_t size, length; /* length includes text that did not fit */
 };
 
 __attribute__((format(printf, 2, 3))) static void put(struct line *line, const char *format, ...) {
@@ -21,7 +21,7 @@ __attribute__((format(printf, 2, 3))) static void put(struct line *line, const c
     line->length += length > 0 ? (size_t)length : 0;
 }
 
-/* Text from a store item may hold anything: at most `limit` bytes, escaped. */
+/* At most `limit` bytes of text, escaped: text from a store item may contain any bytes. */
 static void put_string(struct line *line, const char *text, size_t limit) {
     put(line, "\"");
     for (size_t i = 0; i < limit && text[i]; i++) {

@@ -1,12 +1,11 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* A restarted program continues the totals of the one before, so that in = out + lost holds across restarts. */
+/* A restarted program continues the totals of the previous one, so that in = out + lost holds across restarts. */
 #include <errno.h>
 #include <string.h>
 
 #include "stats_book.h"
 
-/* The number of a reason of this name; a new one if there is room; else "restart", so that no loss is ever
- * forgotten. */
+/* The index of the reason of this name; a new one if there is room; else "restart", so that no loss is dropped. */
 static unsigned reason_named(struct ddx_stats_book *book, const char *name) {
     DDX_STATS *stats = &book->stats;
 
@@ -35,7 +34,7 @@ static void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *fo
         stats->lost[reason_named(book, name)].frames += former->lost[i].frames;
         accounted += former->lost[i].frames;
     }
-    if (former->in > accounted) { /* died with these in its ring, and with one on its way into an item */
+    if (former->in > accounted) { /* died with these waiting, one of them perhaps being published */
         stats->publishing = former->publishing;
         uint64_t died = former->in - accounted - (former->publishing ? 1 : 0);
         stats->lost[book->restart].frames += died;
@@ -62,8 +61,7 @@ static void ddx_stats_take_over(struct ddx_stats_book *book, const DDX_STATS *fo
     }
 }
 
-/* The value that a former program left in the item. Its own handle, so that the reader's share is given back at
- * once. */
+/* Read the former program's value. With a handle of its own, so that the reader's share is released at once. */
 static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
 
@@ -74,7 +72,7 @@ static int read_former(DDX_STORE_ID *id, const char *name, DDX_STATS *former) {
     return error;
 }
 
-/* -EEXIST if the living writer of the item keeps counters there; else why the item can hold none. */
+/* -EEXIST if the item's living writer keeps counters there; else the reason why the item cannot hold counters. */
 static int refused_by(DDX_STORE_ID *id, const char *name) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, "DDX_STATS", (int)sizeof(DDX_STATS));
     int error = item ? -EEXIST : -errno;

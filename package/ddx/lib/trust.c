@@ -9,7 +9,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-/* Cuts the last part off a path; false: it has no other. */
+/* Cut off the last part of a path; false: there is no folder above it. */
 static bool go_up(char *path) {
     char *slash = strrchr(path, '/');
 
@@ -19,7 +19,7 @@ static bool go_up(char *path) {
     return true;
 }
 
-/* Its mode lets any user do this; but where the sticky bit is set, not to what others own. */
+/* Any user may create files there; with the sticky bit, users cannot replace files of other users. */
 static bool is_common(const struct stat *status) {
     return status->st_mode & S_IWOTH;
 }
@@ -38,7 +38,7 @@ int ddx_folder_owner(const char *path, uid_t *owner) {
     *owner = status.st_uid;
     if (status.st_uid == 0 || status.st_uid == getuid() || !go_up(folder))
         return 0;
-    /* The system may have given it to the store's user, as /run/ddx; but in /tmp that user may have made it. */
+    /* The system may have made it for the store's user, as /run/ddx; but in a common folder that user made it. */
     return stat(folder, &above) || is_common(&above) ? -EPERM : 0;
 }
 

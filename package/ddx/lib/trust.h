@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Whom to believe: a store hands out memory, and what a program finds there is what it works with. */
+/* Which stores to trust: a program works with the content of the memory that the store hands out. */
 #ifndef DDX_TRUST_H
 #define DDX_TRUST_H
 
@@ -7,8 +7,8 @@
 #include <sys/types.h>
 
 /*
- * The owner of the folder of this socket. 0; -ENOENT or the like: there is none; -EPERM: other users could have made
- * the folder, or can replace what is in it.
+ * The owner of the folder of this socket. 0; -ENOENT or similar: no folder; -EPERM: another user could have made the
+ * folder, or can replace its content.
  */
 int ddx_folder_owner(const char *path, uid_t *owner);
 

@@ -64,7 +64,7 @@ bool ddx_layout_empty(const struct ddx_layout *layout) {
     return layout->field_count > 0;
 }
 
-/* Identifiers, joined by dots; "" is a type that is no struct. */
+/* Identifiers, joined by dots; "" is a type that is not a struct. */
 static bool field_name_valid(const char *name) {
     size_t length = strnlen(name, DDX_NAME_MAX + 1);
 
@@ -123,7 +123,7 @@ bool ddx_layout_same(const struct ddx_layout *a, const struct ddx_layout *b) {
     return true;
 }
 
-/* Same kind of field: all but the place in the outermost struct, and but the bound if that is left open. */
+/* Whether two fields are equal, except for the offset in the outermost struct, and for the bound if `open_bound`. */
 static bool alike(const struct ddx_layout *a, unsigned i, const struct ddx_layout *b, unsigned j, bool open_bound) {
     const struct ddx_layout_field *x = &a->field[i], *y = &b->field[j];
 
@@ -140,7 +140,7 @@ static bool alike(const struct ddx_layout *a, unsigned i, const struct ddx_layou
     return true;
 }
 
-/* One span for all; for opaque types, and for equal layouts without extents. */
+/* One span for the whole struct; for opaque types. */
 static int match_whole(const struct ddx_layout *item, struct ddx_span **spans, unsigned *count) {
     *spans = malloc(sizeof **spans);
     if (!*spans)
@@ -168,14 +168,14 @@ int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own
     if ((!open || !own->field_count) && item->size != own->size)
         return -EMSGSIZE;
     if (open && !own->field_count)
-        own = item; /* only its size is known, and it is the same: then so are the places of what is in use */
+        own = item; /* only the size of `own` is known, and it is equal: assume the same layout */
     if (!open && (item->field_count == 0 || own->field_count == 0))
         return match_whole(item, spans, count);
     *count = 0;
     *spans = calloc(item->field_count, sizeof **spans);
     if (!*spans)
         return -ENOMEM;
-    /* With extents, a program may know a leading part of the fields only, and bounds of its own. */
+    /* With extents, a program may know only the first fields, and have bounds of its own. */
     for (; i < item->field_count && j < own->field_count; i = ddx_layout_after(item, i), j = ddx_layout_after(own, j)) {
         const struct ddx_layout_field *x = &item->field[i], *y = &own->field[j];
 

@@ -10,11 +10,11 @@
 #define DDX_FIELDS_MAX 200u
 #define DDX_SIZE_MAX ((uint64_t)1 << 30)
 
-/* As it travels in messages: fixed width. Outermost fields come in the order of their offsets. */
+/* As sent in messages: fixed width. Outermost fields are in the order of their offsets. */
 struct ddx_layout_field {
     char name[DDX_NAME_MAX + 1];
     uint8_t kind;   /* enum ddx_kind */
-    uint8_t extent; /* `used` was given: the array bound is no part of the type */
+    uint8_t extent; /* `used` was given: the array bound is not part of the type */
     uint16_t children;
     uint32_t bytes, count;
     uint32_t unused;
@@ -30,8 +30,8 @@ struct ddx_layout {
 };
 
 /*
- * What an item or a type may be called: 1 to DDX_NAME_MAX printable ASCII characters, since names are listed and logged
- * as they are. An item's name has no blank and no '/'.
+ * Valid names of an item or a type: 1 to DDX_NAME_MAX printable ASCII characters, since names are listed and logged
+ * without escaping. An item's name has no blank and no '/'.
  */
 bool ddx_item_name_ok(const char *name);
 bool ddx_type_name_ok(const char *name);
@@ -42,12 +42,12 @@ static inline size_t ddx_layout_bytes(unsigned fields) {
 }
 
 /*
- * Parse "struct { int a; char b[64]; }" or "int" by this program's own ABI. The result is the caller's, to free().
- * -EINVAL: not understood or not to be shared; -ENOMEM.
+ * Parse "struct { int a; char b[64]; }" or "int" by this program's own ABI. The caller frees the result with free().
+ * -EINVAL: not understood, or cannot be shared; -ENOMEM.
  */
 int ddx_layout_parse(const char *text, struct ddx_layout **layout);
 
-/* The same; on -EINVAL *bad is where the text is not understood. */
+/* The same; on -EINVAL *bad points to the word that is not understood. */
 int ddx_layout_parse_until(const char *text, struct ddx_layout **layout, const char **bad);
 
 /* The first declaration of this name by DDX_STORE_TYPE, or NULL. */
@@ -67,36 +67,36 @@ struct ddx_layout *ddx_layout_copy(const struct ddx_layout *layout);
 /* Use only the first `bytes` of an outermost field; 0: none. -EINVAL: no such field, or longer than the field. */
 int ddx_layout_use(struct ddx_layout *layout, const char *field, uint64_t bytes);
 
-/* Has any field an extent? */
+/* Whether any field has an extent. */
 bool ddx_layout_extents(const struct ddx_layout *layout);
 
-/* Do extents leave no byte in use? No item is like that. */
+/* Whether the extents leave no byte in use, which is not allowed for an item. */
 bool ddx_layout_empty(const struct ddx_layout *layout);
 
-/* Is this, received in `bytes` bytes, a layout that cannot lead anybody astray? */
+/* Whether this layout, received in `bytes` bytes, is consistent and safe to use. */
 bool ddx_layout_valid(const struct ddx_layout *layout, size_t bytes);
 
-/* Equal to the last extent: then a value of one is a value of the other, byte for byte. */
+/* Whether the layouts are equal, extents included, so that a value of one is also a value of the other. */
 bool ddx_layout_same(const struct ddx_layout *a, const struct ddx_layout *b);
 
-/* The i-th outermost field's index, given the one before; field_count at the end. */
+/* Index of the outermost field after field i; field_count at the end. */
 static inline unsigned ddx_layout_after(const struct ddx_layout *layout, unsigned i) {
     return i + 1u + layout->field[i].children;
 }
 
-/* One stretch of bytes that a value has in the item and in the caller's struct. */
+/* A range of `bytes` bytes, at offset `item` in the item and `own` in the caller's struct. */
 struct ddx_span {
     uint64_t item, own, bytes;
 };
 
 /*
- * How a value of the item's layout is laid out in a program's `own` struct: spans (to free()) and their count. 0, or
- * -EPROTOTYPE: other types; -EMSGSIZE: same type but other size, or what is in use does not fit.
+ * Where the ranges of a value are in the item's layout and in a program's `own` struct: spans (to free()) and their
+ * count. 0; -EPROTOTYPE: different types; -EMSGSIZE: same type but other size, or the bytes in use do not fit.
  */
 int ddx_layout_match(const struct ddx_layout *item, const struct ddx_layout *own, struct ddx_span **spans,
                      unsigned *count);
 
-/* May an item of layout `old` become one of layout `fresh`? Extents and their bounds may differ, nothing else. */
+/* Whether an item of layout `old` may get layout `fresh`: only extents and the bounds of their fields may differ. */
 int ddx_layout_may_become(const struct ddx_layout *old, const struct ddx_layout *fresh);
 
 #endif

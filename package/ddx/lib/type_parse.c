@@ -18,10 +18,10 @@ struct parser {
     const char *at;
     struct ddx_layout *layout; /* room for DDX_FIELDS_MAX */
     int depth;
-    const char *bad; /* the word that is no type; NULL: the parser stopped at `at` */
+    const char *bad; /* the word that is not a type; NULL: the parser stopped at `at` */
 };
 
-/* A type as it stands before a declarator. */
+/* The type before a declarator. */
 struct base {
     enum ddx_kind kind;
     uint64_t bytes;
@@ -83,7 +83,7 @@ static bool word(struct parser *p, char name[DDX_NAME_MAX + 1]) {
 
 static int members(struct parser *p, const char *prefix, uint64_t start, struct base *base);
 
-/* "unsigned long long", "char", ...: count the words, then see what they mean together. */
+/* "unsigned long long", "char", ...: count the words, then derive the type from the counts. */
 static int arithmetic(struct parser *p, const char *first, struct base *base) {
     unsigned is_signed = 0, is_unsigned = 0, is_char = 0, is_short = 0, is_int = 0, is_long = 0, is_double = 0;
     char name[DDX_NAME_MAX + 1];
@@ -212,7 +212,7 @@ static int declarators(struct parser *p, const char *line, const char *prefix, u
         unsigned here = p->layout->field_count;
         const char *resume = p->at;
 
-        /* Find out kind and size, then throw the nested fields away until name and offset are known. */
+        /* Get kind and size, then drop the nested fields until name and offset are known. */
         p->at = line;
         int result = type(p, "", 0, &base);
         p->layout->field_count = here;

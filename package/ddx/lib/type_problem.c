@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Why a type cannot be shared, in a line that names the word at fault. */
+/* The reason why a type cannot be shared, in a line that names the word at fault. */
 #include <ctype.h>
 #include <errno.h>
 #include <stdio.h>
@@ -10,7 +10,7 @@
 
 #define WORD_MAX 80
 
-/* "std::int32_t", as far as it goes. */
+/* Length of a word such as "std::int32_t". */
 static size_t word_length(const char *at) {
     size_t length = 0;
 
@@ -19,7 +19,7 @@ static size_t word_length(const char *at) {
     return length;
 }
 
-/* The word at `at`, with its successor where it means nothing alone: "enum colour", "* pointer", ": 3". */
+/* The word at `at`, with the next word if it has no meaning alone: "enum colour", "* pointer", ": 3". */
 static void copy_word(char word[WORD_MAX], const char *at) {
     static const char *const openers[] = {"enum", "struct", "union", "long", "unsigned", "signed"};
     bool is_mark = *at && !isalnum((unsigned char)*at) && *at != '_';

@@ -14,7 +14,7 @@ int ddx_window_make(struct ddx_reader_role *reader, const struct ddx_layout *sho
     return reader->window ? 0 : -errno;
 }
 
-/* The window's pages back into the slot that they belong to. */
+/* Move the window's pages back into their slot. */
 static void go_home(struct ddx_reader_role *reader) {
     const struct ddx_term *term = reader->shown_term;
 
@@ -78,7 +78,7 @@ void ddx_window_withdraw(struct ddx_reader_role *reader) {
     reader->shown = -1;
 }
 
-/* Is the caller's struct the item's, but for a shorter end? Then its pages can be shown as they are. */
+/* Whether all fields have the same offsets in the caller's struct, so that the slot's pages can be shown directly. */
 DDX_HOT static bool same_places(const struct ddx_term *term) {
     for (unsigned i = 0; i < term->span_count; i++)
         if (term->spans[i].item != term->spans[i].own)
@@ -104,7 +104,7 @@ DDX_HOT int ddx_window_show(struct ddx_reader_role *reader, unsigned slot) {
         return term->mismatch;
     for (unsigned i = 0; i < term->span_count; i++)
         if (term->spans[i].own + term->spans[i].bytes > reader->window_bytes)
-            return -EMSGSIZE; /* grew since the window was made */
+            return -EMSGSIZE; /* the item has grown since the window was made */
     if (term == reader->shown_term && reader->placed == (int)slot) {
         reader->shown = (int)slot;
         DDX_PASS(DIRECT_SHOWN);

@@ -78,8 +78,8 @@ static int receive(int socket, struct ddx_packet *packet, int flags) {
     for (unsigned i = 0; i < DDX_FDS_MAX; i++)
         packet->fd[i] = -1;
     ssize_t got;
-    /* A peer that dies with a message of ours unread resets the connection. The kernel reports this once, before the
-     * peer's last messages: those are still there, and must not be lost. */
+    /* A peer that dies with unread messages resets the connection. The kernel reports this once, before the peer's last
+     * messages: these are still in the socket, and must not be lost. */
     do
         got = recvmsg(socket, &envelope, MSG_DONTWAIT | MSG_CMSG_CLOEXEC | flags);
     while (got < 0 && (errno == EINTR || errno == ECONNRESET));
@@ -139,7 +139,7 @@ bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes) {
     char folder[64];
 
     if (chosen) {
-        /* Tests and several stores side by side: this folder and no other. */
+        /* For tests, and several stores side by side: only this folder. */
         return i == 0 && snprintf(path, bytes, "%s/store-%d", chosen, port) < (int)bytes;
     }
     snprintf(folder, sizeof folder, "/tmp/ddx-%u", (unsigned)getuid());
@@ -153,7 +153,7 @@ bool ddx_socket_path(unsigned i, int port, char *path, size_t bytes) {
     }
 }
 
-/* A connection to the store of this address. -ENOENT or the like: none is there; -EPERM: it cannot be believed. */
+/* Connect to the store at this address. -ENOENT or similar: no store; -EPERM: the store is not trusted. */
 static int connect_to(const struct sockaddr_un *address) {
     uid_t owner;
     int result = ddx_folder_owner(address->sun_path, &owner);

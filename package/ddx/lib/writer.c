@@ -13,7 +13,7 @@
 #include "writer_readers.h"
 #include "writer_role.h"
 
-#define REFUSAL 5 /* ms that the store may take to refuse a reader whose pins cannot be seen */
+#define REFUSAL 5 /* ms to wait for the store to refuse a reader whose pins cannot be checked */
 
 int ddx_writer_claim(DDX_STORE_ITEM *item) {
     struct ddx_message message;
@@ -27,7 +27,7 @@ int ddx_writer_claim(DDX_STORE_ITEM *item) {
     ddx_message_init(&message, DDX_CLAIM, item);
     int result = ddx_item_request(item, &message, item->layout, DDX_DONE);
     if (result) {
-        /* Some of it may have arrived before the store died: readers do not know it, so it is useless. */
+        /* Drop files that arrived before the store died: readers do not know them, so they are useless. */
         ddx_writer_end(&item->writer);
         return item->deaf ? -EMFILE : result;
     }
@@ -39,7 +39,7 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
     struct ddx_writer_role *writer = &item->writer;
     int result;
 
-    if (writer->unseen_count) { /* it will be refused at once, unless we were stopped for a long time */
+    if (writer->unseen_count) { /* the store refuses it at once, unless this program was stopped for long */
         struct pollfd wait = {.fd = item->socket, .events = POLLIN};
 
         poll(&wait, 1, REFUSAL);
@@ -54,16 +54,16 @@ DDX_HOT static int choose(DDX_STORE_ITEM *item, unsigned *slot) {
             break;
         }
         if (result == -ENOBUFS) {
-            /* There may be slots that were not taken in yet, and dead readers that were not reported. */
+            /* There may be added slots in unread messages, and dead readers that were not reported. */
             ddx_item_service(item);
             if (ddx_writer_forget(writer, true) || writer->ring.slot_count > slots)
                 continue;
             writer->given_up++;
             break;
         }
-        /* The store queued the news before it changed the notice, so they are here: this does not wait. */
+        /* The store sent the message before it changed the notice, so this does not wait. */
         if (ddx_item_service(item))
-            /* The store died meanwhile: then the new reader was not admitted. */
+            /* The store has died: then the new reader was not admitted. */
             writer->ring.notice_seen = version;
     }
     return result;
@@ -135,7 +135,7 @@ DDX_HOT int ddx_store_write(DDX_STORE_ITEM *item, const void *data, const DDX_TI
 
     if (!item || !data)
         return -EINVAL;
-    /* Before the first write: one that fails must not become the item's writer. */
+    /* Before the first write: a handle that cannot write must not become the item's writer. */
     int result = item->writer.term ? 0 : may_copy(item);
     if (!result)
         result = ddx_store_loan(item, &frame);

@@ -4,7 +4,7 @@
 
 #include "handle.h"
 
-/* Become the item's writer, unless this handle is that already. With `lock` held. 0, or -errno. */
+/* Become the item's writer, unless this handle is the writer already. With `lock` held. 0, or -errno. */
 int ddx_writer_claim(DDX_STORE_ITEM *item);
 
 #endif

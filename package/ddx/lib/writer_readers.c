@@ -19,7 +19,7 @@ static void send_taken(DDX_STORE_ITEM *item, const struct ddx_message *reader, i
     DDX_PASS(CLAIM_TAKEN);
 }
 
-/* Room in the list for a reader, with its page mapped; or -errno. */
+/* Add a reader to the list, with its page mapped. Its index, or -errno. */
 static int add_reader(struct ddx_writer_role *writer, struct ddx_packet *packet) {
     struct ddx_ring_writer *ring = &writer->ring;
     unsigned i = ring->reader_count;
@@ -39,8 +39,8 @@ static int add_reader(struct ddx_writer_role *writer, struct ddx_packet *packet)
 }
 
 /*
- * A reader whose pins cannot be looked at may have been let in all the same, since we were stopped for too long: until
- * it is refused, or can be seen, no frame may be written over.
+ * If this program was stopped for too long, the store may have admitted a reader whose pins cannot be checked: until
+ * that reader is refused, or its page can be mapped, no frame may be overwritten.
  */
 static void see(struct ddx_writer_role *writer, uint64_t page, bool unseen) {
     unsigned i = 0;
@@ -54,8 +54,8 @@ static void see(struct ddx_writer_role *writer, uint64_t page, bool unseen) {
 }
 
 /*
- * It is let in when we have said that we look at its pins. A program without a descriptor for its page, or for the
- * frames that were to be added for it, refuses it instead: what is written comes first.
+ * The store admits the reader once this writer has answered that it checks the reader's pins. A writer without a
+ * descriptor for the page, or for the slots added for the reader, refuses the reader: writing comes first.
  */
 void ddx_writer_on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     struct ddx_writer_role *writer = &item->writer;
@@ -115,8 +115,8 @@ bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
 }
 
 /*
- * A reader left; or, with DDX_FLAG_CREATE, all readers are gone that did not return after the store's restart. A number
- * is valid only with the store that assigned it: a reader that has not returned yet keeps its former number, which may
+ * A reader left; or, with DDX_FLAG_CREATE, all readers left that have not returned after the store's restart. A number
+ * is valid only with the store that assigned it: a reader that has not returned yet has its former number, which may
  * belong to another reader by now.
  */
 void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m) {

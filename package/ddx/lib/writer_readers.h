@@ -9,8 +9,8 @@ void ddx_writer_on_reader(DDX_STORE_ITEM *item, struct ddx_packet *packet);
 void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m);
 
 /*
- * Remove readers whose pin page no process holds any more: those that are leaving, or all of them. The store's message
- * is not enough, because it may have disconnected a reader that was only stopped. True if there were any.
+ * Remove readers whose pin page no process holds any more: only leaving ones, or `all`. The store's READER_GONE is not
+ * sufficient, because the store may have disconnected a reader that was only stopped. True if any was removed.
  */
 bool ddx_writer_forget(struct ddx_writer_role *writer, bool all);
 

@@ -10,7 +10,7 @@
 #include "connection.h"
 #include "term.h"
 
-/* `status`: an error if there will never be such a slot. */
+/* `status`: -errno if this program cannot map the slot. */
 static void send_ready(DDX_STORE_ITEM *item, uint32_t epoch, unsigned slot, int status) {
     struct ddx_message message;
 
@@ -56,7 +56,7 @@ void ddx_writer_on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
     writer->ring.notice = writer->notice;
     writer->ring.epoch = m->epoch;
     writer->ring.sequence = m->sequence;
-    /* Not what the notice says now: news about readers may already stand after this message. */
+    /* Not the version in the notice now: it may count announcements of readers that follow this message. */
     writer->ring.notice_seen = m->index;
     DDX_PASS(CLAIM_CONTROL);
     send_ready(item, m->epoch, DDX_NO_SLOT, 0);
@@ -104,7 +104,7 @@ void ddx_writer_on_done(struct ddx_writer_role *writer, const struct ddx_message
 }
 
 void ddx_writer_on_offered(struct ddx_writer_role *writer, const struct ddx_message *m) {
-    /* Not those that it has added since. */
+    /* Not the slots added since the offer. */
     if (!m->status && writer->ring.told_count < writer->offered)
         writer->ring.told_count = writer->offered;
     if (m->status == -EEXIST) {

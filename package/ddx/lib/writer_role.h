@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* What the store's messages do to a handle's writer, and what ends it. With `lock` held. */
+/* A handle's writer: its handling of the store's messages, and its end. With `lock` held. */
 #ifndef DDX_WRITER_ROLE_H
 #define DDX_WRITER_ROLE_H
 
