@@ -104,7 +104,7 @@ def test_set_does_not_replace_a_running_writer(desk: Desk, compile_client: Compi
     wait_until(lambda: desk.run("ddxctl", "show", "sensor").returncode == 0)
     done = desk.run("ddxctl", "set", "sensor", "name=rear")
     assert done.returncode == 1
-    assert done.stderr == f"ddxctl: sensor: not set, process {writer.pid} writes it; it must end first\n"
+    assert done.stderr == f"ddxctl: sensor: not set, process {writer.pid} writes it; stop it first\n"
     assert shown(desk)["value"]["name"] == "front"
     writer.kill()
     writer.wait()

@@ -18,7 +18,7 @@ static bool parse(const char *word, char name[DDX_REQUEST_NAME], struct ddx_chan
         return false;
     snprintf(name, DDX_REQUEST_NAME, "%.*s", (int)(equals - word), word);
     const char *digits = equals + 1 + (equals[1] == '-' || equals[1] == '+');
-    bool hexadecimal = *digits == '0' && (digits[1] | 32) == 'x'; /* and 010 is ten */
+    bool hexadecimal = *digits == '0' && (digits[1] | 32) == 'x'; /* no octal: 010 is ten */
     errno = 0;
     change->name = name;
     change->value = strtoll(equals + 1, &end, hexadecimal ? 16 : 10);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* "wheel[2].speed=1.5": finds the field by the description that the store keeps, and the value by the field's kind. */
+/* "wheel[2].speed=1.5": finds the field in the item's layout, and parses the value according to the field's kind. */
 #include <errno.h>
 #include <float.h>
 #include <math.h>
@@ -10,14 +10,14 @@
 
 #include "ddxctl.h"
 
-/* What is left of the "=": a field, or one element of it. */
+/* The left side of the "=": a field, or one element of it. */
 struct place {
     const struct ddx_field *field;
-    uint64_t offset, count; /* elements from there on that the value may set */
+    uint64_t offset, count; /* elements that the value may set */
 };
 
 static char problem[1024];
-static char asked[2 * DDX_NAME_MAX]; /* the path as it was typed */
+static char asked[2 * DDX_NAME_MAX]; /* the path as typed */
 
 static const char *wrong(const char *format, ...) __attribute__((format(printf, 1, 2)));
 static const char *wrong(const char *format, ...) {
@@ -29,7 +29,7 @@ static const char *wrong(const char *format, ...) {
     return problem;
 }
 
-/* "[3]" at *at, if there: the index. NULL, or what is wrong. */
+/* Parse an index such as "[3]" at *at, if there is one. NULL, or the error text. */
 static const char *index_at(const char **at, const struct ddx_field *field, bool *there, uint64_t *index) {
     uint64_t count = field->used / field->bytes;
     char *end;
@@ -49,7 +49,7 @@ static const char *index_at(const char **at, const struct ddx_field *field, bool
     return NULL;
 }
 
-/* What can be named instead: the outermost fields. */
+/* Error text with the names of the outermost fields. */
 static const char *no_such_field(const DDX_STORE_ITEM *item, int length, const char *path) {
     const struct ddx_field *field;
     const char *text = wrong("%.*s: no such field; there are", length, path);
@@ -62,7 +62,7 @@ static const char *no_such_field(const DDX_STORE_ITEM *item, int length, const c
     return text;
 }
 
-/* Field by field along "a[1].b.c[2]"; `end` is the byte after it. */
+/* Follow the path "a[1].b.c[2]" field by field; `end` is the byte after it. */
 static const char *find(const DDX_STORE_ITEM *item, const char *path, const char *end, struct place *place) {
     char name[DDX_NAME_MAX + 1] = "";
     const char *at = path;
@@ -80,7 +80,7 @@ static const char *find(const DDX_STORE_ITEM *item, const char *path, const char
         if (!place->field)
             return no_such_field(item, (int)(at - path), path);
         if (!place->field->used)
-            return wrong("%s: nothing of it is in use", name);
+            return wrong("%s: no byte of it is in use", name);
         const char *bad = index_at(&at, place->field, &there, &index);
         if (bad)
             return bad;
@@ -111,7 +111,7 @@ static const char *put_integer(const struct ddx_field *field, void *to, const ch
     char *stop;
 
     digits += negative || *digits == '+';
-    bool hexadecimal = *digits == '0' && (digits[1] | 32) == 'x'; /* and 010 is ten */
+    bool hexadecimal = *digits == '0' && (digits[1] | 32) == 'x'; /* no octal: 010 is ten */
     errno = 0;
     uint64_t value = strtoull(digits, &stop, hexadecimal ? 16 : 10);
     if (negative)
@@ -184,7 +184,7 @@ const char *change_field(const DDX_STORE_ITEM *item, void *data, const char *cha
     if (!ddx_store_field(item, 0))
         return wrong("a type that only its programs know");
     if (!*ddx_store_field(item, 0)->name && !strncmp(change, "value=", 6))
-        path = end; /* no struct: its one field has no name */
+        path = end; /* not a struct: the only field has no name */
     snprintf(asked, sizeof asked, "%.*s", (int)(end - change), change);
     const char *bad = find(item, path, end, &place);
     if (bad)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Errors of the store, for people. */
+/* Error messages. */
 #include <stdio.h>
 
 #include "ddxctl.h"

@@ -6,7 +6,7 @@
 
 #include "ddx.h"
 
-/* What the command line asked for. */
+/* The parsed command line. */
 struct request {
     const char *item;
     char **changes; /* set: "field=value" words */
@@ -18,14 +18,14 @@ struct request {
 };
 
 /*
- * Another package's program for the first of these words, of which the array ends with NULL; returns only if that
- * fails: the exit status, or -1: there is none.
+ * Execute another package's program for the first of these words (the array ends with NULL). Returns only on failure:
+ * the exit status, or -1 if there is no such program.
  */
 int run_word(char **words);
-/* The lines of help of all that are installed, onto standard output. */
+/* Print the help of all installed words to standard output. */
 void print_words(void);
 
-/* One file each; they return the exit status. */
+/* The commands, one file each; they return the exit status. */
 int command_list(DDX_STORE_ID *id, const struct request *request);
 int command_show(DDX_STORE_ID *id, const struct request *request);
 int command_set(DDX_STORE_ID *id, const struct request *request);
@@ -42,16 +42,16 @@ int complain(const char *item, int error);
 /* Print `text` as a JSON string, with its quotes; `length` bytes or up to a NUL. */
 void json_string(const char *text, size_t length);
 
-/* Bytes as people read them: "152K". */
+/* A readable number of bytes: "152K". */
 const char *readable_bytes(uint64_t bytes, char text[16]);
 
 /*
- * Change what "field=value" says in a value of the item's type: `apply` false only checks. NULL, or what is wrong with
- * it, in static memory.
+ * Apply "field=value" to a value of the item's type; `apply` false: only check it. NULL, or the error text, in static
+ * memory.
  */
 const char *change_field(const DDX_STORE_ITEM *item, void *data, const char *change, bool apply);
 
-/* A frame's fields, one by one: name = value, or the members of a JSON object. */
+/* Print a frame's fields: one name and value a line, or the members of a JSON object. */
 void print_fields(const DDX_STORE_ITEM *item, const void *data, bool json);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Values of any type, printed by the description that the store keeps of it. */
+/* Printing values of any type, by the item's layout. */
 #include <stdio.h>
 #include <string.h>
 
@@ -7,7 +7,7 @@
 
 /* Elements of an array that are printed; a picture has a million. */
 #define SHOWN 16
-#define SHOWN_JSON 1024 /* an array with more is its first SHOWN ones there, too */
+#define SHOWN_JSON 1024 /* in JSON all elements up to this number, of longer arrays the first SHOWN */
 
 static int64_t signed_at(const char *at, unsigned bytes) {
     int8_t i8;
@@ -45,7 +45,7 @@ static void print_number(enum ddx_kind kind, const char *at, unsigned bytes) {
         printf("%lld", (long long)signed_at(at, bytes));
 }
 
-/* Text if it looks like text: printable up to a NUL. A plane of pixels does not. */
+/* Whether the bytes are text (printable up to a NUL), not a plane of pixels. */
 static bool is_text(const char *at, uint64_t bytes) {
     const char *end = memchr(at, 0, (size_t)bytes);
 

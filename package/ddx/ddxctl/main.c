@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxctl: look at the store from a shell. */
+/* ddxctl: inspect and control the store from a shell. */
 #include "ddxctl.h"
 
 #include <errno.h>
@@ -21,28 +21,27 @@ static const char usage_commands[] =
     "  list          all items: type, memory, readers, writer, age\n"
     "  show ITEM     the item's newest value, field by field\n"
     "  set ITEM FIELD=VALUE ...\n"
-    "                write the newest value once more, with these fields changed: imu.accel[0]=1.5,\n"
-    "                name=text, gears=1,2,3; value=7 for an item that is no struct. Of an item\n"
-    "                whose program takes requests, its settings: set video brightness=128\n"
-    "  watch ITEM    a line for each write: number, time, what was missed\n"
+    "                write the newest value again, with these fields changed: imu.accel[0]=1.5,\n"
+    "                name=text, gears=1,2,3; value=7 for an item that is not a struct. If the item's\n"
+    "                program takes requests, change its settings: set video brightness=128\n"
+    "  watch ITEM    a line for each write: number, time, missed writes\n"
     "  stats         counters of all programs: frames in, out, lost, latency\n"
     "\n"
     "  record start|stop|split|pre-roll SECONDS [INSTANCE]\n"
-    "                tell the recorder (default: ddxvideosave) to leave out what comes, to go on in a new\n"
-    "                file, to begin a new one with the next frame, or to keep the last seconds in\n"
-    "                memory while it is stopped\n";
+    "                start or stop recording, begin a new file with the next frame, or keep the last\n"
+    "                seconds in memory while recording is stopped (default recorder: ddxvideosave)\n";
 
 static const char usage_options[] =
     "\n"
     "  -json         for programs: one JSON object a line\n"
-    "  -every S      list, show, stats: again every S seconds\n"
-    "  -count N      end after N writes (watch) or repetitions\n"
+    "  -every S      list, show, stats: repeat every S seconds\n"
+    "  -count N      exit after N writes (watch) or repetitions\n"
     "  -port N       the store's port; default 2005\n"
     "  -help         this text; -version\n"
     "\n"
     "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
 
-/* Between the two: what other packages bring. */
+/* The words of other packages are between the two. */
 static void print_usage(void) {
     fputs(usage_commands, stdout);
     print_words();
@@ -60,7 +59,7 @@ static const struct {
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])
 
-/* Its place among them, or COMMANDS. */
+/* Index in commands[], or COMMANDS. */
 static size_t find_command(const char *word) {
     size_t command = 0;
 
@@ -81,7 +80,7 @@ static bool seconds(const char *text, double least, double most, double *value) 
     return end != text && !*end && *value >= least && *value <= most;
 }
 
-/* Digits and nothing else; 010 is ten. */
+/* Only decimal digits; 010 is ten. */
 static bool number(const char *text, unsigned most, unsigned *value) {
     char *end;
 
@@ -91,7 +90,7 @@ static bool number(const char *text, unsigned most, unsigned *value) {
     return !errno && *text >= '0' && *text <= '9' && !*end && found >= 1 && found <= most;
 }
 
-/* What an item can be called, in any store. */
+/* Whether the text is a valid name of an item. */
 static bool is_name(const char *text) {
     size_t length = strlen(text);
 
@@ -101,7 +100,7 @@ static bool is_name(const char *text) {
     return length >= 1 && length <= DDX_NAME_MAX;
 }
 
-/* What was printed is where it was to go, or nothing was done. */
+/* Flush standard output; an error fails the command. */
 static int finish(int status) {
     if (!fflush(stdout) && !ferror(stdout))
         return status;

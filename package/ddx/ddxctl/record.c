@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Orders to a recorder: requests to its instance. */
+/* Commands to a recorder, sent as requests to its instance. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,7 +9,7 @@
 #include "ddxctl.h"
 
 #define RECORDER "ddxvideosave"
-#define ANSWER_WAIT 5.0 /* s: it may have to wait for its disk */
+#define ANSWER_WAIT 5.0 /* s: the recorder may wait for its disk */
 
 #define WORDS "start, stop, split or pre-roll SECONDS is needed, and then at most an instance"
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Change an item: by a request to its program, or by writing its newest value once more with some fields changed. */
+/* Change an item: by a request to its program, or by writing its newest value again with some fields changed. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>
@@ -20,7 +20,7 @@ static int refuse(const struct request *request, const char *bad) {
     return 2;
 }
 
-/* What lies beyond a field's extent is not there, neither in the frame nor in the loan. */
+/* Copy, or clear, only the bytes in use: neither frame nor loan has memory beyond a field's extent. */
 static void copy(const DDX_STORE_ITEM *item, char *to, const char *from) {
     const struct ddx_field *field;
 
@@ -45,7 +45,7 @@ static int write_changed(DDX_STORE_ITEM *item, const struct request *request) {
         struct ddx_item_info info = {.writer_pid = 0};
 
         ddx_store_item_info(item, &info);
-        fprintf(stderr, "ddxctl: %s: not set, process %d writes it; it must end first\n", request->item,
+        fprintf(stderr, "ddxctl: %s: not set, process %d writes it; stop it first\n", request->item,
                 (int)info.writer_pid);
         return 1;
     }
@@ -56,11 +56,11 @@ static int write_changed(DDX_STORE_ITEM *item, const struct request *request) {
         ddx_store_cancel(item);
         return complain(request->item, result);
     }
-    copy(item, data, result ? NULL : frame.data); /* what was never written begins with zeros */
+    copy(item, data, result ? NULL : frame.data); /* an item that was never written begins with zeros */
     if (!result)
         ddx_store_release(item);
     const char *bad = change_all(item, data, request, true);
-    if (bad) { /* its writer gave it another layout since we looked */
+    if (bad) { /* a writer has changed the layout since the check */
         ddx_store_cancel(item);
         return refuse(request, bad);
     }
@@ -78,7 +78,7 @@ int command_set(DDX_STORE_ID *id, const struct request *request) {
 
     if (!item)
         return complain(request->item, errno);
-    /* Everything is looked at before anything is taken or written. */
+    /* All changes are checked before the handle becomes the writer. */
     const char *bad = change_all(item, NULL, request, false);
     int status = bad ? refuse(request, bad) : write_changed(item, request);
     ddx_store_done_item(item);

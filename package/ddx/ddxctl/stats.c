@@ -11,7 +11,7 @@
 #define TYPE "DDX_STATS"
 #define PACKETS ".packets"
 
-/* Any program can write the counters' item: nothing of it steers a terminal. */
+/* Any program can write the counters' item: print no control characters. */
 static void print_text(const char *text, size_t length) {
     for (size_t i = 0; i < length && text[i]; i++)
         putchar(text[i] < ' ' || text[i] > '~' ? '?' : text[i]);
@@ -38,7 +38,7 @@ static void print_line(const DDX_STATS *stats, const char *instance) {
            (unsigned long long)stats->latency_max, (unsigned)stats->starts, stats->running ? "" : ", stopped");
 }
 
-/* One program's counters. The handles stay open between repetitions: reading again costs a copy, no more. */
+/* One program's counters. The handles remain open between repetitions, so that reading again costs only a copy. */
 struct book {
     char name[DDX_NAME_MAX + 1];
     DDX_STORE_ITEM *item;
@@ -47,7 +47,7 @@ struct book {
     int result;
 };
 
-/* Fields of `<instance>.packets` that are shown as well, in the text with these words around them. */
+/* Fields of `<instance>.packets` that are shown too, in text with these words around them. */
 static const struct {
     const char *field, *before, *after;
 } rates[] = {{"wire_kbit", "wire", " kbit/s"}, {"repair_percent", "repair", " %"}};
@@ -62,7 +62,7 @@ static bool is_book(const struct ddx_item_info *info) {
            !strcmp(info->type, TYPE);
 }
 
-/* A sender may have its counters of packets later than its book. */
+/* A sender may create its packet counters later than its book. */
 static void find_packets(DDX_STORE_ID *id, struct book *book) {
     char name[DDX_NAME_MAX + 1];
     int length = (int)(strlen(book->name) - strlen(SUFFIX));
@@ -83,9 +83,9 @@ static int open_book(DDX_STORE_ID *id, const char *name) {
     struct book *more;
 
     if (!item)
-        return errno == ENOENT ? 0 : -errno; /* gone since the list was made */
+        return errno == ENOENT ? 0 : -errno; /* dropped since the list was made */
     if (strcmp(ddx_store_item_type(item), TYPE) != 0) {
-        ddx_store_done_item(item); /* became another item since then */
+        ddx_store_done_item(item); /* another item has the name since then */
         return 0;
     }
     more = realloc(books, (book_count + 1) * sizeof *books);
@@ -103,7 +103,7 @@ static void close_book(unsigned index) {
     memmove(&books[index], &books[index + 1], (--book_count - index) * sizeof *books);
 }
 
-/* Handles on all that the store has, and on nothing else, in the order of their names. */
+/* Open handles on new books, and close those of dropped ones. */
 static int follow(DDX_STORE_ID *id, const struct ddx_item_info *items, unsigned count) {
     int result = 0;
 
@@ -133,7 +133,7 @@ static const uint64_t *number_of(const DDX_STORE_ITEM *item, const struct ddx_fr
     return (const uint64_t *)((const char *)frame->data + field->offset);
 }
 
-/* At which rate a sender sends now. */
+/* The rates at which a sender sends now. */
 static void print_rates(DDX_STORE_ITEM *packets, bool json) {
     struct ddx_frame frame;
 
@@ -183,8 +183,8 @@ int command_stats(DDX_STORE_ID *id, const struct request *request) {
         find_packets(id, &books[i]);
     if (book_count)
         qsort(books, book_count, sizeof *books, by_name);
-    /* The first time, reading takes a while, since the store lets the handle in. Then all at once, so that the counters
-     * of programs that hand each other frames fit together. */
+    /* The first read takes a while, since the store must admit the handle. The second round reads all books at nearly
+     * the same time, so that counters of programs that pass frames to each other fit together. */
     for (int round = 0; round < 2; round++)
         for (unsigned i = 0; i < book_count; i++)
             books[i].result = ddx_store_read(books[i].item, &books[i].stats, NULL, 0, DDX_CURRENT);

@@ -5,7 +5,7 @@
 
 #include "ddxctl.h"
 
-#define WAIT 0.2 /* s between looks at whether to stop */
+#define WAIT 0.2 /* s between checks for a request to stop */
 
 static volatile sig_atomic_t stop;
 

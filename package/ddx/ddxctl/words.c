@@ -14,7 +14,7 @@
 
 #define PREFIX "ctl-"
 
-/* Where they are: beside this program, /usr/bin/ddxctl's in /usr/libexec/ddx; so a build on a desk has its own. */
+/* The folder of the words, relative to this program (/usr/libexec/ddx for /usr/bin/ddxctl), also in a desk build. */
 static bool find_folder(char folder[PATH_MAX]) {
     static const char below[] = "/libexec/ddx";
     ssize_t length = readlink("/proc/self/exe", folder, PATH_MAX - sizeof below);
@@ -33,7 +33,7 @@ static bool find_folder(char folder[PATH_MAX]) {
     return true;
 }
 
-/* Nothing that leads to another folder. */
+/* No dots or slashes: the word must not lead to another folder. */
 static bool is_word(const char *text) {
     static const char letters[] = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-";
 
@@ -59,7 +59,7 @@ static int is_theirs(const struct dirent *entry) {
     return !strncmp(entry->d_name, PREFIX, strlen(PREFIX)) && is_word(entry->d_name + strlen(PREFIX));
 }
 
-/* Each says its own lines, by its option -help. */
+/* Each program prints its own lines, with its option -help. */
 void print_words(void) {
     static char option[] = "-help";
     char folder[PATH_MAX];
@@ -71,7 +71,7 @@ void print_words(void) {
     for (int i = 0; i < count; i++) {
         char *words[] = {found[i]->d_name + strlen(PREFIX), option, NULL};
 
-        if (fflush(stdout)) /* the reader of the output is gone */
+        if (fflush(stdout)) /* the output's reader has exited */
             break;
         pid_t child = fork();
         if (!child)

@@ -171,7 +171,7 @@ static int parse_members(struct parser *parser, unsigned depth) {
     return any ? 0 : -EINVAL;
 }
 
-/* Bytes of an element; those of structs are not known here, and do not matter. */
+/* Apply the extents. A struct field has no size here, so it cannot have an extent. */
 static int use(struct form_fields *fields, const char *extents) {
     while (*extents) {
         size_t length = strcspn(extents, "=");

@@ -45,7 +45,7 @@ static int add_leaf(struct walk *walk, const struct form_field *field, const cha
     return 0;
 }
 
-/* All fields from `first` up to `end`, `shift` bytes after where the table has them. */
+/* Add all fields from `first` up to `end`, with their offsets increased by `shift`. */
 static int walk_fields(struct walk *walk, unsigned first, unsigned end, const char *prefix, uint64_t shift) {
     for (unsigned i = first; i < end; i += 1 + walk->fields->field[i].children) {
         const struct form_field *field = &walk->fields->field[i];
@@ -68,7 +68,7 @@ static int walk_fields(struct walk *walk, unsigned first, unsigned end, const ch
     return 0;
 }
 
-/* Neighbours become one copy, and so do those with the same padding between them here and there. */
+/* Adjacent leaves become one span, also with padding between them if it is the same in item and message. */
 static int make_spans(struct form *form) {
     form->spans = calloc(form->leaf_count, sizeof *form->spans);
     if (!form->spans)
@@ -111,7 +111,7 @@ static int make_form(const struct form_fields *fields, const char *type, struct 
     return error;
 }
 
-/* A type of which only the size is known is a row of bytes. */
+/* A type of which only the size is known is an array of bytes. */
 static int make_opaque(uint64_t size, const char *type, struct form **form) {
     struct form_field field = {.name = "data", .kind = DDX_KIND_UNSIGNED, .bytes = 1, .count = (uint32_t)size};
 

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * How the values of an item lie in a file (ddxlog) and on the network (catalog): as ROS 2 would have them (CDR, little
- * endian, after its header of four bytes), described by a ros2msg schema, so that the usual tools show them. A C struct
- * is nearly that already; only padding differs, so a value is packed by a few copies, in most cases one. Each field
- * keeps its bytes; padding, and what lies beyond an extent, is left out. So the message is the same whether a 32-bit or
- * a 64-bit machine wrote it.
+ * The layout of an item's values in a file (ddxlog) and on the network (catalog): as in ROS 2 (CDR, little endian,
+ * after its header of four bytes), described by a ros2msg schema, so that the usual tools show them. It differs from a
+ * C struct only in padding, so a value is packed by a few copies, in most cases one. Padding, and bytes beyond an
+ * extent, are omitted, so the message is the same for 32-bit and 64-bit machines.
  */
 #ifndef DDX_FORM_H
 #define DDX_FORM_H
@@ -17,13 +16,13 @@
 #define FORM_HEADER 4
 #define FORM_LEAVES_MAX 65536
 
-/* A number, or an array of numbers: a field, or where there are arrays of structs, one of its elements. */
+/* A number, or an array of numbers: a field, or a field of one element in an array of structs. */
 struct form_leaf {
     char *name; /* "wheel[1].gears" */
     enum ddx_kind kind;
     uint32_t bytes, count;
-    uint64_t item;  /* where it lies in the item */
-    size_t message; /* and in the message */
+    uint64_t item;  /* offset in the item */
+    size_t message; /* offset in the message */
 };
 
 struct form_span {
@@ -45,12 +44,12 @@ struct form {
     unsigned span_count;
 };
 
-/* Of an item that is open, as it is now. 0, -ENOMEM, -E2BIG (more than FORM_LEAVES_MAX), -ECONNREFUSED. */
+/* The form of an open item, with its current layout. 0, -ENOMEM, -E2BIG (more than FORM_LEAVES_MAX), -ECONNREFUSED. */
 int form_of_item(DDX_STORE_ITEM *item, struct form **form);
 
 /*
- * Of what a log says of a channel, without any store: leaves and sizes in the message, not in the item. -EINVAL: this
- * is none of ours.
+ * The form of a channel in a log, without a store: leaves and sizes in the message, not in the item. -EINVAL: not a
+ * declaration made by form_of_item().
  */
 int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form);
 
@@ -59,10 +58,10 @@ void form_free(struct form *form);
 /* Whether both have the same type, declaration, extents and sizes. */
 bool form_same(const struct form *a, const struct form *b);
 
-/* form->extents, or such a text, as the store takes it; `text` is cut into pieces. Their number, at most `room`. */
+/* Convert form->extents to the store's form; `text` is cut into pieces. Returns their number, at most `room`. */
 unsigned form_list_extents(char *text, struct ddx_extent *extents, unsigned room);
 
-/* A value into message[message_size]; a message into a value of the item. */
+/* Pack a value into message[message_size]; unpack a message into a value of the item. */
 void form_pack(const struct form *form, const void *value, unsigned char *message);
 void form_unpack(const struct form *form, const unsigned char *message, void *value);
 

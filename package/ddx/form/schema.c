@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* An item's fields as a ROS 2 message definition. Its rules for names are stricter than C's. */
+/* An item's fields as a ROS 2 message definition, whose rules for names are stricter than C's. */
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -32,7 +32,7 @@ static void field_name(const char *name, char out[NAME_ROOM]) {
     out[length] = 0;
 }
 
-/* Two fields may come to the same name: the later one gets a number. */
+/* If two fields get the same name, the later one gets a number. */
 static void unique_name(const struct form_fields *fields, unsigned first, unsigned index, char out[NAME_ROOM]) {
     char other[NAME_ROOM];
     unsigned same = 1;
@@ -67,7 +67,7 @@ static void write_type(FILE *to, const struct form_field *field) {
     switch (field->kind) {
     case DDX_KIND_INT: fprintf(to, "int%d", bits); break;
     case DDX_KIND_FLOAT: fprintf(to, "float%d", bits); break;
-    default: fprintf(to, "uint%d", bits); break; /* ROS is of two minds about what a char is */
+    default: fprintf(to, "uint%d", bits); break; /* also for char, which ROS defines inconsistently */
     }
 }
 

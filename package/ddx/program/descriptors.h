@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Standard input, output and error: the first thing that every program sees to. */
+/* Standard input, output and error: every program checks them first. */
 #ifndef DDX_DESCRIPTORS_H
 #define DDX_DESCRIPTORS_H
 
@@ -7,8 +7,8 @@
 #include <unistd.h>
 
 /*
- * Where one of the three is closed, /dev/null is opened: else a socket or a frame's memory file would get its number,
- * and what the program says would be written into that.
+ * Open /dev/null for each of the three that is closed: otherwise a socket or a frame's memory file would get that
+ * number, and the program's messages would be written into it.
  */
 static inline void descriptors_open(void) {
     int fd;

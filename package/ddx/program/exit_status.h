@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a program returns: done, failed, bad usage or bad input. */
+/* Exit status of all programs: done, failed, bad usage or bad input. */
 #ifndef DDX_EXIT_STATUS_H
 #define DDX_EXIT_STATUS_H
 

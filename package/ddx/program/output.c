@@ -16,7 +16,7 @@
 
 #define TRIES 100
 
-/* The folder that a file is in. */
+/* The folder of a file. */
 static void parent(const char *path, char *folder) {
     const char *slash = strrchr(path, '/');
     size_t length = slash ? (size_t)(slash - path) : 0;
@@ -50,7 +50,7 @@ int output_check(struct output *output, const char *place, const char *name, con
     return access(folder, W_OK | X_OK) ? -errno : 0;
 }
 
-/* A file name's beginning; an item's name may hold a slash. */
+/* Beginning of the file names, without the slashes of the item's name. */
 static void file_prefix(const struct output *output, char *prefix, size_t size) {
     snprintf(prefix, size, "%s-", output->name);
     for (char *c = prefix; *c; c++)
@@ -58,7 +58,7 @@ static void file_prefix(const struct output *output, char *prefix, size_t size) 
             *c = '_';
 }
 
-/* The number in a name that begins so; 0 if it is none of these. */
+/* The number after the prefix; 0 if the name has another form. */
 static long number_of(const char *name, const char *prefix) {
     char *end;
     size_t length = strlen(prefix);
@@ -101,7 +101,7 @@ static long highest_number(const struct output *output, const char *prefix) {
     return highest;
 }
 
-/* A pipe has another end, which a reader may open later. */
+/* Open a pipe for writing; a reader may open its other end later. */
 static int open_pipe(const char *path) {
     const struct timespec step = {0, 20000000};
 
@@ -116,7 +116,7 @@ static int open_pipe(const char *path) {
     }
 }
 
-/* Standard output, reopened with separate flags, which other holders of it do not share, so that it can be given up. */
+/* Standard output, reopened so that O_NONBLOCK does not apply to other programs that share it. */
 static int open_standard(char *path) {
     struct stat status;
     bool regular = !fstat(STDOUT_FILENO, &status) && S_ISREG(status.st_mode);
@@ -128,7 +128,7 @@ static int open_standard(char *path) {
     return fd < 0 ? -errno : fd;
 }
 
-/* Of this process alone, as long as it is open; where the file system has no locks, no process is kept out. */
+/* Lock the file for this process while it is open; file systems without locks are accepted. */
 static int lock(int fd) {
     if (!flock(fd, LOCK_EX | LOCK_NB) || errno != EWOULDBLOCK)
         return fd;
@@ -136,7 +136,7 @@ static int lock(int fd) {
     return -EWOULDBLOCK;
 }
 
-/* FILE, FILE-2, ... as long as there is such a file and something in it. */
+/* Open the first of FILE, FILE-2, ... that does not exist or is empty. */
 static int open_free(const struct output *output, char *path) {
     const char *slash = strrchr(output->place, '/'), *dot = strrchr(slash ? slash : output->place, '.');
     size_t stem = dot ? (size_t)(dot - output->place) : strlen(output->place);
@@ -172,7 +172,7 @@ static int open_named(const struct output *output, char *path) {
     int fd = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0664);
     if (fd < 0)
         return -errno;
-    fd = lock(fd); /* before anything in it is gone */
+    fd = lock(fd); /* before its content is truncated */
     if (fd >= 0 && ftruncate(fd, 0)) {
         int error = errno;
 
@@ -202,13 +202,13 @@ int output_open(const struct output *output, char *path) {
         int error = fd < 0 ? -errno : lock(fd);
         if (error != -EEXIST && error != -EWOULDBLOCK)
             return error;
-        if (fd >= 0) /* any user may have locked it in between: that must not prevent recording */
+        if (fd >= 0) /* another user has locked it in between, which must not prevent recording */
             unlink(path);
     }
     return -EEXIST;
 }
 
-/* How large all files of this output are, and the name of the one with the lowest number, or "". */
+/* Size of all files of this output, and the name of the file with the lowest number, or "". */
 static uint64_t look_at(const struct output *output, DIR *folder, char oldest[NAME_MAX + 1]) {
     char prefix[80];
     long lowest = LONG_MAX;

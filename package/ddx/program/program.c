@@ -87,7 +87,7 @@ static void help(const struct program *program, const struct option_entry *commo
     printf("\n%s%s", program->notes ? program->notes : "", program->notes ? "\n\n" : "");
     if (!program->brief)
         printf("Signals: TERM and INT stop cleanly; USR1 prints the counters. The counters are one line of JSON on\n"
-               "standard output, printed at the end as well, and kept in the store as item `<instance>.stats`.\n");
+               "standard output, also printed at exit, and kept in the store as item `<instance>.stats`.\n");
     printf("Exit status: 0 done, 1 failed, 2 bad usage or bad input.\n");
 }
 
@@ -102,7 +102,7 @@ __attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char
     exit(EXIT_USAGE);
 }
 
-/* Told before anything is made: what the store would say of it comes too late, and in other words. */
+/* Checked here, since the store would refuse the name too late, and in other words. */
 static void check_name(const struct option_entry *entry, const char *text) {
     long most = entry->maximum ? entry->maximum : DDX_NAME_MAX;
 
@@ -141,8 +141,8 @@ void program_start(struct program *program, int argc, char **argv) {
         {"instance", "NAME", "name of this instance and of its stats item (default: the program's)", OPTION_NAME,
          &program->instance, 0, DDX_NAME_MAX - (long)sizeof ".counters" + 1},
         {"store", "PORT", "port of the store", OPTION_NUMBER, &program->port, 0, 65535},
-        {"check", NULL, "judge the options, do nothing: exit 0 or 2", OPTION_FLAG, &program->check, 0, 0},
-        {"version", NULL, "which version this is", OPTION_FLAG, &wants_version, 0, 0},
+        {"check", NULL, "only check the options: exit 0 or 2", OPTION_FLAG, &program->check, 0, 0},
+        {"version", NULL, "print the version", OPTION_FLAG, &wants_version, 0, 0},
         {"help", NULL, "this text", OPTION_FLAG, &wants_help, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
@@ -205,7 +205,7 @@ void program_tick(DDX_STATS_BOOK *book) {
 }
 
 bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book) {
-    /* In slices, since a signal just before the sleep would not end it. The end stays exact: it is absolute. */
+    /* In slices, since a signal just before the sleep would not interrupt it. The end is exact: it is absolute. */
     for (;;) {
         if (program_stopping())
             return false;
@@ -224,7 +224,7 @@ bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_
 
     while (*patient && ddx_store_outruns(item) == 1) {
         if (ddx_time_now() - begin > PATIENCE) {
-            say("%s: a reader is stopped, or reads now and then only: this program stops waiting for it",
+            say("%s: a reader is stopped, or reads rarely: this program no longer waits for it",
                 ddx_store_item_name(item));
             *patient = false;
         } else if (!program_sleep_until(ddx_time_now() + NS / 1000, book)) {

@@ -66,7 +66,7 @@ int64_t schedule_next(struct schedule *schedule, int64_t recorded) {
     } else if (schedule->recorded) {
         offset = schedule->latest + schedule->period;
     } else {
-        /* The index goes on from pass to pass, so that rounding never adds up. */
+        /* The index continues from pass to pass, so that rounding errors do not add up. */
         offset = schedule_offset(schedule->index++, schedule->rate_num, schedule->rate_den);
     }
     if (offset > schedule->latest)

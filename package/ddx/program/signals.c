@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* TERM, INT and USR1. After TERM the program ends within five seconds, whatever it waits for. */
+/* TERM, INT and USR1. After TERM the program exits within five seconds, whatever it waits for. */
 #include "signals.h"
 
 #include <signal.h>
@@ -10,8 +10,8 @@
 #include "exit_status.h"
 
 #define TICK_NS 100000000
-#define PATIENCE_TICKS 35 /* with a pipe without reader, and the like */
-#define LAST_TICK 45      /* with anything */
+#define PATIENCE_TICKS 35 /* until waits for other programs (a pipe without a reader) end */
+#define LAST_TICK 45      /* until the program exits in any case */
 
 static volatile sig_atomic_t stop_wanted, report_wanted, ticks;
 static timer_t ticker;
@@ -34,8 +34,8 @@ static void on_signal(int number) {
 }
 
 /*
- * Ticks, not the time: a machine that stood still for seconds has used up none of the program's patience. From the end
- * of patience on each of them also ends a system call that the main thread waits in.
+ * Ticks are counted, not the time, so that a stall of the whole machine does not count. From PATIENCE_TICKS on, each
+ * tick also interrupts a system call that the main thread waits in.
  */
 static void on_tick(int number) {
     struct sigaction action = {.sa_handler = on_tick};
@@ -45,7 +45,7 @@ static void on_tick(int number) {
     if (ticks == PATIENCE_TICKS)
         sigaction(SIGALRM, &action, NULL);
     if (ticks >= LAST_TICK)
-        _exit(EXIT_OK); /* the book in the store says what was not finished */
+        _exit(EXIT_OK); /* the book in the store shows the unfinished frames */
 }
 
 void signals_catch(void) {
@@ -64,7 +64,7 @@ void signals_catch(void) {
     sigaction(SIGTERM, &action, NULL);
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGUSR1, &action, NULL);
-    action.sa_handler = SIG_IGN; /* both come back as errors of write() */
+    action.sa_handler = SIG_IGN; /* write() returns an error instead */
     sigaction(SIGPIPE, &action, NULL);
     sigaction(SIGXFSZ, &action, NULL);
 }

@@ -6,13 +6,13 @@
 #include <ddx_stats.h>
 #include <stdbool.h>
 
-/* TERM or INT came: finish, within five seconds. A program still running then is ended, with exit 0. */
+/* TERM or INT came: finish within five seconds. If the program still runs then, a timer exits it, with exit 0. */
 bool program_stopping(void);
 
-/* That was more than three seconds ago: no more waiting for another program. From any thread. */
+/* The request to stop came more than three seconds ago: do not wait for other programs any more. From any thread. */
 bool program_has_no_patience(void);
 
-/* Where the counters go: standard output, unless it is wanted for something else. */
+/* Set the destination of the counters (default: standard output), if standard output has another use. */
 void program_report_to(FILE *file);
 
 /* Print the counters' JSON line. */

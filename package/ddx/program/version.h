@@ -3,8 +3,8 @@
 #ifndef DDX_VERSION_H
 #define DDX_VERSION_H
 
-/* Two lines at most to stdout: "NAME NUMBER", and on the appliance "image: " with number, commit, board and base of the
- * image. Only the first is built in, so that a new commit does not build every program again. */
+/* Print to stdout "NAME NUMBER", and on the appliance a second line "image: " with number, commit, board and base of
+ * the image. Only the first is built in, so that a new commit does not rebuild every program. */
 void version_print(const char *name);
 
 #endif

@@ -6,11 +6,11 @@
         for frame in item.frames(timeout=1.0):
             print(frame.sequence, frame.time, frame.missed, frame["y"].mean())
 
-ddx.h is the manual of what lies beneath; tails, times (int ns, CLOCK_MONOTONIC) and rules are the same. Failures are
-ddx.Error (an OSError with errno and the library's own text), timeouts TimeoutError. A handle belongs to one thread.
+ddx.h is the manual of the library; tails, times (int ns, CLOCK_MONOTONIC) and rules are the same. Failures raise
+ddx.Error (an OSError with errno and the library's text), timeouts raise TimeoutError. A handle belongs to one thread.
 
 Two times: frame.time is when a frame was written, for ages and latencies; frame["time"] of a video item is when its
-picture was captured. What is computed from a picture is written with the latter, so that a log and a recording agree:
+picture was captured. Write values computed from a picture with the latter, so that log and recording agree:
 item.write({...}, time=frame["time"]).
 """
 from __future__ import annotations
@@ -30,15 +30,15 @@ CURRENT, NEXT, IN_ORDER = 0, 1, -1  # enum ddx_tail
 INT, UNSIGNED, FLOAT, CHAR, STRUCT = range(1, 6)  # enum ddx_kind
 AnyItem = TypeVar("AnyItem", bound="Item")
 _TEXT_MAX = 4096  # longer arrays of char are pictures
-_SLICE = 0.2  # s; a wait is cut into these, so that Ctrl-C works
+_SLICE = 0.2  # s; waits are split into slices, so that Ctrl-C works
 
 
 class Error(OSError):
-    """What libddx refused."""
+    """An error of libddx."""
 
 
 def _library_file() -> str:
-    """With a prefix that the dynamic linker does not search, libddx lies in a library folder above this module."""
+    """In a prefix that the dynamic linker does not search, libddx is in a library folder above this module."""
     name, system = "libddx.so.0", sysconfig.get_config_var("MULTIARCH") or "."
     for folder in pathlib.Path(__file__).resolve().parents:
         for found in (folder / system / name, folder / name):
@@ -127,7 +127,7 @@ class Store:
             _check(-ctypes.get_errno())
 
     def item(self, name: str, awaited: bool = False) -> Item:
-        """A handle on an item that exists, for reading or writing; awaited: for reading, also before it does."""
+        """Open an existing item for reading or writing; awaited: for reading, also before the item exists."""
         open_handle = self._open_handle()
         handle = _await(open_handle, name.encode()) if awaited else _lookup(open_handle, name.encode(), None, 0)
         if not handle:
@@ -135,7 +135,7 @@ class Store:
         return Item(self, name, handle)
 
     def create(self, name: str, type: str, declaration: str, extents: Mapping[str, int] | None = None) -> Item:
-        """Create an item, or take it over from a writer that is gone: "struct { int a; char b[64]; }"."""
+        """Create an item, or take it over from a writer that has exited: "struct { int a; char b[64]; }"."""
         return self.create_as(Item, name, type, declaration, extents)
 
     def create_as(self, handle_class: Callable[[Store, str, int], AnyItem], name: str, type: str, declaration: str,
@@ -171,8 +171,8 @@ class Store:
 
 
 class View(np.ndarray[Any, Any]):
-    """An array in a frame that is held. Used after its release it raises; what was copied from it is an array of its
-    own. (Not watched over: what np.asarray() or another library made of it.)"""
+    """An array in a held frame. Its use after the frame's release raises ValueError; copies are independent. (Arrays
+    that np.asarray() or another library made of it are not checked.)"""
     _memory: _Memory | None = None
 
     def __array_finalize__(self, source: Any) -> None:
@@ -208,16 +208,16 @@ for _name in "argmax argmin astype copy dot item nonzero take tobytes tofile tol
 
 
 def _plain(value: Any) -> Any:
-    """Without the watch, if it may be looked at."""
+    """The value as an unchecked array; ValueError if its frame was released."""
     if isinstance(value, View):
         if value._memory is not None and not value._memory.address:
-            raise ValueError("a view of a frame that was released; copy what is to be kept")
+            raise ValueError("a view of a frame that was released; copy the data before the release")
         return value.view(np.ndarray)
     return value
 
 
 def _dtype(fields: list[Field], i: int) -> tuple[np.dtype[Any], int]:
-    """Of one element of the i-th field, and how many of the fields belong to it."""
+    """The dtype of one element of the i-th field, and the number of fields that belong to it."""
     field = fields[i]
     if field.kind != STRUCT:
         letter = {INT: "i", UNSIGNED: "u", FLOAT: "f", CHAR: "u"}[field.kind]
@@ -241,7 +241,7 @@ def _inner(fields: list[Field], outer: str) -> dict[str, Field]:
 
 
 class _Memory:
-    """A frame in memory: frame["y"] is a view of a field (a number, if it is one), frame.value() a copy of it all."""
+    """A frame in memory: frame["y"] is a view of a field (or a number), frame.value() a copy of the whole value."""
 
     def __init__(self, item: Item, address: int, writable: bool) -> None:
         self.item, self.address, self.writable = item, address, writable
@@ -249,7 +249,7 @@ class _Memory:
         self.outer = _inner(self.fields, "")
 
     def view(self, name: str) -> np.ndarray[Any, Any]:
-        """Of a field, also of a single number."""
+        """A view of a field, also of a single number."""
         if not self.address:
             raise ValueError("a frame that was released")
         field = self._field(name)
@@ -271,7 +271,7 @@ class _Memory:
         return array if array.ndim or array.dtype.names else array.item()
 
     def value(self) -> Any:
-        """A copy as dicts, lists, numbers; short arrays of char as str, long ones as bytes."""
+        """A copy as dicts, lists and numbers; short arrays of char as str, long ones as bytes."""
         values = {name: _value(self.view(name), field, self.fields) for name, field in self.outer.items()}
         return values[""] if list(values) == [""] else values
 
@@ -288,8 +288,8 @@ def _value(array: np.ndarray[Any, Any], field: Field, fields: list[Field]) -> An
 
 
 class Frame(_Memory):
-    """A value held by a reader: it cannot change until release(), or the end of `with`. time: of the write (when a
-    picture was captured is frame["time"]); sequence: the number of the write; missed: writes since the frame before."""
+    """A value held by a reader: it cannot change until release(), or the end of `with`. time: of the write (the capture
+    time of a picture is frame["time"]); sequence: number of the write; missed: writes since the previous frame."""
 
     def __init__(self, item: Item, frame: _CFrame) -> None:
         super().__init__(item, frame.data, False)
@@ -309,7 +309,7 @@ class Frame(_Memory):
 
 
 class Loan(_Memory):
-    """A frame to write in place; its content is an older frame's. Published at the end of `with`, or given back if that
+    """A frame to write in place; its content is an older frame's. Published at the end of `with`, or cancelled if that
     ends with an exception. Set `time` for another time than now."""
     time: int | None = None
 
@@ -344,7 +344,7 @@ def _same_names(fields: dict[str, Field], value: Mapping[str, Any]) -> dict[str,
 
 
 def _assign(array: np.ndarray[Any, Any], field: Field, value: Any, fields: list[Field]) -> None:
-    """Nothing is rounded, cut or wrapped."""
+    """Assign a value that fits exactly: nothing is rounded, cut or wrapped."""
     if field.kind == STRUCT and array.ndim and not isinstance(value, np.ndarray):
         if len(value) != len(array):
             raise ValueError(f"{field.name}: {len(value)} elements for {len(array)}")
@@ -386,7 +386,7 @@ class Item:
 
     @property
     def fields(self) -> list[Field]:
-        """All fields, nested ones too, as the item has them now."""
+        """All fields of the item's current layout, including nested ones."""
         found: list[Field] = []
         while at := _field(self._open_handle(), len(found)):
             c = at.contents
@@ -395,7 +395,7 @@ class Item:
 
     @property
     def missed(self) -> int:
-        """Writes that passed this handle by since it began to read."""
+        """Number of writes since this handle began to read that were not delivered to it."""
         return int(_missed(self._open_handle()))
 
     def keep(self, frames: int) -> None:
@@ -403,7 +403,7 @@ class Item:
         _check(_keep(self._open_handle(), frames))
 
     def acquire(self, timeout: float | None = None, tail: int = NEXT) -> Frame:
-        """Hold a frame; without a timeout, wait for it. One at a time."""
+        """Hold a frame; without a timeout, wait without limit. One frame at a time."""
         frame = _CFrame()
         end = None if timeout is None else time.monotonic() + timeout
         while True:
@@ -417,7 +417,7 @@ class Item:
         return held
 
     def frames(self, timeout: float | None = None, tail: int = NEXT) -> Iterator[Frame]:
-        """Frame after frame, each released when the next one is asked for; ends when none comes within the timeout."""
+        """Iterate over frames, each released when the next is requested; stops if none comes within the timeout."""
         while True:
             try:
                 frame = self.acquire(timeout, tail)
@@ -441,8 +441,8 @@ class Item:
         return loan
 
     def write(self, value: Any, time: int | None = None) -> None:
-        """Write a value: a dict of all fields, or a number for an item that is no struct. time: now, if not given; of
-        what is computed from a picture, that picture's frame["time"]."""
+        """Write a value: a dict of all fields, or a number for an item that is not a struct. time: default now; for
+        values computed from a picture, that picture's frame["time"]."""
         with self.loan() as loan:
             loan.time = time
             values = {"": value} if list(loan.outer) == [""] else value
@@ -455,7 +455,7 @@ class Item:
         return self._handle
 
     def close(self) -> None:
-        """Give the handle back; what it held is let go of."""
+        """Close the handle and release the frame that it holds."""
         if self._handle:
             if self._held:
                 self._held.address = 0

@@ -5,7 +5,7 @@
     with ddx.Store() as store, store.item("video", awaited=True) as video:
         for frame in video.frames():
             y, u, v = ddxvideo.picture(frame)      # y[row, column]; valid until the next frame
-            image = ddxvideo.bgr(frame)            # a copy, as OpenCV likes it
+            image = ddxvideo.bgr(frame)            # a copy, in OpenCV's format
 
     with ddxvideo.create_video(store, "edges", 640, 480, 25) as edges, edges.loan(like=frame) as out:
         ddxvideo.picture(out).y[:] = picture       # published at the end of `with`
@@ -41,7 +41,7 @@ Array = np.ndarray[Any, Any]
 
 
 class Layout(NamedTuple):
-    """How the planes of a picture lie; ddxvideo.h has the list of them."""
+    """A layout of planes; ddxvideo.h lists them."""
     name: str
     format: int                     # enum ddx_video_format; of the four of 4:2:0 the first one
     sample: str                     # C type of a sample
@@ -53,7 +53,7 @@ class Layout(NamedTuple):
         return np.dtype("u2" if self.sample == "unsigned short" else "u1")
 
     def shapes(self, width: int, height: int) -> list[tuple[int, ...]]:
-        """Of the planes that there are."""
+        """The shapes of the planes."""
         luma = (height, width) if self.samples == 1 else (height, width, self.samples)
         chroma = (height // self.chroma[1], width // self.chroma[0]) if self.chroma else ()
         return [luma, chroma, chroma] if chroma else [luma]
@@ -76,17 +76,17 @@ _OF_FORMAT = {layout.format: layout for layout in LAYOUTS.values()} | dict.fromk
 
 class Picture(NamedTuple):
     """The planes of a frame, views of the shared memory: y is height x width, u and v are half of that each way.
-    Stacked fields (a stereo pair) lie one below the other; each has height / fields rows."""
+    Stacked fields (a stereo pair) are one below the other; each has height / fields rows."""
     y: Array
     u: Array
     v: Array
 
 
 def layout(frame: ddx.Frame | ddx.Loan) -> Layout:
-    """That of a held or loaned frame."""
+    """The layout of a held or loaned frame."""
     format = frame["format"] if "format" in frame.outer else 0
     if format not in _OF_FORMAT:
-        raise ValueError(f"{frame.item.name}: {format} is no format that is known here")
+        raise ValueError(f"{frame.item.name}: unknown format {format}")
     return _OF_FORMAT[format]
 
 
@@ -176,13 +176,13 @@ def _bgr_by_numpy(planes: Picture, full: bool, shared: tuple[int, int]) -> Array
 
 
 class VideoItem(ddx.Item):
-    """A handle on a video item that this program writes: each loan comes with its size, number and times filled in."""
+    """A handle for writing a video item: each loan has its size, number and times filled in."""
     facts: dict[str, Any] = {}
     _next = 0
 
     def loan(self, like: ddx.Frame | None = None) -> ddx.Loan:
-        """A free frame to draw in. like: its picture is made from that frame, whose number and times it takes; else
-        frames are numbered from 0 and are taken now."""
+        """Get a free frame to draw in. like: the frame that the picture is made from; number and times are copied from
+        it. Otherwise frames are numbered from 0, with the current time."""
         loan = super().loan()
         source: dict[str, Any] = {name: like[name] for name in ABOUT_THE_FRAME if name in like.outer} if like else {}
         if not like:
@@ -196,9 +196,9 @@ class VideoItem(ddx.Item):
 
 def create_video(store: ddx.Store, name: str, width: int, height: int, rate: float | fractions.Fraction = 0,
                  fields: int = 1, layout: str = "YUV420P") -> VideoItem:
-    """Create a video item, or take it over from a writer that is gone. rate: frames a second, also 30000/1001 as a
-    Fraction; 0: unknown. fields: how many are stacked in a frame; height counts the rows of all. layout: a name in
-    LAYOUTS; a program that knows 4:2:0 alone cannot open the others."""
+    """Create a video item, or take it over from a writer that has exited. rate: frames a second, also 30000/1001 as a
+    Fraction; 0: unknown. fields: number of fields stacked in a frame; height counts the rows of all. layout: a name in
+    LAYOUTS; a program that knows only 4:2:0 cannot open the others."""
     if layout not in LAYOUTS:
         raise ValueError(f"{layout}: the layouts are {', '.join(LAYOUTS)}")
     kind = LAYOUTS[layout]
