@@ -19,16 +19,16 @@ struct words {
 };
 
 static const char purpose[] =
-    "Logs items of the store as MCAP, as logger.conf says (docs/logging.md), or one of:\n"
-    "  -replay FILE          writes them back into the store, each when it is due\n"
-    "  -export FOLDER FILE   tables: one CSV file for each item\n"
-    "  -recover FILE         gives a file that was cut off its end; the next start of ddxlog does so, too";
+    "Logs items of the store as MCAP, configured by logger.conf (docs/logging.md), or one of:\n"
+    "  -replay FILE          writes a log's values back into the store, each when it is due\n"
+    "  -export FOLDER FILE   writes tables: one CSV file for each item\n"
+    "  -recover FILE         repairs a truncated file; the next start of ddxlog does so, too";
 static const char notes[] =
     "Times in the file are wall time; its metadata `ddxlog` has wall_offset_ns, wall time less CLOCK_MONOTONIC.\n"
     "Counters: lost.store = overwritten in the store before it was read, lost.queue = the disk was too slow,\n"
     "lost.write = the disk failed, lost.restart = waiting when the program died; skipped = left out by rate=.";
 
-/* "-2.5" as ns; false if it is no number of seconds. */
+/* "-2.5" as ns; false if the text is not a number of seconds. */
 static bool parse_seconds(const char *text, int64_t *ns) {
     char *end;
     double seconds = strtod(text, &end);
@@ -86,7 +86,7 @@ static int run_recover(const struct program *program, const char *path) {
     else
         say("%s: %llu messages, %llu bytes left over%s", path, (unsigned long long)recovery.messages,
             (unsigned long long)recovery.state.left_over,
-            recovery.kept ? "; chunks in its midst are damaged or left out, so the old file is kept as .damaged" : "");
+            recovery.kept ? "; chunks in the middle are damaged or left out, so the old file is kept as .damaged" : "");
     if (!result && mcap_refused_text(&recovery.state, error))
         say("%s: %s", path, error);
     return !result || result == -EALREADY ? EXIT_OK : result == -EBADMSG ? EXIT_USAGE : EXIT_FAILED;
@@ -112,27 +112,27 @@ static int run_logger(const struct program *program, const struct words *words) 
 int main(int argc, char **argv) {
     struct words words = {.rate = "1"};
     const struct option_entry options[] = {
-        {"c", "FILE", "log what this file says", OPTION_TEXT, &words.config, 0, 0},
+        {"c", "FILE", "log according to this configuration", OPTION_TEXT, &words.config, 0, 0},
         {"replay", "FILE", "replay this log", OPTION_TEXT, &words.replay, 0, 0},
         {"prefix", "TEXT", "replay: before the items' names", OPTION_TEXT, &words.prefix, 0, 0},
         {"except", "PATTERNS", "replay: not these items, such as video*,rear*", OPTION_TEXT, &words.except, 0, 0},
-        {"rate", "X", "replay: X times as fast (default: 1); 0: as fast as it goes, with -readers as they read",
+        {"rate", "X", "replay: X times as fast (default: 1); 0: without waiting, with -readers as they read",
          OPTION_TEXT, &words.rate, 0, 0},
-        {"loop", NULL, "replay: again and again", OPTION_FLAG, &words.loop, 0, 0},
-        {"from", "S", "replay: from this second on; negative: begin so long before", OPTION_TEXT, &words.from, 0, 0},
+        {"loop", NULL, "replay: repeat without end", OPTION_FLAG, &words.loop, 0, 0},
+        {"from", "S", "replay: from this second on; negative: wait that long first", OPTION_TEXT, &words.from, 0, 0},
         {"to", "S", "replay: up to this second", OPTION_TEXT, &words.to, 0, 0},
         {"step", NULL, "replay: a value for each line on standard input", OPTION_FLAG, &words.step, 0, 0},
         {"tick", "ITEM", "replay: -step, each up to the next value of this item", OPTION_TEXT, &words.tick, 0, 0},
         {"readers", "N", "replay: wait for N readers of each item", OPTION_NUMBER, &words.readers, 0, 1000},
-        {"clock", "ITEM", "replay: an item that tells ddxvideoload -clock when to begin", OPTION_TEXT, &words.clock, 0,
+        {"clock", "ITEM", "replay: an item with the start time, for ddxvideoload -clock", OPTION_TEXT, &words.clock, 0,
          0},
-        {"export", "FOLDER", "write tables there", OPTION_TEXT, &words.export, 0, 0},
-        {"recover", "FILE", "give this file its end", OPTION_TEXT, &words.recover, 0, 0},
+        {"export", "FOLDER", "write tables to this folder", OPTION_TEXT, &words.export, 0, 0},
+        {"recover", "FILE", "repair this truncated file", OPTION_TEXT, &words.recover, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     struct program program = {.name = "ddxlog", .purpose = purpose, .notes = notes, .options = options};
 
-    for (int i = 1; i < argc; i++) /* only -export has an argument besides */
+    for (int i = 1; i < argc; i++) /* only -export has a further argument */
         if (!strncmp(argv[i], "-export", 7) || !strncmp(argv[i], "--export", 8))
             program.positional = "FILE";
     program_start(&program, argc, argv);

@@ -104,7 +104,7 @@ def test_a_recovery_that_fails_changes_nothing(whole: pathlib.Path, tmp_path: pa
     data = whole.read_bytes()[:-100]
     path.write_bytes(data)
     done = ddxlog("-recover", path, prefix=("prlimit", "--fsize=5000"))
-    assert done.returncode == 1 and "is as it was" in done.stderr
+    assert done.returncode == 1 and "is unchanged" in done.stderr
     assert path.read_bytes() == data and [one.name for one in tmp_path.iterdir()] == ["cut.mcap"]
 
 
@@ -131,7 +131,7 @@ def test_the_next_start_recovers(desk: Desk, compile_client: Compiler) -> None:
     with pytest.raises(Exception):  # noqa: B017  of mcap: the end record is missing
         logs.read(path)
     second = begin(desk)
-    wait_until(lambda: "was cut off, and has its end now" in desk.errors(second))
+    wait_until(lambda: "was truncated; repaired" in desk.errors(second))
     assert stop(second)[0] == 0
     log = logs.read(path)
     stamps = log.monotonic("imu")

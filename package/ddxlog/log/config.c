@@ -11,7 +11,7 @@
 #define NS INT64_C(1000000000)
 #define MIB ((uint64_t)1 << 20)
 
-/* "256M"; false if it is no size within the bounds. */
+/* "256M"; false if the text is not a size within the bounds. */
 static bool parse_size(const char *text, uint64_t least, uint64_t most, uint64_t *size) {
     char *end;
 
@@ -30,7 +30,7 @@ static int read_output(const struct config_file *line, char **words, struct conf
     if (!words[1])
         return config_wrong(line, "output needs a folder: output /rec/log [segment=256M] [minutes=60] [keep=4G]");
     if (config->folder)
-        return config_wrong(line, "a second output; there can be one only");
+        return config_wrong(line, "a second output; only one is allowed");
     if (!(config->folder = strdup(words[1])))
         return config_wrong(line, "no memory");
     for (words += 2; *words; words++) {
@@ -53,7 +53,7 @@ static int read_output(const struct config_file *line, char **words, struct conf
             return config_wrong(line, "%s: after output FOLDER, segment=, minutes= and keep= are allowed", *words);
     }
     if (config->keep && config->keep < 2 * config->segment)
-        return config_wrong(line, "keep= needs room for two files of segment= (256M if not said) at least");
+        return config_wrong(line, "keep= needs room for two files of segment= (default 256M) at least");
     return 0;
 }
 
@@ -103,7 +103,7 @@ static int read_words(const struct config_file *line, char **words, void *argume
     return config_wrong(line, "%s: a line begins with item, except, output or queue", words[0]);
 }
 
-/* After the last line. */
+/* Checks and defaults after the last line. */
 static int complete(struct config_file *file, struct config *config) {
     file->line++;
     for (unsigned i = 0; i < config->rule_count; i++)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The disk's thread: messages from the queue into files, a file after the other. */
+/* The disk's thread: writes messages from the queue to files, one file after the other. */
 #include "disk.h"
 
 #include <errno.h>
@@ -11,10 +11,10 @@
 
 #include "file.h"
 
-#define FLUSH_NS INT64_C(1000000000) /* at most so much is lost in a power cut */
-#define LAST_MAX (64u << 10)         /* larger values are not said again in the next file */
+#define FLUSH_NS INT64_C(1000000000) /* a power cut loses the values of this time at most */
+#define LAST_MAX (64u << 10)         /* larger values are not repeated in the next file */
 
-/* Values of the present chunk: what becomes of them is known when it is on the disk. */
+/* Count the values of the current chunk, once it is written, or has failed. */
 static void account(struct disk *disk, int error) {
     int64_t now = ddx_time_now();
 
@@ -48,14 +48,14 @@ static bool note(struct disk *disk, struct item *item, int64_t time) {
 }
 
 static void fail(struct disk *disk, int error) {
-    say("%s: logging stopped, %s; what was logged is readable%s", *disk->path ? disk->path : disk->output.place,
+    say("%s: logging stopped, %s; earlier values are readable%s", *disk->path ? disk->path : disk->output.place,
         strerror(-error), error == -ENOSPC || error == -EDQUOT ? ", make room and start again" : "");
     account(disk, error);
     file_give_up(disk);
     atomic_store(&disk->error, error);
 }
 
-/* The chunk on its way. */
+/* Write the current chunk. */
 static void flush(struct disk *disk) {
     int error = disk->writer ? mcap_flush(disk->writer) : 0;
 
@@ -65,7 +65,7 @@ static void flush(struct disk *disk) {
         account(disk, 0);
 }
 
-/* Is the file large or old enough, it gets its end; the next value begins another. */
+/* If the file is large or old enough, finish it; the next value begins another. */
 static void turn_page(struct disk *disk) {
     if (!disk->writer || (mcap_written(disk->writer) < disk->logger->config.segment &&
                           ddx_time_now() - disk->begin < disk->logger->config.age))
@@ -97,12 +97,12 @@ static void remember(struct item *item, const struct queue_entry *entry) {
 
 static void take(struct disk *disk, const struct queue_entry *entry) {
     if (disk->writer && mcap_pending(disk->writer) + entry->size > MCAP_MESSAGE_MAX)
-        flush(disk); /* a chunk stays so small that every reader takes it */
+        flush(disk); /* keep the chunk within the limit of readers */
     bool noted = note(disk, entry->item, entry->logged);
     int error = atomic_load(&disk->error);
 
     if (!error && !disk->writer && (error = file_begin(disk, entry->logged)))
-        fail(disk, error); /* counts what is pending, this value, too */
+        fail(disk, error); /* counts the pending values, this one included */
     else if (error)
         account(disk, error);
     else if (!noted || !file_put(disk, entry->channel, entry->sequence, entry->time, entry->logged, entry->data,

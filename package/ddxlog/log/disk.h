@@ -5,11 +5,11 @@
 
 #include "logger_state.h"
 
-/* Begins the thread. 0 or -errno after a line. */
+/* Start the thread. 0, or -errno after a line. */
 int disk_start(struct logger *logger);
-/* 0, or -errno: it failed, and all that comes is lost. */
+/* 0, or -errno: writing has failed, and all later values are lost. */
 int disk_error(const struct disk *disk);
-/* Write what is in the queue, end the file. 0 or -errno, after a line. */
+/* Write the queued values and finish the file. 0, or -errno after a line. */
 int disk_stop(struct disk *disk);
 
 #endif

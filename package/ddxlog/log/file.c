@@ -27,12 +27,12 @@ static int64_t wall_now(void) {
     return wall.tv_sec * NS + wall.tv_nsec;
 }
 
-/* CLOCK_MONOTONIC as the file has it; also of what lies before its epoch. */
+/* A time of CLOCK_MONOTONIC as wall time, as in the file; also for times before CLOCK_MONOTONIC's start. */
 static uint64_t file_time(const struct disk *disk, int64_t time) {
     return (uint64_t)time + (uint64_t)disk->wall_offset;
 }
 
-/* Which start of the machine CLOCK_MONOTONIC counts from: a recording of the same one has the same times. */
+/* Identifies the boot that CLOCK_MONOTONIC counts from: recordings of the same boot have comparable times. */
 static void boot_id(char id[40]) {
     FILE *file = fopen("/proc/sys/kernel/random/boot_id", "re");
 
@@ -71,7 +71,7 @@ static void put_losses_channel(struct disk *disk) {
     mcap_put_channel(disk->writer, &channel);
 }
 
-/* The values at the beginning: otherwise this file alone would lack items that are rarely written. */
+/* Begin the file with the newest value of each item: otherwise it might lack items that are rarely written. */
 static void put_last_values(struct disk *disk) {
     unsigned count = atomic_load(&disk->logger->item_count);
 
@@ -79,14 +79,14 @@ static void put_last_values(struct disk *disk) {
         const struct item *item = disk->logger->items[i];
 
         if (mcap_pending(disk->writer) >= MCAP_CHUNK_USUAL)
-            mcap_flush(disk->writer); /* an error stays, and is found at the end */
+            mcap_flush(disk->writer); /* an error is kept in the writer, and returned by the last flush */
         if (item->last.size)
             file_put(disk, item->last.channel, item->last.sequence, item->last.time, disk->begin, item->last.data,
                      item->last.size);
     }
 }
 
-/* So that the file's name is on the disk. 0 or -EIO; not each file system can do it. */
+/* Write the file's name to the disk. 0 or -EIO; other errors are ignored, since some file systems cannot do it. */
 static int sync_folder(const char *folder) {
     int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     int error = fd >= 0 && fsync(fd) && errno == EIO ? -EIO : 0;
@@ -96,7 +96,7 @@ static int sync_folder(const char *folder) {
     return error;
 }
 
-/* Room for the next file among those that are kept. */
+/* Delete older files until there is room for the next one. */
 static void make_room(const struct disk *disk) {
     const struct config *config = &disk->logger->config;
     int error = config->keep ? output_keep(&disk->output, config->keep - config->segment) : 0;
@@ -110,7 +110,7 @@ int file_begin(struct disk *disk, int64_t begin) {
     disk->fd = output_open(&disk->output, disk->path);
     if (disk->fd < 0)
         return disk->fd;
-    flock(disk->fd, LOCK_EX | LOCK_NB); /* keeps `ddxlog -recover` away */
+    flock(disk->fd, LOCK_EX | LOCK_NB); /* locks out `ddxlog -recover` */
     disk->writer = mcap_writer_new(disk->fd);
     if (!disk->writer)
         return -ENOMEM;
@@ -181,7 +181,7 @@ bool file_put(struct disk *disk, struct channel *channel, uint64_t sequence, int
     return to;
 }
 
-/* An item may have any name; in JSON it gets no quotes and the like. */
+/* An item's name for JSON: quotes, backslashes and control characters become question marks. */
 static void printable(const char *name, char out[DDX_NAME_MAX + 1]) {
     size_t i = 0;
 
@@ -251,7 +251,7 @@ int file_end(struct disk *disk) {
     return error;
 }
 
-/* What was counted as logged since the last good flush. */
+/* Count the values logged since the last good flush as lost. */
 static void take_back(struct disk *disk) {
     unsigned count = atomic_load(&disk->logger->item_count);
 
@@ -267,11 +267,11 @@ static void take_back(struct disk *disk) {
 
 void file_give_up(struct disk *disk) {
     if (disk->fd >= 0 && disk->writer && !disk->unsafe)
-        file_sync(disk); /* a write failed: what was whole before may be safe yet */
+        file_sync(disk); /* only a write failed: earlier records may still reach the disk */
     take_back(disk);
     if (disk->fd >= 0 && !disk->safe)
-        unlink(disk->path); /* not one record: an empty file would only be in the way */
+        unlink(disk->path); /* the file has no record */
     else if (disk->fd >= 0 && (ftruncate(disk->fd, (off_t)disk->safe) || fdatasync(disk->fd)))
-        say("%s: cannot be cut after its last whole record: %s", disk->path, strerror(errno));
+        say("%s: cannot be truncated after its last whole record: %s", disk->path, strerror(errno));
     close_file(disk);
 }

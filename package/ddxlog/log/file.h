@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the disk's thread works on: one file of a log after the other. */
+/* The files of a log, written one after the other by the disk's thread. */
 #ifndef DDXLOG_FILE_H
 #define DDXLOG_FILE_H
 
@@ -23,34 +23,34 @@ struct disk {
     struct output output;
     struct pending *pending;
     size_t pending_count, pending_room;
-    /* the present file: */
+    /* the current file: */
     uint64_t file; /* its number, from 1 */
     char path[PATH_MAX];
     int fd;
-    struct mcap_writer *writer; /* NULL: there is none */
-    uint64_t safe;              /* bytes that the disk has for certain */
-    bool unsafe;                /* a flush has failed; no later one proves what was written since the last good one */
+    struct mcap_writer *writer; /* NULL: no file is open */
+    uint64_t safe;              /* bytes known to be on the disk */
+    bool unsafe;                /* a flush has failed: even if a later one succeeds, bytes above `safe` may be lost */
     int64_t begin;              /* CLOCK_MONOTONIC */
-    int64_t wall_offset;        /* wall time less CLOCK_MONOTONIC, when it began */
-    uint16_t channels, schemas, losses; /* ids in use; of the channel for losses */
-    const struct form *forms[DISK_SCHEMAS_MAX]; /* by id, of those that are in the file */
-    uint32_t told;                              /* messages about losses */
+    int64_t wall_offset;        /* wall time less CLOCK_MONOTONIC, when the file began */
+    uint16_t channels, schemas, losses; /* ids in use; id of the channel for losses */
+    const struct form *forms[DISK_SCHEMAS_MAX]; /* the file's schemas, by id */
+    uint32_t told;                              /* number of messages about losses */
 };
 
-/* Those that return int: 0 or -errno. */
+/* Functions that return int return 0 or -errno. */
 
-/* A new file, whose first value is of that time, with what is known of the items. */
+/* Begin a new file, whose first value is of time `begin`, with the newest values of all items. */
 int file_begin(struct disk *disk, int64_t begin);
-/* A message into the present chunk. False: no memory. */
+/* Add a message to the current chunk. False: no memory. */
 bool file_put(struct disk *disk, struct channel *channel, uint64_t sequence, int64_t time, int64_t logged,
               const void *data, size_t size);
-/* A message for each item of which something was lost since the last time, or for each item. */
+/* Add a message for each item (`all`), or for each item with new losses. */
 void file_put_losses(struct disk *disk, bool all);
-/* All that was written is on the disk. */
+/* Flush the file to the disk. */
 int file_sync(struct disk *disk);
-/* Counters, summary, end. There is no file then. */
+/* Write counters and summary, and close the file. */
 int file_end(struct disk *disk);
-/* What the disk may not have is lost: values that were counted as logged, too. The file is cut there, and left so. */
+/* After an error: count values that may not be on the disk as lost, truncate the file after `safe`, and close it. */
 void file_give_up(struct disk *disk);
 
 #endif

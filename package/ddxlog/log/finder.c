@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which items there are, and which of them are wanted. The store's answers are waited for here, and nowhere else. */
+/* Finds items to log and opens them. Only this thread waits for answers of the store. */
 #include "finder.h"
 
 #include <errno.h>
@@ -9,18 +9,18 @@
 
 #include "logger_state.h"
 
-#define LOOK_NS 50000000           /* between two looks */
-#define ALONE_NS INT64_C(5000000000) /* without a writer for so long: given back; restarts take less */
-#define KEEP 16                    /* values that the store keeps for us, at first */
+#define LOOK_NS 50000000           /* between two lists of the store's items */
+#define ALONE_NS INT64_C(5000000000) /* without a writer, until an item is closed; longer than a writer's restart */
+#define KEEP 16                    /* values that the store keeps for the logger, at first */
 #define KEEP_MAX 200
 #define KEEP_BYTES (1u << 20)
-#define KEEP_PART 2 /* and later: those of half a second */
+#define KEEP_PART 2 /* later: the values of a second divided by this */
 
 struct finder {
     struct logger *logger;
-    bool looked; /* what is new from now on is awaited */
+    bool looked; /* the first list is done: later new items are logged from their first value on */
     bool full;
-    int64_t time; /* of the look before this one */
+    int64_t time; /* of the previous list */
 };
 
 static struct item *find(struct logger *logger, const char *name) {
@@ -33,8 +33,8 @@ static struct item *find(struct logger *logger, const char *name) {
 }
 
 /*
- * The value to begin with. Of an item that is awaited, the first one written since the store knows of us; where there
- * is none, and of all others, the newest one.
+ * Hold the value to begin with: for an awaited or known item, the first one written since the store has admitted this
+ * reader; otherwise, and if there is none, the newest one.
  */
 static int hold_first(struct item *item) {
     int error = -ETIMEDOUT;
@@ -45,7 +45,7 @@ static int hold_first(struct item *item) {
     return error == -ETIMEDOUT ? ddx_store_acquire(item->handle, &item->first, 0, DDX_CURRENT) : error;
 }
 
-/* Open it, and hold a value. False if that did not work; it is tried again at the next look. */
+/* Open the item, and hold a value. False on failure; the next look tries again. */
 static bool open_item(struct finder *finder, struct item *item) {
     unsigned keep = item->rule->period ? 1 : KEEP;
 
@@ -83,7 +83,7 @@ static void add_item(struct finder *finder, const struct ddx_item_info *info) {
     struct item *item = count < ITEMS_MAX ? calloc(1, sizeof *item) : NULL;
     if (!item) {
         if (!finder->full)
-            say("more than %d items: %s and what follows is not logged", ITEMS_MAX, info->name);
+            say("more than %d items: %s and later ones are not logged", ITEMS_MAX, info->name);
         finder->full = true;
         return;
     }
@@ -103,7 +103,7 @@ static void add_item(struct finder *finder, const struct ddx_item_info *info) {
     atomic_store(&logger->item_count, count + 1);
 }
 
-/* How many values half a second brings. */
+/* Keep as many frames as the item has values in half a second. */
 static void choose_keep(struct item *item, const struct ddx_item_info *info, int64_t passed) {
     if (item->rule->period || !info->frame_bytes || passed <= 0 || info->sequence <= item->listed)
         return;
@@ -117,7 +117,7 @@ static void choose_keep(struct item *item, const struct ddx_item_info *info, int
         atomic_store(&item->keep, (unsigned)keep);
 }
 
-/* `info`: what the store says; NULL if it does not know the item. */
+/* `info`: the item in the store's list; NULL if it is not there. */
 static void look_at(struct finder *finder, struct item *item, const struct ddx_item_info *info, int64_t now) {
     bool alone = !info || !info->writer_pid;
     enum item_state state = atomic_load(&item->state);
@@ -144,7 +144,7 @@ static void look(struct finder *finder) {
     struct ddx_item_info *infos;
     unsigned count, known = atomic_load(&logger->item_count);
 
-    if (ddx_store_list(logger->id, NULL, &infos, &count)) /* the store is away; its items stay as they are */
+    if (ddx_store_list(logger->id, NULL, &infos, &count)) /* the store is away; its items remain as they are */
         return;
     int64_t now = ddx_time_now();
     for (unsigned i = 0; i < known; i++) {

@@ -3,7 +3,7 @@
 #ifndef DDXLOG_FINDER_H
 #define DDXLOG_FINDER_H
 
-/* The thread; `logger` is a struct logger. It ends soon after `stopping`. */
+/* The thread; `logger` is a struct logger. It exits soon after `stopping`. */
 void *finder_run(void *logger);
 
 #endif

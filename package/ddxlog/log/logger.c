@@ -26,9 +26,9 @@ static void turn(struct logger *logger) {
 
         if (state == ITEM_FOUND) {
             item_begin(logger, item);
-            state = ITEM_READ; /* what came after its first value is taken now: this turn may be the last one */
+            state = ITEM_READ; /* take later values now: this turn may be the last one */
         }
-        /* What is to be given back is read a last time. */
+        /* Items are read a last time before they are closed. */
         if ((state == ITEM_READ || state == ITEM_LEAVE) && (!item_take(logger, item) || state == ITEM_LEAVE))
             item_leave(item);
     }
@@ -62,7 +62,7 @@ static void free_items(struct logger *logger) {
     }
 }
 
-/* All threads, from begin to end. */
+/* Start all threads, log until a request to stop, and join the threads. */
 static int log_until_stopped(struct logger *logger) {
     pthread_t finder, mender;
     int error = disk_start(logger);
@@ -78,7 +78,7 @@ static int log_until_stopped(struct logger *logger) {
     logger->stopping = true;
     if (!error) {
         pthread_join(finder, NULL);
-        turn(logger); /* what was written before we were told to stop */
+        turn(logger); /* values written before the request to stop */
     }
     if (mends)
         pthread_join(mender, NULL);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the threads of the logger share. */
+/* State shared by the logger's threads. */
 #ifndef DDXLOG_LOGGER_STATE_H
 #define DDXLOG_LOGGER_STATE_H
 
@@ -16,7 +16,7 @@ enum { LOST_STORE, LOST_QUEUE, LOST_WRITE };
 
 struct item;
 
-/* A layout of an item, with what it is called in the present file. Kept until the end, since the queue points to it. */
+/* A layout of an item, with its ids in the current file. Never freed before the exit, since the queue points to it. */
 struct channel {
     struct channel *next; /* of the item */
     const struct item *item;
@@ -27,27 +27,27 @@ struct channel {
 };
 
 enum item_state {
-    ITEM_ABSENT, /* finder: not there, or given back */
-    ITEM_FOUND,  /* main thread: opened, its newest value is held */
-    ITEM_READ,   /* main thread */
-    ITEM_LEAVE   /* main thread: it has no writer; give it back, so that its type may change */
+    ITEM_ABSENT, /* finder's: not in the store, or closed */
+    ITEM_FOUND,  /* main thread's: opened, its first value is held */
+    ITEM_READ,   /* main thread's */
+    ITEM_LEAVE   /* main thread's: it has no writer; to be closed, so that its type may change */
 };
 
 struct item {
     char name[DDX_NAME_MAX + 1];
     const struct config_rule *rule;
-    _Atomic(enum item_state) state; /* says whose the following are */
+    _Atomic(enum item_state) state; /* decides which thread owns the following fields */
     DDX_STORE_ITEM *handle;
-    struct ddx_frame first; /* ITEM_FOUND: the value that is held; sequence 0 if there was none */
-    bool awaited;           /* its values from the first on are wanted: when we saw it first it was new, or had none */
-    bool known;             /* it was read before: what was written since `sequence` is missed */
+    struct ddx_frame first; /* ITEM_FOUND: the held value; sequence 0 if there was none */
+    bool awaited;           /* log from its first value on: the item was new, or had no value, when first seen */
+    bool known;             /* it was read before: values written since `sequence` are missed */
     unsigned kept;
     /* the main thread's: */
     uint64_t sequence;
-    int64_t due; /* with a rate: not before */
+    int64_t due; /* with a rate: earliest time of the next value */
     uint32_t layout;
     struct channel *channel, *channels;
-    bool refused; /* said that there was no room for its values */
+    bool refused; /* a line says that its values are lost */
     /* the disk thread's: the newest value, with which the next file begins */
     struct {
         unsigned char *data;
@@ -57,13 +57,13 @@ struct item {
         int64_t time;
     } last;
     uint64_t told; /* losses, when they were last written to the file */
-    uint64_t unsafe; /* of `out`, since the file was last flushed to the disk */
+    uint64_t unsafe; /* part of `out` since the file was last flushed to the disk */
     /* the finder's: */
-    int64_t alone;             /* since when it has no writer; 0: it has one */
-    uint64_t listed;           /* its sequence when we last looked */
-    _Atomic unsigned keep;     /* frames that it should keep for us */
+    int64_t alone;             /* time since when it has no writer; 0: it has one */
+    uint64_t listed;           /* its sequence in the previous list */
+    _Atomic unsigned keep;     /* frames that the store should keep for the logger */
     _Atomic uint64_t consumed; /* as `sequence`, for the finder */
-    /* Counters: of values that were wanted; `skipped` were not, by the rate. */
+    /* Counters of wanted values; `skipped` were left out by the rate. */
     _Atomic uint64_t in, out, skipped, lost[3];
 };
 
@@ -73,9 +73,8 @@ struct disk;
 
 struct logger {
     struct program program;
-    const char *config_path;
     struct config config;
-    int64_t begin; /* what was written before is logged as of when we saw it */
+    int64_t begin; /* values written before this are logged with the time at which they were read */
     DDX_STATS_BOOK *book;
     DDX_STORE_ID *id;
     struct queue queue;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* At the start: the files of this instance that were cut off by a power failure are repaired, at idle priority. */
+/* At the start: repair this instance's files that a power failure has truncated, at idle priority. */
 #include "mender.h"
 
 #include <dirent.h>
@@ -28,7 +28,7 @@ void *mender_run(void *argument) {
 
     program_thread_signals();
     program_thread_ordinary();
-    /* Both are of this thread only. */
+    /* Both affect only this thread. */
     setpriority(PRIO_PROCESS, (id_t)syscall(SYS_gettid), 19);
     syscall(SYS_ioprio_set, 1, 0, IDLE_PRIORITY);
     DIR *folder = opendir(logger->config.folder);
@@ -42,7 +42,7 @@ void *mender_run(void *argument) {
             continue;
         int result = recover(path, &logger->stopping, &recovery, error);
         if (!result)
-            say("%s: was cut off, and has its end now: %llu messages", path, (unsigned long long)recovery.messages);
+            say("%s: was truncated; repaired, %llu messages", path, (unsigned long long)recovery.messages);
         if (!result && mcap_refused_text(&recovery.state, error))
             say("%s: %s; the old file is kept as .damaged", path, error);
         if (result && result != -EALREADY && result != -EBUSY && result != -ECANCELED)

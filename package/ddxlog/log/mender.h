@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* At the start: files that a power cut left without an end get one. */
+/* At the start: repair of files that a power cut has truncated. */
 #ifndef DDXLOG_MENDER_H
 #define DDXLOG_MENDER_H
 

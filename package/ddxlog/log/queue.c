@@ -25,7 +25,7 @@ int queue_init(struct queue *queue, size_t size) {
     queue->memory = malloc(queue->size);
     if (!queue->memory)
         return -ENOMEM;
-    memset(queue->memory, 0, queue->size); /* the first touch of memory costs; no value shall pay it */
+    memset(queue->memory, 0, queue->size); /* take the page faults now, not when values are queued */
     pthread_mutex_init(&queue->lock, NULL);
     program_condition(&queue->changed);
     return 0;
@@ -47,14 +47,12 @@ struct queue_entry *queue_place(struct queue *queue, size_t size) {
     uint64_t taken = queue->taken;
     pthread_mutex_unlock(&queue->lock);
     size_t at = (size_t)(queue->put % queue->size), tail = queue->size - at;
-    size_t skipped = tail < room ? tail : 0; /* an entry is never cut in two */
+    size_t skipped = tail < room ? tail : 0; /* an entry is contiguous */
     if (room > queue->size || skipped + room > queue->size - (size_t)(queue->put - taken))
         return NULL;
-    if (skipped) {
-        /* What is left may be less than an entry's head: then both sides know without being told. */
-        if (skipped >= sizeof(struct queue_entry))
-            *entry_at(queue, queue->put) = (struct queue_entry){.room = skipped};
-    }
+    /* A rest that is smaller than an entry's head needs no mark: both sides skip it. */
+    if (skipped >= sizeof(struct queue_entry))
+        *entry_at(queue, queue->put) = (struct queue_entry){.room = skipped};
     struct queue_entry *entry = entry_at(queue, queue->put + skipped);
     *entry = (struct queue_entry){.room = room, .size = size};
     queue->fresh = queue->put + skipped + room;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Out of the store, into the queue: one item after the other, a few microseconds each. */
+/* Reading values from the store into the queue: one item after the other, a few microseconds each. */
 #include "read.h"
 
 #include <errno.h>
@@ -8,9 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define BATCH 256 /* values of one item before the next one's turn */
+#define BATCH 256 /* values of one item before the next item's turn */
 
-/* The channel for values as they are laid out now. 0 or -errno. */
+/* Set the channel for the item's current layout. 0 or -errno. */
 static int choose_channel(struct item *item) {
     uint32_t layout = ddx_store_layout(item->handle);
 
@@ -46,7 +46,7 @@ static void count_lost(struct logger *logger, struct item *item, unsigned reason
     ddx_stats_lost(logger->book, reason, values);
 }
 
-/* Values that went by unseen: with a rate they are what it leaves out, else they are a loss. */
+/* Count missed values: with a rate as skipped, else as lost. */
 static void count_missed(struct logger *logger, struct item *item, uint64_t missed) {
     if (!missed)
         return;
@@ -91,8 +91,8 @@ static void take_value(struct logger *logger, struct item *item, const struct dd
     entry->channel = item->channel;
     entry->sequence = frame->sequence;
     entry->time = frame->time;
-    entry->seen = ddx_time_now();
-    entry->logged = frame->time < logger->begin || frame->time > entry->seen ? entry->seen : frame->time;
+    int64_t now = ddx_time_now();
+    entry->logged = frame->time < logger->begin || frame->time > now ? now : frame->time;
     form_pack(form, frame->data, entry->data);
     queue_put(&logger->queue);
 }
@@ -105,7 +105,7 @@ void item_begin(struct logger *logger, struct item *item) {
 
         if (item->known && first->sequence > item->sequence)
             count_missed(logger, item, first->sequence - item->sequence - 1);
-        else if (!again && (item->known || item->awaited)) /* numbering started again, or it was awaited */
+        else if (!again && (item->known || item->awaited)) /* numbering started again, or the item was awaited */
             count_missed(logger, item, first->sequence - 1);
         if (!again)
             take_value(logger, item, first);
@@ -129,7 +129,7 @@ static bool is_due(struct item *item) {
 
     if (now < item->due)
         return false;
-    item->due += item->rule->period; /* so that looking late does not make it slower */
+    item->due += item->rule->period; /* a late read does not lower the rate */
     if (item->due <= now)
         item->due = now + item->rule->period;
     return true;
@@ -139,7 +139,7 @@ bool item_take(struct logger *logger, struct item *item) {
     unsigned keep = atomic_load(&item->keep);
 
     if (keep > item->kept) {
-        ddx_store_keep(item->handle, keep); /* where there is no room, it stays as it is */
+        ddx_store_keep(item->handle, keep); /* without room in the store, the number remains as it is */
         item->kept = keep;
     }
     int64_t due = item->due;
@@ -157,7 +157,7 @@ bool item_take(struct logger *logger, struct item *item) {
         ddx_store_release(item->handle);
     }
     if (error && item->rule->period)
-        item->due = due; /* nothing was there: the next one is due at once */
+        item->due = due; /* there was no value: the next one is due at once */
     if (error && error != -ETIMEDOUT) {
         say("%s: %s; it will be tried again", item->name, ddx_error_text(error));
         return false;

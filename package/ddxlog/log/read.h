@@ -5,9 +5,9 @@
 
 #include "logger_state.h"
 
-/* Take in what one item has, without waiting. False if the item failed and is not read any more. */
+/* Queue the new values of one item, without waiting. False if reading failed, so that the item must be closed. */
 bool item_take(struct logger *logger, struct item *item);
-/* What ITEM_FOUND and ITEM_LEAVE ask of the main thread. */
+/* The main thread's work for ITEM_FOUND and ITEM_LEAVE. */
 void item_begin(struct logger *logger, struct item *item);
 void item_leave(struct item *item);
 

@@ -56,7 +56,7 @@ static uint16_t new_channel(struct copy *copy, uint16_t id) {
     return channel.id;
 }
 
-/* Messages of a chunk; written as they come, so that a large chunk is not in memory twice. */
+/* Copy the messages of a chunk; flushed in between, so that a large chunk is not in memory twice. */
 static int copy_messages(struct copy *copy, const struct mcap_message *messages, long count,
                          struct recovery *recovery) {
     for (long k = 0; k < count; k++) {
@@ -87,7 +87,7 @@ static int copy_chunks(struct copy *copy, const atomic_bool *stop, struct recove
 
         if (count < 0 && count != -EBADMSG)
             return (int)count;
-        /* A last chunk with zeros in it is what a power cut leaves; one with good ones after it is another matter. */
+        /* A damaged last chunk is usual after a power cut; a damaged chunk with good ones after it is not. */
         copy->damaged_within |= count >= 0 && damaged;
         damaged |= count < 0;
         if (*stop)
@@ -106,7 +106,7 @@ static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery 
     copy->schema = copy->channel + 65536;
     int error = copy_chunks(copy, stop, recovery);
     recovery->state = mcap_state(copy->reader);
-    copy->damaged_within |= recovery->state.refused; /* no power cut's doing: another program may read it */
+    copy->damaged_within |= recovery->state.refused; /* not caused by a power cut: another program may read them */
     copy_metadata(copy, recovery);
     return error ? error : mcap_finish(copy->writer);
 }
@@ -123,7 +123,7 @@ static void sync_folder_of(const char *path) {
     }
 }
 
-/* The copy is complete: it takes the old file's place. */
+/* Replace the old file by the complete copy. */
 static int replace(const char *path, const char *copy, bool keep, struct recovery *recovery) {
     char damaged[PATH_MAX];
 
@@ -151,7 +151,7 @@ static int write_copy(const char *path, int old, struct mcap_reader *reader, con
     if (fd < 0)
         return -errno;
     if (!fstat(old, &status) && (status.st_uid != geteuid() || status.st_gid != getegid()))
-        (void)!fchown(fd, status.st_uid, status.st_gid); /* root mends a file of the logger's */
+        (void)!fchown(fd, status.st_uid, status.st_gid); /* root repairs a file of the logger's user */
     struct copy copy = {.reader = reader, .writer = mcap_writer_new(fd)};
     int error = copy_all(&copy, stop, recovery);
     mcap_writer_free(copy.writer);
@@ -186,7 +186,7 @@ int recover(const char *path, const atomic_bool *stop, struct recovery *recovery
         recovery->state = mcap_state(reader);
         result = recovery->state.complete ? -EALREADY : write_copy(path, old, reader, stop, recovery);
         if (result)
-            snprintf(error, MCAP_ERROR_MAX, "cannot be recovered, and is as it was: %s", strerror(-result));
+            snprintf(error, MCAP_ERROR_MAX, "cannot be recovered, and is unchanged: %s", strerror(-result));
     }
     mcap_close(reader);
     close(old);

@@ -57,7 +57,7 @@ void bytes_free(struct bytes *bytes) {
     *bytes = (struct bytes){NULL, 0, 0, false};
 }
 
-/* Four bytes a step: on an 800 MHz board the log's checksums must not show. */
+/* Four bytes a step, so that the log's checksums cost little on an 800 MHz board. */
 static uint32_t table[4][256];
 
 static void fill_table(void) {

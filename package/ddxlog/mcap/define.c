@@ -13,7 +13,7 @@ static void free_pairs(struct mcap_pair *pairs) {
     }
 }
 
-/* A map of texts; what is beyond MCAP_PAIRS_MAX is passed over. */
+/* A map of texts; pairs beyond MCAP_PAIRS_MAX are ignored. */
 static void take_pairs(struct cursor *cursor, struct mcap_pair pairs[MCAP_PAIRS_MAX + 1]) {
     size_t size = (size_t)cursor_number(cursor, 4), count = 0;
     const unsigned char *at = cursor_bytes(cursor, size);
@@ -56,7 +56,7 @@ static void free_metadata(struct own_metadata *metadata) {
     free_pairs(metadata->pairs);
 }
 
-/* The same once more (in the summary, in a later chunk) is nothing new; the first one counts. */
+/* A repeated definition (in the summary, in a later chunk) is ignored: the first one counts. */
 static int define_schema(struct mcap_reader *reader, struct cursor cursor) {
     uint16_t id = (uint16_t)cursor_number(&cursor, 2);
     struct mcap_schema *schema = calloc(1, sizeof *schema);

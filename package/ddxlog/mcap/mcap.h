@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * MCAP, the container of the robotics world (https://mcap.dev/spec): what a log needs of it, written and read.
+ * MCAP, a container format of robotics (https://mcap.dev/spec): a writer and a reader of the part that a log needs.
  *
- * A file of ours is: magic, Header, Metadata; then, again and again, Schema and Channel records of what is new, a Chunk
- * of messages (LZ4) and its Message Indexes; at the end Data End, the summary (schemas and channels once more,
- * statistics, indexes) and a Footer, magic. Schemas and channels stand in front of the chunks and not in them, so that
- * a search for them unpacks nothing. A file that was cut off lacks its end, and is read up to its last whole chunk.
- * Messages outside of chunks are passed over: they have no checksum, so damage might look like one.
+ * The writer's files: magic, Header, Metadata; then repeatedly new Schema and Channel records, a Chunk of messages
+ * (LZ4) and its Message Indexes; at the end Data End, the summary (schemas and channels again, statistics, indexes), a
+ * Footer, magic. Schemas and channels are before the chunks, not in them, so that they are found without unpacking. A
+ * truncated file is read up to its last whole chunk. Messages outside chunks are ignored: they have no checksum, so
+ * damaged bytes might look like one.
  *
- * Errors: -errno. Times: ns, as the caller means them. A writer, or a reader, belongs to one thread at a time.
+ * Errors: -errno. Times: ns of the caller's clock. A writer, or a reader, belongs to one thread at a time.
  */
 #ifndef DDXLOG_MCAP_H
 #define DDXLOG_MCAP_H
@@ -20,7 +20,7 @@ struct mcap_pair {
     const char *key, *value;
 };
 
-#define MCAP_PAIRS_MAX 16 /* of a channel, or of a metadata record, that our reader keeps */
+#define MCAP_PAIRS_MAX 16 /* of a channel, or of a metadata record, that the reader keeps */
 
 /*
  * Limits, in bytes. A few megabytes of LZ4 may declare gigabytes, so the reader refuses a chunk of more than
@@ -59,26 +59,26 @@ struct mcap_message {
 struct mcap_writer;
 
 /*
- * Begin a file on this descriptor, which is empty, stays the caller's and is only ever written to at its end. Nothing
- * is written before mcap_flush() or mcap_finish(). NULL: no memory.
+ * Begin a file on this descriptor. The file must be empty; it is only written at its end, by mcap_flush() and
+ * mcap_finish(). The descriptor remains the caller's. NULL: no memory.
  */
 struct mcap_writer *mcap_writer_new(int fd);
 void mcap_writer_free(struct mcap_writer *writer);
 
-/* All of these copy what they are given. They fail for want of memory only, and mcap_flush() tells. */
+/* These functions copy their arguments. They fail only without memory, which mcap_flush() reports. */
 void mcap_put_metadata(struct mcap_writer *writer, const char *name, const struct mcap_pair *pairs);
-/* Ids begin with 1, and come one after the other. */
+/* Ids are consecutive, from 1. */
 void mcap_put_schema(struct mcap_writer *writer, const struct mcap_schema *schema);
 void mcap_put_channel(struct mcap_writer *writer, const struct mcap_channel *channel);
-/* Into the chunk that is being filled; mcap_pending() tells how large it is, unpacked. */
+/* Append to the current chunk; mcap_pending() returns its unpacked size. */
 void mcap_put_message(struct mcap_writer *writer, const struct mcap_message *message);
-/* The same with room for `size` bytes of data, to be filled by the caller at once. NULL: no memory. */
+/* The same with room for `size` bytes of data, which the caller fills at once. NULL: no memory. */
 unsigned char *mcap_put_message_space(struct mcap_writer *writer, const struct mcap_message *message);
 size_t mcap_pending(const struct mcap_writer *writer);
 
 /*
- * Pack the chunk and write what is new to the file. On failure (-ENOSPC, ...) nothing of it counts: the file is whole
- * up to mcap_written(), where the caller may cut it, and nothing more is written to it.
+ * Pack the chunk and write all new records to the file. After a failure (-ENOSPC, ...) the file is whole only up to
+ * mcap_written(), where the caller may truncate it; nothing more is written to it.
  */
 int mcap_flush(struct mcap_writer *writer);
 uint64_t mcap_written(const struct mcap_writer *writer);
@@ -92,24 +92,24 @@ int mcap_finish(struct mcap_writer *writer);
 
 struct mcap_reader;
 
-/* What is the matter with a file. */
+/* The state of a file. */
 struct mcap_state {
-    bool complete;       /* it has its end; else it was cut off, or is still being written */
-    unsigned chunks;     /* found */
-    unsigned damaged;    /* of those looked at, could not be unpacked: their messages are missing */
-    unsigned refused;    /* records that exceed a limit: the chunks among them are damaged, the others passed over */
-    uint64_t refused_at; /* where in the file the first of them begins */
-    uint64_t left_over;  /* bytes after the last whole record of a file that was cut off */
+    bool complete;       /* not truncated, and no longer being written */
+    unsigned chunks;     /* number found */
+    unsigned damaged;    /* chunks that could not be unpacked so far: their messages are missing */
+    unsigned refused;    /* records that exceed a limit: the chunks among them count as damaged, others are ignored */
+    uint64_t refused_at; /* offset of the first of them in the file */
+    uint64_t left_over;  /* bytes after the last whole record of a truncated file */
 };
 
 /*
- * Look through a file; what is in the chunks is looked at later. Never changes it. NULL and one clear text in
- * error[MCAP_ERROR_MAX] if it is no MCAP or cannot be read. The reader is the caller's, until mcap_close().
+ * Open a file and scan its records; chunks are unpacked later. Never changes the file. NULL, and one clear text in
+ * error[MCAP_ERROR_MAX], if it is not MCAP or cannot be read. The caller owns the reader, until mcap_close().
  */
 struct mcap_reader *mcap_open(const char *path, char *error);
 void mcap_close(struct mcap_reader *reader);
 struct mcap_state mcap_state(const struct mcap_reader *reader);
-/* A text about refused records, for people, in text[MCAP_ERROR_MAX]. False: there are none. */
+/* A message about refused records in text[MCAP_ERROR_MAX]. False: there are none. */
 bool mcap_refused_text(const struct mcap_state *state, char *text);
 
 /* By id; NULL if the file has none (so far). Valid until mcap_close(). */
@@ -121,21 +121,21 @@ const char *mcap_value(const struct mcap_channel *channel, const char *key);
 /* The i-th metadata record, from 0: its name, and its pairs. NULL past the last. */
 const char *mcap_metadata_at(const struct mcap_reader *reader, unsigned index, const struct mcap_pair **pairs);
 
-/* The earliest and the latest log time, as the chunks say; 0 and 0 if there is no message. */
+/* The earliest and the latest log time, according to the chunks; 0 and 0 if there is no message. */
 void mcap_times(const struct mcap_reader *reader, uint64_t *first, uint64_t *last);
 
 /*
- * The next message in the order of log times; those of one time in the order of the file. 1, 0 at the end, -errno. A
- * damaged chunk is passed over and counted. The data are valid until the next call. Where more chunks overlap in time
- * than MCAP_OPEN_MAX allows, some are unpacked more than once: such a file takes time, not memory.
+ * The next message in the order of log times; messages with equal times in the order of the file. 1; 0 at the end;
+ * -errno. Damaged chunks are skipped and counted. The data are valid until the next call. If more chunks overlap in
+ * time than MCAP_OPEN_MAX allows, some are unpacked more than once: such a file takes time, not memory.
  */
 int mcap_next(struct mcap_reader *reader, struct mcap_message *message);
-/* From the first one again. */
+/* Begin again with the first message. */
 void mcap_rewind(struct mcap_reader *reader);
 
 /*
  * All messages of chunk `index`, from 0, in the order of the file: an array that is valid until the next call of any
- * function of this reader. Their number; -EBADMSG: it is damaged; -ENOENT: there is no such chunk; other -errno.
+ * function of this reader. Returns their number; -EBADMSG: damaged; -ENOENT: no such chunk; other -errno.
  */
 long mcap_chunk(struct mcap_reader *reader, unsigned index, const struct mcap_message **messages);
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Messages in the order of time: chunks overlap, since a log holds them as they came in. */
+/* Messages in the order of time: chunks overlap, since a log has its messages in the order of arrival. */
 #include <errno.h>
 #include <stdlib.h>
 
 #include "reader.h"
 
-/* Sorting is not told whose places these are, so it sorts copies of what it needs. */
+/* qsort() passes no context to by_begin(), so it sorts copies of the needed fields. */
 struct begin {
     uint64_t first;
     unsigned number;
@@ -44,7 +44,7 @@ static int make_order(struct mcap_reader *reader) {
     return 0;
 }
 
-/* The place's messages; a damaged one has none, and is counted once. */
+/* Load the place's messages. A damaged place has none, and is counted once. */
 static int load(struct mcap_reader *reader, struct place *place, struct loaded *loaded) {
     if (place->damaged)
         return -EBADMSG;
@@ -58,7 +58,7 @@ static int load(struct mcap_reader *reader, struct place *place, struct loaded *
     return -EBADMSG;
 }
 
-/* The next chunk takes part from now on; it is unpacked when its turn comes. */
+/* Make the next chunk active; it is unpacked when its first message is due. */
 static int activate(struct mcap_reader *reader) {
     const struct place *place = &reader->places[reader->order[reader->next]];
 
@@ -95,7 +95,7 @@ static void drop(struct mcap_reader *reader, struct loaded *loaded) {
     *loaded = reader->active[--reader->active_count];
 }
 
-/* Give up memory, so that `bytes` more fit: chunks that are needed last go first, and are unpacked again then. */
+/* Free memory, so that `bytes` more fit: first that of the chunks needed last, which are unpacked again later. */
 static void make_room(struct mcap_reader *reader, uint64_t bytes) {
     while (reader->active_bytes && reader->active_bytes + bytes > MCAP_OPEN_MAX) {
         struct loaded *last = NULL;
@@ -108,7 +108,7 @@ static void make_room(struct mcap_reader *reader, uint64_t bytes) {
     }
 }
 
-/* Unpack the chunk, and go on where it was left; a damaged one is dropped. */
+/* Unpack the chunk, and continue at its next message; a damaged chunk is dropped. */
 static int unpack_one(struct mcap_reader *reader, struct loaded *chunk) {
     struct loaded fresh;
 
@@ -131,7 +131,7 @@ static int unpack_one(struct mcap_reader *reader, struct loaded *chunk) {
     return 0;
 }
 
-/* The chunk of the message that was delivered last goes on to its next one. */
+/* Advance the chunk of the message that was delivered last. */
 static void step(struct mcap_reader *reader) {
     struct loaded *chunk = reader->delivered ? earliest(reader) : NULL;
 
@@ -144,7 +144,7 @@ static void step(struct mcap_reader *reader) {
         drop(reader, chunk);
 }
 
-/* Whether the next place in order may hold a message that comes before all others. */
+/* Whether the next place in order may have a message that comes before all others. */
 static bool is_due(const struct mcap_reader *reader, const struct loaded *found) {
     if (reader->next >= reader->place_count)
         return false;

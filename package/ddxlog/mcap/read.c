@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Reading MCAP: from the first record to the last whole one; the summary is not needed, so its lack does no harm. */
+/* Reading MCAP: from the first record to the last whole one, without the summary, which a truncated file lacks. */
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
@@ -40,7 +40,7 @@ bool mcap_refused_text(const struct mcap_state *state, char *text) {
     if (state->refused > 1)
         snprintf(others, sizeof others, ", and %u others", state->refused - 1);
     snprintf(text, MCAP_ERROR_MAX,
-             "the record at byte %" PRIu64 "%s exceeds what is taken into memory (a chunk: %u MiB) and is left out",
+             "the record at byte %" PRIu64 "%s exceeds the limit for memory (a chunk: %u MiB) and is left out",
              state->refused_at, others, (unsigned)(MCAP_CHUNK_MAX >> 20));
     return state->refused;
 }
@@ -83,7 +83,7 @@ static int take_definition(struct mcap_reader *reader, enum mcap_opcode opcode, 
     return 0;
 }
 
-/* One record at `at`; *next is where the one after it begins. -EBADMSG: this is no whole record. */
+/* Read the record at `at`; *next: offset of the record after it. -EBADMSG: not a whole record. */
 static int take_record(struct mcap_reader *reader, uint64_t at, uint64_t *next, enum mcap_opcode *opcode) {
     unsigned char head[MCAP_RECORD_HEAD];
 

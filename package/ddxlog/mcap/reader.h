@@ -1,30 +1,30 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the files of the reader share. */
+/* Private to the reader's files. */
 #ifndef DDXLOG_READER_H
 #define DDXLOG_READER_H
 
 #include "record.h"
 
 #define MCAP_IDS 65536
-#define MCAP_PACKED_MAX (MCAP_CHUNK_MAX + (1 << 20)) /* bytes of a chunk's record: what cannot be packed grows a bit */
+#define MCAP_PACKED_MAX (MCAP_CHUNK_MAX + (1 << 20)) /* bytes of a chunk's record: LZ4 enlarges random data a little */
 #define MCAP_RECORD_MAX ((uint64_t)1 << 24)          /* of any other record */
 
-/* Where a chunk is. */
+/* The place of a chunk in the file. */
 struct place {
     uint64_t offset, length; /* of the record's content in the file */
     uint64_t first, last;    /* log times */
-    uint64_t unpacked;       /* bytes that it declares */
+    uint64_t unpacked;       /* declared size in bytes */
     unsigned number;         /* in the file */
     bool damaged;
 };
 
-/* A chunk in memory; or, with data NULL, one that has to be unpacked when its next message is due. */
+/* A chunk in memory; or, with data NULL, one that must be unpacked when its next message is due. */
 struct loaded {
     unsigned char *data;
     struct mcap_message *messages;
     size_t bytes;    /* of both */
     size_t count, next;
-    uint64_t time;   /* of message `next`; of the first one, as the chunk declares, before it was unpacked */
+    uint64_t time;   /* of message `next`; before unpacking, the declared time of the first message */
     unsigned number; /* of its place */
 };
 
@@ -54,23 +54,23 @@ struct mcap_reader {
     struct loaded *active;
     unsigned active_count;
     size_t active_bytes;
-    bool delivered; /* the earliest message, at the last call */
-    unsigned ids; /* all below this one */
+    bool delivered; /* the last call returned the earliest message */
+    unsigned ids; /* all ids are below this one */
     /* by id */
     struct mcap_schema *schemas[MCAP_IDS];
     struct own_channel *channels[MCAP_IDS];
 };
 
-/* All `size` bytes at this place of the file. 0, -EBADMSG: there are fewer; -errno. */
+/* Read all `size` bytes at this offset. 0; -EBADMSG: the file has fewer; -errno. */
 int reader_read(const struct mcap_reader *reader, uint64_t offset, void *data, size_t size);
 
-/* Take in a Schema, Channel or Metadata record. -EBADMSG if it is none, -E2BIG beyond MCAP_DEFINED_MAX, -ENOMEM. */
+/* Store a Schema, Channel or Metadata record. -EBADMSG if it is invalid, -E2BIG beyond MCAP_DEFINED_MAX, -ENOMEM. */
 int reader_define(struct mcap_reader *reader, enum mcap_opcode opcode, const unsigned char *content, size_t size);
 
-/* Free all that was defined. */
+/* Free all definitions. */
 void reader_forget(struct mcap_reader *reader);
 
-/* The record at this offset exceeds a limit. */
+/* Count a record that exceeds a limit. */
 void reader_refuse(struct mcap_reader *reader, uint64_t offset);
 
 /* Read and unpack. 0, -EBADMSG, -E2BIG, -ENOMEM, -errno. */

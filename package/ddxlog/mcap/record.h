@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What writer and reader know of the format. */
+/* Constants of the format, for writer and reader. */
 #ifndef DDXLOG_RECORD_H
 #define DDXLOG_RECORD_H
 

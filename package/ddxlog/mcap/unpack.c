@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What is read from the file; a chunk of it is unpacked, checked and taken apart. */
+/* Reading a chunk from the file: unpack, check and parse it. */
 #include <errno.h>
 #include <lz4frame.h>
 #include <stdlib.h>
@@ -50,7 +50,7 @@ static int unpack_lz4(const unsigned char *packed, size_t packed_size, unsigned 
     return more || to != size ? -EBADMSG : 0;
 }
 
-/* The content of a chunk record as the records that are in it. */
+/* Unpack the content of a chunk record: the records in it. */
 static int unpack(const unsigned char *content, size_t length, unsigned char **data, size_t *size) {
     struct cursor cursor = {content + 16, content + length, false};
     uint64_t unpacked = cursor_number(&cursor, 8);
@@ -61,7 +61,7 @@ static int unpack(const unsigned char *content, size_t length, unsigned char **d
     const unsigned char *packed = cursor_bytes(&cursor, packed_size);
     bool lz4 = name && name_size == 3 && !memcmp(name, "lz4", 3);
 
-    /* LZ4 makes nothing smaller than a 255th: more is no chunk, and no reason to ask for so much memory. */
+    /* LZ4 packs to a 255th at best: a larger declared size is invalid, so do not allocate that much memory. */
     if (!packed || (name_size && !lz4) || unpacked > MCAP_CHUNK_MAX || unpacked > packed_size * 256 + 1024)
         return -EBADMSG;
     *data = malloc((size_t)unpacked + 1);
@@ -96,7 +96,7 @@ static int add_message(struct loaded *loaded, const unsigned char *content, size
     return 0;
 }
 
-/* So that their array is as large as it has to be: doubling it would cost more than the chunk itself. */
+/* For an array of exactly this size: doubling it would cost more than the chunk itself. */
 static size_t count_messages(struct cursor cursor) {
     size_t count = 0;
 

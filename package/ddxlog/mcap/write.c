@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Writing MCAP: a chunk is filled, packed and written; what the summary repeats is kept until the end. */
+/* Writing MCAP: chunks are filled, packed and written; records for the summary are kept in memory until the end. */
 #include <errno.h>
 #include <lz4frame.h>
 #include <stdlib.h>
@@ -10,7 +10,7 @@
 
 #define LIBRARY "ddxlog 0.1"
 
-/* Where the messages of a channel lie in the chunk, and how many there are in the file. */
+/* Places of a channel's messages in the chunk, and their number in the file. */
 struct index {
     struct bytes entries; /* the Message Index's: log time, offset */
     uint64_t messages;
@@ -18,8 +18,8 @@ struct index {
 
 struct mcap_writer {
     int fd, error;
-    uint64_t written; /* bytes of the file that are whole */
-    uint32_t crc;     /* of them */
+    uint64_t written; /* bytes written completely */
+    uint32_t crc;     /* of these bytes */
     struct bytes fresh; /* records to be written before the chunk */
     struct bytes chunk, packed;
     uint64_t chunk_first, chunk_last;
@@ -31,7 +31,7 @@ struct mcap_writer {
     uint64_t messages, first, last;
 };
 
-/* Begin a record; returns where its length is to be put by end_record(). */
+/* Begin a record. Returns the offset of its content, for end_record(), which writes the length. */
 static size_t begin_record(struct bytes *bytes, enum mcap_opcode opcode) {
     bytes_number(bytes, opcode, 1);
     bytes_number(bytes, 0, 8);
@@ -97,7 +97,7 @@ void mcap_put_metadata(struct mcap_writer *writer, const char *name, const struc
     writer->metadata_count++;
 }
 
-/* A record that stands in the data as well as in the summary. */
+/* Append a record of the data to the summary as well. */
 static void put_twice(struct mcap_writer *writer, struct bytes *summary, size_t begin) {
     if (writer->fresh.failed)
         summary->failed = true;
@@ -153,7 +153,7 @@ unsigned char *mcap_put_message_space(struct mcap_writer *writer, const struct m
     end_record(to, record);
     bytes_number(entries, message->log_time, 8);
     bytes_number(entries, before, 8);
-    if (to->failed || entries->failed) { /* this one is not there; what is, stays right */
+    if (to->failed || entries->failed) { /* drop this message; the chunk stays valid */
         to->size = before;
         entries->size = before_entries;
         to->failed = entries->failed = false;
@@ -198,7 +198,7 @@ static int write_all(int fd, const unsigned char *data, size_t size) {
     return 0;
 }
 
-/* Appends the chunk as a record, and its indexes. */
+/* Append the chunk as a record, and its indexes. */
 static void pack(struct mcap_writer *writer) {
     struct bytes *to = &writer->fresh, *summary = &writer->chunk_indexes;
     LZ4F_preferences_t preferences = {.frameInfo = {.contentSize = writer->chunk.size}};

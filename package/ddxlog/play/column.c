@@ -5,7 +5,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-/* Array of char: a text, however long. */
+/* Arrays of char are texts. */
 static bool is_text(const struct form_leaf *leaf) {
     return leaf->kind == DDX_KIND_CHAR && leaf->count > 1;
 }
@@ -46,7 +46,7 @@ static void write_number(FILE *file, const struct form_leaf *leaf, const unsigne
     }
 }
 
-/* Up to its zero byte, in quotes; what is no text is its size and CRC32. */
+/* The text up to its zero byte, in quotes; for other bytes their size and CRC32. */
 static void write_text(FILE *file, const unsigned char *at, size_t size) {
     size_t length = strnlen((const char *)at, size);
 

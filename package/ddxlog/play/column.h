@@ -8,7 +8,7 @@
 
 #define COLUMN_ELEMENTS_MAX 64 /* arrays with more are one column: their size and CRC32 */
 
-/* Each with a comma in front of it. */
+/* Write the names, or the values, each after a comma. */
 void column_names(FILE *file, const struct form_leaf *leaf);
 void column_values(FILE *file, const struct form_leaf *leaf, const unsigned char *message);
 

@@ -17,7 +17,7 @@
 struct table {
     FILE *file;
     struct form *form;
-    bool foreign; /* not of ddxlog: left out */
+    bool foreign; /* not written by ddxlog: left out */
 };
 
 struct exporter {
@@ -25,13 +25,13 @@ struct exporter {
     struct mcap_reader *reader;
     int64_t wall_offset;
     struct table tables[65536];
-    size_t leaves; /* of all tables: each may have many with a short declaration */
+    size_t leaves; /* of all tables; limited, since a short declaration may have many */
     uint64_t rows, odd;
 };
 
 #define LEAVES_MAX ((size_t)4 * FORM_LEAVES_MAX)
 
-/* <item>.csv, or where its layout changed <item>.2.csv; a slash in the name becomes an underscore. */
+/* Create <item>.csv, or <item>.2.csv after a change of its layout; slashes in the name become underscores. */
 static FILE *create(const struct exporter *exporter, const char *topic, char path[PATH_MAX]) {
     for (int number = 1; number < 1000; number++) {
         char suffix[16] = "";
@@ -50,7 +50,7 @@ static FILE *create(const struct exporter *exporter, const char *topic, char pat
         bool mine = false;
         if (file || errno != EEXIST)
             return file;
-        for (unsigned id = 0; id < 65536 && !mine; id++) { /* an earlier layout of it has that name */
+        for (unsigned id = 0; id < 65536 && !mine; id++) { /* whether an earlier layout of the item has that name */
             const struct mcap_channel *other = mcap_channel(exporter->reader, (uint16_t)id);
             mine = exporter->tables[id].file && other && !strcmp(other->topic, topic);
         }
@@ -170,7 +170,7 @@ int export_run(const char *path, const char *folder) {
         status = status ? status : closed;
         if (!state.complete || state.damaged || exporter->odd)
             say("%s: %s%u of %u chunks damaged, %" PRIu64 " messages of the wrong size left out", path,
-                state.complete ? "" : "was cut off; ", state.damaged, state.chunks, exporter->odd);
+                state.complete ? "" : "was truncated; ", state.damaged, state.chunks, exporter->odd);
         if (mcap_refused_text(&state, error))
             say("%s: %s", path, error);
         if (!status)

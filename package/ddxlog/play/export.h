@@ -4,7 +4,7 @@
 #define DDXLOG_EXPORT_H
 
 /*
- * Write <item>.csv into the folder, which is made if it is missing; no file there is written over. Returns the
+ * Write <item>.csv into the folder, which is made if it does not exist; existing files are not overwritten. Returns the
  * program's exit status, after a line if it is not 0.
  */
 int export_run(const char *path, const char *folder);

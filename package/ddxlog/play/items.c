@@ -8,7 +8,7 @@
 #include <string.h>
 
 #define EXTENTS_MAX 16
-#define CLEARED_MAX (64u << 10) /* smaller values get zeros where there is padding */
+#define CLEARED_MAX (64u << 10) /* the padding of smaller values is zeroed */
 
 static void refuse(struct replay_item *item, int error) {
     if (!item->refused)
@@ -17,14 +17,14 @@ static void refuse(struct replay_item *item, int error) {
     item->refused = true;
 }
 
-/* A type of which only the size is known. */
+/* Create an item of a type of which only the size is known. */
 static int create_opaque(struct replay *replay, struct replay_item *item, const char *type, size_t size) {
     void *data;
 
     item->handle = ddx_store_lookup_item(replay->id, item->name, type, (int)size);
     if (!item->handle)
         return -errno;
-    int error = ddx_store_loan(item->handle, &data); /* makes us its writer */
+    int error = ddx_store_loan(item->handle, &data); /* become its writer */
     return error ? error : ddx_store_cancel(item->handle);
 }
 
@@ -152,7 +152,7 @@ struct replay_item *items_write(struct replay *replay, const struct mcap_message
         program_wait_for_room(item->handle, &replay->patient, replay->book);
     if (!*error)
         *error = write_value(item, message, time);
-    while (program_try_again(*error, replay->book)) /* a file has time */
+    while (program_try_again(*error, replay->book)) /* a replay can wait */
         *error = write_value(item, message, time);
     if (*error) {
         refuse(item, *error);

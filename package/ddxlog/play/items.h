@@ -11,18 +11,18 @@ struct replay_item {
     const char *topic;
     char name[DDX_NAME_MAX + 1];
     DDX_STORE_ITEM *handle;
-    struct form *form; /* of the item as it is now */
-    uint16_t channel;  /* whose layout that is; 0: none */
-    bool refused;      /* another program writes it, for example: reported, left out */
+    struct form *form; /* of the item's current layout */
+    uint16_t channel;  /* the channel that has this layout; 0: none */
+    bool refused;      /* reported and left out, for example because another program writes it */
 };
 
-/* Create all items of the log. How many. */
+/* Create all items of the log. Returns their number. */
 unsigned items_create(struct replay *replay);
 void items_free(struct replay *replay);
 
 /*
- * Write a message as of `time`. NULL and 0: it is none of ours. NULL and -errno: it could not be written (said so, the
- * first time). Else its item.
+ * Write a message with this time. Returns its item. NULL, *error 0: not written by ddxlog, or excepted. NULL, *error
+ * -errno: writing failed; reported once for each item.
  */
 struct replay_item *items_write(struct replay *replay, const struct mcap_message *message, int64_t time, int *error);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Lines on standard input, without being deaf to signals meanwhile. */
+/* Lines on standard input; signals are served while waiting. */
 #include "line.h"
 
 #include <poll.h>

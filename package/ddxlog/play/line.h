@@ -5,7 +5,7 @@
 
 #include "replay_state.h"
 
-/* Wait for the next line on standard input. False: told to stop, or there is no more. */
+/* Wait for the next line on standard input. False: end of input, or a request to stop. */
 bool replay_wait_line(struct replay *replay);
 
 #endif

@@ -15,10 +15,10 @@ enum { LOST_STORE };
 
 #define NS INT64_C(1000000000)
 #define POLL_NS INT64_C(5000000)
-#define AHEAD_NS NS              /* with -clock: time for the others to get ready */
+#define AHEAD_NS NS              /* with -clock: time for the other replays to get ready */
 #define LOOP_NS INT64_C(10000000) /* between the last value and the first one again */
 
-/* When a log time comes, CLOCK_MONOTONIC. */
+/* The CLOCK_MONOTONIC time at which a log time is replayed. */
 static int64_t due_time(const struct replay *replay, uint64_t time) {
     uint64_t offset = time > replay->origin ? time - replay->origin : 0;
     int64_t scaled = offset > INT64_MAX ? INT64_MAX : (int64_t)offset;
@@ -43,7 +43,7 @@ static bool wait_for_readers(struct replay *replay) {
     return true;
 }
 
-/* Tell the others where we begin. 0 or -errno. */
+/* Publish the start of the replay for other replays. 0 or -errno. */
 static int write_clock(struct replay *replay) {
     if (!replay->clock)
         return 0;
@@ -54,7 +54,7 @@ static int write_clock(struct replay *replay) {
     return ddx_store_write(replay->clock_item, &clock, NULL);
 }
 
-/* One message, when it is due. False: told to stop, or no more steps. */
+/* Replay one message, when it is due. False: a request to stop, or no more steps. */
 static bool play(struct replay *replay, const struct mcap_message *message, bool *stepped) {
     int64_t due = due_time(replay, message->log_time);
     int error;
@@ -86,7 +86,7 @@ static bool play(struct replay *replay, const struct mcap_message *message, bool
     return true;
 }
 
-/* From the first message to the last. False: told to stop, or failed. */
+/* Replay from the first message to the last. False: a request to stop, or a failure. */
 static bool play_pass(struct replay *replay, uint64_t first, uint64_t *last) {
     struct mcap_message message;
     bool stepped = false;
@@ -162,7 +162,7 @@ static void say_state(const struct replay *replay) {
     char error[MCAP_ERROR_MAX];
 
     if (!state.complete)
-        say("%s: was cut off, or is still being written: %u whole chunks, %" PRIu64 " bytes after them", replay->path,
+        say("%s: is truncated, or still being written: %u whole chunks, %" PRIu64 " bytes after them", replay->path,
             state.chunks, state.left_over);
     if (mcap_refused_text(&state, error))
         say("%s: %s", replay->path, error);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A log back into the store. */
+/* Replay of a log into the store. */
 #ifndef DDXLOG_REPLAY_H
 #define DDXLOG_REPLAY_H
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a replay is to do, and how it stands. */
+/* Settings and state of a replay. */
 #ifndef DDXLOG_REPLAY_STATE_H
 #define DDXLOG_REPLAY_STATE_H
 
@@ -13,25 +13,25 @@ struct replay_item; /* items.h */
 
 struct replay {
     struct program program;
-    /* what to do */
+    /* settings */
     const char *path;
     const char *prefix;
-    const char *except; /* items that are not replayed: patterns, with commas between them; NULL: none */
+    const char *except; /* patterns of items that are not replayed, separated by commas; NULL: none */
     const char *clock;  /* the name of a DDX_REPLAY_CLOCK, or NULL */
     const char *tick;   /* a step is everything up to the next value of this item; NULL: one message */
     bool loop, step;
     long readers;
-    bool patient; /* waits for them before each value: has no other clock */
+    bool patient; /* wait for readers before each value (-rate 0) */
     struct schedule_speed speed;
     int64_t from, to; /* ns from the first message; to: INT64_MAX if not given */
-    /* how it stands */
+    /* state */
     DDX_STATS_BOOK *book;
     DDX_STORE_ID *id;
     struct mcap_reader *reader;
     struct replay_item *items;
     DDX_STORE_ITEM *clock_item;
-    uint64_t origin;     /* log time that lies ... */
-    int64_t begin;       /* ... here, CLOCK_MONOTONIC */
+    uint64_t origin;     /* log time that is replayed ... */
+    int64_t begin;       /* ... at this time, CLOCK_MONOTONIC */
     int64_t wall_offset; /* log time less CLOCK_MONOTONIC of the recording machine */
     int status;
 };
