@@ -11,20 +11,19 @@
 
 static const char purpose[] =
     "Links this machine's store with those of other machines: item gps of machine carol is the item carol:gps here,\n"
-    "and for ROS 2 the topic /carol/gps. Nothing is sent before another machine reads it.";
+    "and for ROS 2 the topic /carol/gps. An item is sent only while another machine reads it.";
 static const char notes[] =
     "Counters: lost.store = overwritten in the store before it was read, lost.bandwidth = a newer value came before\n"
     "it could be sent, lost.size = larger than 16 MiB, lost.network = sent by another machine, but not arrived,\n"
-    "lost.type = not of the type that was announced, lost.budget = no room in this store.";
+    "lost.type = not of the announced type, lost.budget = no room in this store.";
 
 int main(int argc, char **argv) {
     static struct catalog catalog;
     const char *config = NULL, *machine = NULL;
     char name[256] = "", error[CONFIG_ERROR_MAX];
     const struct option_entry options[] = {
-        {"c", "FILE", "what other machines may read, and by which network", OPTION_TEXT, &config, 0, 0},
-        {"machine", "NAME", "what this machine is called by others (default: its host name)", OPTION_TEXT, &machine, 0,
-         0},
+        {"c", "FILE", "configuration: items that other machines may read, network", OPTION_TEXT, &config, 0, 0},
+        {"machine", "NAME", "name of this machine for others (default: its host name)", OPTION_TEXT, &machine, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     catalog.program = (struct program){.name = "catalog", .purpose = purpose, .notes = notes, .options = options};

@@ -12,8 +12,8 @@
 struct accepted {
     struct catalog *catalog;
     const struct config_accept *rule;
-    struct ddx_item_info info; /* as it was when the form was looked at */
-    bool tried;                /* with this info */
+    struct ddx_item_info info; /* at the time when the form was read */
+    bool tried;                /* opening was tried with this info */
     DDX_STORE_ITEM *item;
     struct form *form;
     struct standard *standard;
@@ -91,7 +91,7 @@ static void open_accepted(struct accepted *accepted, const struct ddx_item_info 
         say("accept %s as %s: %s", rule->topic, rule->item, *why ? why : ddx_error_text(error));
 }
 
-/* The reader stays then: publishers would not send again what they sent to one that was closed. */
+/* Then the reader is kept: publishers would not repeat messages for a new one. */
 static bool still_fits(const struct accepted *accepted) {
     struct form *form;
 
@@ -105,7 +105,7 @@ static bool still_fits(const struct accepted *accepted) {
 static void look_at(struct accepted *accepted, const struct ddx_item_info *info) {
     if (accepted->tried && item_is_unchanged(info, &accepted->info))
         return;
-    if (still_fits(accepted)) { /* the first message already makes this program the item's writer */
+    if (still_fits(accepted)) { /* for example after the first message, which makes this program the item's writer */
         accepted->info = *info;
         return;
     }

@@ -14,15 +14,15 @@
 #include "mirror.h"
 #include "table.h"
 
-#define SERVICE "catalog"        /* the item whose requests we take */
-#define TURN 0.02                /* s between two looks for requests */
-#define LOOK_NS INT64_C(250000000) /* and for items, and at the network */
-#define TABLE_NS INT64_C(1000000000) /* clocks are shown */
+#define SERVICE "catalog"        /* the item that takes requests */
+#define TURN 0.02                /* s between two checks for requests */
+#define LOOK_NS INT64_C(250000000) /* between two checks of items and network */
+#define TABLE_NS INT64_C(1000000000) /* between two updates of the clocks shown */
 #define SETTLE_NS INT64_C(500000000) /* others are heard before this machine announces its name */
 
 static const char *const reasons[] = {"store", "bandwidth", "size", "network", "type", "budget", NULL};
 
-/* "carol:gps", in pieces, since a setting's name is shorter than an item's. */
+/* Join "carol:gps", which comes in pieces, since a setting's name is shorter than an item's. */
 static void name_of(const DDX_REQUEST *request, char name[DDX_REQUEST_CHANGES * DDX_REQUEST_NAME]) {
     *name = 0;
     for (uint32_t i = 0; i < request->count; i++)
@@ -56,7 +56,7 @@ static void records_changed(void *argument) {
     network_records_read(catalog->records, take_record, catalog);
 }
 
-/* As long as it takes: a robot may start before its network is there. */
+/* Without a time limit: a robot may start before its network. */
 static bool join(struct catalog *catalog) {
     bool told = false;
 
@@ -66,7 +66,7 @@ static bool join(struct catalog *catalog) {
         if (!error)
             return true;
         if (!told)
-            say("the network cannot be used: %s; it is tried again", strerror(-error));
+            say("the network cannot be used: %s; trying again", strerror(-error));
         told = true;
         if (!program_sleep_until(ddx_time_now() + LOOK_NS, catalog->book))
             return false;
@@ -89,7 +89,7 @@ static void look(struct catalog *catalog) {
     struct ddx_item_info *items;
     unsigned count;
 
-    if (ddx_store_list(catalog->id, NULL, &items, &count)) /* the store is away; what there was stays */
+    if (ddx_store_list(catalog->id, NULL, &items, &count)) /* the store is away: change nothing */
         return;
     if (ddx_time_now() >= catalog->settled)
         exports_look(catalog->exports, items, count);
@@ -107,7 +107,7 @@ static bool is_due(int64_t *due, int64_t period) {
     return true;
 }
 
-/* Until told to stop, or until the network is another one. */
+/* Serve until a request to stop, or until the machine's address changes. */
 static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
     int64_t due = 0, table_due = 0;
 

@@ -9,9 +9,9 @@
 #define PERIOD INT64_C(1000000000)
 #define FIRST INT64_C(100000000) /* between the first few */
 #define FEW 4
-#define OFTEN 20 /* a machine that does not answer is asked so often in short order */
+#define OFTEN 20 /* requests at short intervals to a machine that does not answer */
 #define LATEST (INT64_C(1) << 61)
-#define FAR INT64_C(100000000) /* a bound above which the time of arrival is better */
+#define FAR INT64_C(100000000) /* error bound above which the time of arrival is more exact */
 
 struct clock {
     struct catalog *catalog;
@@ -59,7 +59,7 @@ void clock_close(struct clock *clock) {
     free(clock);
 }
 
-/* What is to be sent; whether a clock is hardly known. */
+/* Fill in the time stamps to send. True if a clock has few measurements yet. */
 static bool fill(struct machines *machines, struct network_stamps *stamps) {
     bool hardly = false;
 

@@ -36,7 +36,7 @@ static int read_as(const struct config_file *line, const char *word, const char 
     int error = standard_open(type, NULL, &standard, why);
 
     if (error)
-        return config_wrong(line, "%s: none of the messages that are known; docs/catalog.md has these", word);
+        return config_wrong(line, "%s: not a known message; docs/catalog.md lists them", word);
     standard_close(standard);
     return keep_text(line, word, type, place);
 }
@@ -78,7 +78,7 @@ static int read_choices(const struct config_file *line, char **words, struct con
     if (!rule->as != !rule->topic)
         return config_wrong(line, "as=MESSAGE and topic=TOPIC are needed together");
     if (rule->as && !rule->plain)
-        return config_wrong(line, "as= takes the name of one item, no pattern");
+        return config_wrong(line, "as= needs the name of one item, not a pattern");
     return 0;
 }
 
@@ -130,7 +130,7 @@ static int read_accept(const struct config_file *line, char **words, struct conf
 
 static int read_interface(const struct config_file *line, char **words, struct config *config) {
     if (config->network.interface)
-        return config_wrong(line, "a second interface; there can be one only");
+        return config_wrong(line, "a second interface; only one is allowed");
     config->network.interface = strdup(words[1]);
     return config->network.interface ? 0 : config_wrong(line, "no memory");
 }
@@ -176,7 +176,7 @@ static int read_bandwidth(const struct config_file *line, char **words, struct c
 static const struct {
     const char *word;
     int (*read)(const struct config_file *line, char **words, struct config *config);
-    bool more; /* than one word may follow */
+    bool more; /* more than one word may follow */
 } readers[] = {{"item", read_rule, true},           {"except", read_rule, true},     {"accept", read_accept, true},
                {"interface", read_interface, false}, {"peer", read_peer, false},      {"domain", read_domain, false},
                {"multicast", read_multicast, false}, {"bandwidth", read_bandwidth, false}};

@@ -60,7 +60,7 @@ static struct remote **place_of(struct directory *directory, const struct networ
     return at;
 }
 
-/* A remote of what the record says; NULL if it cannot be, or there is no memory. */
+/* Make a remote from a checked record; NULL: the record is invalid, or no memory. */
 static struct remote *judged(const struct network_record *record) {
     if (!record->type || !record->declaration || !record->extents || !record->topic || !is_item(record->item) ||
         !is_type(record->type) || !is_topic(record->topic) || strnlen(record->declaration, TEXT_MAX) == TEXT_MAX ||
@@ -82,7 +82,7 @@ static struct remote *judged(const struct network_record *record) {
     return NULL;
 }
 
-/* Take all items of the machine off the list, and the machine. */
+/* Remove the machine and all its items. */
 static void forget(struct directory *directory, uint64_t machine) {
     for (struct remote **at = &directory->first; *at;) {
         struct remote *remote = *at;
@@ -99,7 +99,7 @@ static void forget(struct directory *directory, uint64_t machine) {
 
 static void refuse(struct directory *directory) {
     if (!directory->refused++)
-        say("an item of another machine is left out: it has no proper name or type, or there are too many");
+        say("an item of another machine is left out: its name or type is invalid, or there are too many items");
 }
 
 static void put(struct directory *directory, struct machine *machine, const struct network_record *record) {
@@ -125,13 +125,13 @@ static void there(struct directory *directory, const struct network_record *reco
     struct machine *machine = *record->item ? machines_find(&directory->machines, record->machine)
                                             : machines_take(&directory->machines, own(directory), record);
 
-    if (!machine) /* a machine sends what it is called before its items */
+    if (!machine) /* a machine sends its own record before those of its items */
         refuse(directory);
     else if (*record->item)
         put(directory, machine, record);
 }
 
-/* What is said of an item, or of a machine, is not said any more. */
+/* A record of an item, or of a machine, was withdrawn; `away`: the machine is silent. */
 static void gone(struct directory *directory, const struct network_record *record, bool away) {
     struct remote **at = place_of(directory, record), *remote = *at;
     struct machine *machine = machines_find(&directory->machines, record->machine);
@@ -152,7 +152,7 @@ static void gone(struct directory *directory, const struct network_record *recor
 void directory_take(struct directory *directory, const struct network_record *record, enum network_change change) {
     const struct machine *old;
 
-    bool forged = !record->item || record->machine == own(directory)->id; /* one's own are not taken off the network */
+    bool forged = !record->item || record->machine == own(directory)->id; /* its own are not received */
     if (forged && change == NETWORK_THERE)
         refuse(directory);
     if (forged)

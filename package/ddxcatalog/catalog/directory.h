@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which items other machines have, as they say. Anything may come from the network, so each record is judged here. */
+/* The items that other machines announce. Anything may come from the network, so each record is checked here. */
 #ifndef DDXCATALOG_DIRECTORY_H
 #define DDXCATALOG_DIRECTORY_H
 
@@ -11,9 +11,9 @@ struct remote {
     uint64_t machine;
     char item[DDX_NAME_MAX + 1];
     char *topic, *declaration, *extents;
-    struct form *form; /* of a message; the item's own layout is another matter */
-    int64_t since;     /* when the machine's catalog was started, which counts its messages from then on */
-    uint64_t version;  /* changes when what is said of the item changes */
+    struct form *form; /* of the messages; the item's layout on its machine may differ */
+    int64_t since;     /* start of the machine's catalog, which numbers its messages from then on */
+    uint64_t version;  /* changes when the announcement changes */
     bool away;         /* the machine is not heard */
 };
 
@@ -23,22 +23,22 @@ struct directory;
 struct directory *directory_open(struct catalog *catalog);
 void directory_close(struct directory *directory);
 
-/* A record has come, as network_take_record. */
+/* Handle a received record; arguments as network_take_record. */
 void directory_take(struct directory *directory, const struct network_record *record, enum network_change change);
 
-/* Which machines there are: the directory's. */
+/* The other machines; owned by the directory. */
 struct machines *directory_machines(struct directory *directory);
 
-/* Calls `take` for each item of other machines. */
+/* Call `take` for each item of other machines. */
 typedef void directory_each_take(void *argument, const struct machine *machine, const struct remote *remote);
 void directory_each(struct directory *directory, directory_each_take *take, void *argument);
 
-/* How many records there were that no catalog sends, or for which there was no room. */
+/* Number of records that were invalid, or for which there was no room. */
 uint64_t directory_refused(const struct directory *directory);
 
 /*
- * "carol:gps". *found is valid until the next directory_take(); NULL for "carol:", the machine. -EHOSTUNREACH: no such
- * machine, or it is away; -ENOENT: it has no such item; -EINVAL: no such name.
+ * Find "carol:gps". *found is valid until the next directory_take(); NULL for "carol:", the machine. -EHOSTUNREACH: no
+ * such machine, or it is away; -ENOENT: no such item; -EINVAL: not a name of this form.
  */
 int directory_find(const struct directory *directory, const char *name, const struct remote **found);
 

@@ -15,8 +15,8 @@ struct export {
     char name[DDX_NAME_MAX + 1], topic[NAME_TOPIC];
     const struct config_rule *rule;
     struct form *form;
-    struct outlet *own, *as; /* the item's own type; a message of ROS's */
-    struct ddx_item_info info; /* as it was when the form was looked at */
+    struct outlet *own, *as; /* with the item's own type; as a standard message */
+    struct ddx_item_info info; /* at the time when the form was read */
     bool announced, there;
 };
 
@@ -83,7 +83,7 @@ static int open_outlet(struct export *export, const char *topic, struct standard
     return outlet_open(export->catalog, topic, &source, outlet);
 }
 
-/* As a message of ROS's, too, if its values are such messages. */
+/* Also publish the values as a standard message, if exports.conf says so. */
 static void open_as(struct export *export) {
     const struct config_rule *rule = export->rule;
     char topic[NAME_TOPIC], why[STANDARD_WHY] = "";
@@ -123,7 +123,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
 
     if (!export) {
         if (!exports->full)
-            say("more than %d items: other machines do not see %s and what follows", ITEMS_MAX, info->name);
+            say("more than %d items: other machines do not see %s and later ones", ITEMS_MAX, info->name);
         exports->full = true;
         return;
     }
@@ -144,7 +144,7 @@ static void add(struct exports *exports, const struct ddx_item_info *info, const
     exports->count++;
 }
 
-/* Whether it still is what was announced. */
+/* Whether the item still has the announced form. */
 static bool still_is(struct export *export, const struct ddx_item_info *info) {
     if (item_is_unchanged(info, &export->info))
         return true;
@@ -173,7 +173,7 @@ static void announce(const struct exports *exports, struct export *export) {
     export->announced = !network_records_write(export->catalog->records, &record);
 }
 
-/* Before its items, since others leave out items of machines that they do not know. */
+/* Before its items, since other catalogs ignore items of machines that they do not know. */
 static void announce_machine(struct exports *exports) {
     if (exports->announced)
         return;
@@ -200,7 +200,7 @@ void exports_look(struct exports *exports, const struct ddx_item_info *items, un
             outlet_look(export->own);
             outlet_look(export->as);
             at = &export->next;
-        } else { /* where it has another form now, the next look finds it as a new one */
+        } else { /* an item with another form is added again by the next call */
             *at = export->next;
             exports->count--;
             close_export(export);

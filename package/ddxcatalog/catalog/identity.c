@@ -12,7 +12,7 @@ static uint64_t hashed(const char *text, uint64_t hash) {
     return hash;
 }
 
-/* The same after a restart of this program, and another one for each network of this machine. */
+/* The id remains the same after a restart of this program, and differs for each network name space of this machine. */
 static uint64_t choose_id(const char *boot, long port) {
     struct stat network = {.st_ino = 0};
     char text[64];

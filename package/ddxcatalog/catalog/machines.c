@@ -10,7 +10,7 @@ struct machine *machines_find(struct machines *machines, uint64_t id) {
     return NULL;
 }
 
-/* Whether another one, among the first `count`, has the name already. */
+/* Whether one of the first `count` machines has the name already. */
 static bool has(const struct machines *machines, unsigned count, const char *name) {
     for (unsigned i = 0; i < count; i++)
         if (!machines->list[i].away && !strcmp(machines->list[i].name, name))
@@ -18,7 +18,7 @@ static bool has(const struct machines *machines, unsigned count, const char *nam
     return false;
 }
 
-/* Machines choose other names by themselves; until then, or where one does not, they are told apart here. */
+/* Machines with equal names choose other names themselves; until then, or if one does not, give them names here. */
 void machines_renamed(struct machines *machines, const struct identity *own) {
     for (unsigned i = 0; i < machines->count; i++) {
         struct machine *machine = &machines->list[i];

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which other machines there are, and what they are called here. In the order in which they were heard. */
+/* The other machines, in the order in which they were first heard, and their names here. */
 #ifndef DDXCATALOG_MACHINES_H
 #define DDXCATALOG_MACHINES_H
 
@@ -9,12 +9,12 @@
 
 struct machine {
     uint64_t id;
-    char called[NAME_MACHINE]; /* what it calls itself */
+    char called[NAME_MACHINE]; /* the name that it announces */
     char host[NAME_MACHINE];   /* its host name */
-    char name[NAME_MACHINE];   /* what it is called here, where others call themselves so, too */
+    char name[NAME_MACHINE];   /* its name here; differs if another machine announces the same name */
     bool away;                 /* it is not heard */
-    unsigned items;            /* that are known of it; kept by the directory */
-    /* Kept by the clock: its newest time stamps, and how far its clock is from this one's. */
+    unsigned items;            /* number of its known items; maintained by the directory */
+    /* Maintained by the clock: its newest time stamps, and the offset of its clock from this one's. */
     int64_t stamp_sent, stamp_received;
     struct offset offset;
     unsigned asked;
@@ -25,32 +25,32 @@ struct machines {
     unsigned count;
 };
 
-/* The machine of a record, as the record says it; NULL: no proper names, or no room. */
+/* Add or update the machine of a record; NULL: invalid names, or no room. */
 struct machine *machines_take(struct machines *machines, const struct identity *own,
                               const struct network_record *record);
 
-/* This machine has another name than before. */
+/* To be called after a change of this machine's name. */
 void machines_renamed(struct machines *machines, const struct identity *own);
 
-/* NULL: not known. Valid until one is taken or dropped. */
+/* NULL: not known. Valid until a machine is added or dropped. */
 struct machine *machines_find(struct machines *machines, uint64_t id);
 
-/* The machine that is called so here, and is heard; NULL if there is none. `length` bytes of `name` count. */
+/* The heard machine with this name here (`length` bytes of `name`); NULL if there is none. */
 const struct machine *machines_named(const struct machines *machines, const char *name, size_t length);
 
 /* The machine is not heard any more. */
 void machines_away(struct machines *machines, const struct identity *own, uint64_t id);
 
-/* Forget it. */
+/* Remove the machine. */
 void machines_drop(struct machines *machines, const struct identity *own, uint64_t id);
 
 /*
- * One that is away and can be forgotten: a machine that is heard calls itself so, it has started again; or there is no
- * room for another one. NULL if there is none.
+ * A machine that is away and can be dropped: a heard machine announces the same name (it was restarted), or the list is
+ * full. NULL if there is none.
  */
 const struct machine *machines_superseded(const struct machines *machines);
 
-/* How many others have the host name of this one. */
+/* Number of other machines with this machine's host name. */
 unsigned machines_of_host(const struct machines *machines, const struct identity *own);
 
 #endif

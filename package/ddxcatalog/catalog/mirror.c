@@ -9,21 +9,21 @@
 #include "clock.h"
 #include "item.h"
 
-#define UNREAD_NS INT64_C(5000000000) /* without a reader for so long, a mirror is closed */
+#define UNREAD_NS INT64_C(5000000000) /* without a reader, until a mirror is closed */
 
 struct mirror {
     struct mirror *next;
     struct catalog *catalog;
     char name[DDX_NAME_MAX + 1];
-    uint64_t machine; /* that has the item */
-    uint64_t version; /* of what was announced; 0: nothing is open */
+    uint64_t machine; /* the origin of the item */
+    uint64_t version; /* of the announcement; 0: the mirror is closed */
     DDX_STORE_ITEM *item;
     struct form *form; /* of the item, in this store */
     struct network_event event;
     struct network_reader *reader;
     uint64_t writer, sequence; /* of the last message; 0: none since the reader was opened */
     int64_t time;              /* of the last message, in the origin's clock */
-    int64_t read;      /* when there was a reader last */
+    int64_t read;      /* last time that there was a reader */
 };
 
 struct mirrors {
@@ -31,7 +31,7 @@ struct mirrors {
     struct mirror *first;
 };
 
-/* Store what has come. 0 or -errno. */
+/* Write a received value into the store. 0 or -errno. */
 static int write_value(struct mirror *mirror, const unsigned char *fields, int64_t time) {
     int64_t local = clock_local(mirror->catalog, mirror->machine, time);
     void *data;
@@ -55,14 +55,14 @@ static void count(struct mirror *mirror, uint64_t missed, int error, int64_t sin
         ddx_stats_out(book, 1, ddx_time_now() - since);
 }
 
-/* An origin that has joined the network again has another writer, which numbers its messages from 1 again. */
+/* After joining the network again, an origin has another writer, which numbers its messages from 1. */
 static uint64_t missed_before(const struct mirror *mirror, uint64_t writer, uint64_t sequence) {
     bool follows = mirror->sequence && mirror->writer == writer && sequence > mirror->sequence;
 
     return follows ? sequence - mirror->sequence - 1 : 0;
 }
 
-/* The origin repeats its newest value for each new reader, after joining the network again as well. */
+/* The origin repeats its newest value for each new reader, and after joining the network again. */
 static bool is_repeated(const struct mirror *mirror, uint64_t writer, const struct envelope *envelope) {
     return mirror->sequence && envelope->monotonic == mirror->time &&
            (envelope->sequence == mirror->sequence || writer != mirror->writer);
@@ -136,7 +136,7 @@ static int create(struct mirror *mirror, const struct remote *remote) {
     return error;
 }
 
-/* Item and reader, as the origin announces it now. 0 or -errno, then nothing is open. */
+/* Open item and reader according to the origin's announcement. 0, or -errno, and then the mirror is closed. */
 static int open_mirror(struct mirror *mirror, const struct remote *remote) {
     int error = create(mirror, remote);
 
@@ -194,7 +194,7 @@ int mirrors_want(struct mirrors *mirrors, const char *name) {
     return mirror->reader ? 0 : subscribe(mirror, remote);
 }
 
-/* Follow what is announced. False: the item has no reader here. */
+/* Follow the origin's announcement. False: the item has had no reader here for UNREAD_NS. */
 static bool look_at(struct mirror *mirror, int64_t now) {
     const struct remote *remote;
 
@@ -213,7 +213,7 @@ static bool look_at(struct mirror *mirror, int64_t now) {
 void mirrors_look(struct mirrors *mirrors, const struct ddx_item_info *items, unsigned count) {
     int64_t now = ddx_time_now();
 
-    for (unsigned i = 0; i < count; i++) /* of the catalog that ran before, or read again after a while */
+    for (unsigned i = 0; i < count; i++) /* items of a previous catalog, or read again after a pause */
         if (strchr(items[i].name, ':') && items[i].readers && !items[i].writer_pid && !find(mirrors, items[i].name))
             mirrors_want(mirrors, items[i].name);
 
@@ -224,7 +224,7 @@ void mirrors_look(struct mirrors *mirrors, const struct ddx_item_info *items, un
             at = &mirror->next;
             continue;
         }
-        *at = mirror->next; /* the item, with its last value, is the store's */
+        *at = mirror->next; /* the store keeps the item, with its last value */
         close_mirror(mirror);
         free(mirror);
     }

@@ -8,13 +8,13 @@
 struct outlet {
     struct catalog *catalog;
     struct sender_source source;
-    uint64_t sent; /* messages, the newest of which has this number */
+    uint64_t sent; /* number of messages sent, and of the newest one */
     struct network_event event;
     struct sender *sender;
     unsigned readers;
 };
 
-/* Readers have come or gone. */
+/* Readers have come or left. */
 static void follow_readers(void *argument) {
     struct outlet *outlet = argument;
     unsigned came, readers = network_writer_readers(outlet->source.writer, &came);

@@ -9,9 +9,9 @@
 #include <string.h>
 #include <time.h>
 
-#define KEEP 64           /* values that the store keeps for us */
+#define KEEP 64           /* values that the store keeps for the sender */
 #define KEEP_BYTES 262144u
-#define TURN 0.05         /* s between two looks for a new reader */
+#define TURN 0.05         /* s between two checks for a new reader */
 
 struct sender {
     struct catalog *catalog;
@@ -20,13 +20,13 @@ struct sender {
     uint32_t layout;
     unsigned keep;
     unsigned char *message;
-    size_t room, size; /* of a message at most; of this one */
-    int64_t wall; /* of the message; 0: none yet */
-    int64_t due;  /* of the next message, where the rule has a rate */
-    uint64_t *sent; /* a number is taken where a message is sent only, so that a gap means a loss on the way */
+    size_t room, size; /* maximum size of a message; size of this one */
+    int64_t wall; /* time of the message; 0: none yet */
+    int64_t due;  /* earliest time of the next message, if the rule has a rate */
+    uint64_t *sent; /* counts only sent messages, so that a gap in the numbers means a loss in the network */
     pthread_t thread;
     int64_t time; /* of the value in the message */
-    bool begun, waits; /* a value was taken; the message has not been sent yet */
+    bool begun, waits; /* a value was taken; the message is not sent yet */
     atomic_bool stopping, repeat, ended;
 };
 
@@ -44,10 +44,10 @@ size_t sender_message_size(const struct catalog *catalog, const struct sender_so
                             : envelope_size(machine) + source->form->message_size - FORM_HEADER;
 }
 
-/* The item's own type. */
+/* Pack a value as a message of the item's own type. */
 static void pack_own(struct sender *sender, const struct envelope *envelope, const void *value) {
     unsigned char *at = envelope_write(envelope, sender->message);
-    unsigned char kept[FORM_HEADER]; /* where form_pack() puts its header */
+    unsigned char kept[FORM_HEADER]; /* the bytes that form_pack() overwrites with its header */
 
     memcpy(kept, at - FORM_HEADER, sizeof kept);
     form_pack(sender->source.form, value, at - FORM_HEADER);
@@ -72,7 +72,7 @@ static int pack(struct sender *sender, const struct ddx_frame *frame) {
     return sender->size ? 0 : -EBADMSG;
 }
 
-/* A value was taken. With a rate, what went by was to be left out. */
+/* Count a taken value, and the missed ones: with a rate as skipped, else as lost. */
 static void count_in(struct sender *sender, uint64_t missed) {
     DDX_STATS_BOOK *book = sender->catalog->book;
     bool skips = sender->source.rule->period;
@@ -84,14 +84,14 @@ static void count_in(struct sender *sender, uint64_t missed) {
         ddx_stats_lost(book, LOST_STORE, missed);
 }
 
-/* The message that waits is not sent any more: there is a newer value, or there are no readers. */
+/* Drop the waiting message: there is a newer value, or there are no readers. */
 static void give_up(struct sender *sender) {
     if (sender->waits)
         ddx_stats_lost(sender->catalog->book, LOST_BANDWIDTH, 1);
     sender->waits = false;
 }
 
-/* Send the message if that is allowed now. It waits for that, or is sent once more to a reader that has come. */
+/* Send the message if the bandwidth allows it now: a waiting message, or the last one again for a new reader. */
 static void transmit(struct sender *sender) {
     int64_t now = ddx_time_now();
 
@@ -123,7 +123,7 @@ static int take_value(struct sender *sender, const struct ddx_frame *frame) {
     return error == -EPROTOTYPE ? error : 0;
 }
 
-/* Whether the rule lets a value be sent now; waits a bit if not. */
+/* Whether the rule allows a value to be sent now; waits briefly if not. */
 static bool is_due(struct sender *sender) {
     int64_t now = ddx_time_now(), left = sender->due - now, most = (int64_t)(TURN * 1e9);
 
@@ -136,7 +136,7 @@ static bool is_due(struct sender *sender) {
     return true;
 }
 
-/* Take a value, send it. 0, or the item cannot be read any more. */
+/* Take a value and send it. 0, or -errno if the item cannot be read any more. */
 static int turn(struct sender *sender) {
     int tail = !sender->begun ? DDX_CURRENT : sender->source.rule->period ? DDX_NEXT : DDX_IN_ORDER;
     int64_t due = sender->due;

@@ -9,28 +9,28 @@
 
 struct sender;
 
-/* What is sent, and where. All of it is the caller's and outlives the sender. */
+/* Source and destination of a sender. All objects are the caller's and must outlive the sender. */
 struct sender_source {
     const struct config_rule *rule;
     const char *item;
-    const struct form *form;   /* how the item's values lie now */
-    struct standard *standard; /* the message; NULL: the item's own type, with its sequence */
+    const struct form *form;   /* of the item's current layout */
+    struct standard *standard; /* the message; NULL: the item's own type, with sequence numbers */
     struct network_writer *writer;
 };
 
-/* Bytes of a message at most. */
+/* Maximum size of a message in bytes. */
 size_t sender_message_size(const struct catalog *catalog, const struct sender_source *source);
 
 /*
- * Begins with the newest value. `sent`, how many messages were sent so far, is the caller's and outlives the sender.
- * NULL and errno.
+ * Start a sender, which begins with the newest value. *sent, the number of messages sent so far, is the caller's and
+ * must outlive the sender. NULL and errno.
  */
 struct sender *sender_start(struct catalog *catalog, const struct sender_source *source, uint64_t *sent);
 
-/* A reader has come: the newest value is sent once more. */
+/* Send the newest value again, for a new reader. */
 void sender_repeat(struct sender *sender);
 
-/* Whether it has ended by itself: the item has another form, or cannot be read. */
+/* Whether the thread has exited by itself: the item has another form, or cannot be read. */
 bool sender_ended(const struct sender *sender);
 
 /* NULL is allowed. */

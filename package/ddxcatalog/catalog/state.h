@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What the parts of the catalog share. */
+/* State shared by the parts of the catalog. */
 #ifndef DDXCATALOG_STATE_H
 #define DDXCATALOG_STATE_H
 
@@ -17,10 +17,10 @@
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
 enum {
     LOST_STORE,     /* here: overwritten before it was read */
-    LOST_BANDWIDTH, /* here: readers have not confirmed what was sent before */
+    LOST_BANDWIDTH, /* here: no bandwidth, or readers have not confirmed earlier messages */
     LOST_SIZE,      /* here: larger than MESSAGE_MAX */
-    LOST_NETWORK,   /* sent by another machine, and it did not arrive */
-    LOST_TYPE,      /* from another machine, not of the type that was announced; here: a picture that is none */
+    LOST_NETWORK,   /* sent by another machine, but not arrived */
+    LOST_TYPE,      /* from another machine, not of the announced type; here: an invalid picture */
     LOST_BUDGET     /* from another machine, and the store has no room */
 };
 

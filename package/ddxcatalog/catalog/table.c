@@ -17,7 +17,7 @@ _Static_assert(sizeof ((CATALOG_MACHINES *)0)->machine / sizeof *((CATALOG_MACHI
 struct table {
     struct catalog *catalog;
     DDX_STORE_ITEM *machines, *items;
-    CATALOG_ITEMS written, value; /* what was written, and what is to be */
+    CATALOG_ITEMS written, value; /* the last value written; the new one */
     CATALOG_MACHINES machines_written; /* without clocks, which always change */
 };
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Items catalog.machines, what this machine is called, and which others there are; and catalog.items, theirs. */
+/* The items catalog.machines (this machine's name, and the other machines) and catalog.items (their items). */
 #ifndef DDXCATALOG_TABLE_H
 #define DDXCATALOG_TABLE_H
 
@@ -8,13 +8,13 @@
 
 struct table;
 
-/* NULL: no memory. Where the item cannot be created, a table that shows nothing, after a line. */
+/* NULL: no memory. If an item cannot be created, the table works without it, after a line. */
 struct table *table_open(struct catalog *catalog);
 
-/* The item then says that no catalog runs. NULL is allowed. */
+/* The items then show that no catalog runs. NULL is allowed. */
 void table_close(struct table *table);
 
-/* Show how it is now, if something but clocks has changed, or if `clocks` asks for these. */
+/* Write the current state, if it has changed apart from clocks, or if `clocks` is set. */
 void table_write(struct table *table, const struct machines *machines, bool clocks);
 
 #endif

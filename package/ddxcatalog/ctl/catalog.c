@@ -96,7 +96,7 @@ static void print_json(const struct ddx_item_info *all, unsigned count) {
     printf("],\"more\":%u}\n", (unsigned)(items.known - items.count));
 }
 
-/* The newest value. */
+/* Read the newest value. */
 static int take(DDX_STORE_ID *id, const char *name, const char *type, void *value, size_t size) {
     DDX_STORE_ITEM *item = ddx_store_lookup_item(id, name, NULL, 0);
     int error = item ? strcmp(ddx_store_item_type(item), type) ? -EPROTOTYPE : 0 : -errno;

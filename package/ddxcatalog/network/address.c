@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* DDS looks for its addresses once, when it begins. They may change: a lease ends, a robot joins another network. */
+/* DDS reads its addresses once, at its start. They may change: a lease ends, a robot joins another network. */
 #include <ifaddrs.h>
 #include <netinet/in.h>
 #include <string.h>

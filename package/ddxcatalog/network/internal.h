@@ -13,14 +13,14 @@ struct network {
     dds_entity_t domain, participant, waitset;
     uint32_t address[NETWORK_ADDRESSES]; /* of this machine when it was opened; IPv4, as DDS uses here */
     unsigned addresses;
-    char interface[IF_NAMESIZE]; /* that was named, or "" */
-    int64_t linger;              /* until when writers that are closed wait; ns, monotonic */
+    char interface[IF_NAMESIZE]; /* the configured interface, or "" */
+    int64_t linger;              /* time until which closing writers wait; ns, monotonic */
 };
 
-/* The addresses by which other machines can reach this one, of one interface or, NULL, of all. How many there are. */
+/* The addresses at which other machines can reach this one, of one interface or (NULL) of all. Returns their number. */
 unsigned network_addresses(const char *interface, uint32_t address[NETWORK_ADDRESSES]);
 
-/* -errno for what a function of DDS has returned; positive ones are no errors. */
+/* -errno for the return value of a DDS function; positive values are not errors. */
 int network_error(dds_return_t result);
 
 /* A topic of this type; keys: the first `keys` fields. The topic, or -errno. */
@@ -30,7 +30,7 @@ dds_entity_t network_topic(struct network *network, const char *name, const stru
 /* Let the event be called when a status of the mask changes. 0 or -errno. */
 int network_attach(struct network *network, dds_entity_t entity, uint32_t status, const struct network_event *event);
 
-/* A writer, once its readers have confirmed what they were sent, or the time of network_linger() is over. */
+/* Delete a writer once its readers have confirmed all messages, or the time of network_linger() is over. */
 void network_delete_writer(const struct network *network, dds_entity_t writer);
 
 /* QoS of all topics; to dds_delete_qos(). NULL: no memory. */

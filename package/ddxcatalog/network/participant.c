@@ -10,7 +10,7 @@
 
 #include "typehash.h"
 
-#define LEASE "3s" /* a machine that is not heard for so long is away */
+#define LEASE "3s" /* a machine that is silent for this time is away */
 #define EVENTS 64  /* at a time */
 #define LINGER DDS_SECS(1)
 /* The first free pair of ports, so that they are known in advance. The last pair of domain 232 is below port 65536. */
@@ -86,7 +86,7 @@ int network_open(const struct network_options *options, struct network **result)
         return -ENOMEM;
     snprintf(network->interface, sizeof network->interface, "%s", options->interface ? options->interface : "");
     network->addresses = network_addresses(options->interface, network->address);
-    /* Without an interface that is named, DDS would take the loopback interface, and keep it. */
+    /* If the configured interface is missing, DDS would take the loopback interface, and keep it. */
     int error = network->addresses || options->interface ? join(network, options) : -EADDRNOTAVAIL;
     if (error)
         network_close(network);

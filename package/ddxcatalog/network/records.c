@@ -26,7 +26,7 @@ static int open_both(struct network *network, struct network_records *records, c
     dds_qset_durability(qos, DDS_DURABILITY_TRANSIENT_LOCAL);
     dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, BLOCKING);
     dds_qset_ignorelocal(qos, DDS_IGNORELOCAL_PARTICIPANT);
-    /* A machine that is away has not taken its items back. */
+    /* A machine that is away has not withdrawn its items. */
     dds_qset_writer_data_lifecycle(qos, false);
     records->topic = network_topic(network, TOPIC, description, KEYS);
     if (records->topic > 0) {

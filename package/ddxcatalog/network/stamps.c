@@ -16,7 +16,7 @@ struct network_clock {
     dds_entity_t topic, reader, writer;
 };
 
-/* What is late is of no use: nothing is sent again. */
+/* Late stamps are useless: lost ones are not sent again. */
 static int open_both(struct network *network, struct network_clock *clock, const struct description *description) {
     dds_qos_t *qos = network_qos(description, UNREAD);
 

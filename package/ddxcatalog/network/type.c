@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Types made while the program runs, since items may have any. */
+/* Types made at run time, since items may have any type. */
 #include <errno.h>
 
 #include "internal.h"
@@ -17,7 +17,7 @@ static const dds_dynamic_type_kind_t kinds[] = {
 static dds_dynamic_type_t make(struct network *network, const struct description *description,
                                const struct description_message *message);
 
-/* A type that is part of another one belongs to that one. */
+/* A type that is part of another one is owned by that one. */
 static dds_dynamic_type_spec_t spec_of(struct network *network, const struct description *description,
                                        const struct description_field *field) {
     dds_dynamic_type_spec_t spec;

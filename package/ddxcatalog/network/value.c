@@ -6,10 +6,10 @@
 
 #include "internal.h"
 
-#define SMALL 8192 /* bytes of a message up to which some are kept for readers that have lost them */
+#define SMALL 8192 /* messages of up to this size are kept for readers that have lost them */
 #define KEPT 8
 #define ANY DDS_LENGTH_UNLIMITED
-#define UNREAD 128 /* small ones that a reader keeps for us while this program does not run */
+#define UNREAD 128 /* small messages that a reader queues while this program gets no processor time */
 
 struct network_writer {
     const struct network *network;
@@ -89,7 +89,7 @@ int network_reader_open(struct network *network, const char *topic, const struct
     dds_qos_t *qos = qos_of(description, size, UNREAD);
     int error = reader && qos ? 0 : -ENOMEM;
 
-    if (qos) /* of two items on one topic, one is not the other's source */
+    if (qos) /* an item exported on the topic must not be a source of an item accepted from it */
         dds_qset_ignorelocal(qos, DDS_IGNORELOCAL_PARTICIPANT);
     if (!error) {
         reader->topic = network_topic(network, topic, description, 0);
