@@ -91,8 +91,8 @@ static void help(const struct program *program, const struct option_entry *commo
     printf("Exit status: 0 done, 1 failed, 2 bad usage or bad input.\n");
 }
 
-__attribute__((format(printf, 1, 2), noreturn)) static void bad_usage(const char *format, ...) {
-    char text[256];
+void program_bad_usage(const char *format, ...) {
+    char text[512];
     va_list arguments;
 
     va_start(arguments, format);
@@ -107,10 +107,10 @@ static void check_name(const struct option_entry *entry, const char *text) {
     long most = entry->maximum ? entry->maximum : DDX_NAME_MAX;
 
     if ((long)strlen(text) > most)
-        bad_usage("-%s %s: a name of at most %ld bytes is needed", entry->name, text, most);
+        program_bad_usage("-%s %s: a name of at most %ld bytes is needed", entry->name, text, most);
     for (const char *c = text; *c; c++)
         if (*c <= ' ' || *c > '~' || *c == '/')
-            bad_usage("-%s %s: a name without blanks and slashes, in ASCII, is needed", entry->name, text);
+            program_bad_usage("-%s %s: a name without blanks and slashes, in ASCII, is needed", entry->name, text);
 }
 
 static void set_option(const struct option_entry *entry, const char *text) {
@@ -119,7 +119,7 @@ static void set_option(const struct option_entry *entry, const char *text) {
     case OPTION_NAME: check_name(entry, text); /* fall through */
     case OPTION_TEXT:
         if (!*text)
-            bad_usage("-%s is empty", entry->name);
+            program_bad_usage("-%s is empty", entry->name);
         *(const char **)entry->value = text;
         break;
     case OPTION_NUMBER: {
@@ -128,7 +128,8 @@ static void set_option(const struct option_entry *entry, const char *text) {
         long number = strtol(text, &end, 10);
         bool whole = !errno && end != text && (unsigned char)*text > ' ' && !*end;
         if (!whole || number < entry->minimum || number > entry->maximum)
-            bad_usage("-%s %s: a number from %ld to %ld is needed", entry->name, text, entry->minimum, entry->maximum);
+            program_bad_usage("-%s %s: a number from %ld to %ld is needed", entry->name, text, entry->minimum,
+                              entry->maximum);
         *(long *)entry->value = number;
         break;
     }
@@ -170,9 +171,9 @@ void program_start(struct program *program, int argc, char **argv) {
         if (found == -1)
             break;
         if (found == ':')
-            bad_usage("%s needs a value", argv[optind - 1]);
+            program_bad_usage("%s needs a value", argv[optind - 1]);
         if (found || index < 0)
-            bad_usage("unknown option %s", argv[optind > at ? optind - 1 : at]);
+            program_bad_usage("unknown option %s", argv[optind > at ? optind - 1 : at]);
         set_option(entries[index], optarg ? optarg : "");
     }
     if (wants_help) {
@@ -186,9 +187,9 @@ void program_start(struct program *program, int argc, char **argv) {
     if (optind < argc && program->positional)
         program->argument = argv[optind++];
     if (optind < argc)
-        bad_usage("unexpected argument %s", argv[optind]);
+        program_bad_usage("unexpected argument %s", argv[optind]);
     if (program->positional && !program->argument && !program->optional)
-        bad_usage("%s is missing", program->positional);
+        program_bad_usage("%s is missing", program->positional);
     signals_catch();
 }
 

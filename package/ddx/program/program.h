@@ -17,6 +17,9 @@ __attribute__((format(printf, 1, 2))) void say(const char *format, ...);
 /* Set the program name of the lines, in programs without program_start(). */
 void say_as(const char *name);
 
+/* Bad usage: one line to stderr, "<program>: <message>; see <program> -help"; exit 2. */
+__attribute__((format(printf, 1, 2), noreturn)) void program_bad_usage(const char *format, ...);
+
 enum option_kind { OPTION_FLAG, OPTION_TEXT, OPTION_NUMBER, OPTION_NAME };
 
 /* An option `-name`, also `--name`. Tables end with a NULL name. */

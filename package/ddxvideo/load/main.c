@@ -38,19 +38,13 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&player.program, argc, argv);
-    if (!schedule_parse_speed(rate, &player.speed)) {
-        say("-rate %s: a number from 0 to 1000 is needed; see ddxvideoload -help", rate);
-        return EXIT_USAGE;
-    }
-    if (player.clock && (player.loop || strcmp(rate, "1") != 0)) {
-        say("-clock sets the rate and plays once: not with -rate or -loop; see ddxvideoload -help");
-        return EXIT_USAGE;
-    }
+    if (!schedule_parse_speed(rate, &player.speed))
+        program_bad_usage("-rate %s: a number from 0 to 1000 is needed", rate);
+    if (player.clock && (player.loop || strcmp(rate, "1") != 0))
+        program_bad_usage("-clock sets the rate and plays once: not with -rate or -loop");
     const struct video_layout *layout = video_layout_named(layout_name);
-    if (!layout) {
-        say("-layout %s: " VIDEO_LAYOUT_NAMES " is needed; see ddxvideoload -help", layout_name);
-        return EXIT_USAGE;
-    }
+    if (!layout)
+        program_bad_usage("-layout %s: " VIDEO_LAYOUT_NAMES " is needed", layout_name);
     player.format = layout->format;
     return player.program.check ? EXIT_OK : player_run(&player);
 }

@@ -6,11 +6,6 @@
 
 #include "player.h"
 
-static int refuse(const char *option, const char *value, const char *needed) {
-    say("-%s %s: %s is needed; see ddxvideoplay -help", option, value, needed);
-    return EXIT_USAGE;
-}
-
 static bool parse_field(const char *text, int *field) {
     char *end;
     long number = strtol(text, &end, 10);
@@ -65,13 +60,13 @@ int main(int argc, char **argv) {
     };
     program_start(&player.program, argc, argv);
     if (!parse_field(field, &player.field))
-        return refuse("field", field, "all, or a number from 1 to 16,");
+        program_bad_usage("-field %s: all, or a number from 1 to 16, is needed", field);
     if (!parse_word(fit, fits, &fit_number))
-        return refuse("fit", fit, "shape, fill or pixels");
+        program_bad_usage("-fit %s: shape, fill or pixels is needed", fit);
     if (!parse_word(text, switches, &text_number))
-        return refuse("text", text, "on or off");
+        program_bad_usage("-text %s: on or off is needed", text);
     if (mode && !parse_mode(mode, &player.monitor.choice.width, &player.monitor.choice.height))
-        return refuse("mode", mode, "a size such as 1024x768");
+        program_bad_usage("-mode %s: a size such as 1024x768 is needed", mode);
     player.fit = (enum layout_fit)fit_number;
     player.text = text_number;
     return player.program.check ? EXIT_OK : player_run(&player);

@@ -34,11 +34,6 @@ static const char usage[] =
     "\n"
     "Exit status: 0, 1 failed or not what was recorded, 2 bad usage.\n";
 
-static int bad_usage(const char *word, const char *problem) {
-    say("%s: %s; see ddxrecordings -help", word, problem);
-    return EXIT_USAGE;
-}
-
 /* Programs that record, send or receive come first. */
 static void step_back(void) {
     setpriority(PRIO_PROCESS, 0, 19);
@@ -139,7 +134,7 @@ int main(int argc, char **argv) {
         else if (!strcmp(option, "folder") && i + 1 < argc)
             path = argv[++i];
         else
-            return bad_usage(argv[i], "unknown option, or without its value");
+            program_bad_usage("%s: unknown option, or without its value", argv[i]);
     }
     words[count] = NULL;
     if (!command) {
@@ -148,9 +143,9 @@ int main(int argc, char **argv) {
     }
     bool list = !strcmp(command, "list"), exports = !strcmp(command, "export");
     if (!list && !exports && strcmp(command, "verify"))
-        return bad_usage(command, "unknown command");
+        program_bad_usage("%s: unknown command", command);
     if (list ? count > 0 : exports && count < 2)
-        return bad_usage(command, list ? "takes no names" : "needs names (or all, or newest) and a folder");
+        program_bad_usage("%s: %s", command, list ? "takes no names" : "needs names (or all, or newest) and a folder");
     step_back();
     bytes_catch_signals();
     struct folder folder;

@@ -46,35 +46,23 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&recorder.program, argc, argv);
-    if (!recorder.place) {
-        say("-output is missing; see ddxvideosave -help");
-        return EXIT_USAGE;
-    }
+    if (!recorder.place)
+        program_bad_usage("-output is missing");
     recorder.recycle = !strcmp(full, "recycle");
-    if (!recorder.recycle && strcmp(full, "stop")) {
-        say("-full %s: stop or recycle is needed; see ddxvideosave -help", full);
-        return EXIT_USAGE;
-    }
+    if (!recorder.recycle && strcmp(full, "stop"))
+        program_bad_usage("-full %s: stop or recycle is needed", full);
     recorder.preroll.seconds = pre_roll;
     recorder.paused = !strcmp(start, "paused");
-    if (!recorder.paused && strcmp(start, "recording")) {
-        say("-start %s: recording or paused is needed; see ddxvideosave -help", start);
-        return EXIT_USAGE;
-    }
+    if (!recorder.paused && strcmp(start, "recording"))
+        program_bad_usage("-start %s: recording or paused is needed", start);
     struct schedule_speed speed = {0, 1};
-    if (rate && (!schedule_parse_speed(rate, &speed) || !speed.num)) {
-        say("-rate %s: a number above 0, up to 1000, is needed; see ddxvideosave -help", rate);
-        return EXIT_USAGE;
-    }
-    if (rate && recorder.decimate.skip > 1) {
-        say("-skip and -rate: one of them is enough; see ddxvideosave -help");
-        return EXIT_USAGE;
-    }
+    if (rate && (!schedule_parse_speed(rate, &speed) || !speed.num))
+        program_bad_usage("-rate %s: a number above 0, up to 1000, is needed", rate);
+    if (rate && recorder.decimate.skip > 1)
+        program_bad_usage("-skip and -rate: one of them is enough");
     recorder.decimate.rate_num = speed.num;
     recorder.decimate.rate_den = speed.den;
-    if (recorder.recover && !recorder.segment) {
-        say("-recover: -segment is needed; see ddxvideosave -help");
-        return EXIT_USAGE;
-    }
+    if (recorder.recover && !recorder.segment)
+        program_bad_usage("-recover: -segment is needed");
     return recorder.program.check ? EXIT_OK : recorder_run(&recorder);
 }

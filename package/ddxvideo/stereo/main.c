@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* ddxvideoSVS: range from a stereo pair. */
 #include <errno.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "ranger.h"
@@ -102,45 +103,32 @@ struct words {
     long disparities, window;
 };
 
-/* False, after one line, if they are wrong. */
-static bool understand(struct svs *svs, const struct words *words) {
+/* Exits after a line if they are wrong. */
+static void understand(struct svs *svs, const struct words *words) {
     char error[CALIBRATION_ERROR_MAX];
 
-    if (words->from && (words->left || words->right)) {
-        say("-from is one item with both eyes, -left and -right are two: give one or the other; see ddxvideoSVS -help");
-        return false;
-    }
-    if (!words->left != !words->right) {
-        say("-left and -right go together; see ddxvideoSVS -help");
-        return false;
-    }
+    if (words->from && (words->left || words->right))
+        program_bad_usage("-from is one item with both eyes, -left and -right are two: give one or the other");
+    if (!words->left != !words->right)
+        program_bad_usage("-left and -right go together");
     svs->source.name[0] = words->left ? words->left : words->from ? words->from : "video";
     svs->source.name[1] = words->right;
-    if (words->right && !strcmp(words->left, words->right)) {
-        say("-left and -right are the same item; see ddxvideoSVS -help");
-        return false;
-    }
+    if (words->right && !strcmp(words->left, words->right))
+        program_bad_usage("-left and -right are the same item");
     svs->source.top = strcmp(words->top, "left") ? RIGHT : LEFT;
-    if (svs->source.top == RIGHT && strcmp(words->top, "right") != 0) {
-        say("-top %s: left or right is needed; see ddxvideoSVS -help", words->top);
-        return false;
-    }
-    if (words->disparities % 16) {
-        say("-disparities %ld: a multiple of 16 is needed, from 16 to 256; see ddxvideoSVS -help", words->disparities);
-        return false;
-    }
-    if (!svs->ranger.calibration_path) {
-        say("-calib is missing; see ddxvideoSVS -help");
-        return false;
-    }
+    if (svs->source.top == RIGHT && strcmp(words->top, "right") != 0)
+        program_bad_usage("-top %s: left or right is needed", words->top);
+    if (words->disparities % 16)
+        program_bad_usage("-disparities %ld: a multiple of 16 is needed, from 16 to 256", words->disparities);
+    if (!svs->ranger.calibration_path)
+        program_bad_usage("-calib is missing");
     if (!calibration_read(&svs->ranger.calibration, svs->ranger.calibration_path, error)) {
         say("%s", error);
-        return false;
+        exit(EXIT_USAGE);
     }
     svs->ranger.settings = (struct matcher_settings){
         .disparities = (int)words->disparities, .uniqueness = 5, .agreement = 1, .speckle = 50};
     svs->source.window = words->window * MS;
-    return true;
 }
 
 int main(int argc, char **argv) {
@@ -177,7 +165,6 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&svs.program, argc, argv);
-    if (!understand(&svs, &words))
-        return EXIT_USAGE;
+    understand(&svs, &words);
     return svs.program.check ? EXIT_OK : run(&svs);
 }

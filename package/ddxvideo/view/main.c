@@ -93,14 +93,10 @@ static int judge(struct options *options, struct source_limits *limits) {
 
     limits->frames = (unsigned)options->history;
     limits->bytes = MEMORY;
-    if (options->memory && !parse_memory(options->memory, &limits->bytes)) {
-        say("-memory %s: a size of at least 1M is needed, as 64M or 1G; see ddxvideoview -help", options->memory);
-        return EXIT_USAGE;
-    }
-    if (!!options->name + !!options->stream.port + !!options->program.argument > 1) {
-        say("one of -name, -port and FILE is needed, not several; see ddxvideoview -help");
-        return EXIT_USAGE;
-    }
+    if (options->memory && !parse_memory(options->memory, &limits->bytes))
+        program_bad_usage("-memory %s: a size of at least 1M is needed, as 64M or 1G", options->memory);
+    if (!!options->name + !!options->stream.port + !!options->program.argument > 1)
+        program_bad_usage("one of -name, -port and FILE is needed, not several");
     if (!options->name)
         options->name = "video";
     options->stream.instance = options->program.instance;

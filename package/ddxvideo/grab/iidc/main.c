@@ -35,61 +35,43 @@ static bool parse_rate(const char *text, double *rate) {
     return end != text && !*end && *rate > 0 && *rate <= FASTEST;
 }
 
-/* Options of FORMAT7 only. False, after one line, if they are wrong. */
-static bool understand_format7(struct setup_wish *wish, const struct words *words) {
-    if (words->format && !mode_parse_coding(words->format, &wish->coding)) {
-        say("-format %s: one of %s is needed", words->format, CODING_NAMES);
-        return false;
-    }
-    if (words->roi && !parse_roi(words->roi, wish)) {
-        say("-roi %s: four numbers X,Y,WIDTH,HEIGHT are needed, with an even width and height", words->roi);
-        return false;
-    }
+/* Options of FORMAT7 only. Exits after a line if they are wrong. */
+static void understand_format7(struct setup_wish *wish, const struct words *words) {
+    if (words->format && !mode_parse_coding(words->format, &wish->coding))
+        program_bad_usage("-format %s: one of %s is needed", words->format, CODING_NAMES);
+    if (words->roi && !parse_roi(words->roi, wish))
+        program_bad_usage("-roi %s: four numbers X,Y,W,H are needed, with an even width and height", words->roi);
     if (!words->format && !words->roi)
-        return true;
+        return;
     if (!wish->mode)
         wish->mode = DC1394_VIDEO_MODE_FORMAT7_0;
-    if (dc1394_is_video_mode_scalable(wish->mode))
-        return true;
-    say("-%s: only the modes FORMAT7_0 to FORMAT7_7 leave a choice, not %s", words->format ? "format" : "roi",
-        mode_name(wish->mode));
-    return false;
+    if (!dc1394_is_video_mode_scalable(wish->mode))
+        program_bad_usage("-%s: only the modes FORMAT7_0 to FORMAT7_7 leave a choice, not %s",
+                          words->format ? "format" : "roi", mode_name(wish->mode));
 }
 
-/* False, after one line, if they are wrong. */
-static bool understand(struct iidc_camera *iidc, const struct words *words) {
+/* Exits after a line if they are wrong. */
+static void understand(struct iidc_camera *iidc, const struct words *words) {
     struct setup_wish *wish = &iidc->wish;
 
-    if (!bus_parse(words->camera, &iidc->bus)) {
-        say("-camera %s: a number or a GUID of 16 digits is needed; ddxvideo1394 -list shows them", words->camera);
-        return false;
-    }
+    if (!bus_parse(words->camera, &iidc->bus))
+        program_bad_usage("-camera %s: a number or a GUID of 16 digits is needed; -list shows them", words->camera);
     snprintf(iidc->name, sizeof iidc->name, "camera %.17s", words->camera);
-    if (words->size && !size_parse(words->size, &wish->width, &wish->height)) {
-        say("-size %s: one of %s is needed", words->size, SIZE_NAMES);
-        return false;
-    }
+    if (words->size && !size_parse(words->size, &wish->width, &wish->height))
+        program_bad_usage("-size %s: one of %s is needed", words->size, SIZE_NAMES);
     iidc->camera.width = wish->width;
     iidc->camera.height = wish->height;
     wish->layout = video_layout_named(words->layout);
-    if (!wish->layout) {
-        say("-layout %s: " VIDEO_LAYOUT_NAMES " is needed; see ddxvideo1394 -help", words->layout);
-        return false;
-    }
+    if (!wish->layout)
+        program_bad_usage("-layout %s: " VIDEO_LAYOUT_NAMES " is needed", words->layout);
     iidc->camera.layout = wish->layout;
-    if (words->mode && !mode_parse(words->mode, &wish->mode)) {
-        say("-mode %s: unknown; there are %s, see ddxvideo1394 -list", words->mode, MODE_NAMES);
-        return false;
-    }
-    if (words->rate && !parse_rate(words->rate, &wish->rate)) {
-        say("-rate %s: a number above 0 and up to %d is needed", words->rate, FASTEST);
-        return false;
-    }
-    if (words->bayer && !mode_parse_bayer(words->bayer, &wish->bayer)) {
-        say("-bayer %s: one of %s is needed", words->bayer, BAYER_NAMES);
-        return false;
-    }
-    return understand_format7(wish, words);
+    if (words->mode && !mode_parse(words->mode, &wish->mode))
+        program_bad_usage("-mode %s: unknown; there are %s; -list shows each camera's", words->mode, MODE_NAMES);
+    if (words->rate && !parse_rate(words->rate, &wish->rate))
+        program_bad_usage("-rate %s: a number above 0 and up to %d is needed", words->rate, FASTEST);
+    if (words->bayer && !mode_parse_bayer(words->bayer, &wish->bayer))
+        program_bad_usage("-bayer %s: one of %s is needed", words->bayer, BAYER_NAMES);
+    understand_format7(wish, words);
 }
 
 int main(int argc, char **argv) {
@@ -130,8 +112,7 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&grabber.program, argc, argv);
-    if (!understand(&iidc, &words))
-        return EXIT_USAGE;
+    understand(&iidc, &words);
     if (grabber.program.check)
         return EXIT_OK;
     if (list)

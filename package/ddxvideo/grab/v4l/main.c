@@ -16,41 +16,28 @@ struct words {
     const char *camera, *size, *format, *deinterlace, *layout;
 };
 
-/* False after one line. */
-static bool understand(struct grabber *grabber, struct v4l_camera *v4l, const struct words *words) {
+/* Exits after a line if they are wrong. */
+static void understand(struct grabber *grabber, struct v4l_camera *v4l, const struct words *words) {
     struct device_wish *wish = &v4l->wish;
     struct camera *camera = &v4l->camera;
     v4l2_std_id standard;
     bool number = words->camera[strspn(words->camera, "0123456789")] == 0;
     int length = snprintf(wish->path, sizeof wish->path, "%s%s", number ? "/dev/video" : "", words->camera);
 
-    if ((!number && *words->camera != '/') || (size_t)length >= sizeof wish->path) {
-        say("-camera %s: a number or a path such as /dev/video0 is needed", words->camera);
-        return false;
-    }
-    if (words->size && !size_parse(words->size, &camera->width, &camera->height)) {
-        say("-size %s: one of %s is needed", words->size, SIZE_NAMES);
-        return false;
-    }
+    if ((!number && *words->camera != '/') || (size_t)length >= sizeof wish->path)
+        program_bad_usage("-camera %s: a number or a path such as /dev/video0 is needed", words->camera);
+    if (words->size && !size_parse(words->size, &camera->width, &camera->height))
+        program_bad_usage("-size %s: one of %s is needed", words->size, SIZE_NAMES);
     camera->layout = video_layout_named(words->layout);
-    if (!camera->layout) {
-        say("-layout %s: " VIDEO_LAYOUT_NAMES " is needed; see ddxvideoV4L -help", words->layout);
-        return false;
-    }
-    if (words->format && !(wish->fourcc = negotiate_fourcc(words->format))) {
-        say("-format %s: unknown; see ddxvideoV4L -help", words->format);
-        return false;
-    }
-    if (wish->standard && !input_parse_standard(wish->standard, &standard)) {
-        say("-standard %s: PAL, NTSC or SECAM is needed", wish->standard);
-        return false;
-    }
-    if (words->deinterlace && strcmp(words->deinterlace, "stack") != 0) {
-        say("-deinterlace %s: only `stack` is known", words->deinterlace);
-        return false;
-    }
+    if (!camera->layout)
+        program_bad_usage("-layout %s: " VIDEO_LAYOUT_NAMES " is needed", words->layout);
+    if (words->format && !(wish->fourcc = negotiate_fourcc(words->format)))
+        program_bad_usage("-format %s: unknown", words->format);
+    if (wish->standard && !input_parse_standard(wish->standard, &standard))
+        program_bad_usage("-standard %s: PAL, NTSC or SECAM is needed", wish->standard);
+    if (words->deinterlace && strcmp(words->deinterlace, "stack") != 0)
+        program_bad_usage("-deinterlace %s: only `stack` is known", words->deinterlace);
     grabber->stack = camera->fields = words->deinterlace != NULL;
-    return true;
 }
 
 int main(int argc, char **argv) {
@@ -89,8 +76,7 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&grabber.program, argc, argv);
-    if (!understand(&grabber, &v4l, &words))
-        return EXIT_USAGE;
+    understand(&grabber, &v4l, &words);
     if (grabber.program.check)
         return EXIT_OK;
     av_log_set_level(AV_LOG_FATAL); /* its warnings would come with every frame */

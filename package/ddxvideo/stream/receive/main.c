@@ -5,16 +5,11 @@
 #include "list.h"
 #include "viewer.h"
 
-/* False, after a line, if the named file has no key. */
-static bool read_key(struct guard *guard) {
+static void read_key(struct guard *guard) {
     char text[KEY_FILE_ERROR_MAX];
 
-    if (!guard->path)
-        return true;
-    guard->secure = secure_open(guard->path, text);
-    if (!guard->secure)
-        say("-key %s; see decode -help", text);
-    return guard->secure;
+    if (guard->path && !(guard->secure = secure_open(guard->path, text)))
+        program_bad_usage("-key %s", text);
 }
 
 int main(int argc, char **argv) {
@@ -66,12 +61,9 @@ int main(int argc, char **argv) {
     const char *wrong = inlet_parse(&viewer.inlet, text);
     if (!wrong && viewer.movie.path && !movie_is_possible(viewer.movie.path))
         wrong = "-record: a file .avi or .mkv is needed, and a decode built with libavformat";
-    if (wrong) {
-        say("%s; see decode -help", wrong);
-        return EXIT_USAGE;
-    }
-    if (!read_key(&viewer.guard))
-        return EXIT_USAGE;
+    if (wrong)
+        program_bad_usage("%s", wrong);
+    read_key(&viewer.guard);
     if (viewer.program.check)
         return EXIT_OK;
     return list ? list_run(viewer.inlet.interface) : viewer_run(&viewer);

@@ -30,17 +30,15 @@ static bool parse_repair(struct sender *sender, const char *text) {
     return !sender->repairs || (end != text && !*end && sender->ratio >= 0 && sender->ratio <= RATIO_MAX);
 }
 
-/* False, after a line, if the named file has no key. */
-static bool read_key(struct sender *sender) {
+static void read_key(struct sender *sender) {
     char text[KEY_FILE_ERROR_MAX];
 
     if (!sender->key)
-        return true;
+        return;
     sender->announce.off = true; /* for receivers with the key only */
     sender->secure = secure_open(sender->key, text);
     if (!sender->secure)
-        say("-key %s; see ddxvideosend -help", text);
-    return sender->secure;
+        program_bad_usage("-key %s", text);
 }
 
 int main(int argc, char **argv) {
@@ -94,44 +92,28 @@ int main(int argc, char **argv) {
         .options = options,
     };
     program_start(&sender.program, argc, argv);
-    if (!strcmp(codec, "h264") || !strcmp(codec, "mpeg4")) {
-        sender.type = *codec == 'h' ? RTP_H264 : RTP_MPEG4;
-    } else {
-        say("-codec %s: h264 or mpeg4 is needed; see ddxvideosend -help", codec);
-        return EXIT_USAGE;
-    }
+    sender.type = strcmp(codec, "mpeg4") ? RTP_H264 : RTP_MPEG4;
+    if (sender.type == RTP_H264 && strcmp(codec, "h264") != 0)
+        program_bad_usage("-codec %s: h264 or mpeg4 is needed", codec);
     sender.fast = !strcmp(preset, "ultrafast");
-    if (!sender.fast && strcmp(preset, "superfast") != 0) {
-        say("-preset %s: superfast or ultrafast is needed; see ddxvideosend -help", preset);
-        return EXIT_USAGE;
-    }
-    if (!parse_repair(&sender, repair)) {
-        say("-repair %s: a number from 0 to 4 is needed, or off; see ddxvideosend -help", repair);
-        return EXIT_USAGE;
-    }
-    if (sender.outlet.port % 2) {
-        say("-port %ld: an even number is needed; see ddxvideosend -help", sender.outlet.port);
-        return EXIT_USAGE;
-    }
+    if (!sender.fast && strcmp(preset, "superfast") != 0)
+        program_bad_usage("-preset %s: superfast or ultrafast is needed", preset);
+    if (!parse_repair(&sender, repair))
+        program_bad_usage("-repair %s: a number from 0 to 4 is needed, or off", repair);
+    if (sender.outlet.port % 2)
+        program_bad_usage("-port %ld: an even number is needed", sender.outlet.port);
     const char *wrong_ts = check_ts(&sender);
-    if (wrong_ts) {
-        say("-ts %ld: %s; see ddxvideosend -help", sender.ts.port, wrong_ts);
-        return EXIT_USAGE;
-    }
+    if (wrong_ts)
+        program_bad_usage("-ts %ld: %s", sender.ts.port, wrong_ts);
     sender.announce.off = !strcmp(sap, "no");
-    if (!sender.announce.off && strcmp(sap, "yes") != 0) {
-        say("-sap %s: yes or no is needed; see ddxvideosend -help", sap);
-        return EXIT_USAGE;
-    }
-    if (!read_key(&sender))
-        return EXIT_USAGE;
+    if (!sender.announce.off && strcmp(sap, "yes") != 0)
+        program_bad_usage("-sap %s: yes or no is needed", sap);
+    read_key(&sender);
     if (!strcmp(sender.outlet.group, "none"))
         sender.outlet.group = NULL;
     char text[NETWORK_ERROR_MAX];
     const char *wrong = outlet_parse(&sender.outlet, text);
-    if (wrong) {
-        say("%s; see ddxvideosend -help", wrong);
-        return EXIT_USAGE;
-    }
+    if (wrong)
+        program_bad_usage("%s", wrong);
     return sender.program.check ? EXIT_OK : sender_run(&sender);
 }

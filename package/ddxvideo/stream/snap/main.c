@@ -146,9 +146,7 @@ int main(int argc, char **argv) {
     program_start(&snap.program, argc, argv);
     snap.path = snap.program.argument;
     enum image_format format = image_format_of(snap.path);
-    if (!format) {
-        say("%s: a name that ends in .ppm, .png or .jpg is needed; see ddxvideosnap -help", snap.path);
-        return EXIT_USAGE;
-    }
+    if (!format)
+        program_bad_usage("%s: a name that ends in .ppm, .png or .jpg is needed", snap.path);
     return snap.program.check ? EXIT_OK : run(&snap, format);
 }
