@@ -307,6 +307,14 @@ bool program_does_without(const char *item, const char *suffix, int error) {
     return !away;
 }
 
+DDX_STATS_BOOK *program_book(const struct program *program, const char *const *reasons) {
+    DDX_STATS_BOOK *book = ddx_stats_open(program->instance, reasons);
+
+    if (!book)
+        program_bad_usage("-instance %s: %s", program->instance, ddx_error_text(-errno));
+    return book;
+}
+
 bool program_attach(struct program *program, DDX_STATS_BOOK *book, DDX_STORE_ID *id, const char *source) {
     int error = ddx_stats_attach(book, id, source);
 

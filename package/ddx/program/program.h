@@ -87,6 +87,9 @@ DDX_STORE_ID *program_connect(const struct program *program);
  */
 bool program_does_without(const char *item, const char *suffix, int error);
 
+/* The book of the counters, with these reasons of losses. Where there is no memory for it, exits as on bad usage. */
+DDX_STATS_BOOK *program_book(const struct program *program, const char *const *reasons);
+
 /*
  * Attach the book. False, after a line, if the instance runs already or the store is away. If the store refuses the
  * item for another reason, prints a line and sets program->hidden; the book then counts without the store.

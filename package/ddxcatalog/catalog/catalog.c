@@ -162,11 +162,7 @@ int catalog_run(struct catalog *catalog) {
 
     identity_begin(&catalog->identity, catalog->program.port);
     bucket_begin(&catalog->bucket, catalog->config.bandwidth, ddx_time_now());
-    catalog->book = ddx_stats_open(catalog->program.instance, reasons);
-    if (!catalog->book) {
-        say("-instance %s: %s", catalog->program.instance, ddx_error_text(-errno));
-        return EXIT_USAGE;
-    }
+    catalog->book = program_book(&catalog->program, reasons);
     catalog->id = program_connect(&catalog->program);
     if (catalog->id && !program_attach(&catalog->program, catalog->book, catalog->id, NULL))
         status = EXIT_FAILED;

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "logger.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
@@ -88,11 +87,7 @@ static int log_until_stopped(struct logger *logger) {
 
 int logger_run(struct logger *logger) {
     logger->begin = ddx_time_now();
-    logger->book = ddx_stats_open(logger->program.instance, reasons);
-    if (!logger->book) {
-        say("-instance %s: %s", logger->program.instance, ddx_error_text(-errno));
-        return EXIT_USAGE;
-    }
+    logger->book = program_book(&logger->program, reasons);
     ddx_stats_latency_until(logger->book, DDX_STATS_DISK);
     int error = queue_init(&logger->queue, logger->config.queue);
     if (error)

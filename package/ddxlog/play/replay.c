@@ -179,12 +179,7 @@ int replay_run(struct replay *replay) {
     say_state(replay);
     const char *offset = mcap_metadata(replay->reader, "ddxlog", "wall_offset_ns");
     replay->wall_offset = offset ? strtoll(offset, NULL, 10) : 0;
-    replay->book = ddx_stats_open(replay->program.instance, reasons);
-    if (!replay->book) {
-        say("-instance %s: %s", replay->program.instance, ddx_error_text(-errno));
-        mcap_close(replay->reader);
-        return EXIT_USAGE;
-    }
+    replay->book = program_book(&replay->program, reasons);
     replay->id = program_connect(&replay->program);
     if (replay->id)
         replay->status = open_items(replay);

@@ -256,11 +256,7 @@ int grabber_run(struct grabber *grabber) {
     int status = EXIT_OK;
 
     grabber->count.skip = (uint64_t)grabber->skip;
-    grabber->book = ddx_stats_open(grabber->program.instance, reasons);
-    if (!grabber->book) {
-        say("-instance %s: %s", grabber->program.instance, ddx_error_text(-errno));
-        return EXIT_USAGE;
-    }
+    grabber->book = program_book(&grabber->program, reasons);
     grabber->id = program_connect(&grabber->program);
     if (grabber->id && !program_attach(&grabber->program, grabber->book, grabber->id, NULL))
         status = EXIT_FAILED;

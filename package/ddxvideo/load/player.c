@@ -249,12 +249,7 @@ int player_run(struct player *player) {
         y4m_close(&player->file);
         return status;
     }
-    player->book = ddx_stats_open(player->program.instance, reasons);
-    if (!player->book) {
-        say("-instance %s: %s", player->program.instance, ddx_error_text(-errno));
-        y4m_close(&player->file);
-        return EXIT_USAGE;
-    }
+    player->book = program_book(&player->program, reasons);
     DDX_STORE_ID *id = player->id = program_connect(&player->program);
     status = id ? open_items(player, id) : EXIT_OK;
     if (id && !status)

@@ -265,11 +265,11 @@ static void step(struct player *player) {
 int player_run(struct player *player) {
     int status = EXIT_OK;
 
-    player->book = ddx_stats_open(player->program.instance, reasons);
+    player->book = program_book(&player->program, reasons);
     player->watch.name = player->name;
     player->watch.port = player->program.port;
     player->written = ddx_time_now();
-    if (!player->book || watch_start(&player->watch)) {
+    if (watch_start(&player->watch)) {
         say("out of memory");
         return EXIT_FAILED;
     }

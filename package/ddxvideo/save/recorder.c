@@ -174,11 +174,7 @@ int recorder_run(struct recorder *recorder) {
         say("-start paused: -output %s is no folder", recorder->place);
         return EXIT_USAGE;
     }
-    recorder->book = ddx_stats_open(recorder->program.instance, reasons);
-    if (!recorder->book) {
-        say("-instance %s: %s", recorder->program.instance, ddx_error_text(-errno));
-        return EXIT_USAGE;
-    }
+    recorder->book = program_book(&recorder->program, reasons);
     if (!open_pool(recorder)) {
         ddx_stats_close(recorder->book);
         return EXIT_FAILED;

@@ -70,11 +70,7 @@ static void take(struct svs *svs, double wait) {
 }
 
 static int run(struct svs *svs) {
-    svs->source.book = ddx_stats_open(svs->program.instance, reasons);
-    if (!svs->source.book) {
-        say("-instance %s: %s", svs->program.instance, ddx_error_text(-errno));
-        return EXIT_USAGE;
-    }
+    svs->source.book = program_book(&svs->program, reasons);
     svs->id = program_connect(&svs->program);
     const char *single = svs->source.name[1] ? NULL : svs->source.name[0];
     if (svs->id && program_attach(&svs->program, svs->source.book, svs->id, single) &&

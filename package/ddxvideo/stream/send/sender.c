@@ -290,11 +290,7 @@ static int start_post(struct sender *sender) {
 int sender_run(struct sender *sender) {
     char text[NETWORK_ERROR_MAX];
 
-    sender->book = ddx_stats_open(sender->program.instance, reasons);
-    if (!sender->book) {
-        say("-instance %s: %s", sender->program.instance, ddx_error_text(-errno));
-        return EXIT_USAGE;
-    }
+    sender->book = program_book(&sender->program, reasons);
     const char *wrong = outlet_open(&sender->outlet, text);
     if (wrong)
         say("%s", wrong);
