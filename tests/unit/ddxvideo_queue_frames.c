@@ -5,6 +5,7 @@
 #include "check.h"
 #include "frame_queue.h"
 #include "recording.h"
+#include "video_layout.h"
 #include "y4m.h"
 
 static struct ddxvideo_geometry geometry_of(int width, int height, int num, int den) {
@@ -28,7 +29,7 @@ static void test_usual(void) {
 /* Memory of the real queue, not the computed size. */
 static uint64_t memory_of(const struct ddxvideo_geometry *geometry, unsigned frames) {
     struct frame_queue queue;
-    size_t bytes = recording_frame_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN;
+    size_t bytes = video_layout_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN;
     CHECK(!frame_queue_init(&queue, frames, bytes));
     queue.enough = true; /* so that the populator does not touch its memory */
     uint64_t memory = queue.size + frames * sizeof(*queue.frames);

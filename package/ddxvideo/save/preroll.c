@@ -2,9 +2,9 @@
 #include "preroll.h"
 
 #include <stdlib.h>
-#include <string.h>
 
 #include "program.h"
+#include "video_layout.h"
 
 #define NS INT64_C(1000000000)
 #define USUAL_RATE 25 /* of a source that does not tell its own */
@@ -18,14 +18,6 @@ int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned q
 
     return geometry->rate_num > 0 && geometry->rate_den > 0 ? frames * geometry->rate_den / geometry->rate_num
                                                              : frames / USUAL_RATE;
-}
-
-static size_t plane_bytes(const struct ddxvideo_picture *view, int plane) {
-    return (size_t)view->stride[plane] * (size_t)view->rows[plane];
-}
-
-static size_t picture_bytes(const struct ddxvideo_picture *view) {
-    return plane_bytes(view, 0) + plane_bytes(view, 1) + plane_bytes(view, 2);
 }
 
 static uint64_t drop_oldest(struct preroll *preroll) {
@@ -67,7 +59,7 @@ static bool set_up(struct preroll *preroll, unsigned queue_frames, const struct 
     preroll->limit = limit_of(queue_frames);
     preroll->picture = calloc(preroll->limit, sizeof *preroll->picture);
     preroll->frame = calloc(preroll->limit, sizeof *preroll->frame);
-    preroll->bytes = picture_bytes(view);
+    preroll->bytes = video_layout_bytes(&view->geometry);
     preroll->memory = malloc(preroll->limit * preroll->bytes); /* what is not used costs nothing */
     preroll->geometry = view->geometry;
     if (preroll->seconds > preroll_seconds_max(&view->geometry, queue_frames))
@@ -81,23 +73,11 @@ static bool set_up(struct preroll *preroll, unsigned queue_frames, const struct 
     return false;
 }
 
-static void copy(struct preroll *preroll, unsigned at, const struct ddxvideo_picture *view) {
-    unsigned char *to = preroll->memory + at * preroll->bytes;
-
-    preroll->picture[at] = *view;
-    for (int plane = 0; plane < 3 && view->rows[plane]; plane++) {
-        memcpy(to, view->plane[plane], plane_bytes(view, plane));
-        preroll->picture[at].plane[plane] = to;
-        to += plane_bytes(view, plane);
-    }
-}
-
 uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame) {
     uint64_t gone = 0;
 
-    if (preroll->memory && (!preroll->seconds || preroll->bytes != picture_bytes(view) ||
-                            !ddxvideo_same_layout(&preroll->geometry, &view->geometry)))
+    if (preroll->memory && (!preroll->seconds || !ddxvideo_same_layout(&preroll->geometry, &view->geometry)))
         gone = preroll_clear(preroll);
     if (!preroll->seconds || (!preroll->memory && !set_up(preroll, queue_frames, view)))
         return gone + 1 + frame->missed;
@@ -105,7 +85,7 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
                               frame->published - preroll->frame[preroll->oldest].published > preroll->seconds * NS))
         gone += drop_oldest(preroll);
     unsigned at = (preroll->oldest + preroll->count++) % preroll->limit;
-    copy(preroll, at, view);
+    video_layout_copy(&preroll->picture[at], view, preroll->memory + at * preroll->bytes);
     preroll->frame[at] = *frame;
     preroll->frame[at].missed += preroll_missed_last(preroll);
     return gone;

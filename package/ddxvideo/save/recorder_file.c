@@ -5,6 +5,8 @@
 #include <errno.h>
 #include <string.h>
 
+#include "video_layout.h"
+
 void recorder_fail(struct recorder *recorder, const char *what, int error) {
     say("%s: %s", what, ddx_error_text(error));
     recorder->status = EXIT_FAILED;
@@ -59,7 +61,7 @@ void recorder_end_file(struct recorder *recorder) {
 
 /* Preparing files and reporting the remaining time need the recording's rate. */
 static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
-    unsigned bytes = recording_frame_bytes(geometry);
+    unsigned bytes = (unsigned)video_layout_bytes(geometry);
     double rate = geometry->rate_num && geometry->rate_den ? (double)geometry->rate_num / geometry->rate_den : 30;
 
     recorder->disk.frame_bytes = bytes;

@@ -15,10 +15,6 @@
 #define QUEUE_BYTES_MAX (UINT64_C(256) << 20)
 #define QUEUE_FRAMES_MIN 8
 
-static size_t picture_bytes(const struct ddxvideo_geometry *geometry) {
-    return video_layout_bytes(geometry);
-}
-
 static uint64_t memory_share(void) {
     return (uint64_t)sysconf(_SC_PHYS_PAGES) * (uint64_t)sysconf(_SC_PAGESIZE) / 4;
 }
@@ -28,7 +24,7 @@ uint64_t recording_queue_bytes_max(void) {
 }
 
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry) {
-    return picture_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct frame_queue_frame);
+    return video_layout_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct frame_queue_frame);
 }
 
 /* For 2.5 s. */
@@ -50,10 +46,6 @@ unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsign
     return (unsigned)(frames < least ? least : frames);
 }
 
-unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry) {
-    return (unsigned)picture_bytes(geometry);
-}
-
 /* ---- Begin and end ---- */
 
 int recording_begin(const struct recording_plan *plan, struct recording **result) {
@@ -65,7 +57,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
     recording->turn = plan->turn->begun;
     recording->lost_store = plan->lost_store;
     recording->lost_ring = plan->lost_ring;
-    size_t bytes = picture_bytes(&plan->geometry) + Y4M_FRAME_LINE_WRITTEN;
+    size_t bytes = video_layout_bytes(&plan->geometry) + Y4M_FRAME_LINE_WRITTEN;
     int error = frame_queue_init(&recording->queue, plan->queue_frames, bytes);
     if (error)
         goto no_queue;
@@ -149,7 +141,7 @@ static bool refuse(struct recording *recording) {
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame) {
     char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
-    size_t bytes = picture_bytes(&recording->plan.geometry) + sizeof line;
+    size_t bytes = video_layout_bytes(&recording->plan.geometry) + sizeof line;
 
     recording->lost_store += frame->missed;
     if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&

@@ -23,9 +23,6 @@ uint64_t recording_queue_bytes_max(void);
 /* Memory of a frame in the queue: its bytes, and what the queue's list has of it. */
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
 
-/* Bytes of a picture like these in a file. */
-unsigned recording_frame_bytes(const struct ddxvideo_geometry *geometry);
-
 /*
  * Begin to record. The thread that writes opens the first file, so that the caller does not wait for a disk. 0 or
  * -errno; -EFBIG if a frame does not fit into a file of the pool.
