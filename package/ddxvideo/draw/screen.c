@@ -60,11 +60,11 @@ static const char *screen_show(struct surface *surface) {
 
 /* The next event that has already happened; does not wait. */
 static bool next(struct screen *screen, struct surface_event *event) {
-    uint64_t count;
+    eventfd_t count;
     int key = keys_next(&screen->keys, ddx_time_now());
 
     *event = (struct surface_event){.kind = key ? SURFACE_KEY : SURFACE_WAKE, .key = key};
-    return key || read(screen->waker, &count, sizeof count) == sizeof count;
+    return key || !eventfd_read(screen->waker, &count);
 }
 
 /* A part of the wait. False: the terminal is gone. */
@@ -103,26 +103,10 @@ static bool screen_event(struct surface *surface, struct surface_event *event, i
 }
 
 static void screen_wake(struct surface *surface) {
-    const uint64_t one = 1;
-
-    if (write(((struct screen *)surface)->waker, &one, sizeof one) < 0) {
-        /* the counter is full, which wakes the reader as well */
-    }
+    eventfd_write(((struct screen *)surface)->waker, 1);
 }
 
 /* ---- The screen ---- */
-
-static void screen_resize(struct surface *surface, int width, int height) {
-    (void)surface, (void)width, (void)height;
-}
-
-static void screen_full(struct surface *surface, bool full) {
-    (void)surface, (void)full;
-}
-
-static void screen_title(struct surface *surface, const char *title) {
-    (void)surface, (void)title;
-}
 
 static void screen_close(struct surface *surface) {
     struct screen *screen = (struct screen *)surface;
@@ -139,9 +123,8 @@ struct surface *screen_open(const struct screen_choice *choice, const char **err
     *error = "out of memory";
     if (!screen)
         return NULL;
-    screen->surface = (struct surface){screen_size, screen_lock,   screen_show, screen_event,
-                                       screen_wake, screen_resize, screen_full, screen_title,
-                                       screen_close};
+    screen->surface = (struct surface){.size = screen_size, .lock = screen_lock, .show = screen_show,
+                                       .event = screen_event, .wake = screen_wake, .close = screen_close};
     screen->waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     *error = screen->waker < 0 ? "no file descriptor left" : kms_open(&screen->kms, choice);
     if (*error) {

@@ -54,10 +54,11 @@ struct surface {
     const char *(*show)(struct surface *surface);
     bool (*event)(struct surface *surface, struct surface_event *event, int timeout);
     void (*wake)(struct surface *surface);
+    void (*close)(struct surface *surface);
+    /* NULL for a screen: */
     void (*resize)(struct surface *surface, int width, int height);
     void (*full)(struct surface *surface, bool full);
     void (*title)(struct surface *surface, const char *title);
-    void (*close)(struct surface *surface);
 };
 
 /* The size that surface_lock() will give, pixels. */
@@ -90,17 +91,20 @@ static inline void surface_wake(struct surface *surface) {
 
 /* Request this size, and show a window that is still hidden. A screen stays as it is. */
 static inline void surface_resize(struct surface *surface, int width, int height) {
-    surface->resize(surface, width, height);
+    if (surface->resize)
+        surface->resize(surface, width, height);
 }
 
 /* Give a window the full screen, or end that. A screen stays as it is. */
 static inline void surface_full(struct surface *surface, bool full) {
-    surface->full(surface, full);
+    if (surface->full)
+        surface->full(surface, full);
 }
 
 /* The text on a window's frame, UTF-8. A screen has none. */
 static inline void surface_title(struct surface *surface, const char *title) {
-    surface->title(surface, title);
+    if (surface->title)
+        surface->title(surface, title);
 }
 
 /* NULL is allowed. */

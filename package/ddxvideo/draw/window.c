@@ -232,9 +232,8 @@ struct surface *window_open(const char *title, const char **error) {
     *error = "out of memory";
     if (!window)
         return NULL;
-    window->surface = (struct surface){window_size, window_lock,   window_show, window_event,
-                                       window_wake, window_resize, window_full, window_title,
-                                       window_close};
+    window->surface = (struct surface){window_size,  window_lock,   window_show, window_event, window_wake,
+                                       window_close, window_resize, window_full, window_title};
     window->wake = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     if (!load(window)) {
         *error = "no library " LIBRARY;
