@@ -103,14 +103,10 @@ void control_seconds(struct view *view, int seconds) {
     go(view, to);
 }
 
-void control_oldest(struct view *view) {
-    if (view->source->live)
+void control_end(struct view *view, int direction) {
+    if (view->source->live && direction < 0)
         set_paused(view, true);
-    go(view, 0);
-}
-
-void control_newest(struct view *view) {
-    go(view, INT64_MAX);
+    go(view, direction < 0 ? 0 : INT64_MAX);
 }
 
 /* ---- Items ---- */

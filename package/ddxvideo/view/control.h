@@ -9,8 +9,8 @@ void control_pause(struct view *view);
 /* Pause, and step by this number of frames, forward or back. */
 void control_step(struct view *view, int frames);
 void control_seconds(struct view *view, int seconds);
-void control_oldest(struct view *view);
-void control_newest(struct view *view);
+/* Go to the oldest (-1) or the newest (1) frame. */
+void control_end(struct view *view, int direction);
 /* Open the next (1) or previous (-1) video item of the store. */
 void control_item(struct view *view, int direction);
 

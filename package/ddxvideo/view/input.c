@@ -21,16 +21,6 @@ static void pause_it(struct view *view, int number) {
     control_pause(view);
 }
 
-static void oldest(struct view *view, int number) {
-    (void)number;
-    control_oldest(view);
-}
-
-static void newest(struct view *view, int number) {
-    (void)number;
-    control_newest(view);
-}
-
 static void save(struct view *view, int number) {
     (void)number;
     save_shot(view);
@@ -81,8 +71,8 @@ static const struct key keys[] = {
     {SURFACE_LEFT, "Left", "a second back", control_seconds, -1},
     {SURFACE_UP, "Up", "a minute forward", control_seconds, 60},
     {SURFACE_DOWN, "Down", "a minute back", control_seconds, -60},
-    {SURFACE_HOME, "Home", "oldest frame", oldest, 0},
-    {SURFACE_END, "End", "newest frame", newest, 0},
+    {SURFACE_HOME, "Home", "oldest frame", control_end, -1},
+    {SURFACE_END, "End", "newest frame", control_end, 1},
     {'s', "s", "save the frame as PNG", save, 0},
     {'f', "f", "full screen", full, 1},
     {SURFACE_ESCAPE, "Escape", "leave full screen", full, 0},
