@@ -26,13 +26,9 @@ static uint64_t missing_before(struct stream_source *from, int64_t source_lost) 
 
 static const char *take(void *to, const AVFrame *frame, AVRational rate, const struct ddxvideo_stamp *stamp) {
     struct stream_source *from = to;
-    struct ddxvideo_picture picture = {.geometry = output_geometry(frame, rate), .stamp = *stamp};
+    struct ddxvideo_picture picture = output_picture(frame, rate);
 
-    for (int i = 0; i < 3; i++) {
-        picture.plane[i] = frame->data[i];
-        picture.stride[i] = frame->linesize[i];
-        picture.rows[i] = i ? frame->height / 2 : frame->height;
-    }
+    picture.stamp = *stamp;
     struct shot *shot = history_copy(&from->live.history, &picture);
     if (!shot)
         return "out of memory";

@@ -31,19 +31,8 @@ struct display *display_open(const char *title, const char **error) {
     return NULL;
 }
 
-static struct ddxvideo_picture view_of(const AVFrame *frame) {
-    struct ddxvideo_picture picture = {.geometry = output_geometry(frame, (AVRational){0, 0})};
-
-    for (int i = 0; i < 3; i++) {
-        picture.plane[i] = frame->data[i];
-        picture.stride[i] = frame->linesize[i];
-        picture.rows[i] = i ? (frame->height + 1) / 2 : frame->height;
-    }
-    return picture;
-}
-
 static const char *draw(struct display *display) {
-    const struct ddxvideo_picture picture = view_of(display->picture);
+    const struct ddxvideo_picture picture = output_picture(display->picture, (AVRational){0, 0});
     struct canvas canvas;
     struct layout layout;
     const char *wrong = surface_lock(display->surface, &canvas);

@@ -4,7 +4,7 @@
 #include <errno.h>
 #include <string.h>
 
-struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate) {
+static struct ddxvideo_geometry geometry_of(const AVFrame *picture, AVRational rate) {
     bool known = ddxvideo_rate_known(rate.num, rate.den); /* the sender's values are not trusted */
     AVRational aspect = picture->sample_aspect_ratio;
     bool has_aspect = aspect.num > 0 && aspect.den > 0;
@@ -20,6 +20,17 @@ struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate
         .format = DDX_VIDEO_420_MPEG2,
         .interlacing = 'p',
         .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
+}
+
+struct ddxvideo_picture output_picture(const AVFrame *frame, AVRational rate) {
+    struct ddxvideo_picture picture = {.geometry = geometry_of(frame, rate)};
+
+    for (int i = 0; i < 3; i++) {
+        picture.plane[i] = frame->data[i];
+        picture.stride[i] = frame->linesize[i];
+        picture.rows[i] = i ? (frame->height + 1) / 2 : frame->height;
+    }
+    return picture;
 }
 
 #define CREATE_AGAIN 500000000 /* ns, between attempts, since a store that hangs blocks its clients for seconds */
@@ -52,7 +63,7 @@ static void copy_planes(struct ddxvideo_frame *frame, const AVFrame *picture) {
 
 int output_write(struct output_item *output, DDX_STORE_ID *id, const AVFrame *picture, AVRational rate,
                  const struct ddxvideo_stamp *stamp) {
-    struct ddxvideo_geometry geometry = output_geometry(picture, rate);
+    struct ddxvideo_geometry geometry = geometry_of(picture, rate);
     struct ddxvideo_frame frame;
 
     if (!output->name)

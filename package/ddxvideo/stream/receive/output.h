@@ -15,8 +15,8 @@ struct output_item {
     int error;                         /* why the last attempt failed */
 };
 
-/* The picture's geometry in a video item. */
-struct ddxvideo_geometry output_geometry(const AVFrame *picture, AVRational rate);
+/* A decoded picture as it is in a video item: geometry and planes, which stay the frame's. */
+struct ddxvideo_picture output_picture(const AVFrame *frame, AVRational rate);
 
 /* Whether an error means that the store runs, but refuses such pictures, at least for now. */
 bool output_is_refused(int error);

@@ -48,7 +48,6 @@ struct viewer {
     bool headless, print;
     struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
     bool conceal; /* show damaged pictures */
-    const char *record; /* file, or NULL */
     struct output_item output;
     struct guard guard;
     /* state: */
