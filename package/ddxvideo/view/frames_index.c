@@ -10,8 +10,8 @@
 #include <unistd.h>
 
 #include "index.h"
+#include "schedule.h"
 
-#define NS INT64_C(1000000000)
 #define USUAL_RATE 25 /* if the file has no rate */
 #define LINES 256     /* FRAME lines that are read in one step */
 #define FIRST_ROOM 1024
@@ -132,7 +132,7 @@ struct frames_scan {
     uint64_t at, bytes, picture;
     int64_t begin; /* time of the first frame */
     int64_t first; /* its number */
-    struct ddxvideo_geometry geometry;
+    uint32_t rate_num, rate_den;
 };
 
 void frames_scan_end(struct frames *frames) {
@@ -159,7 +159,9 @@ static int scan_begin(struct frames *frames, const struct frames_part *part) {
     scan->bytes = scan->at ? (uint64_t)status.st_size : 0;
     for (int plane = 0; plane < 4 && scan->at; plane++)
         scan->picture += y4m_plane_bytes(&header, plane);
-    scan->geometry = header.geometry;
+    bool known = scan->at && header.geometry.rate_num;
+    scan->rate_num = known ? (uint32_t)header.geometry.rate_num : USUAL_RATE;
+    scan->rate_den = known ? (uint32_t)header.geometry.rate_den : 1;
     scan->first = frames->count;
     posix_fadvise(scan->fd, 0, 0, POSIX_FADV_RANDOM); /* read the lines, not the pictures between them */
     return 0;
@@ -170,13 +172,6 @@ static int64_t wall_of(const char *line) {
     const char *word = strstr(line, " XDDX_WALL=");
 
     return word ? strtoll(word + strlen(" XDDX_WALL="), NULL, 10) : 0;
-}
-
-static int64_t steady(const struct ddxvideo_geometry *geometry, int64_t number) {
-    bool known = ddxvideo_rate_known(geometry->rate_num, geometry->rate_den);
-
-    return known ? (int64_t)(number / (double)geometry->rate_num * geometry->rate_den * (double)NS)
-                 : number * NS / USUAL_RATE;
 }
 
 /* Takes the frame whose line is at the current position. The line's length, 0 if there is none. */
@@ -197,7 +192,7 @@ static size_t scan_frame(struct frames *frames, struct frames_part *part, struct
         part->wall_offset = wall_of(line) > 0 ? wall_of(line) - scan->begin : 0;
     }
     *entry = (struct frames_entry){.offset = scan->at, .part = frames->next, .number = (int32_t)number};
-    entry->time = scan->begin + (time >= 0 ? time : steady(&scan->geometry, number));
+    entry->time = scan->begin + (time >= 0 ? time : schedule_offset((uint64_t)number, scan->rate_num, scan->rate_den));
     entry->bytes = (uint32_t)((uint64_t)(end - line) + 1 + scan->picture);
     return (size_t)(end - line) + 1;
 }
