@@ -22,7 +22,7 @@ struct ddxvideo_geometry as_420_geometry(const struct ddxvideo_geometry *from) {
     return to;
 }
 
-/* A converter for pictures like these, and memory for what becomes of them. */
+/* Makes a converter for pictures of this geometry, and memory for its result. */
 static int set_up(struct as_420 *as, const struct ddxvideo_geometry *from) {
     const struct picture_kind kind = picture_kind_of(from);
     struct ddxvideo_picture *to = &as->picture;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Pictures of any layout as 4:2:0, which is what encoders and screens take. */
+/* Converts pictures of any layout to 4:2:0, for encoders and screens. */
 #ifndef DDXVIDEO_AS_420_H
 #define DDXVIDEO_AS_420_H
 
@@ -9,15 +9,15 @@ struct picture_converter;
 
 struct as_420 {
     /* private: */
-    struct ddxvideo_geometry from;   /* of the pictures that the converter is for */
+    struct ddxvideo_geometry from;   /* geometry of the converter's input */
     struct picture_converter *converter;
-    struct ddxvideo_picture picture; /* the newest one that was converted */
+    struct ddxvideo_picture picture; /* the last result */
     unsigned char *memory;           /* its planes */
 };
 
 /*
- * What a picture of this geometry is like in 4:2:0: the same if it is 4:2:0 already, else cut to even sides. Width or
- * height 0: it is too small.
+ * The geometry after conversion to 4:2:0: unchanged if it is 4:2:0 already, otherwise cut to even sides. A width or
+ * height of 0: it is too small.
  */
 struct ddxvideo_geometry as_420_geometry(const struct ddxvideo_geometry *from);
 
@@ -27,7 +27,7 @@ struct ddxvideo_geometry as_420_geometry(const struct ddxvideo_geometry *from);
  */
 int as_420(struct as_420 *as, const struct ddxvideo_picture *picture, const struct ddxvideo_picture **result);
 
-/* For people: an error of as_420() or of ddxvideo_view_any(). */
+/* Text for an error of as_420() or ddxvideo_view_any(). */
 const char *as_420_error(int error);
 
 void as_420_close(struct as_420 *as);

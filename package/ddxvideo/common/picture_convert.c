@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* libswscale converts all but grey, which it would take for full-range grey and change. */
+/* libswscale converts everything except grey, which it would treat as full-range and change. */
 #include "picture_convert.h"
 
 #include <libavutil/opt.h>
@@ -10,15 +10,15 @@
 
 #include "video_layout.h"
 
-#define VECTOR 64 /* bytes, the largest that any processor has */
+#define VECTOR 64 /* bytes of the largest vector of any processor */
 
 struct picture_converter {
     struct picture_kind from;
     struct ddxvideo_geometry to;
     const struct video_layout *layout; /* of `to` */
-    struct SwsContext *scaler;         /* NULL: luma is copied, and there is no chroma, or none in the source */
-    int fields;                        /* 2: each field by itself, so that interlaced chroma is not mixed */
-    unsigned char *target[3]; /* libswscale writes rows in whole vectors, beyond their end: not for the store */
+    struct SwsContext *scaler;         /* NULL: luma is copied, and one side has no chroma */
+    int fields;                        /* 2: each field separately, so that interlaced chroma is not mixed */
+    unsigned char *target[3]; /* libswscale writes whole vectors, beyond the end of rows: not into the store */
     int target_stride[3];
 };
 
@@ -62,7 +62,7 @@ static bool set_up_scaler(struct picture_converter *converter) {
     struct SwsContext *scaler = converter->scaler = sws_alloc_context();
     const struct picture_kind *from = &converter->from, to = picture_kind_of(&converter->to);
     enum AVPixelFormat source = pixel_format(from);
-    bool colours = from->rgb || to.rgb; /* else the range is the same on both sides: the numbers stay what they are */
+    bool colours = from->rgb || to.rgb; /* otherwise both sides have the same range, and values do not change */
 
     if (!scaler || source == AV_PIX_FMT_NONE)
         return false;
@@ -104,7 +104,7 @@ static bool set_up_target(struct picture_converter *converter) {
     return true;
 }
 
-/* Whether fields that alternate have chroma of their own on one side, which the other side has no rows for. */
+/* Whether interlaced fields have separate chroma rows on one side only. */
 static bool separates_fields(const struct picture_kind *from, const struct ddxvideo_geometry *to) {
     int rows = video_layout_of(to->format)->chroma_y > 0, source_rows = from->chroma_y;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* The items beside a video item: frame counter, parameters, what a range picture means. */
+/* The items beside a video item: frame counter, parameters, scale of a range picture. */
 #include <errno.h>
 #include <stdio.h>
 #include <string.h>

@@ -9,8 +9,8 @@
 #include "video_layout.h"
 
 #define BOUND_STEP 64 /* bytes; bounds of planes are multiples of it */
-#define LOOKS 4
-#define TIGHT_NS 20000 /* between two looks at one clock, with one at the other in the midst */
+#define LOOKS 4        /* at most */
+#define TIGHT_NS 20000 /* at most between two reads of one clock, with a read of the other between them */
 
 /* 32-bit and 64-bit programs share the item; no field may need padding on only one of them. */
 _Static_assert(offsetof(DDX_VIDEO, y) == 16, "layout");
@@ -118,12 +118,12 @@ int ddxvideo_create(DDX_STORE_ID *id, const char *name, const struct ddxvideo_ge
     return ddx_store_create(id, &spec, item);
 }
 
-/* One number beside the planes: where it is kept in our structs, and its name in the item. */
+/* A number beside the planes: its place in our structs, and its name in the item. */
 struct number {
     const char *name;
     size_t offset;
     unsigned bytes;
-    bool paper; /* one of the paper's fields: no video without it */
+    bool paper; /* one of the paper's fields: required */
 };
 #define GEOMETRY(field) offsetof(struct ddxvideo_geometry, field), sizeof(int)
 
@@ -150,7 +150,7 @@ static const struct number stamp_numbers[] = {
     {NULL, 0, 0, false},
 };
 
-/* The field of a number, or NULL if the item has none that looks like it. */
+/* The field of a number, or NULL if the item has no matching one. */
 static const struct ddx_field *find(const DDX_STORE_ITEM *item, const struct number *number) {
     const struct ddx_field *field = ddx_store_field_named(item, number->name);
 
@@ -265,7 +265,7 @@ int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_
 int64_t ddxvideo_wall_offset(void) {
     int64_t offset = 0, tightest = INT64_MAX;
 
-    for (int look = 0; look < LOOKS && tightest > TIGHT_NS; look++) { /* an interruption between them is repeated */
+    for (int look = 0; look < LOOKS && tightest > TIGHT_NS; look++) { /* again if an interruption came between */
         struct timespec wall;
         int64_t before = ddx_time_now();
         clock_gettime(CLOCK_REALTIME, &wall);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* The layouts that pictures have in the store: one table for all programs. */
+/* Table of the picture layouts in the store. */
 #ifndef DDXVIDEO_VIDEO_LAYOUT_H
 #define DDXVIDEO_VIDEO_LAYOUT_H
 
@@ -10,7 +10,7 @@
 
 struct video_layout {
     const char *name;       /* in options and messages */
-    int format;             /* enum ddx_video_format; of the four of 4:2:0 the first one */
+    int format;             /* enum ddx_video_format; for 4:2:0 the first of the four */
     const char *sample;     /* C type of a sample in the item */
     int bytes;              /* of a sample */
     int samples;            /* of a pixel, in plane y */
@@ -19,10 +19,10 @@ struct video_layout {
 
 #define VIDEO_LAYOUT_NAMES "YUV420P, YUV422P, YUV444P, GREY8, GREY16 or RGB24" /* as options take them */
 
-/* Of an enum ddx_video_format; NULL: there is no such format. */
+/* The layout of an enum ddx_video_format; NULL: there is no such format. */
 const struct video_layout *video_layout_of(int format);
 
-/* By its name in capitals or small letters; NULL: there is no such layout. */
+/* The layout of this name, in upper or lower case; NULL: there is no such layout. */
 const struct video_layout *video_layout_named(const char *name);
 
 static inline bool video_layout_is_420(int format) {
@@ -39,7 +39,7 @@ size_t video_layout_bytes(const struct ddxvideo_geometry *geometry);
  * is set and checked; `memory` has video_layout_bytes() of it, and stays the caller's. */
 void video_layout_place(struct ddxvideo_picture *picture, unsigned char *memory);
 
-/* A copy of a picture: `memory` as above. */
+/* Copy a picture; `memory` as above. */
 void video_layout_copy(struct ddxvideo_picture *to, const struct ddxvideo_picture *from, unsigned char *memory);
 
 #endif

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Y4M (YUV4MPEG2): reading any of its chroma layouts, writing those that the store has, but for RGB24.
+ * Y4M (YUV4MPEG2): reads all of its chroma layouts, writes those of the store, except RGB24.
  *
  * Our own parameters: `XDDX_FIELDS=<n>` (stacked fields) in the header; `XTIME=<ns>` on each FRAME line, the time
  * since the file's first frame; on the first FRAME line also `XDDX_START=<ns>` and `XDDX_WALL=<ns>`, the monotonic
- * and the wall time of that frame. They are not in the header since players give up on long lines: GStreamer 1.22
+ * and the wall time of that frame. They are not in the header because players refuse long lines: GStreamer 1.22
  * above 80 bytes, FFmpeg 5 above 96, and above 80 on FRAME lines.
  */
 #ifndef DDXVIDEO_Y4M_H
@@ -17,7 +17,7 @@
 #include "ddxvideo.h"
 
 #define Y4M_MAGIC "YUV4MPEG2"
-#define Y4M_LINE_PLAYED 80        /* every player reads lines below this, with their line feed */
+#define Y4M_LINE_PLAYED 80        /* every player reads shorter lines, line feed included */
 #define Y4M_HEADER_MAX 1024       /* bytes of the first line that we accept */
 #define Y4M_FRAME_LINE_MAX 256    /* bytes of a FRAME line that we accept; we write less than 80 */
 #define Y4M_HEADER_WRITTEN 97     /* room for a header line of ours, also with a frame rate of 20 digits */
@@ -25,11 +25,11 @@
 #define Y4M_ERROR_MAX 200
 #define Y4M_TIME_MAX INT64_C(1000000000000000000)
 
-/* A chroma layout as a file has it. */
+/* A chroma layout of a file. */
 struct y4m_layout {
     const char *tag;        /* after the C */
-    int format;             /* enum ddx_video_format of the 4:2:0 picture that it becomes in the store */
-    int same;               /* of the store's layout that has the same bytes; -1: there is none */
+    int format;             /* enum ddx_video_format of its pictures in the store, converted to 4:2:0 */
+    int same;               /* that of the store's layout with the same bytes; -1: there is none */
     int bits;               /* of a sample; above 8 they are 16-bit little endian */
     int chroma_x, chroma_y; /* log2 of the subsampling; -1: no chroma at all */
     bool alpha;             /* a fourth plane, ignored */
@@ -44,7 +44,7 @@ struct y4m_header {
 /* Whether the file's planes are those of the store, byte for byte. */
 bool y4m_is_plain(const struct y4m_header *header);
 
-/* Whether pictures of this enum ddx_video_format can be in a file as they are. */
+/* Whether pictures of this enum ddx_video_format can be written into a file unchanged. */
 bool y4m_has(int format);
 
 /* Bytes of plane 0 to 3 in the file, 0 for a plane that the layout does not have. */
@@ -53,9 +53,9 @@ size_t y4m_plane_bytes(const struct y4m_header *header, int plane);
 #define Y4M_SAME -1 /* in the layout of the file, if the store has it, else in 4:2:0 */
 
 /*
- * Parse a header line without its line feed; a frame rate that cannot be is unknown (0/0). `format`: enum
- * ddx_video_format of the pictures that are wanted, or Y4M_SAME; of 4:2:0 the file says which one. False and one clear
- * text in error[Y4M_ERROR_MAX] ("what, what to do") when it cannot be played.
+ * Parse a header line without its line feed; an impossible frame rate becomes 0/0, unknown. `format`: enum
+ * ddx_video_format of the wanted pictures, or Y4M_SAME; which 4:2:0 it is depends on the file. False and one clear text
+ * in error[Y4M_ERROR_MAX] ("what, what to do") if it cannot be played.
  */
 bool y4m_parse_header(const char *line, int format, struct y4m_header *header, char *error);
 
@@ -84,7 +84,7 @@ struct y4m_reader {
     char error[Y4M_ERROR_MAX]; /* of the last failure */
     /* private: */
     int fd;
-    bool at_end, waits; /* waits: no regular file */
+    bool at_end, waits; /* waits: not a regular file */
     size_t ahead_begin, ahead_end; /* bytes of `ahead` not used yet */
     char ahead[Y4M_HEADER_MAX];
     unsigned char *scratch; /* a frame in the file's layout, if that is not the store's */
@@ -95,14 +95,14 @@ enum y4m_result {
     Y4M_OK,
     Y4M_END,  /* no more frames */
     Y4M_BAD,  /* bad input */
-    Y4M_ERROR /* the system failed us: memory, disk */
+    Y4M_ERROR /* a system error: memory, disk */
 };
 
-/* A file that is not there yet (a pipe) is waited for until this says so: it ends there then. For the whole program. */
+/* While it waits for a pipe, reading ends as at the end of a file once this returns true. For the whole program. */
 void y4m_stop_when(bool (*stopping)(void));
 
 /*
- * Open and read the header; `format` as for y4m_parse_header(). `-` is standard input. Reader is the caller's;
+ * Open and read the header; `format` as for y4m_parse_header(). `-` is standard input. Call
  * y4m_close() in any case.
  */
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path, int format);
@@ -114,7 +114,7 @@ void y4m_close(struct y4m_reader *reader);
  */
 enum y4m_result y4m_read(struct y4m_reader *reader, unsigned char *const plane[3], int64_t *time);
 
-/* For files whose pictures are not y4m_is_plain(); NULL: no memory. The caller's, to picture_converter_free(). */
+/* For files that are not y4m_is_plain(); NULL: no memory. The caller frees it with picture_converter_free(). */
 struct picture_converter *y4m_converter(const struct y4m_header *header);
 
 /*
@@ -124,7 +124,7 @@ struct picture_converter *y4m_converter(const struct y4m_header *header);
 bool y4m_convert(const struct y4m_header *header, struct picture_converter *converter, const unsigned char *from,
                  unsigned char *const plane[3]);
 
-/* Back to the first frame. Y4M_BAD for what cannot be rewound (a pipe). */
+/* Back to the first frame. Y4M_BAD for input that cannot be rewound (a pipe). */
 enum y4m_result y4m_rewind(struct y4m_reader *reader);
 
 #endif

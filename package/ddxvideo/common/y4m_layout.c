@@ -8,8 +8,8 @@
 #define M DDX_VIDEO_420_MPEG2
 #define NO (-1)
 
-/* What becomes 4:2:0 gets the siting of its source, where that has one: chroma on the left luma column, else in the
- * middle. */
+/* 4:2:0 made from another layout has the siting of its source, if that has one: chroma on the left luma column;
+ * otherwise in the middle. */
 static const struct y4m_layout layouts[] = {
     {"420jpeg", J, J, 8, 1, 1, false},
     {"420mpeg2", M, M, 8, 1, 1, false},

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Header and FRAME lines of Y4M: text in, numbers out, and back. Nothing here trusts its input. */
+/* Parses and writes header and FRAME lines of Y4M. The input is not trusted. */
 #include <inttypes.h>
 #include <stdarg.h>
 #include <string.h>
@@ -15,7 +15,7 @@ __attribute__((format(printf, 2, 3))) static bool fail(char *error, const char *
     va_start(arguments, format);
     vsnprintf(error, Y4M_ERROR_MAX, format, arguments);
     va_end(arguments);
-    for (char *c = error; *c; c++) /* the input may hold anything; a message is one line of text */
+    for (char *c = error; *c; c++) /* the input may have any bytes; a message is one line of text */
         if ((unsigned char)*c < 0x20 || (unsigned char)*c > 0x7e)
             *c = '?';
     return false;
@@ -128,18 +128,18 @@ static bool parameter(const char *word, struct y4m_header *header, char *error) 
                         word);
         return true;
     case 'X': return our_parameter(word, header, error);
-    default: return true; /* parameters that we do not know change nothing that we do */
+    default: return true; /* unknown parameters have no effect here */
     }
 }
 
-/* Which of the store's formats the file's pictures get. */
+/* The store's format for the file's pictures. */
 static int choose_format(const struct y4m_layout *layout, int wanted) {
     if (wanted == Y4M_SAME)
         return layout->same >= 0 ? layout->same : layout->format;
     return video_layout_is_420(wanted) ? layout->format : wanted;
 }
 
-/* Sides that the wanted layout cannot have. */
+/* False if the wanted layout cannot have these sides. */
 static bool check_sides(const struct ddxvideo_geometry *geometry, char *error) {
     const struct video_layout *layout = video_layout_of(geometry->format);
     int width = geometry->width, height = geometry->height;
@@ -166,7 +166,7 @@ bool y4m_parse_header(const char *line, int format, struct y4m_header *header, c
     strcpy(copy, line);
     memset(header, 0, sizeof *header);
     header->geometry.fields = 1;
-    header->layout = y4m_layout_named("420jpeg"); /* what Y4M means when there is no C */
+    header->layout = y4m_layout_named("420jpeg"); /* the default of Y4M */
 
     char *rest = copy + sizeof MAGIC - 1;
     for (char *word = next_word(&rest); word; word = next_word(&rest))
@@ -178,7 +178,7 @@ bool y4m_parse_header(const char *line, int format, struct y4m_header *header, c
     if (!check_sides(geometry, error))
         return false;
     header->range = geometry->range;
-    if (geometry->format == DDX_VIDEO_RGB24) /* has no other */
+    if (geometry->format == DDX_VIDEO_RGB24) /* has no other range */
         geometry->range = DDX_VIDEO_RANGE_FULL;
     if (!ddxvideo_rate_known(geometry->rate_num, geometry->rate_den))
         geometry->rate_num = geometry->rate_den = 0;
@@ -218,7 +218,7 @@ bool y4m_parse_frame(const char *line, int64_t *time, char *error) {
 }
 
 size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geometry *g) {
-    /* Players want a frame rate. Where none is known the times on the FRAME lines still tell the truth. */
+    /* Players need a frame rate. If it is not known, the times on the FRAME lines are right all the same. */
     bool known = ddxvideo_rate_known(g->rate_num, g->rate_den);
     const char *ranges[] = {"", " XCOLORRANGE=LIMITED", " XCOLORRANGE=FULL"};
     char main_part[Y4M_HEADER_WRITTEN], fields[24] = "";
@@ -227,7 +227,7 @@ size_t y4m_write_header(char line[Y4M_HEADER_WRITTEN], const struct ddxvideo_geo
     int length = snprintf(main_part, sizeof main_part, MAGIC " W%d H%d F%d:%d I%c A%d:%d C%s%s", g->width, g->height,
                           known ? g->rate_num : 25, known ? g->rate_den : 1, g->interlacing ? g->interlacing : '?',
                           g->aspect_num, g->aspect_den, y4m_layout_tag(g->format), fields);
-    /* The range is left out before a player is lost. */
+    /* Without the range if players would refuse the line. */
     const char *range = (size_t)length + strlen(ranges[g->range]) + 1 < Y4M_LINE_PLAYED ? ranges[g->range] : "";
     return (size_t)snprintf(line, Y4M_HEADER_WRITTEN, "%s%s\n", main_part, range);
 }

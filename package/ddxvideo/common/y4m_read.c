@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Reading a Y4M file. Frames go straight from the file to where they belong: one readv() per frame fills the planes
- * and, after them, `ahead`, which then holds the next FRAME line.
+ * Reads Y4M files. One readv() per frame fills the planes in place and, after them, `ahead`, which then holds the next
+ * FRAME line.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -18,7 +18,7 @@
 #include "y4m.h"
 
 #define AHEAD_WANTED 64 /* enough for a FRAME line and little enough to copy */
-#define LOOK_MS 100     /* how often to look up from waiting for a pipe */
+#define LOOK_MS 100     /* between checks for a stop while waiting for a pipe */
 
 static bool (*is_stopping)(void);
 
@@ -27,8 +27,8 @@ void y4m_stop_when(bool (*stopping)(void)) {
 }
 
 /*
- * As readv(), but not longer than the program wants to wait. A signal would end a wait in readv() as well, unless it
- * comes right before.
+ * As readv(), but returns 0 on a request to stop. A signal alone does not end a wait in readv() if it comes right
+ * before.
  */
 static ssize_t read_now(struct y4m_reader *reader, const struct iovec *parts, int count) {
     for (;;) {
@@ -140,7 +140,7 @@ static enum y4m_result read_header(struct y4m_reader *reader, int format) {
     if (result == Y4M_END)
         return fail(reader, Y4M_BAD, "is empty; record or copy it again");
     bool foreign = result == Y4M_BAD && *line && strncmp(line, Y4M_MAGIC, strlen(Y4M_MAGIC));
-    if (result != Y4M_OK && !foreign) /* else better said by the parser: this is no Y4M at all */
+    if (result != Y4M_OK && !foreign) /* otherwise the parser reports that this is no Y4M at all */
         return result;
     return y4m_parse_header(line, format, &reader->header, reader->error) ? Y4M_OK : Y4M_BAD;
 }
@@ -178,7 +178,7 @@ bool y4m_convert(const struct y4m_header *header, struct picture_converter *conv
 enum y4m_result y4m_open(struct y4m_reader *reader, const char *path, int format) {
     memset(reader, 0, sizeof *reader);
     struct stat status;
-    /* Not waiting for a pipe's other end. */
+    /* Does not wait for the other end of a pipe. */
     reader->fd = strcmp(path, "-") ? open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK) : fcntl(0, F_DUPFD_CLOEXEC, 3);
     if (reader->fd < 0)
         return fail(reader, Y4M_BAD, "cannot be opened: %s", strerror(errno));

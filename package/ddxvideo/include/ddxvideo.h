@@ -3,8 +3,8 @@
  * ddxvideo: what a video item in the store looks like, and how to read and write one.
  *
  * A video item has the type DDX_VIDEO. Its first seven fields are those of the DDX papers; a program that knows
- * only these reads every item of this kind. What follows them is ours: times, and the facts that a Y4M header
- * carries.
+ * only these reads every item of this kind. The fields after them are ours: times, and the contents of a
+ * Y4M header.
  *
  * A reader that wants every size of picture, without a copy:
  *
@@ -31,17 +31,17 @@
  *     }
  *
  * Common rules
- *   errors     0 or -errno, those of ddx.h and: -EINVAL a geometry that cannot be (see ddxvideo_geometry_error),
- *              -EBADMSG an item whose numbers do not fit its memory, -EPROTOTYPE an item that is no video, or whose
- *              pictures have a layout other than 4:2:0 where the caller does not ask for those.
+ *   errors     0 or -errno, those of ddx.h and: -EINVAL an impossible geometry (see ddxvideo_geometry_error),
+ *              -EBADMSG an item whose numbers do not fit its memory, -EPROTOTYPE an item that is not a video, or whose
+ *              layout is not 4:2:0 where a function supports only that.
  *   ownership  items are the caller's as in ddx.h; structs are filled by value; plane pointers belong to the store and
  *              are valid while the frame is held or loaned.
- *   blocking   only what ddx.h says of ddx_store_create(); nothing else waits.
- *   layouts    pictures are 8-bit 4:2:0 unless their writer says otherwise (enum ddx_video_format). Items of other
- *              layouts have samples of another C type, so that a program that knows 4:2:0 alone cannot open them, or
- *              its ddxvideo_view() fails: it never takes one layout for another one.
+ *   blocking   functions that create an item wait as ddx_store_create() does; no other function waits.
+ *   layouts    pictures are 8-bit 4:2:0 unless the item has another format (enum ddx_video_format). Items of other
+ *              layouts have samples of another C type: a program that supports only 4:2:0 cannot open them, or its
+ *              ddxvideo_view() fails, so it never mistakes one layout for another.
  *   time       ns; `time` is CLOCK_MONOTONIC of the capture, time + wall_offset is CLOCK_REALTIME. (ddx_frame.time is
- *              that of the write.) A value computed from a picture takes the picture's capture time, so that a log
+ *              the time of the write.) A value computed from a picture takes the picture's capture time, so that a log
  *              and a recording agree: ddx_store_write(item, &value, &view.stamp.time).
  */
 #ifndef DDXVIDEO_H
@@ -55,8 +55,8 @@ extern "C" {
 
 #define DDX_VIDEO_MAX 2073600 /* luma samples in DDX_VIDEO: 1920 * 1080. Items of larger pictures have larger bounds */
 #define DDX_VIDEO_SIDE 8192   /* largest width, and largest height */
-#define DDX_VIDEO_FIELDS 16   /* most fields stacked in one frame */
-#define DDX_VIDEO_RATE 10000  /* largest frame rate, a second; a larger one is taken for unknown */
+#define DDX_VIDEO_FIELDS 16   /* maximum number of fields stacked in one frame */
+#define DDX_VIDEO_RATE 10000  /* largest frame rate, frames per second; a larger one counts as unknown */
 
 /*
  * Planes without padding; in 4:2:0, y has width * height bytes, u and v a quarter of that. Several synchronised fields
@@ -99,26 +99,26 @@ DDX_STORE_TYPE(DDX_VIDEO, DDX_VIDEO_STRUCT_(char, DDX_VIDEO_MAX, DDX_VIDEO_MAX /
 /*
  * Layout of the planes, and where the chroma samples sit. Numbers from 16 are for layouts other than 8-bit 4:2:0.
  * Their samples are `unsigned char` in the item, those of GREY16 `unsigned short`. Grey and RGB pictures are in plane y
- * alone; nothing of u and v is in use. In 4:2:0 width and height are even, in 4:2:2 the width is; else both are free.
+ * alone; u and v are unused. 4:2:0 needs an even width and height, 4:2:2 an even width.
  */
 enum ddx_video_format {
-    DDX_VIDEO_420 = 0,       /* 4:2:0, siting not told */
-    DDX_VIDEO_420_JPEG = 1,  /* amid four luma samples */
+    DDX_VIDEO_420 = 0,       /* 4:2:0, siting unknown */
+    DDX_VIDEO_420_JPEG = 1,  /* in the middle of four luma samples */
     DDX_VIDEO_420_MPEG2 = 2, /* on the left luma column */
     DDX_VIDEO_420_PALDV = 3, /* as DV, u and v on alternate rows */
     DDX_VIDEO_YUV422P = 16,  /* 4:2:2, chroma on the left luma column */
     DDX_VIDEO_YUV444P = 17,
     DDX_VIDEO_GREY8 = 18,
-    DDX_VIDEO_GREY16 = 19, /* 16 bits a pixel, little endian; with a range, its 8-bit numbers times 256 */
+    DDX_VIDEO_GREY16 = 19, /* 16 bits a pixel, little endian; a range has its 8-bit limits times 256 */
     DDX_VIDEO_RGB24 = 20   /* red, green, blue: 3 bytes a pixel */
 };
 
 enum ddx_video_range { DDX_VIDEO_RANGE_UNKNOWN = 0, DDX_VIDEO_RANGE_LIMITED = 1, DDX_VIDEO_RANGE_FULL = 2 };
 
-/* "YUV420P" (of all four of 4:2:0), "YUV422P", "GREY8" ...; NULL if there is no such format. */
+/* "YUV420P" (for all four 4:2:0 formats), "YUV422P", "GREY8" ...; NULL for an unknown format. */
 const char *ddxvideo_layout_name(int format);
 
-/* What stays the same from frame to frame. */
+/* Properties that stay the same from frame to frame. */
 struct ddxvideo_geometry {
     int width, height, fields;
     int rate_num, rate_den;
@@ -126,18 +126,18 @@ struct ddxvideo_geometry {
     int format, interlacing, range;
 };
 
-/* What differs. */
+/* Properties of each frame. */
 struct ddxvideo_stamp {
     int frame;
     int64_t time, wall_offset, source_sequence, source_lost;
 };
 
-/* NULL if pictures of this geometry can be in the store, else what is wrong with it, as a static text. */
+/* NULL if the geometry is possible; otherwise the reason, as a static text. */
 const char *ddxvideo_geometry_error(const struct ddxvideo_geometry *geometry);
 
 /*
- * 1 if this frame rate is known and can be: above 0, at most DDX_VIDEO_RATE. Else 0. A program that sizes memory or a
- * clock by a rate from a file, a network or another program checks the rate with this first.
+ * 1 if this frame rate is known and possible: above 0, at most DDX_VIDEO_RATE. Otherwise 0. A program that sizes memory
+ * or a clock by a rate from a file, a network or another program checks the rate with this first.
  */
 int ddxvideo_rate_known(int rate_num, int rate_den);
 
@@ -145,8 +145,8 @@ int ddxvideo_rate_known(int rate_num, int rate_den);
 int ddxvideo_same_layout(const struct ddxvideo_geometry *a, const struct ddxvideo_geometry *b);
 
 /*
- * Create the item, or take it over from a writer that is gone (with another geometry, if need be), and become its
- * writer. Memory is taken for the planes as they are, not for DDX_VIDEO_MAX. Errors: -EINVAL, and those of
+ * Create the item, or take it over from a writer that has exited (also with another geometry), and become its writer.
+ * It takes memory for the planes of this geometry, not for DDX_VIDEO_MAX. Errors: -EINVAL, and those of
  * ddx_store_create().
  */
 int ddxvideo_create(DDX_STORE_ID *id, const char *name, const struct ddxvideo_geometry *geometry,
@@ -164,8 +164,8 @@ struct ddxvideo_frame {
 
 /*
  * A free frame to draw in. The geometry may differ from the one the item was created with, as long as its planes
- * are not larger and their samples have the same C type. Ends with ddxvideo_publish() or ddx_store_cancel(). On failure
- * nothing is loaned. Errors: -EINVAL, -EMSGSIZE (larger planes), -EPROTOTYPE (other samples), and those of
+ * are not larger and their samples have the same C type. Finish it with ddxvideo_publish() or ddx_store_cancel(). On
+ * failure nothing is loaned. Errors: -EINVAL, -EMSGSIZE (larger planes), -EPROTOTYPE (other samples), and those of
  * ddx_store_loan().
  */
 int ddxvideo_loan(DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry, struct ddxvideo_frame *frame);
@@ -173,7 +173,7 @@ int ddxvideo_loan(DDX_STORE_ITEM *item, const struct ddxvideo_geometry *geometry
 /* Write geometry and stamp beside the planes and publish the frame; the time of the write is now. */
 int ddxvideo_publish(DDX_STORE_ITEM *item, const struct ddxvideo_frame *frame);
 
-/* A frame to be looked at. */
+/* A frame to be read. */
 struct ddxvideo_picture {
     struct ddxvideo_stamp stamp;
     struct ddxvideo_geometry geometry;
@@ -183,15 +183,15 @@ struct ddxvideo_picture {
 };
 
 /*
- * Look at a frame that ddx_store_acquire() or ddx_store_read_direct() gave: `data`. Works with any bounds of the
+ * Read the frame `data`, which ddx_store_acquire() or ddx_store_read_direct() returned. Works with any bounds of the
  * arrays, and for items that have the paper's seven fields only (the rest is 0 then). The item is not trusted: each
- * number is read once and checked, and the planes lie within the item's memory. A frame rate above DDX_VIDEO_RATE is
- * 0/0, unknown. On failure *view is undefined.
+ * number is read once and checked, and the planes lie within the item's memory. A frame rate above DDX_VIDEO_RATE
+ * becomes 0/0, unknown. On failure *view is undefined.
  * Errors: -EPROTOTYPE (also for pictures that are not 8-bit 4:2:0), -EBADMSG.
  */
 int ddxvideo_view(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view);
 
-/* The same for pictures of every layout: the caller looks at view->geometry.format before it looks at the planes. */
+/* The same for pictures of every layout: the caller checks view->geometry.format before it reads the planes. */
 int ddxvideo_view_any(const DDX_STORE_ITEM *item, const void *data, struct ddxvideo_picture *view);
 
 /* CLOCK_REALTIME - CLOCK_MONOTONIC now, ns. */
@@ -208,7 +208,7 @@ int ddxvideo_counter_write(DDX_STORE_ITEM *item, int frame);
 /*
  * ---- Parameters of the source: item `<name>.parameters`, written whenever a setting changes ----
  *
- * A camera's can be changed by a request: ddx_request(id, "video", ...), see ddx_request.h, or `ddxctl set video
+ * Those of a camera can be changed by a request: ddx_request(id, "video", ...), see ddx_request.h, or `ddxctl set video
  * brightness=128`. A menu's value is the number of its entry; a button is pressed by 1.
  */
 
@@ -230,19 +230,19 @@ DDX_STORE_TYPE(
 
 enum ddx_video_parameter_flags {
     DDX_VIDEO_PARAMETER_READ_ONLY = 1,
-    DDX_VIDEO_PARAMETER_AUTOMATIC = 2 /* the source changes it by itself at present */
+    DDX_VIDEO_PARAMETER_AUTOMATIC = 2 /* the source currently sets it automatically */
 };
 
 /* Errors: -EINVAL (name too long), and those of ddx_store_create(). */
 int ddxvideo_parameters_create(DDX_STORE_ID *id, const char *video_name, DDX_STORE_ITEM **item);
 
-/* -EINVAL: a bad count, or a name without end. */
+/* -EINVAL: a bad count, or a name without a terminating zero. */
 int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *parameters);
 
 /*
  * ---- Range: item `<name>.stereo` beside a range picture `<name>` and its disparities `<name>.disparity` ----
  *
- * The disparities are pictures of layout GREY16, those of the left rectified picture in 1/16 pixel; 0 is unknown. With
+ * The disparities are GREY16 pictures: for each pixel of the left rectified picture, in 1/16 pixel; 0 is unknown. With
  * d in pixels, a point is f * T / d away along the axis of the left camera, (x - cx) * T / d to its right and
  * (y - cy) * T / d below it, in the unit of T, which is that of the calibration: metres, if the squares of the
  * chessboard were given in metres.
@@ -250,10 +250,10 @@ int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *
 DDX_STORE_TYPE(
     DDX_VIDEO_STEREO, struct {
         double f;      /* focal length, pixels */
-        double T;      /* between both cameras */
+        double T;      /* distance between the cameras */
         double cx, cy; /* centre of the rectified pictures, pixels */
-        double min, max; /* the disparities that are looked for, pixels */
-        double step;   /* what a difference of 1 in the disparities is, pixels */
+        double min, max; /* range of the disparities, pixels */
+        double step;   /* a difference of 1 in the disparities, pixels */
     });
 
 /* Errors: -EINVAL (name too long), and those of ddx_store_create(). */
