@@ -29,7 +29,7 @@ static void prepare(void) {
 }
 
 #ifdef __x86_64__
-/* Ten times as quick: what makes the sum of a 1080p stream cheap. */
+/* Ten times as fast, which makes the checksums of a 1080p stream cheap. */
 __attribute__((target("sse4.2"))) static uint32_t by_instruction(uint32_t crc, const unsigned char *at, size_t size) {
     uint64_t wide = crc;
 

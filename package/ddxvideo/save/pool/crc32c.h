@@ -6,7 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Of `size` more bytes after those that gave `crc`; begins with 0. */
+/* The checksum after `size` more bytes; `crc` is that of the bytes before, 0 at first. */
 uint32_t crc32c(uint32_t crc, const void *bytes, size_t size);
 
 #endif

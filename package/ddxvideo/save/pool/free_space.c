@@ -11,7 +11,7 @@
 
 #include "pool_files.h"
 
-/* A file of the pool that has no recording. */
+/* Adds a file of the pool if it has no recording. */
 static void add_file(int pool, long id, struct free_space *room) {
     char name[POOL_PATH];
     struct stat status;
@@ -21,7 +21,7 @@ static void add_file(int pool, long id, struct free_space *room) {
     if (fstatat(pool, name, &status, AT_SYMLINK_NOFOLLOW) || !S_ISREG(status.st_mode) || status.st_nlink > 1)
         return;
     pool_index_name(name, id);
-    /* Root looks as well, and the folder is the recorder's user's: neither a link nor a pipe stops it. */
+    /* Also called by root, in a folder of the recorder's user: no link is followed, no pipe is waited for. */
     int fd = openat(pool, name, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
     bool good = fd >= 0 && pool_read_header(fd, &header);
     if (fd >= 0)

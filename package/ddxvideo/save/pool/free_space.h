@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* How much more can be recorded. Opens no lock and waits for the disk only. */
+/* How much more can be recorded. Takes no lock, and waits for nothing but the disk. */
 #ifndef DDXVIDEO_FREE_SPACE_H
 #define DDXVIDEO_FREE_SPACE_H
 
@@ -7,11 +7,11 @@
 
 struct free_space {
     uint64_t free;  /* free bytes of the file system */
-    uint64_t usable; /* bytes that recordings can still take: of these, and of the pool's files without a recording */
-    uint32_t ready; /* files of the pool that are prepared, the one that has just been begun among them */
+    uint64_t usable; /* bytes for recordings: of the free ones, and of the pool's files without a recording */
+    uint32_t ready; /* prepared files of the pool, including one that has just been begun */
 };
 
-/* Of a folder, or of a file's: 0 or -errno. */
+/* For a folder, or the file system of a file. 0 or -errno. */
 int free_space_look(const char *place, struct free_space *room);
 
 #endif

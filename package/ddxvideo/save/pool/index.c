@@ -8,8 +8,8 @@
 #include "crc32c.h"
 
 _Static_assert(__BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__, "the index is little endian");
-_Static_assert(sizeof(struct index_entry) == 64, "entries have 64 bytes, on all machines");
-_Static_assert(sizeof(struct index_header) == 408, "the header lies in one sector: it is there, or not");
+_Static_assert(sizeof(struct index_entry) == 64, "entries have 64 bytes on all machines");
+_Static_assert(sizeof(struct index_header) == 408, "the header fits into one sector, which is written whole or not");
 _Static_assert(sizeof(struct index_file) == INDEX_BYTES, "the index has its size");
 
 void index_seal_header(struct index_header *header) {
@@ -21,7 +21,7 @@ void index_seal_entry(struct index_entry *entry) {
     entry->crc = crc32c(0, entry, offsetof(struct index_entry, crc));
 }
 
-/* Ends within its bytes, and has neither control characters, for it is listed, nor one of these. */
+/* Whether it ends within its bytes, and has no control characters, since it is printed, and none of `without`. */
 static bool is_text(const char *text, size_t bytes, const char *without) {
     size_t length = strnlen(text, bytes);
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The index beside each file of the pool: what the file is, and of each frame where it is, when and which it was, its
- * checksum and what was lost before it. What stands in the index is on the disk: it is written after the frames.
+ * The index beside each file of the pool: the state of the file, and for each frame its place, time, number and
+ * checksum, and the losses before it. A frame in the index is on the disk, since the index is written after the frames.
  *
- * The file, little endian: a header of INDEX_BLOCK bytes, then entries of 64 bytes, INDEX_BYTES in all, written once
- * before it is used, so that nothing but its bytes changes later. Entries hold the recording's random number, so
- * that entries of an earlier recording, which may follow them, are not taken for its own.
+ * The file, little endian: a header of INDEX_BLOCK bytes, then entries of 64 bytes, INDEX_BYTES in all, written in full
+ * before its first use, so that later only its bytes change, and no metadata. Entries have the recording's random
+ * number, which distinguishes them from entries of an earlier recording, which may follow.
  */
 #ifndef DDXVIDEO_INDEX_H
 #define DDXVIDEO_INDEX_H
@@ -20,35 +20,35 @@
 #define INDEX_MAGIC "DDXINDX1"
 
 enum index_state {
-    INDEX_RAW,       /* its file has to be written in full before it may be used */
+    INDEX_RAW,       /* its file must be written in full before use */
     INDEX_FREE,      /* ready */
-    INDEX_RECORDING, /* in use; or was, when the power went */
-    INDEX_FINISHED,  /* a recording of `bytes` bytes, which may lack its name */
-    INDEX_NAMED      /* one that has had its name: without a name it has been deleted */
+    INDEX_RECORDING, /* in use; or it was, when the power failed */
+    INDEX_FINISHED,  /* a recording of `bytes` bytes, perhaps without a name yet */
+    INDEX_NAMED      /* it was given its name: if it has none now, it was deleted */
 };
 
-#define INDEX_RECOVERED 1u /* finished by a later recorder: its own was killed, or the power went */
-#define INDEX_HEAD 2u      /* `head` is there: not in what older recorders wrote */
+#define INDEX_RECOVERED 1u /* finished by a later recorder, after a kill or a power cut */
+#define INDEX_HEAD 2u      /* `head` is valid; older recorders did not write it */
 
 /* Offset 0 of the index. */
 struct index_header {
     char magic[8];
     uint32_t state;      /* enum index_state */
-    uint32_t frames;     /* finished: how many */
-    uint64_t recording;  /* random, of this segment */
-    uint64_t bytes;      /* finished: of the file */
+    uint32_t frames;     /* finished: number of frames */
+    uint64_t recording;  /* random number of this segment */
+    uint64_t bytes;      /* finished: bytes of the file */
     int64_t start;       /* first frame: CLOCK_MONOTONIC, ns */
     int64_t wall;        /* and CLOCK_REALTIME, ns; 0 if unknown */
-    uint64_t lost_store; /* finished: frames that are missing, by reason */
+    uint64_t lost_store; /* finished: missing frames, by reason */
     uint64_t lost_ring;
     uint32_t number; /* of the segment, among those of the item */
     uint32_t session; /* number of the segment that this one continues, or its own */
     char item[64];     /* these three end with a 0 byte */
-    char instance[64]; /* of the recorder; "" in an index of a recorder that did not say that yet */
-    char name[192];    /* under which the finished recording is found */
+    char instance[64]; /* of the recorder; "" if an older recorder wrote the index */
+    char name[192];    /* of the finished recording */
     uint32_t flags;    /* INDEX_RECOVERED, INDEX_HEAD */
     uint32_t reserved;
-    uint32_t head; /* CRC-32C of the file's first line, which lies before its first frame */
+    uint32_t head; /* CRC-32C of the file's first line, which precedes the first frame */
     uint32_t crc; /* of all before */
 };
 
@@ -73,23 +73,23 @@ struct index_file {
     struct index_entry entry[(INDEX_BYTES - INDEX_BLOCK) / sizeof(struct index_entry)];
 };
 
-/* Write the checksum, after the rest. */
+/* Set the checksum, after all other fields. */
 void index_seal_header(struct index_header *header);
 void index_seal_entry(struct index_entry *entry);
 
-/* Whether it is one, unspoilt. */
+/* Whether it is valid. */
 bool index_good_header(const struct index_header *header);
 bool index_good_entry(const struct index_entry *entry, uint64_t recording, uint32_t position);
 
 /*
- * How many entries follow each other without a gap, from the first, within the first `limit` bytes of the file.
+ * How many entries from the first on are without a gap, and within the first `limit` bytes of the file.
  */
 uint32_t index_count(const struct index_file *index, uint64_t limit);
 
-/* The recording ends after these frames, at least one: state, size and losses in the header say so. Not sealed yet. */
+/* End the recording after these frames, at least one: sets state, size and losses in the header. Seal it then. */
 void index_end(struct index_file *index, uint32_t frames);
 
-/* Read all of it: 0, -EBADMSG when it is not one, or -errno. */
+/* Read all of it. 0; -EBADMSG: not an index; or -errno. */
 int index_read(int fd, struct index_file *index);
 
 #endif

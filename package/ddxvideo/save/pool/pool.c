@@ -12,11 +12,11 @@
 #include "program.h"
 
 #define SMALLEST (4u << 20)
-#define SHARE 8 /* files that even a small disk has room for */
+#define SHARE 8 /* files for which even a small disk has room */
 
 /* ---- Open and close ---- */
 
-/* The pool of one program; another size than the one asked for where the disk is small. */
+/* Opens folders and lock, and chooses the size of files, which is less than `bytes` on a small disk. */
 static int set_up(struct pool *pool, const char *folder, uint64_t bytes) {
     struct statvfs disk;
 
@@ -82,7 +82,7 @@ uint64_t pool_file_bytes(const struct pool *pool) {
 
 /* ---- Take ---- */
 
-/* Without a prepared file: one that is half prepared, a new one, or the oldest recording's, with room for all. */
+/* Without a prepared file: takes one that is half prepared, a new one, or that of the oldest recording. */
 static int make(struct pool *pool, struct pool_file *file) {
     int error = -ENOSPC;
 

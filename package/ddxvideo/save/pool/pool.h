@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Files to record into, written in full before: recording overwrites them in place, so that no metadata of the file
- * system changes in the path of the frames, and a power cut finds none half changed.
+ * Files to record into, which were written in full before: recording overwrites them in place. So no metadata of the
+ * file system changes while frames are written, and a power cut leaves none half changed.
  *
  * `<folder>/pool/<NNNNNN>.y4m` with its index `<NNNNNN>.index`. Names never change. A finished recording is the same
- * file under a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m`. Several recorders of one user share a pool: each file
- * has a lock, and the pool has one for a program that looks for a file. Locks are bytes of `pool/lock`, which only the
- * owner of the pool and root can open: no other user can keep a recorder waiting (pool_lock.c).
+ * file with a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m`. Several recorders of one user share a pool: each file
+ * has a lock, and the pool has one for searches. Locks are bytes of `pool/lock`, which only the owner of the pool and
+ * root can open, so that no other user can keep a recorder waiting (pool_lock.c).
  */
 #ifndef DDXVIDEO_POOL_H
 #define DDXVIDEO_POOL_H
@@ -18,21 +18,21 @@
 #include "pool_recover.h"
 
 /*
- * Open the pool below `folder`, create it if there is none, for this instance of the recorder. Both texts stay the
- * caller's, and have to stay as long as the pool. Files get `bytes` bytes, or less on a small disk. With
- * `recycle` the oldest recording is given up when the disk is full. Returns 0 or -errno.
+ * Open the pool below `folder`, or create it, for this instance of the recorder. Both texts stay the caller's, and must
+ * stay valid as long as the pool. Files get `bytes` bytes, or less on a small disk. With `recycle` the oldest recording
+ * is given up when the disk is full. 0 or -errno.
  */
 int pool_open(const char *folder, const char *instance, uint64_t bytes, bool recycle, struct pool **pool);
 
-/* Ends the thread, frees the pool. */
+/* Stop the thread, and free the pool. */
 void pool_close(struct pool *pool);
 
-/* Room of a file. */
+/* Size of a file. */
 uint64_t pool_file_bytes(const struct pool *pool);
 
 /*
- * A file to record into: a prepared one; else one that is made now, which takes as long as the disk needs for some
- * metadata. -ENOSPC: the disk is full and nothing may be given up.
+ * Take a file to record into: a prepared one, or one that is made now, which takes as long as the disk needs for some
+ * metadata. -ENOSPC: the disk is full, and no recording may be given up.
  */
 int pool_take(struct pool *pool, struct pool_file *file);
 

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The pool's files: names, headers, which are free. */
 #include "pool_files.h"
 
 #include <dirent.h>
@@ -76,7 +75,7 @@ void pool_forget(struct pool_file *file, struct index_header *header, uint64_t b
     file->written = bytes / INDEX_BLOCK * INDEX_BLOCK;
 }
 
-/* Both files, without what the page cache would add, if the file system can. */
+/* Opens a file past the page cache, if the file system supports that. */
 static int open_file(const struct pool *pool, const char *name, int flags, bool *direct) {
     flags |= O_RDWR | O_CLOEXEC | O_NOFOLLOW;
     int fd = openat(pool->folder, name, flags | O_DIRECT, 0664);
@@ -110,7 +109,7 @@ void pool_release(struct pool_file *file) {
         close(file->fd);
     if (file->index_fd >= 0)
         close(file->index_fd);
-    close(file->lock_fd); /* last: the next owner finds nothing of this one */
+    close(file->lock_fd); /* last, so that the next owner finds both files closed */
     file->fd = file->index_fd = file->lock_fd = -1;
 }
 
@@ -134,7 +133,7 @@ bool pool_claim(struct pool *pool, long id, struct pool_file *file, struct index
     if (!good || index.st_size != INDEX_BYTES)
         *header = (struct index_header){.state = INDEX_RAW};
     else if (header->state == INDEX_FREE && (uint64_t)data.st_size != pool->bytes)
-        header->state = INDEX_RAW; /* of another size */
+        header->state = INDEX_RAW; /* has another size */
     else if (header->state == INDEX_NAMED)
         pool_forget(file, header, (uint64_t)data.st_size);
     file->prepared = header->state != INDEX_RAW;
@@ -179,7 +178,7 @@ int pool_create(struct pool *pool, struct pool_file *file) {
             most = id;
     }
     closedir(folder);
-    /* Where the highest number is taken, the lowest one that is not: there are more numbers than files. */
+    /* After the highest number the lowest free one: there are more numbers than files. */
     long id = most < POOL_ID_MAX ? most : 0;
     int error;
     do

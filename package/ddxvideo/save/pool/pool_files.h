@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The files of the pool: names, headers, which are free. */
+/* The pool's files: names, headers, search. */
 #ifndef DDXVIDEO_POOL_FILES_H
 #define DDXVIDEO_POOL_FILES_H
 
@@ -8,58 +8,58 @@
 #include "index.h"
 #include "pool_state.h"
 
-/* Names in the pool's folder. */
+/* Names of a file and its index in the pool's folder. */
 void pool_data_name(char name[POOL_PATH], long id);
 void pool_index_name(char name[POOL_PATH], long id);
 
 /*
- * The number of a file, or of its index, from its name there; pool_data_id() takes no index. 0: the name is none that
- * the pool makes, so the file is not one of the pool's.
+ * The number in the name of a file or an index; pool_data_id(): of a file only. 0: the pool does not make such names,
+ * so it is not a file of the pool.
  */
 long pool_id(const char *name);
 long pool_data_id(const char *name);
 
-/* What is in a folder; NULL and errno. */
+/* List a folder. NULL and errno on failure. */
 DIR *pool_list(int folder);
 
-/* Call `visit` for the number of each file. It returns false to end the walk. 0 or -errno. */
+/* Call `visit` with the number of each file, until it returns false. 0 or -errno. */
 int pool_each(struct pool *pool, bool (*visit)(struct pool *pool, long id, void *argument), void *argument);
 
-/* Whether the file is a recording that has its name. It must not be recorded into. */
+/* Whether the file is a recording with a name. It must not be overwritten. */
 bool pool_is_named(const struct pool *pool, long id);
 
-/* The header of an index; false if it has none, or a spoilt one. */
+/* Read the header of an index. False if it has none, or an invalid one. */
 bool pool_read_header(int fd, struct index_header *header);
 
-/* Lock the file and open both; false if another program has it, or on an error. `header` is the index's; a
- * damaged one is INDEX_RAW, and so is that of a deleted recording. */
+/* Lock the file, open it and its index, and read `header`; INDEX_RAW stands for a damaged one, and for that of a
+ * deleted recording. False if another program has the file, or on an error. */
 bool pool_claim(struct pool *pool, long id, struct pool_file *file, struct index_header *header);
 
 /* Claim an unused file in this state. False if there is none. */
 bool pool_find(struct pool *pool, uint32_t state, struct pool_file *file);
 
-/* Mark the recording in it, of that number of bytes, as free. */
+/* Mark the file as free, with that number of bytes already written. */
 void pool_forget(struct pool_file *file, struct index_header *header, uint64_t bytes);
 
-/* A new file, ours; neither file nor index has any contents. */
+/* Create a file and lock it; file and index are empty. */
 int pool_create(struct pool *pool, struct pool_file *file);
 
-/* All of the index: an empty one. */
+/* Write the whole index, without entries. */
 int pool_write_index(const struct pool_file *file, uint32_t state);
 
-/* Blocks for all of it, in one piece where the disk has one. A file system that cannot gives them as it is written. */
+/* Allocate blocks for the whole file, in one piece if possible. Some file systems allocate them only on writing. */
 int pool_allocate(const struct pool *pool, const struct pool_file *file);
 
-/* Whether the disk has space for one more file, and a reserve for other programs. */
+/* Whether the disk has space for one more file and a reserve for other programs. */
 bool pool_has_room(const struct pool *pool);
 
-/* Header block of the index, in place, with its checksum. The caller syncs. */
+/* Write the header of the index, with its checksum. The caller syncs. */
 int pool_write_header(const struct pool_file *file, struct index_header *header);
 
-/* Close it unchanged; the next program that opens the pool finishes it. */
+/* Close the file unchanged; the next program that opens the pool finishes it. */
 void pool_release(struct pool_file *file);
 
-/* Nothing was recorded: the file is free. */
+/* Close the file as free: nothing was recorded. */
 void pool_give_back(struct pool_file *file);
 
 #endif

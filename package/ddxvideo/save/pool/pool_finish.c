@@ -25,7 +25,7 @@ static int give_name(const struct pool *pool, const struct pool_file *file, cons
     return this.st_ino == other.st_ino && this.st_dev == other.st_dev ? 0 : -EEXIST;
 }
 
-/* The index has it before the file has such a name. 0 or -errno. */
+/* Takes another number, first in the index, before the file has such a name. 0 or -errno. */
 static int take_other_number(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked) {
     char name[sizeof header->name];
 
@@ -47,14 +47,14 @@ int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *
 int pool_finish_locked(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked) {
     int error = 0;
 
-    /* On the disk before anybody else gets the blocks that are free now: two files must not claim them. */
+    /* On the disk before another file gets the blocks that are free now: two files must not have them. */
     if (ftruncate(file->fd, (off_t)header->bytes) || fsync(file->fd))
         error = -errno;
     while (!error && (error = give_name(pool, file, header->name)) == -EEXIST)
         error = take_other_number(pool, file, header, locked);
     if (!error && fsync(pool->outside))
         error = -errno;
-    header->state = INDEX_NAMED; /* after the name is on the disk: else a power cut would delete the recording */
+    header->state = INDEX_NAMED; /* only with the name on the disk: otherwise a power cut would delete the recording */
     if (!error)
         error = pool_write_header(file, header);
     if (!error && fsync(file->index_fd))

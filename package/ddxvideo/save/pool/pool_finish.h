@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A recording gets its name. */
+/* Gives a finished recording its name. */
 #ifndef DDXVIDEO_POOL_FINISH_H
 #define DDXVIDEO_POOL_FINISH_H
 
@@ -7,8 +7,8 @@
 #include "pool_state.h"
 
 /*
- * The recording in the file has header->bytes bytes, which are on the disk, as is its index: cut it, give it its name,
- * close it. Where another file has that name, the recording gets another number, after a line. 0 or -errno.
+ * Cut the file to header->bytes, give it its name, and close it. These bytes and the index are on the disk. If another
+ * file has that name, the recording gets another number, after a line. 0 or -errno.
  */
 int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *header);
 

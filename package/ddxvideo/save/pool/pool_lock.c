@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Locks of the pool: bytes of the file `lock`, which only its owner and root can open. Any user can lock a file that
- * the user can read, so a lock on the files themselves would let each user of the machine stop all recording.
+ * Locks of the pool: bytes of the file `lock`, which only its owner and root can open. A user can lock each file that
+ * the user can read: with locks on the files themselves, each user of the machine could stop all recording.
  *
- * The file has the number of the newest recording: a recorder's own index has it only with its first flush.
+ * The file also has the number of the newest recording, which its index gets only with the first flush.
  */
 #include "pool_lock.h"
 
@@ -19,7 +19,7 @@
 
 #define LOCK "lock"
 
-/* Byte 0 is the pool's, byte N that of file N. A lock belongs to the open file: each claim of a file opens its own. */
+/* Byte 0 is for the pool, byte N for file N. A lock belongs to an open file, so each claim opens the lock again. */
 static int set(int fd, int how, short type, long byte) {
     struct flock lock = {.l_type = type, .l_whence = SEEK_SET, .l_start = byte, .l_len = 1};
     int failed;
@@ -30,7 +30,7 @@ static int set(int fd, int how, short type, long byte) {
     return failed ? -errno : 0;
 }
 
-/* Opened without a wait: what lies there may be no file. */
+/* Does not wait, whatever lies there. */
 static int open_lock(int folder, int flags) {
     return openat(folder, LOCK, flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
 }
@@ -42,7 +42,7 @@ int pool_lock_create(int folder) {
     if (fd < 0 && errno == EEXIST)
         fd = open_lock(folder, O_RDWR);
     else if (fd >= 0 && !geteuid() && !fstat(folder, &status) && fchown(fd, status.st_uid, status.st_gid)) {
-        int error = errno; /* else root's first look would keep the owner of the pool out of it */
+        int error = errno; /* otherwise the owner of the pool could not open what root created */
 
         close(fd);
         return -error;
@@ -81,7 +81,7 @@ void pool_wait_for_recovery(struct pool *pool) {
 struct newest {
     char magic[8];
     uint32_t number;
-    uint32_t crc; /* of all before: after a power cut there may be anything */
+    uint32_t crc; /* of the fields before: after a power cut they may have any value */
 };
 
 void pool_set_newest(const struct pool *pool, uint32_t number) {
@@ -89,7 +89,7 @@ void pool_set_newest(const struct pool *pool, uint32_t number) {
 
     memcpy(newest.magic, MAGIC, sizeof newest.magic);
     newest.crc = crc32c(0, &newest, offsetof(struct newest, crc));
-    /* On a full disk it cannot be written: then a recorder that finds its name taken takes another number. */
+    /* A full disk may refuse it: then a recorder whose name is taken takes another number. */
     ssize_t done = pwrite(pool->lock_fd, &newest, sizeof newest, 0);
     (void)done;
 }
@@ -106,7 +106,7 @@ uint32_t pool_newest(const struct pool *pool) {
 
 /* ---- Files ---- */
 
-/* Lock a file: as long as what is returned is open. */
+/* Locks a file as long as the result is open. */
 static int lock_file(int folder, long id, int flags, short type) {
     int fd = open_lock(folder, flags);
     int error = fd < 0 ? -errno : set(fd, F_OFD_SETLK, type, id);
@@ -128,7 +128,7 @@ bool pool_can_hold(int folder) {
     return !faccessat(folder, LOCK, R_OK, AT_EACCESS) || errno == ENOENT;
 }
 
-/* Programs that cannot open the lock can read this. */
+/* Reads /proc/locks, for programs that cannot open the lock. */
 bool pool_is_locked(int folder, long id) {
     struct stat status;
     char line[256];

@@ -1,5 +1,4 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Numbers and names of recordings, and which is the oldest. */
 #include "pool_names.h"
 
 #include <errno.h>
@@ -52,7 +51,7 @@ static void highest_in_names(struct pool *pool, uint32_t *most) {
 
     for (struct dirent *entry = folder ? readdir(folder) : NULL; entry; entry = readdir(folder))
         if (pool_name_number(entry->d_name, &number) && number <= INT32_MAX && number > *most)
-            *most = number; /* a larger one is not ours: as many numbers are left above */
+            *most = number; /* a larger one is not ours; this leaves numbers above it */
     if (folder)
         closedir(folder);
 }
@@ -62,7 +61,7 @@ uint32_t pool_take_number(struct pool *pool) {
 
     if (pool->last_number > most)
         most = pool->last_number;
-    /* Names come last: a recording that gets its name in between is seen in one of the two. */
+    /* Names last: a recording that gets its name in between is found in one of the two. */
     pool_each(pool, highest_in_use, &most);
     highest_in_names(pool, &most);
     pool->last_number = most + 1;
@@ -78,7 +77,7 @@ uint32_t pool_next_number(struct pool *pool) {
     return number;
 }
 
-/* Item and number as the header has them, and when it was begun. */
+/* From item and number in the header, and the time of the start. */
 static void set_name(struct index_header *header, const char *stamp) {
     snprintf(header->name, sizeof header->name, "%s-%06u-%s", header->item, (unsigned)header->number, stamp);
     for (char *c = header->name; *c; c++)
@@ -137,12 +136,12 @@ static bool claim_inode(struct pool *pool, long id, void *argument) {
     return false;
 }
 
-/* Whether one recording is older than the other: two that are not of one pool may have the same number. */
+/* Whether one recording is older than the other. Recordings of different pools may have the same number. */
 static bool is_before(uint32_t number, const char *name, const struct oldest *other) {
     return number != other->number ? number < other->number : strcmp(name, other->name) < 0;
 }
 
-/* The oldest recording that is younger than `after`. */
+/* The oldest recording that is newer than `after`. */
 static bool next_oldest(struct pool *pool, const struct oldest *after, struct oldest *oldest) {
     DIR *folder = pool_list(pool->outside);
     uint32_t number;
@@ -171,7 +170,7 @@ int pool_recycle(struct pool *pool, struct pool_file *file) {
 
         pool_each(pool, claim_inode, &wanted);
         if (!wanted.found)
-            continue; /* not of the pool, or being read */
+            continue; /* not in the pool, or held by a reader */
         int error = unlinkat(pool->outside, oldest.name, 0) || fsync(pool->outside) || fstat(file->fd, &status);
         if (!error) {
             pool_forget(file, &header, (uint64_t)status.st_size);

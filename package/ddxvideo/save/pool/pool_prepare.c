@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The thread that keeps files ready. It writes only while the recorder does not need the disk, not more than half of
- * the time, and twice as fast as recordings are written: that is sufficient to stay ahead.
+ * The thread that keeps files ready. It writes only while the recorder does not need the disk, at most half of the
+ * time, and twice as fast as recordings are written, which is sufficient to stay ahead.
  */
 #include "pool_prepare.h"
 
@@ -22,8 +22,8 @@
 #define CHUNK (1u << 20)
 #define NS INT64_C(1000000000)
 #define PAUSE (NS / 20)
-#define SLOWEST (UINT64_C(8) << 20) /* bytes a second, when nothing is recorded, or little */
-#define LOOK 5 /* s: another program may have taken what was ready */
+#define SLOWEST (UINT64_C(8) << 20) /* bytes a second, if little or nothing is recorded */
+#define LOOK 5 /* s; another program may have taken the ready files */
 
 static bool count_free(struct pool *pool, long id, void *argument) {
     struct pool_file file;
@@ -52,7 +52,7 @@ static void pause_for(int64_t time) {
     clock_nanosleep(CLOCK_MONOTONIC, 0, &duration, NULL);
 }
 
-/* How long to leave the disk alone after a chunk that took so long. */
+/* How long to leave the disk alone after a chunk that took `took` ns. */
 static int64_t pause_after(const struct pool *pool, int64_t took) {
     uint64_t rate = 2 * pool->rate > SLOWEST ? 2 * pool->rate : SLOWEST;
     int64_t rest = (int64_t)(CHUNK * (uint64_t)NS / rate) - took;
@@ -60,7 +60,7 @@ static int64_t pause_after(const struct pool *pool, int64_t took) {
     return rest > took ? rest : took;
 }
 
-/* Write each byte once, but those that have been. 0, -ECANCELED when told to stop, or -errno. */
+/* Writes each byte that has not been written yet. 0; -ECANCELED on a request to stop; or -errno. */
 static int fill(struct pool *pool, const struct pool_file *file) {
     unsigned char *zeros;
     int error = pool_allocate(pool, file);
@@ -85,11 +85,11 @@ static int fill(struct pool *pool, const struct pool_file *file) {
     return error;
 }
 
-/* What was just created may have no name on the disk, and a later flush of the folder would not say so. */
+/* A new file may have no name on the disk after a failed flush, and a later flush would not report that. */
 static void remove_file(struct pool *pool, const struct pool_file *file) {
     char name[POOL_PATH];
 
-    pool_lock(pool); /* else another program could be about to take it */
+    pool_lock(pool); /* otherwise another program could be taking it */
     pool_data_name(name, file->id);
     unlinkat(pool->folder, name, 0);
     pool_index_name(name, file->id);
@@ -97,7 +97,7 @@ static void remove_file(struct pool *pool, const struct pool_file *file) {
     pool_unlock(pool);
 }
 
-/* Make a file of ours ready. */
+/* Prepares a claimed file. */
 static int prepare(struct pool *pool, struct pool_file *file) {
     struct index_header header = {.state = INDEX_FREE};
     int error = pool_write_index(file, INDEX_RAW);
@@ -116,7 +116,7 @@ static int prepare(struct pool *pool, struct pool_file *file) {
     return error;
 }
 
-/* A file that has to be prepared, ours. False if there is none, and none can be made. */
+/* Claims a file to prepare. False if there is none, and none can be made. */
 static bool find_work(struct pool *pool, struct pool_file *file) {
     if (pool_find(pool, INDEX_RAW, file))
         return true;
@@ -125,7 +125,7 @@ static bool find_work(struct pool *pool, struct pool_file *file) {
     return pool->recycle && !pool_recycle(pool, file);
 }
 
-/* The next one at hand, and as many more as there should be. True if something was done. */
+/* Keeps the next file claimed, and prepares another one if too few are ready. True if one was prepared. */
 static bool work(struct pool *pool) {
     struct pool_file file;
 
@@ -147,7 +147,7 @@ static bool work(struct pool *pool) {
     return !error;
 }
 
-/* Recording begins with or without the files of former times: they stay as they are. */
+/* Recording begins even if former recordings cannot be finished; they stay unchanged. */
 static void recover(struct pool *pool) {
     int error = pool_recover(pool);
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* After a power cut, or a recorder that was killed: each recording ends with the last frame that its index promises. */
+/* After a power cut or a kill, each recording ends with the last frame in its index. */
 #include "pool_recover.h"
 
 #include <errno.h>
@@ -15,7 +15,7 @@
 #include "pool_lock.h"
 #include "program.h"
 
-#define LOOKED_AT 32 /* last frames whose sums are checked: the disk may have lied about the newest ones */
+#define LOOKED_AT 32 /* last frames that are verified: a disk may lack frames that it reported as written */
 
 struct recovering {
     struct index_file *index;
@@ -36,7 +36,7 @@ static bool is_whole(const struct pool_file *file, const struct index_entry *ent
     return whole;
 }
 
-/* How many frames there are, up to the first one that is not as the index says. */
+/* The number of frames before the first one that does not match the index. */
 static uint32_t whole_frames(const struct pool_file *file, const struct index_file *index) {
     struct stat status;
 
@@ -86,7 +86,7 @@ static bool recover(struct pool *pool, long id, void *argument) {
             say("%s: not finished when it was last recorded to; it ends after %u whole frames now",
                 recording, frames);
     } else {
-        file.prepared = false; /* its size is checked when it is prepared */
+        file.prepared = false; /* its size is checked on preparation */
         pool_give_back(&file);
     }
     if (error && !recovering->error)
@@ -106,16 +106,16 @@ int pool_recover(struct pool *pool) {
     return error ? error : recovering.error;
 }
 
-/* ---- Which frames were found ---- */
+/* ---- Count of recovered frames ---- */
 
 struct counting {
     const char *instance;
     uint64_t above, frames;
-    struct index_header newest, before; /* of its two newest files; number 0: there is none */
+    struct index_header newest, before; /* of its two newest files; number 0: none */
     struct index_file *index;
 };
 
-/* A file of this instance: the descriptor of its index, and its header. -1: it is none. */
+/* Opens the index of a file of this instance, and reads its header. -1: not a file of this instance. */
 static int open_own(struct pool *pool, long id, const char *instance, struct index_header *header) {
     char name[POOL_PATH];
 
@@ -144,8 +144,8 @@ static bool find_newest(struct pool *pool, long id, void *argument) {
     return true;
 }
 
-/* A recording ends in one file, and may just have begun the next; in between another recorder may have taken numbers.
- * Numbers of another item's frames say nothing. */
+/* The last two files count: a recording may just have begun the next one, and other recorders may have taken numbers in
+ * between. Frames of another item have other numbers. */
 static bool is_wanted(const struct counting *counting, const struct index_header *header) {
     return header->flags & INDEX_RECOVERED && !strcmp(header->item, counting->newest.item) &&
            (header->number == counting->newest.number || header->number == counting->before.number);

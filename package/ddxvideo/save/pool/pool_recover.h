@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Recordings that a recorder left unfinished. */
+/* Finishes recordings that a recorder left unfinished. */
 #ifndef DDXVIDEO_POOL_RECOVER_H
 #define DDXVIDEO_POOL_RECOVER_H
 
 #include "pool_state.h"
 
-/* Finish unfinished recordings; waits for the disk. 0, or -errno for one that fails. */
+/* Finish all of them; waits for the disk. 0, or the first -errno. */
 int pool_recover(struct pool *pool);
 
 /*
- * How many frames with numbers above that are in the newest files of this instance which were finished by a later
- * recorder, as after pool_recover() all are whose own one was killed.
+ * How many frames with numbers above `above` are in those of the newest files of this instance that a later recorder
+ * finished; after pool_recover(), that is each file whose own recorder was killed.
  */
 uint64_t pool_recovered_frames(struct pool *pool, uint64_t above);
 
