@@ -46,7 +46,7 @@ static const struct command *find(const char *name) {
     return NULL;
 }
 
-/* 0, or why it cannot be. */
+/* 0, or -errno with the reason in text. */
 static int check(const struct recorder *recorder, const DDX_REQUEST *request, char text[DDX_ANSWER_TEXT]) {
     for (unsigned i = 0; i < request->count; i++) {
         const char *name = request->change[i].name;

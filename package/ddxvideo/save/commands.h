@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * What a recorder may be told while it runs (ddx_request.h, item: the recorder's instance; `ddxctl record`):
+ * Commands to a running recorder (ddx_request.h, item: the recorder's instance; `ddxctl record`):
  *
- *     recording=0   stop: what comes is left out, and counted as skipped;  recording=1   go on, in a new file
- *     split=1       the next frame begins a new recording, and none is lost
- *     pre_roll=N    while it is stopped, keep the last N seconds in memory, and record them first when it goes on
+ *     recording=0   stop: frames are left out, and counted as skipped;  recording=1   continue, in a new file
+ *     split=1       the next frame begins a new recording; no frame is lost
+ *     pre_roll=N    while it is stopped, keep the last N seconds in memory, and record them first when it continues
  */
 #ifndef DDXVIDEO_COMMANDS_H
 #define DDXVIDEO_COMMANDS_H

@@ -6,12 +6,12 @@
 
 #include "fraction.h"
 
-/* What to take of pictures at their rate, if that is known, and at what rate these come then. */
+/* Chooses `take` and `of`, and the rate of the recorded frames. */
 static void choose(struct decimate *decimate, bool known) {
     int64_t take = 1, of = decimate->skip > 1 ? decimate->skip : 1;
 
     if (decimate->rate_num && known) {
-        int64_t num = decimate->rate_num, den = decimate->rate_den; /* wanted, over theirs */
+        int64_t num = decimate->rate_num, den = decimate->rate_den; /* wanted rate / actual rate */
 
         fraction_reduce(&num, &den);
         take = num * decimate->their_den;
@@ -42,7 +42,7 @@ int decimate_look(struct decimate *decimate, struct ddxvideo_geometry *geometry)
 uint64_t decimate_up_to(const struct decimate *decimate, uint64_t sequence) {
     if (!decimate->take)
         return sequence;
-    /* sequence * take / of, rounded up: the first one is wanted, and nothing overflows. */
+    /* sequence * take / of, rounded up, so that the first frame is wanted; without overflow. */
     uint64_t rest = sequence % decimate->of * decimate->take;
     return sequence / decimate->of * decimate->take + rest / decimate->of + (rest % decimate->of != 0);
 }

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Which frames are to be recorded, when not all are: the item's first one, and from there on `take`
- * of every `of` frames, evenly, by their numbers in the store. So each frame is known to be wanted or not, even if
- * it was lost, and a recorder that is started again continues in step with the previous one.
+ * Which frames are recorded if not all are: the item's first one, and from there on `take` of every `of` frames,
+ * evenly, by their numbers in the store. So it is known of a lost frame, too, whether it was wanted, and a recorder
+ * that is started again continues in step with the previous one.
  */
 #ifndef DDXVIDEO_DECIMATE_H
 #define DDXVIDEO_DECIMATE_H
@@ -12,24 +12,24 @@
 #include "ddxvideo.h"
 
 struct decimate {
-    /* what is wanted, one of both: */
+    /* settings, one of both: */
     long skip;                   /* one of `skip` frames; 0 or 1: each */
     uint32_t rate_num, rate_den; /* frames a second at most; rate_num 0: as many as there are */
     /* private: */
     uint32_t take, of; /* record `take` of every `of` frames; take 0: all of them; of 0: not set yet */
-    int their_num, their_den, kept_num, kept_den; /* rate of the pictures that this is for, and of those it leaves */
+    int their_num, their_den, kept_num, kept_den; /* rates of the input, and of the recorded frames */
 };
 
 /*
- * Look at pictures of this kind: a wanted rate counts against theirs. Their rate becomes that of the recording. 0;
- * -ENODATA if a rate is wanted and theirs is not known: then each frame is.
+ * Choose the frames of pictures with this geometry, by its rate; then its rate is set to that of the recording. 0;
+ * -ENODATA if a rate is wanted, and that of the pictures is not known: then each frame is recorded.
  */
 int decimate_look(struct decimate *decimate, struct ddxvideo_geometry *geometry);
 
 /* How many of the frames 1 to `sequence` are wanted. */
 uint64_t decimate_up_to(const struct decimate *decimate, uint64_t sequence);
 
-/* How many of the last `frames` frames up to this one. */
+/* How many of the last `frames` frames up to this one are wanted. */
 uint64_t decimate_wants(const struct decimate *decimate, uint64_t sequence, uint64_t frames);
 
 #endif

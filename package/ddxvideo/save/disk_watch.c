@@ -34,7 +34,7 @@ static void look(struct disk_watch *watch, struct rate *rate) {
     struct free_space room;
 
     if (free_space_look(watch->place, &room))
-        return; /* what was there before says when it was written */
+        return; /* the old value stays; its time shows its age */
     measure(watch, rate);
     const DDX_DISK disk = {.free = room.free,
                            .usable = room.usable,

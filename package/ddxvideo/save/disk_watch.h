@@ -19,14 +19,14 @@ DDX_STORE_TYPE(
         uint64_t rate;        /* bytes a second that are recorded now */
         int64_t seconds_left; /* at this rate; -1: nothing is recorded, or the oldest recordings make room */
         uint32_t ready;       /* prepared files ahead */
-        uint32_t recording;   /* 1; 0: told to leave frames out */
+        uint32_t recording;   /* 1; 0: paused by a command */
     });
 
 struct disk_watch {
     const char *place;
     bool recycle;
     DDX_STATS_BOOK *book;
-    atomic_uint frame_bytes; /* of the present recording */
+    atomic_uint frame_bytes; /* of the current recording */
     atomic_bool paused;
     /* private: */
     DDX_STORE_ITEM *item;
@@ -36,10 +36,10 @@ struct disk_watch {
     bool stop;
 };
 
-/* Begin; place, recycle and book are set. Where the store has no room for the item, a line says so. */
+/* Start; place, recycle and book are set. If the store has no room for the item, a line reports it. */
 void disk_watch_start(struct disk_watch *watch, DDX_STORE_ID *id, const char *instance);
 
-/* End, also if it never began. Before ddx_store_close(), and before the book is closed. */
+/* Stop, also if it was not started. Call it before ddx_store_close(), and before the book is closed. */
 void disk_watch_stop(struct disk_watch *watch);
 
 #endif

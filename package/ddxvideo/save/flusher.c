@@ -8,14 +8,14 @@
 
 #define NS INT64_C(1000000000)
 
-/* Not before the next file is known on the disk: else nothing there would show that the recording continues. */
+/* Not before the next file is on the disk: otherwise nothing there would show that the recording continues. */
 static bool may_finish(const struct flusher *flusher, const struct segment *segment) {
     const struct segment *next = segment->next;
 
     return segment->closed && (!next || next->closed || segment_is_promised(next) || *flusher->error);
 }
 
-/* Waits for work or for the time of the next flush. False if there will be no more work. */
+/* Waits for work or for the next flush. False if there will be no more work. */
 static bool wait_for_work(struct flusher *flusher, int64_t until) {
     struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
     bool timeout = false;
@@ -42,7 +42,7 @@ static struct segment *younger(struct flusher *flusher, const struct segment *se
     return next;
 }
 
-/* The first one is done, if it may be: out of the list, and away. */
+/* Finishes the first segment, if it may be finished, and takes it out of the list. */
 static bool finish_oldest(struct flusher *flusher) {
     pthread_mutex_lock(&flusher->lock);
     struct segment *segment = flusher->oldest;
@@ -56,7 +56,7 @@ static bool finish_oldest(struct flusher *flusher) {
     return done;
 }
 
-/* Older ones first: a recording has no gap, wherever the power goes. */
+/* Older segments first: a power cut at any time leaves no gap in the recording. */
 static void flush_all(struct flusher *flusher) {
     int error = 0;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The thread that makes safe what another one writes: now and then, and when a file ends. */
+/* The thread that flushes what another thread writes: periodically, and at the end of each file. */
 #ifndef DDXVIDEO_FLUSHER_H
 #define DDXVIDEO_FLUSHER_H
 
@@ -13,23 +13,23 @@ struct flusher {
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t changed;
-    struct segment *oldest; /* and younger ones */
+    struct segment *oldest; /* the others follow it */
     bool stop;
     int64_t period;    /* ns */
-    atomic_int *error; /* 0, or what went wrong first, here or in the writer */
+    atomic_int *error; /* 0, or the first error, here or in the writer */
     atomic_bool unsafe; /* see struct segment */
 };
 
 /* Start; flush every `period` ns. 0 or -errno. */
 int flusher_start(struct flusher *flusher, int64_t period, atomic_int *error);
 
-/* The segment is the flusher's to finish and to free, but its writer may go on until it closes it. */
+/* The flusher finishes and frees the segment; its writer may go on until it closes it. */
 void flusher_add(struct flusher *flusher, struct segment *segment);
 
-/* The writer is done with the segment: it must not touch it any more. */
+/* The writer is done with the segment, and must not use it any more. */
 void flusher_close_segment(struct flusher *flusher, struct segment *segment);
 
-/* Wait until all segments, which are closed, are finished. */
+/* Wait until all segments are finished; they are closed. */
 void flusher_stop(struct flusher *flusher);
 
 #endif

@@ -11,17 +11,17 @@
 #define ALIGNMENT (1u << 20)
 
 /*
- * The first touch of a page costs more than copying into it, and hundreds of megabytes take longer than the store keeps
- * frames for us. So a thread of its own touches the pages, ahead of the frames; what is in them stays.
+ * The first access to a page costs more than a copy into it, and hundreds of megabytes take longer than the store keeps
+ * frames for us. So a separate thread touches the pages ahead of the frames, without changing their contents.
  */
 static void *populate(void *argument) {
     struct frame_queue *queue = argument;
 
     program_thread_signals();
-    program_thread_ordinary(); /* with priority it would take the processor from the thread that takes frames */
+    program_thread_ordinary(); /* with its priority it would delay the thread that takes frames */
     for (size_t at = 0; at < queue->size && !queue->enough; at += ALIGNMENT)
         if (madvise(queue->memory + at, ALIGNMENT, MADV_POPULATE_WRITE))
-            break; /* a kernel before 5.14: the frames touch them, then */
+            break; /* a kernel before 5.14: then the frames touch them */
     return NULL;
 }
 
@@ -55,7 +55,7 @@ void frame_queue_free(struct frame_queue *queue) {
     pthread_cond_destroy(&queue->changed);
 }
 
-/* Bytes in use: a block that was taken in part is. */
+/* Bytes in use, blocks that were taken in part included. */
 static size_t used(const struct frame_queue *queue) {
     return (size_t)(queue->put - queue->taken / FRAME_QUEUE_BLOCK * FRAME_QUEUE_BLOCK);
 }

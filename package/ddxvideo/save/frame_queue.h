@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The queue between store and disk: the bytes of the files to be, in order, and where each frame lies. One thread puts
- * frames in and never waits; another takes bytes out, in pieces as large as the disk likes them. Users of the recorder
- * know it as the ring (-ring, lost.ring).
+ * The queue between store and disk: the bytes of the files, in order, and the place of each frame. One thread puts
+ * frames in and never waits; another takes bytes out, in pieces of the size that suits the disk. For users of the
+ * recorder it is the ring (-ring, lost.ring).
  *
- * Each file begins at a multiple of FRAME_QUEUE_BLOCK in the memory: aligned pieces of the file are aligned there, too.
- * Of a block that has been taken in part all stays: a disk that is written in blocks gets it once more, with what
- * follows.
+ * Each file begins at a multiple of FRAME_QUEUE_BLOCK in the memory, so that aligned pieces of the file are aligned
+ * there. A block that has been taken in part stays whole: a disk that is written in blocks gets it again, with the
+ * bytes that follow.
  */
 #ifndef DDXVIDEO_FRAME_QUEUE_H
 #define DDXVIDEO_FRAME_QUEUE_H
@@ -19,12 +19,12 @@
 #include <sys/uio.h>
 
 #define FRAME_QUEUE_BLOCK 4096u
-#define FRAME_QUEUE_CUTS 32 /* ends of files that may be in the queue at once */
+#define FRAME_QUEUE_CUTS 32 /* maximum number of ends of files in the queue */
 
-/* What is known of a frame beside its bytes. */
+/* Facts on a frame, beside its bytes. */
 struct frame_queue_facts {
-    unsigned header;   /* number of bytes before the frame: the file's header, at its beginning */
-    int64_t published; /* when it was written into the store */
+    unsigned header;   /* bytes before the frame: the file's header, before its first frame */
+    int64_t published; /* time of its write into the store */
     int64_t time;      /* of the capture */
     int64_t wall;      /* as wall time; 0 if unknown */
     uint64_t sequence; /* in the store */
@@ -67,7 +67,7 @@ unsigned frame_queue_level(struct frame_queue *queue);
 bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int count,
                     const struct frame_queue_facts *facts);
 
-/* What was put last ends its file. False if there is no room for the rest of the block, or for one more cut. */
+/* The last frame ends its file. False if there is no room for the rest of the block, or for one more cut. */
 bool frame_queue_cut(struct frame_queue *queue);
 
 /* Nothing more will be put. */
@@ -77,7 +77,7 @@ void frame_queue_close(struct frame_queue *queue);
 
 enum frame_queue_next {
     FRAME_QUEUE_BYTES, /* there are some */
-    FRAME_QUEUE_CUT,   /* here the file ends; frame_queue_next_file() */
+    FRAME_QUEUE_CUT,   /* the file ends here; call frame_queue_next_file() */
     FRAME_QUEUE_END    /* closed and empty */
 };
 
@@ -86,7 +86,7 @@ enum frame_queue_next frame_queue_peek(struct frame_queue *queue, const unsigned
                                        size_t limit);
 void frame_queue_take(struct frame_queue *queue, size_t bytes);
 
-/* Behind FRAME_QUEUE_CUT: the next file begins. Returns where, in the queue's count. */
+/* After FRAME_QUEUE_CUT: begins the next file. Returns its place in the queue's count. */
 uint64_t frame_queue_next_file(struct frame_queue *queue);
 
 /* The oldest frame that has not been dropped yet. False if there is none. */

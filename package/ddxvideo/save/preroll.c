@@ -7,7 +7,7 @@
 #include "video_layout.h"
 
 #define NS INT64_C(1000000000)
-#define USUAL_RATE 25 /* of a source that does not tell its own */
+#define USUAL_RATE 25 /* of a source without a known rate */
 
 static unsigned limit_of(unsigned queue_frames) {
     return queue_frames > 4 ? queue_frames / 4 * 3 : 1;
@@ -54,13 +54,13 @@ uint64_t preroll_clear(struct preroll *preroll) {
     return frames;
 }
 
-/* Room for pictures like this one. */
+/* Makes room for pictures of this geometry. */
 static bool set_up(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view) {
     preroll->limit = limit_of(queue_frames);
     preroll->picture = calloc(preroll->limit, sizeof *preroll->picture);
     preroll->frame = calloc(preroll->limit, sizeof *preroll->frame);
     preroll->bytes = video_layout_bytes(&view->geometry);
-    preroll->memory = malloc(preroll->limit * preroll->bytes); /* what is not used costs nothing */
+    preroll->memory = malloc(preroll->limit * preroll->bytes); /* unused memory costs nothing */
     preroll->geometry = view->geometry;
     if (preroll->seconds > preroll_seconds_max(&view->geometry, queue_frames))
         say("%lld seconds before the start do not fit into memory, only the last %u frames do",

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The last seconds before the order to record: pictures that wait in memory while nothing is recorded. */
+/* The last seconds before recording starts: pictures that wait in memory while nothing is recorded. */
 #ifndef DDXVIDEO_PREROLL_H
 #define DDXVIDEO_PREROLL_H
 
@@ -7,9 +7,9 @@
 #include "recording.h"
 
 struct preroll {
-    int64_t seconds; /* that are wanted; 0: none */
+    int64_t seconds; /* wanted; 0: none */
     /* private: */
-    struct ddxvideo_geometry geometry; /* of what is in it */
+    struct ddxvideo_geometry geometry; /* of its pictures */
     struct ddxvideo_picture *picture;  /* their planes are in `memory` */
     struct recording_frame *frame;
     unsigned char *memory;
@@ -19,31 +19,30 @@ struct preroll {
 };
 
 /*
- * How many seconds of such pictures it can have: three quarters of a queue of that number of frames, which takes them.
+ * How many seconds of such pictures fit: three quarters of a queue of that number of frames, into which they go.
  */
 int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames);
 
 /*
- * Keep a picture (it is copied), and let go of those that are too old by now; of all, if they were of another kind.
- * Returns how many frames were let go of, those that were missed before them included; this one as well if there is
- * no memory for it.
+ * Keep a copy of a picture, and drop those that are too old by now; drop all if they had another geometry. Returns how
+ * many frames were dropped, those that were missed before them included; also this one if there is no memory for it.
  */
 uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame);
 
 /*
- * Frames were missed before one that is not kept. After a waiting picture they are remembered, as missed
- * before the next one. Returns how many are dropped instead: all, if no picture waits.
+ * Frames were missed before one that is not kept. If a picture waits, they are remembered as missed before the next
+ * one. Returns how many are dropped instead: all, if no picture waits.
  */
 uint64_t preroll_missed(struct preroll *preroll, uint64_t frames);
 
-/* The oldest one leaves: false if there is none. The picture stays until the next preroll_put(). */
+/* Take out the oldest picture, which is valid until the next preroll_put(). False if there is none. */
 bool preroll_take(struct preroll *preroll, struct ddxvideo_picture *view, struct recording_frame *frame);
 
-/* After the last one: how many frames were missed after it. They are forgotten. */
+/* How many frames were missed after the last picture. They are forgotten. */
 uint64_t preroll_missed_last(struct preroll *preroll);
 
-/* Let go of all; returns how many, as preroll_put(), and what was missed since. The memory is given back. */
+/* Drop all pictures and free the memory. Returns how many frames, as preroll_put(), and those missed since. */
 uint64_t preroll_clear(struct preroll *preroll);
 
 #endif

@@ -12,21 +12,21 @@
 
 static const char *const reasons[] = {"store", "ring", "write", NULL};
 
-/* Frames that the store keeps for us while we get no processor: at first, and a second's if so much memory does. */
+/* Frames that the store keeps while the recorder gets no processor: at first, and one second if KEEP_BYTES suffice. */
 #define KEEP_FRAMES 8
 #define KEEP_FRAMES_MAX 25
 #define KEEP_BYTES (4u << 20)
-#define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so look up from time to time */
+#define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so waits are short */
 #define WAITING_NS INT64_C(1000000000)
-#define BUSY 25          /* %: from there on the disk has enough to do with what is in the queue */
-#define DRAIN_FRAMES 256 /* bound on what is still taken from the store after TERM */
+#define BUSY 25          /* % of the queue: above this, the disk is needed for the recording */
+#define DRAIN_FRAMES 256 /* maximum number of frames taken from the store after TERM */
 
 static void say_kept(const struct recorder *recorder) {
     say("%s: the store has little room, it keeps %u frames for the recorder; more memory: store -m", recorder->name,
         recorder->keep);
 }
 
-/* Before the first frame: the store had no memory for that number. False if there is none for one frame either. */
+/* Before the first frame: the store had no memory for the number. False if it has none for one frame either. */
 static bool keep_fewer(struct recorder *recorder) {
     if (recorder->keep < 2 || ddx_store_keep(recorder->video, recorder->keep / 2))
         return false;
@@ -35,7 +35,7 @@ static bool keep_fewer(struct recorder *recorder) {
     return true;
 }
 
-/* With the first frame, as its size is known only now. Where there is no room for more, it stays as it is. */
+/* At the first frame, since its size is known only now. If there is no room for more, the number stays. */
 static void keep_more(struct recorder *recorder) {
     struct ddx_item_info info;
 
@@ -54,7 +54,7 @@ static void keep_more(struct recorder *recorder) {
         recorder->keep = (unsigned)frames;
 }
 
-/* The next frame, if it comes within the timeout. False if there was none. */
+/* Handles the next frame, if it comes within the timeout. False if there was none. */
 static bool take_frame(struct recorder *recorder, double timeout, int64_t not_after) {
     struct ddx_frame frame;
     int error = ddx_store_acquire(recorder->video, &frame, timeout, DDX_IN_ORDER);
@@ -77,7 +77,7 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
     return wanted;
 }
 
-/* Say once that there is no such item, when that lasts. */
+/* Reports once that there is no such item, if that lasts. */
 static void tell_waiting(struct recorder *recorder) {
     if (recorder->seen || recorder->said_waiting || ddx_time_now() - recorder->begin < WAITING_NS)
         return;
@@ -95,7 +95,7 @@ static void record(struct recorder *recorder) {
         if (recorder->recording && recording_error(recorder->recording))
             recorder->done = true;
     }
-    /* What was published before we were told to stop is recorded; before we failed, it is lost, and counted. */
+    /* Frames published before the stop are recorded; after a failure they are counted as lost. */
     int64_t now = ddx_time_now();
     for (int i = 0; i < DRAIN_FRAMES && take_frame(recorder, 0, now); i++)
         continue;
@@ -106,14 +106,14 @@ static void record(struct recorder *recorder) {
 
 /* ---- Start and end ---- */
 
-/* Whether the disk is needed for the recording: asked by the thread that prepares files. */
+/* Whether the disk is needed for the recording; called by the thread that prepares files. */
 static bool is_busy(void *argument) {
     const struct recorder *recorder = argument;
 
     return recorder->level > BUSY;
 }
 
-/* Where there is one, files come from the pool. False after a line. */
+/* Opens the pool, if files come from one. False after a line. */
 static bool open_pool(struct recorder *recorder) {
     if (!recorder->segment)
         return true;
@@ -133,7 +133,7 @@ static bool open_pool(struct recorder *recorder) {
 }
 
 /*
- * The item; if it does not exist yet, the store notes that this reader needs every frame from the first on. With
+ * Opens the item. If it does not exist yet, the store notes that this reader needs every frame from the first on; with
  * polling, the frames before each poll would be lost. False on a request to stop, or a failure.
  */
 static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
@@ -143,13 +143,13 @@ static bool find_item(struct recorder *recorder, DDX_STORE_ID *id) {
         return false;
     }
     recorder->awaited = !*ddx_store_item_type(recorder->video);
-    decimate_look(&recorder->decimate, &recorder->geometry); /* what is known before there is a frame */
+    decimate_look(&recorder->decimate, &recorder->geometry); /* as far as it is known before the first frame */
     recorder->keep = recorder->keep_frames ? (unsigned)recorder->keep_frames : KEEP_FRAMES;
     ddx_store_keep(recorder->video, recorder->keep);
     return true;
 }
 
-/* Files that a predecessor of this instance left when it died. */
+/* Repairs files that a predecessor of this instance left when it died. */
 static void mend_leftovers(struct recorder *recorder) {
     DDX_STATS stats;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Which file a frame belongs into: the present recording, or a new one. */
+/* Chooses the file for a frame: that of the current recording, or a new one. */
 #include "recorder_file.h"
 
 #include <errno.h>
@@ -17,14 +17,14 @@ unsigned recorder_ring_frames(const struct recorder *recorder) {
     return recording_queue_frames(&recorder->geometry, (unsigned)recorder->queue_frames);
 }
 
-/* End a recording. When it failed, say so. */
+/* Finishes a recording, and reports its failure. */
 static void finish(struct recorder *recorder, struct recording *recording) {
     char path[PATH_MAX];
     int error = recording_finish(recording, path);
 
     if (!error)
         return;
-    if (error == -ECANCELED) { /* a request to stop: that is no failure */
+    if (error == -ECANCELED) { /* a stop was requested: not a failure */
         say("%s: it had no reader; the waiting frames are lost", recorder->place);
         return;
     }
@@ -41,7 +41,6 @@ static void finish(struct recorder *recorder, struct recording *recording) {
     recorder->done = true;
 }
 
-/* The former ones that are on disk by now; or, waiting for it, all. */
 void recorder_finish_former(struct recorder *recorder, bool wait) {
     struct recording *recording;
 
@@ -59,7 +58,7 @@ void recorder_end_file(struct recorder *recorder) {
         pool_recorded_at(recorder->pool, 0);
 }
 
-/* Preparing files and reporting the remaining time need the recording's rate. */
+/* Passes on the recording's rate, by which files are prepared and the remaining time is reported. */
 static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
     unsigned bytes = (unsigned)video_layout_bytes(geometry);
     double rate = geometry->rate_num && geometry->rate_den ? (double)geometry->rate_num / geometry->rate_den : 30;
@@ -70,8 +69,8 @@ static void tell_rate(struct recorder *recorder, const struct ddxvideo_geometry 
 }
 
 /*
- * Begin a file for pictures like this one. Former ones are still being written meanwhile, by their own threads; where
- * the disk has left no room for one more queue, there is no recording then.
+ * Begins a file for pictures of this geometry. Former files may still be written by their own threads; if their queues
+ * leave no memory for one more, nothing is recorded for now.
  */
 static void begin_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     unsigned frames = recorder_ring_frames(recorder);
@@ -93,7 +92,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
                                   .lost_ring = recorder->lost_ring,
                                   .book = recorder->book};
     int error = recording_begin(&plan, &recorder->recording);
-    if (error) { /* the system's, not the store's */
+    if (error) { /* an error of the system, not of the store */
         say("%s: %s", recorder->place, strerror(-error));
         recorder->status = EXIT_FAILED;
         recorder->done = true;
@@ -108,7 +107,6 @@ static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo
            a->aspect_num == b->aspect_num && a->aspect_den == b->aspect_den;
 }
 
-/* Make sure that the present file fits this frame. False if it cannot be recorded. */
 bool recorder_choose_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
     if (!recorder->recording || recorder->output.is_folder) {
         if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry))

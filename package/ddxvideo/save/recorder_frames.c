@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Every frame out of the store into the queue of the present recording, and what was missed between them. */
+/* Puts each frame of the store into the queue of the current recording, and counts those missed between them. */
 #include "recorder_frames.h"
 
 #include <errno.h>
@@ -22,7 +22,7 @@ static void count_missed(struct recorder *recorder, uint64_t missed, int frame) 
         say("lost frames %d to %d: gone from the store before they were read", (int)first, (int)last);
 }
 
-/* What kind of pictures come, and which of them are wanted. */
+/* Takes over the geometry, and chooses the frames that are wanted. */
 static void look(struct recorder *recorder, struct ddxvideo_picture *view) {
     if (decimate_look(&recorder->decimate, &view->geometry) && !recorder->rate_unknown) {
         say("%s: its rate is unknown, so each frame is recorded; -skip N takes one of N",
@@ -81,14 +81,14 @@ static bool put_into_queue(struct recorder *recorder, const struct ddxvideo_pict
     return false;
 }
 
-/* A frame that is to be recorded, and what was missed before it. */
+/* Records a frame, and counts the frames missed before it. */
 static void put(struct recorder *recorder, const struct ddxvideo_picture *view, const struct recording_frame *frame) {
     int number = view->stamp.frame;
 
     if (frame->missed)
         count_missed(recorder, frame->missed, number);
     ddx_stats_in(recorder->book, 1, frame->sequence);
-    ddx_stats_write(recorder->book); /* before it can be on the disk: what is found there was in */
+    ddx_stats_write(recorder->book); /* before the frame can be on the disk: each frame found there was counted */
     if (!recorder_choose_file(recorder, view)) {
         ddx_stats_lost(recorder->book, LOST_WRITE, 1);
     } else {
@@ -101,7 +101,7 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
     recorder->frame = number;
 }
 
-/* Of frames that were lost before one that is not recorded either: the next one's index entry says so. */
+/* Frames were lost before one that is not recorded either: the index entry of the next one counts them. */
 static void tell_index(struct recorder *recorder, uint64_t lost) {
     if (recorder->recording)
         recording_missed(recorder->recording, lost);
@@ -123,8 +123,8 @@ static void put_broken(struct recorder *recorder, const struct recording_frame *
 }
 
 /*
- * While it is paused; also for frames overwritten in the store: unwanted, except between pictures of the pre-roll.
- * `view` is NULL if it is broken.
+ * While it is paused. Frames overwritten in the store were not wanted either, except between pictures of the pre-roll.
+ * `view` is NULL if the frame is broken.
  */
 static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *view,
                       const struct recording_frame *frame, bool wanted) {
@@ -139,7 +139,7 @@ static void leave_out(struct recorder *recorder, const struct ddxvideo_picture *
     recorder->frame = view ? view->stamp.frame : recorder->frame + 1;
 }
 
-/* It was not to be recorded; what was missed before it was. */
+/* The frame was not wanted; those missed before it were. */
 static void pass_over(struct recorder *recorder, const struct recording_frame *frame, int number) {
     if (frame->missed) {
         count_missed(recorder, frame->missed, number);
@@ -150,7 +150,7 @@ static void pass_over(struct recorder *recorder, const struct recording_frame *f
     recorder->frame = number;
 }
 
-/* It can be recorded no more, and was to be. */
+/* Recording has failed: a wanted frame is lost. */
 static void give_up(struct recorder *recorder, const struct recording_frame *frame) {
     if (recorder->paused)
         return;
@@ -159,7 +159,7 @@ static void give_up(struct recorder *recorder, const struct recording_frame *fra
     ddx_stats_lost(recorder->book, LOST_WRITE, 1);
 }
 
-/* Started again, it would fail again: the exit status is that of bad input. */
+/* A new start would fail again: the exit status is that of bad input. */
 static void refuse_layout(struct recorder *recorder, int format) {
     say("%s: its pictures are %s, which no Y4M file can hold; ddxlog records it, with the line: item %s",
         recorder->name, ddxvideo_layout_name(format), recorder->name);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What a recorder is to do, and how it stands. */
+/* A recorder's settings and state. */
 #ifndef DDXVIDEO_RECORDER_STATE_H
 #define DDXVIDEO_RECORDER_STATE_H
 
@@ -14,18 +14,18 @@
 #include "recording.h"
 
 struct recorder {
-    /* what to do */
+    /* settings: */
     struct program program;
     const char *name;  /* of the video item */
     const char *place; /* file or folder */
-    long queue_frames; /* that were asked for, see recording_queue_frames() */
-    long keep_frames;  /* that the store is to keep for us; 0: as recorder_run() sees fit */
+    long queue_frames; /* as requested, see recording_queue_frames() */
+    long keep_frames;  /* that the store is asked to keep; 0: recorder_run() decides */
     long segment;      /* MB of a file of the pool; 0: no pool */
-    bool recover;      /* what was left unfinished, and nothing else */
-    bool paused;       /* frames are left out, until an order to record comes */
-    bool recycle;      /* of the full disk's recordings the oldest is given up */
-    struct decimate decimate; /* of the frames: the others are skipped, as if they had not been there */
-    /* how it stands */
+    bool recover;      /* finish unfinished recordings, and exit */
+    bool paused;       /* frames are left out until a command to record */
+    bool recycle;      /* on a full disk, the oldest recording is given up */
+    struct decimate decimate; /* the other frames are skipped */
+    /* state: */
     struct output output;
     DDX_STATS_BOOK *book;
     DDX_STORE_ITEM *video;
@@ -35,20 +35,20 @@ struct recorder {
     struct preroll preroll;            /* while it is paused */
     struct ddxvideo_geometry geometry; /* of the newest picture */
     atomic_uint level; /* of the queue, % */
-    unsigned keep; /* frames that the store keeps for us */
-    struct recording *recording; /* the present one, NULL before the first frame */
-    struct backlog backlog;      /* former ones, which are still being written to disk */
+    unsigned keep; /* frames that the store keeps for this reader */
+    struct recording *recording; /* the current one; NULL before the first frame */
+    struct backlog backlog;      /* former ones, still being written to disk */
     struct recording_turn turn;
-    uint64_t lost_store, lost_ring; /* since the last frame that a recording took: the next one's index tells of them */
-    int64_t begin;               /* when the program was told to record */
-    bool awaited;                /* the item was not there when the recorder started */
-    bool said_waiting;           /* for it */
-    bool follows;                /* what is written into the item from now on is ours to record */
-    bool seen;                   /* a frame was there */
-    int frame;                   /* number of the frame before; -1: there was none */
-    bool queue_full;             /* the frame before was lost in the queue */
-    bool rate_changed;           /* said so */
-    bool rate_unknown;           /* likewise */
+    uint64_t lost_store, lost_ring; /* since the last recorded frame, for the index entry of the next one */
+    int64_t begin;               /* time of the start */
+    bool awaited;                /* the item did not exist when the recorder started */
+    bool said_waiting;           /* the wait for the item was reported */
+    bool follows;                /* frames count from now on */
+    bool seen;                   /* a frame has come */
+    int frame;                   /* number of the previous frame; -1: none */
+    bool queue_full;             /* the previous frame was lost: no room in the queue */
+    bool rate_changed;           /* reported */
+    bool rate_unknown;           /* reported */
     int status;                  /* exit status so far */
     bool done;
 };

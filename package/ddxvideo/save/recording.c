@@ -27,7 +27,7 @@ uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry) {
     return video_layout_bytes(geometry) + Y4M_FRAME_LINE_WRITTEN + sizeof(struct frame_queue_frame);
 }
 
-/* For 2.5 s. */
+/* 2.5 s. */
 static uint64_t usual_frames(const struct ddxvideo_geometry *geometry) {
     if (!ddxvideo_rate_known(geometry->rate_num, geometry->rate_den))
         return QUEUE_FRAMES;
@@ -66,7 +66,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
         error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS * 3 / 4, &recording->error);
     if (error)
         goto no_flusher;
-    frame_queue_cut(&recording->queue); /* a file begins: opened by the thread that may wait for a disk */
+    frame_queue_cut(&recording->queue); /* a file begins: the writing thread opens it, and may wait for the disk */
     error = -pthread_create(&recording->thread, NULL, recording_write, recording);
     if (error)
         goto no_thread;
@@ -110,13 +110,13 @@ static int64_t capture_time(const struct ddxvideo_picture *view, int64_t publish
     return view->stamp.time ? view->stamp.time : published;
 }
 
-/* Whether the present file has no space for that number of bytes, or for one more frame. */
+/* Whether the current file has no space for that number of bytes, or for one more frame. */
 static bool is_full(const struct recording *recording, size_t bytes) {
     return recording->file_bytes + bytes > pool_file_bytes(recording->plan.pool) ||
            recording->file_frames >= INDEX_ENTRIES;
 }
 
-/* The next frame begins a file: false if the queue has no room for the end of this one. */
+/* Ends the file before the next frame. False if the queue has no room for the end. */
 static bool end_file(struct recording *recording) {
     _Static_assert(FRAME_QUEUE_CUTS == 32, "each has a bit");
     uint32_t bit = 1u << recording->queue.cuts_put % FRAME_QUEUE_CUTS;
@@ -163,7 +163,7 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
     }
     int64_t time;
     if (__builtin_sub_overflow(facts.time, recording->start, &time) || time < 0)
-        time = 0; /* the source's clock went back: nothing that a Y4M file can say */
+        time = 0; /* the source's clock went back, which a Y4M file cannot express */
     size_t length = y4m_write_frame(line, time < Y4M_TIME_MAX ? time : Y4M_TIME_MAX, first ? facts.time : 0,
                                     first ? facts.wall : 0);
     struct iovec pieces[5] = {{header, facts.header}, {line, length}};
@@ -190,7 +190,7 @@ void recording_missed(struct recording *recording, uint64_t frames) {
     recording->lost_store += frames;
 }
 
-/* ---- Looks ---- */
+/* ---- State ---- */
 
 const struct ddxvideo_geometry *recording_geometry(const struct recording *recording) {
     return &recording->plan.geometry;

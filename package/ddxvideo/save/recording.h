@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A recording of pictures of one kind: a queue, a thread that writes it to disk, into one file after the other if they
- * come from a pool, and a thread that makes safe what has been written.
+ * A recording of pictures with one geometry: a queue; a thread that writes it to disk, with a pool into one file after
+ * the other; and a thread that flushes the written bytes.
  */
 #ifndef DDXVIDEO_RECORDING_H
 #define DDXVIDEO_RECORDING_H
@@ -11,45 +11,44 @@
 struct recording;
 
 /*
- * Size of the queue for pictures like these, in frames: 2.5 s, at least 64 frames, and at most
- * recording_queue_bytes_max(); or `asked` frames, where that is not 0, in at most a quarter of the machine's memory.
- * Never fewer than 8, or `asked`.
+ * Size of the queue for such pictures, in frames: 2.5 s, at least 64 frames, and at most recording_queue_bytes_max();
+ * or `asked` frames, if that is not 0, in at most a quarter of the machine's memory. Never fewer than 8, or `asked`.
  */
 unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsigned asked);
 
 /* 256 MiB, on a small machine a quarter of its memory. */
 uint64_t recording_queue_bytes_max(void);
 
-/* Memory of a frame in the queue: its bytes, and what the queue's list has of it. */
+/* Memory of a frame in the queue: its bytes, and its entry in the list. */
 uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
 
 /*
- * Begin to record. The thread that writes opens the first file, so that the caller does not wait for a disk. 0 or
- * -errno; -EFBIG if a frame does not fit into a file of the pool.
+ * Begin to record. The writing thread opens the first file, so that the caller does not wait for the disk. 0 or -errno;
+ * -EFBIG if a frame does not fit into a file of the pool.
  */
 int recording_begin(const struct recording_plan *plan, struct recording **recording);
 
-/* What the recorder knows of a frame beside its picture. */
+/* Facts on a frame, beside its picture. */
 struct recording_frame {
-    int64_t published; /* when it was written into the store */
+    int64_t published; /* time of its write into the store */
     uint64_t sequence; /* in the store */
     uint64_t missed;   /* frames lost in the store before it */
 };
 
 /*
- * Copy a frame into the queue. Never waits. False if that is full; the frame is counted as lost then, and the index
- * of the next one says so.
+ * Copy a frame into the queue. Never waits. False if the queue is full: then the frame is counted as lost, also in the
+ * index entry of the next one.
  */
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame);
 
 /*
- * In a pool: the next frame begins a new recording, without a gap to this one. Does not wait; where the queue has no
- * room for the end of a file, it is a later frame.
+ * In a pool: the next frame begins a new recording, without a gap to this one. Does not wait: while the queue has no
+ * room for the end of a file, a later frame begins it.
  */
 void recording_split(struct recording *recording);
 
-/* A frame that was there could not be read: the index of the next one says so. */
+/* Count frames that could not be read, in the index entry of the next one. */
 void recording_missed(struct recording *recording, uint64_t frames);
 
 const struct ddxvideo_geometry *recording_geometry(const struct recording *recording);
@@ -60,18 +59,18 @@ uint64_t recording_queue_bytes(const struct recording *recording);
 /* How full the queue is: 0 to 100. */
 unsigned recording_level(struct recording *recording);
 
-/* 0, or -errno after which nothing more gets to disk: no file, or one that cannot be written any more. */
+/* 0, or the -errno that stopped the writing: no file, or one that can no longer be written. */
 int recording_error(const struct recording *recording);
 
 /* No more frames; does not wait. */
 void recording_close(struct recording *recording);
 
-/* Whether a closed one is on disk, or has failed: recording_finish() does not wait then. */
+/* Whether a closed recording is on disk, or has failed: then recording_finish() does not wait. */
 bool recording_is_on_disk(const struct recording *recording);
 
 /*
- * Wait until all is on disk, free the recording. `path` (PATH_MAX) becomes that of its last file, "" if there was none.
- * 0, or -errno as recording_error().
+ * Wait until all is on disk, and free the recording. `path` (PATH_MAX) becomes that of its last file, "" if there was
+ * none. 0, or -errno as recording_error().
  */
 int recording_finish(struct recording *recording, char *path);
 

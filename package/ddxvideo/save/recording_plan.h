@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* What to record, and where to. */
+/* Settings of a recording. */
 #ifndef DDXVIDEO_RECORDING_PLAN_H
 #define DDXVIDEO_RECORDING_PLAN_H
 
@@ -10,14 +10,13 @@
 #include "output.h"
 #include "segment_state.h"
 
-/* Recordings of one recorder write to disk one after the other: their files get numbers in their order. */
+/* Recordings of one recorder write to disk one after the other, so that their files are numbered in order. */
 struct recording_turn {
     pthread_mutex_t lock;
     pthread_cond_t changed;
     unsigned begun, written; /* recordings so far */
 };
 
-/* What to record, and where to. */
 struct recording_plan {
     const struct output *output;
     struct pool *pool; /* NULL: one file */

@@ -7,7 +7,7 @@
 #include "crc32c.h"
 #include "program.h"
 
-#define CHUNK (1u << 20) /* writes end at multiples of this, when so much is waiting */
+#define CHUNK (1u << 20) /* writes end at multiples of this, if enough bytes wait */
 
 static void fail(struct recording *recording, int error) {
     int none = 0;
@@ -15,7 +15,7 @@ static void fail(struct recording *recording, int error) {
     atomic_compare_exchange_strong(&recording->error, &none, error);
 }
 
-/* The frame's last byte is out of the queue. */
+/* The frame's last byte was taken from the queue. */
 static void frame_is_out(struct recording *recording, const struct frame_queue_frame *frame) {
     if (recording->error) {
         ddx_stats_lost(recording->plan.book, LOST_WRITE, 1);
@@ -27,14 +27,14 @@ static void frame_is_out(struct recording *recording, const struct frame_queue_f
     ddx_stats_write(recording->plan.book);
 }
 
-/* So is the last byte before the file's first frame. */
+/* The last byte before the file's first frame was taken. */
 static void head_is_out(struct recording *recording) {
     if (recording->segment)
         recording->segment->head = recording->sum;
     recording->sum = 0;
 }
 
-/* These bytes are written, or given up: which frames do they belong to? */
+/* Assigns bytes that were written, or given up, to their frames. */
 static void account(struct recording *recording, const unsigned char *bytes, size_t size) {
     struct frame_queue_frame frame;
 
@@ -76,15 +76,15 @@ static void begin_file(struct recording *recording) {
     recording->segment = segment;
 }
 
-/* Here one file ends and another one begins. The flusher hears of the new one first: it would give the old one its
- * name, and until the new one is known on the disk the recording would look finished. */
+/* One file ends and another one begins. The flusher must get the new one first: otherwise it would give the old one its
+ * name, and the recording would look finished until the new one is on the disk. */
 static void change_file(struct recording *recording) {
     struct segment *before = recording->segment;
     uint32_t bit = 1u << recording->queue.cuts_taken % FRAME_QUEUE_CUTS;
 
     if (recording->begins & bit) {
         recording->begins &= ~bit;
-        recording->session = 0; /* of the next file's own */
+        recording->session = 0; /* the next file has its own */
     }
     recording->position = frame_queue_next_file(&recording->queue);
     recording->segment = NULL;
@@ -94,7 +94,7 @@ static void change_file(struct recording *recording) {
         flusher_close_segment(&recording->flusher, before);
 }
 
-/* The former recording may still have to open its first file, on a disk that stands still. */
+/* The previous recording may still be opening its first file, on a disk that hangs. */
 static void wait_for_turn(struct recording *recording) {
     struct recording_turn *turn = recording->plan.turn;
 
@@ -127,7 +127,7 @@ void *recording_write(void *argument) {
             limit = CHUNK;
             continue;
         }
-        if (!recording->error) { /* else the queue is emptied, so that every frame is accounted for */
+        if (!recording->error) { /* otherwise the queue is only emptied, so that each frame is counted */
             ssize_t done = segment_write(recording->segment, bytes, size);
             if (done < 0)
                 fail(recording, (int)done);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* A recording from inside: what the reading and the writing thread share. */
+/* The inside of a recording, shared by the reading and the writing thread. */
 #ifndef DDXVIDEO_RECORDING_WRITE_H
 #define DDXVIDEO_RECORDING_WRITE_H
 
@@ -13,23 +13,23 @@ struct recording {
     struct frame_queue queue;
     struct flusher flusher;
     pthread_t thread;
-    unsigned turn;    /* number of recordings that write first */
+    unsigned turn;    /* number of recordings that write before this one */
     atomic_int error; /* 0 or -errno */
-    atomic_bool done; /* the writing thread has nothing more to do */
-    /* of the reading thread, which puts: */
-    int64_t start;                  /* time of the first frame of the present file */
-    uint64_t file_bytes;            /* of the present file; 0: the next frame begins it */
+    atomic_bool done; /* the writing thread is done */
+    /* of the reading thread: */
+    int64_t start;                  /* time of the first frame of the current file */
+    uint64_t file_bytes;            /* of the current file; 0: the next frame begins it */
     uint32_t file_frames;
-    bool split;                     /* the next frame is to begin another recording */
+    bool split;                     /* the next frame begins another recording */
     _Atomic uint32_t begins;        /* bit N: after the queue's cut N (modulo their number) another recording begins */
     uint64_t lost_store, lost_ring; /* since the last frame that was put */
     _Atomic uint32_t lost_store_last, lost_ring_last; /* after the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
     struct segment *segment; /* NULL: before the first one, or after an error */
-    uint64_t position;       /* of what is written next, in the queue's count */
-    char path[PATH_MAX];     /* of the present file, the last one, or none yet */
-    uint32_t sum;            /* of the frame that is being written, or of the file's first line */
+    uint64_t position;       /* of the next byte, in the queue's count */
+    char path[PATH_MAX];     /* of the current file, or the last one; "" before the first */
+    uint32_t sum;            /* checksum of the bytes so far of the frame, or of the file's first line */
 };
 
 /* The writing thread; the argument is the recording, whose queue begins with a cut. */

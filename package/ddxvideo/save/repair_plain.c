@@ -14,7 +14,7 @@
 #include "video_layout.h"
 #include "y4m.h"
 
-/* Its whole frames, and the bytes up to the end of the last of them. -1: it is no file of ours. */
+/* Its complete frames, and the bytes up to the end of the last one. -1: not a recording of ours. */
 static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     struct y4m_header header;
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
@@ -39,7 +39,7 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     return frames;
 }
 
-/* A file that no recorder uses; `own` if it was certainly recorded to. Returns its frames; -1: no recording. */
+/* Repairs a file that no recorder uses; `own`: it is certainly a recording. Returns its frames; -1: not a recording. */
 static int64_t mend(const char *folder, int at, const char *name, bool own) {
     struct stat status;
     int64_t whole, frames = -1;
@@ -63,7 +63,7 @@ static int64_t mend(const char *folder, int at, const char *name, bool own) {
     return frames;
 }
 
-/* The name of the file with this inode, or, where inode is 0, that of the newest recording. False: there is none. */
+/* Finds the file that the counters name, or without counters the newest recording. False: there is none. */
 static bool find(const struct output *output, DIR *list, const DDX_STATS *stats, char name[NAME_MAX + 1]) {
     struct stat status;
     long highest = 0;

@@ -8,10 +8,10 @@
 #include "output.h"
 
 /*
- * Cuts the file that a former recorder was writing after its last whole frame, and reports it; a file without a frame
- * is removed. This concerns the file that the counters name, if it is in this folder, and in a folder also the newest
- * recording of this item. A file that another program records into is left as it is. Frames in the first
- * one that the former program had written, but not counted, are counted as out.
+ * Cuts the file that a former recorder was writing after its last whole frame, and reports it; removes a file without a
+ * frame. Repaired are the file that the counters name, if it is in this folder, and in a folder also the newest
+ * recording of this item. A file that another program records into is left alone. Frames of the former file that were
+ * written, but not counted, are counted as out.
  */
 void repair_plain_files(const struct output *output, DDX_STATS_BOOK *book);
 

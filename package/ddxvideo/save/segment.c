@@ -14,7 +14,7 @@
 #include "segment_index.h"
 
 #define CHUNK (1u << 20)
-#define LOOK_MS 100 /* how often to look up from waiting for a pipe */
+#define LOOK_MS 100 /* between checks for a stop while waiting for a pipe */
 
 /* ---- Open ---- */
 
@@ -29,7 +29,7 @@ static int open_plain(const struct output *output, struct segment *segment) {
     return 0;
 }
 
-/* Frames that a killed forerunner made safe, and had no time to count. */
+/* Counts frames that a killed predecessor brought to the disk, but did not count. */
 static void count_found(struct pool *pool, DDX_STATS_BOOK *book) {
     DDX_STATS stats;
 
@@ -83,8 +83,11 @@ int segment_open(const struct output *output, struct pool *pool, DDX_STATS_BOOK 
 
 /* ---- Write ---- */
 
-/* Whole blocks, the first and the last of which hold more than these bytes: before, what the queue still has of the
- * file; after it, anything, even what the reading thread is just putting there: it is written again with its frame. */
+/*
+ * Writes whole blocks, so the first and the last one hold other bytes as well: earlier ones of the file, which the
+ * queue still has, and later ones, even while the reading thread puts them there: they are written again with their
+ * frame.
+ */
 static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes, size_t size) {
     size_t before = (size_t)(segment->written % INDEX_BLOCK);
     size_t length = (before + size + INDEX_BLOCK - 1) / INDEX_BLOCK * INDEX_BLOCK;
@@ -97,7 +100,7 @@ static ssize_t write_blocks(struct segment *segment, const unsigned char *bytes,
     return (size_t)done - before < size ? done - (ssize_t)before : (ssize_t)size;
 }
 
-/* To a pipe, which may be full, and stay so. */
+/* Writes to a pipe, which may stay full. */
 static ssize_t write_pipe(struct segment *segment, const unsigned char *bytes, size_t size) {
     for (;;) {
         struct pollfd room = {.fd = segment->fd, .events = POLLOUT};
@@ -113,7 +116,7 @@ static ssize_t write_pipe(struct segment *segment, const unsigned char *bytes, s
     }
 }
 
-/* Begin to write what is in memory, so that the disk works steadily instead of in bursts. */
+/* Starts to write back cached bytes, so that the disk works steadily instead of in bursts. */
 static int order(struct segment *segment) {
     uint64_t from = segment->ordered, size = segment->written - from;
 
@@ -121,7 +124,7 @@ static int order(struct segment *segment) {
         return 0;
     segment->ordered = segment->written;
     if (!sync_file_range(segment->fd, (off_t)from, (off_t)size, SYNC_FILE_RANGE_WRITE) ||
-        (errno != EIO && errno != ENOSPC && errno != EDQUOT)) /* else the file system cannot do it */
+        (errno != EIO && errno != ENOSPC && errno != EDQUOT)) /* other errors: the file system does not support it */
         return 0;
     int error = -errno;
     *segment->unsafe = true;
@@ -159,13 +162,13 @@ void segment_add(struct segment *segment, const struct frame_queue_frame *frame,
         ddx_stats_out(segment->book, 1, latency);
     segment->adding++;
     segment->whole = frame->end - segment->begin;
-    segment->frames++; /* after the entry: a thread that reads the count finds the entry */
+    segment->frames++; /* after the entry, so that a thread that reads the count finds the entry */
     segment->adding++;
 }
 
-/* ---- Make safe ---- */
+/* ---- Flush ---- */
 
-/* What has no name any more is gone when it is closed. */
+/* A file without a name is deleted when it is closed. */
 static bool is_removed(const struct segment *segment) {
     struct stat status;
 
@@ -212,7 +215,7 @@ bool segment_is_promised(const struct segment *segment) {
     return !segment->pool || segment->promised;
 }
 
-/* Its name, unless that is another file's by now. */
+/* Removes its name, unless another file has that name by now. */
 static void unlink_own(const struct segment *segment) {
     struct stat own, named;
 
@@ -221,18 +224,18 @@ static void unlink_own(const struct segment *segment) {
         unlink(segment->path);
 }
 
-/* A frame that is half there, or that the disk did not take, is not recorded. */
+/* Cuts off frames that are incomplete, or that the disk did not take. */
 static void cut(struct segment *segment) {
     ddx_stats_take_back(segment->book, LOST_WRITE, segment->frames - segment->safe_frames);
     if (!segment->safe)
-        unlink_own(segment); /* not one frame: an empty file would only be in the way */
+        unlink_own(segment); /* no frame: an empty file is of no use */
     else if (ftruncate(segment->fd, (off_t)segment->safe) || fdatasync(segment->fd))
         say("%s: cannot be cut after its last good frame, number %u: %s", segment->path, segment->safe_frames,
             strerror(errno));
 }
 
 static int finish_plain(struct segment *segment, bool failed) {
-    int error = segment_flush(segment); /* after a failed write as well: what is whole by now may be safe yet */
+    int error = segment_flush(segment); /* also after a failed write: complete frames may still get to the disk */
 
     if (segment->regular && (failed || error))
         cut(segment);

@@ -32,8 +32,8 @@ void segment_index_add(struct segment *segment, const struct frame_queue_frame *
     segment->latency[position] = latency;
 }
 
-/* To the disk, from what was written before. Files that were not prepared have metadata to be written as well, and not
- * all of it is theirs. */
+/* Brings written bytes to the disk. For files that were not prepared, metadata must be written as well, and not all of
+ * it belongs to the file. */
 static int sync_fd(const struct segment *segment, int fd) {
     int error = (segment->file.prepared ? fdatasync(fd) : syncfs(fd)) ? -errno : 0;
 
@@ -42,8 +42,8 @@ static int sync_fd(const struct segment *segment, int fd) {
     return error;
 }
 
-/* Entries from `first` on, before `end`: the blocks that they are in. What is younger in these is not written, since
- * its frame may not be on the disk. */
+/* Writes the blocks with the entries from `first` up to `end`, exclusive. Later entries in these blocks are left out,
+ * since their frames may not be on the disk. */
 static int write_entries(const struct segment *segment, uint32_t first, uint32_t end) {
     _Alignas(INDEX_BLOCK) unsigned char block[INDEX_BLOCK];
     for (uint32_t at = first / PER_BLOCK * PER_BLOCK; at < end; at += PER_BLOCK) {
@@ -65,7 +65,7 @@ int segment_index_flush(struct segment *segment) {
         return 0;
     if (*segment->unsafe)
         return -EIO;
-    /* Frames first: an index that promised what is not there would be worse than none. */
+    /* Frames first: an index must not promise frames that are not on the disk. */
     int error = sync_fd(segment, segment->fd);
     if (!error && !segment->promised)
         error = pool_write_header(&segment->file, &segment->index->header);
@@ -82,19 +82,19 @@ int segment_index_flush(struct segment *segment) {
 
 int segment_index_finish(struct segment *segment, bool failed) {
     struct index_header *header = &segment->index->header;
-    int error = segment_index_flush(segment); /* after a failed write as well: what is whole by now may be safe yet */
+    int error = segment_index_flush(segment); /* also after a failed write: complete frames may still get to the disk */
 
     if (failed)
-        error = 0; /* has been told */
+        error = 0; /* has been reported */
     ddx_stats_lost(segment->book, LOST_WRITE, segment->frames - segment->promised);
     if (!segment->promised) {
         pool_give_back(&segment->file);
         return error;
     }
     index_end(segment->index, segment->promised);
-    header->lost_store += segment->lost_store; /* after the last frame: no entry has these */
+    header->lost_store += segment->lost_store; /* lost after the last frame, so in no entry */
     header->lost_ring += segment->lost_ring;
-    /* Entries that were given up may stand beside the last one that holds: written again, without them. */
+    /* Entries that were given up may follow the last valid one in its block: write that again without them. */
     int other = write_entries(segment, segment->promised - 1, segment->promised);
     if (!other)
         other = pool_write_header(&segment->file, header);
