@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* All bytes of a file in order, past the page cache, which belongs to others: this is what the disk has. */
+/* Reads a file in order past the page cache: the bytes on the disk, and memory stays free for other programs. */
 #ifndef DDXVIDEO_BYTES_H
 #define DDXVIDEO_BYTES_H
 
@@ -8,13 +8,14 @@
 #include <stdint.h>
 
 /*
- * Call `take` with the first `size` bytes, piece by piece, until it returns something else than 0. `direct`: the file
- * was opened with O_DIRECT. 0; -errno; -ENODATA: the file is shorter; -EINTR: told to stop; or what `take` returned.
+ * Call `take` with the first `size` bytes, piece by piece, until it returns a value other than 0. `direct`: the file
+ * was opened with O_DIRECT. 0; -errno; -ENODATA: the file is shorter; -EINTR: a stop was requested; or the value of
+ * `take`.
  */
 int bytes_read(int fd, bool direct, uint64_t size, int (*take)(void *to, const unsigned char *bytes, size_t size),
                void *to);
 
-/* INT, TERM and HUP end bytes_read() from now on. */
+/* From now on INT, TERM and HUP stop bytes_read(). */
 void bytes_catch_signals(void);
 
 #endif

@@ -50,7 +50,7 @@ void check_end(struct check *check) {
         judge(check, false);
 }
 
-/* The line, whose length is known, makes pictures of the size that the first frame has. */
+/* Whether the line, up to the first frame, is a header for pictures of the size of that frame. */
 static bool fits(const struct check *check) {
     const struct index_entry *first = &check->index->entry[0];
     struct y4m_header header;
@@ -72,6 +72,6 @@ bool check_head(const struct check *check) {
     const struct index_header *header = &check->index->header;
 
     if (!check->frames)
-        return true; /* nothing says how long it is */
+        return true; /* its length is not known */
     return header->flags & INDEX_HEAD ? check->head == header->head : fits(check);
 }

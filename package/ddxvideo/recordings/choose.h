@@ -5,8 +5,8 @@
 #include "find.h"
 
 /*
- * Which files are meant by a word: "all", "newest" (the newest recording), a recording (video-000012, or its number
- * alone), or a file's name. chosen[] has an entry for each file. False: none, which is not said.
+ * Set chosen[], which has an entry for each file, for a word: "all", "newest" (the newest recording), a recording
+ * (video-000012, or its number alone), or a file's name. False: the word stands for no file. Prints nothing.
  */
 bool choose_files(const struct folder *folder, const char *word, bool *chosen);
 

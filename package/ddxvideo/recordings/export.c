@@ -18,7 +18,7 @@
 #include "verify.h"
 
 #define UNFINISHED ".part"
-#define AHEAD (8u << 20) /* bytes that wait in memory for a slow stick, at most: memory is for frames */
+#define AHEAD (8u << 20) /* most bytes that wait in memory for a slow stick: memory is for frames */
 
 struct copy {
     struct verify from;
@@ -26,8 +26,8 @@ struct copy {
     int fd;
     uint32_t sum;
     uint64_t written, synced;
-    int percent;      /* shown last */
-    int write_error;  /* 0: what failed was the source */
+    int percent;      /* printed last */
+    int write_error;  /* 0: the source failed */
 };
 
 /* ---- One file ---- */
@@ -42,7 +42,7 @@ static void show_progress(struct copy *copy) {
     fflush(stdout);
 }
 
-/* So much more is on its way to the medium, and what was on its way before is there. */
+/* Writes the bytes up to `until` to the medium, and waits for them. */
 static int push(struct copy *copy, uint64_t until) {
     int flags = SYNC_FILE_RANGE_WAIT_BEFORE | SYNC_FILE_RANGE_WRITE | SYNC_FILE_RANGE_WAIT_AFTER;
 
@@ -80,8 +80,8 @@ static int add_up(void *to, const unsigned char *bytes, size_t size) {
     return 0;
 }
 
-/* The file that was written, to be read. If the folder belongs to another user, that user can put a link or
- * a pipe in its place: root neither follows nor waits for them, and reads no other file. */
+/* Opens the written file for reading. If the folder belongs to another user, that user can replace it by a link or a
+ * pipe: root neither follows nor waits for them, and reads no other file. */
 static int open_written(const struct copy *copy, int to, const char *name, bool *direct) {
     int flags = O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK;
     struct stat written, opened;
@@ -99,7 +99,7 @@ static int open_written(const struct copy *copy, int to, const char *name, bool 
     return -EBADMSG;
 }
 
-/* Past the page cache: what the medium has, not what we remember. 0, -EBADMSG if it is something else, -errno. */
+/* Compares the bytes on the medium, past the page cache. 0; -EBADMSG: they differ; -errno. */
 static int read_back(const struct copy *copy, int to, const char *name) {
     uint32_t sum = 0;
     bool direct;
@@ -112,7 +112,7 @@ static int read_back(const struct copy *copy, int to, const char *name) {
     return error ? error : sum == copy->sum ? 0 : -EBADMSG;
 }
 
-/* All but the name. Always a new file: one of this name that is there may be a pipe, or a link to another file. */
+/* Writes the file with a temporary name. Always a new file: an existing one may be a pipe, or a link. */
 static int write_file(struct copy *copy, int to, const char *name) {
     if (unlinkat(to, name, 0) && errno != ENOENT)
         return copy->write_error = -errno;
@@ -128,8 +128,8 @@ static int write_file(struct copy *copy, int to, const char *name) {
     return error;
 }
 
-/* FAT keeps a file's size beside its name, and writes it with the file only: until then there is a name with nothing
- * after it. Where that fails the medium may have the name without its bytes: no file of that name is left. */
+/* Gives the file its name. FAT keeps a file's size beside the name, but writes it only with the file: until then the
+ * name stands for an empty file. If that fails, no file of that name is left. */
 static int give_name(const struct copy *copy, int to, const char *from) {
     if (renameat(to, from, to, copy->found->name))
         return -errno;
@@ -158,7 +158,7 @@ static void tell(const struct copy *copy, const char *to, int error) {
         say("%s: not exported, it cannot be read: %s", copy->found->shown, strerror(-error));
 }
 
-/* 0; 1: copied, but it is not what was recorded; -errno after a line. */
+/* 0; 1: copied, but the source is not as recorded; -errno after a line. */
 static int copy_file(const struct folder *folder, const struct found *found, const char *path, int to) {
     char unfinished[NAME_MAX + sizeof UNFINISHED];
     struct copy copy = {.found = found, .fd = -1, .percent = -1};
@@ -191,7 +191,7 @@ static int copy_file(const struct folder *folder, const struct found *found, con
 
 /* ---- All of them ---- */
 
-/* Whether they fit, each one and all together: false after a line. */
+/* Whether all files fit onto the medium. False after a line. */
 static bool has_room(const struct folder *folder, const bool *chosen, const char *path, int to) {
     struct statvfs medium;
     uint64_t bytes = 0;
@@ -201,7 +201,7 @@ static bool has_room(const struct folder *folder, const bool *chosen, const char
         return false;
     }
     for (unsigned i = 0; i < folder->count; i++) {
-        if (chosen[i]) /* also if it is there already: the old one goes after the new one was written */
+        if (chosen[i]) /* even if it exists there: the old one is deleted only after the new one is written */
             bytes += (folder->file[i].bytes / medium.f_frsize + 2) * medium.f_frsize;
     }
     uint64_t room = (uint64_t)medium.f_bavail * medium.f_frsize;

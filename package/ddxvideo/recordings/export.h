@@ -5,9 +5,9 @@
 #include "find.h"
 
 /*
- * Copy the chosen files, which have their names, into a folder. Each is written under another name, synced, read back
- * from the medium, compared, and only then gets its own; a file of that name is replaced. Nothing is written when there
- * is no room for all. Says what it does, and what went wrong. The exit status.
+ * Copy the chosen files, which must be finished, into a folder. Each is written with a temporary name, synced, read
+ * back from the medium, compared, and only then gets its own name; a file of that name is replaced. Without room for
+ * all files, nothing is written. Prints progress and errors. Returns the exit status.
  */
 int export_files(const struct folder *folder, const bool *chosen, const char *to);
 

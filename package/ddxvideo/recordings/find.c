@@ -15,7 +15,7 @@
 
 #define LOOKS_MAX 10
 
-/* ---- What the pool has ---- */
+/* ---- Files of the pool ---- */
 
 struct pooled {
     ino_t inode;
@@ -72,9 +72,8 @@ static bool same(const struct pooled_list *one, const struct pooled_list *other)
 }
 
 /*
- * A recorder may end a file and begin the next one while we look: first at the next one, which is not locked yet, then
- * at the former, which is unlocked by then. So we repeat until two scans agree, or a running recording would be
- * reported as interrupted.
+ * A recorder may end a file and begin the next one during the scan, which then sees the next one before it is locked,
+ * and the former one unlocked: a running recording would be reported as interrupted. So scans repeat until two agree.
  */
 static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
     int error = look_once(folder, list);
@@ -92,7 +91,7 @@ static int look_at_pool(const struct folder *folder, struct pooled_list *list) {
     return error;
 }
 
-/* ---- What people see ---- */
+/* ---- Files of the folder ---- */
 
 void found_clean(char *text) {
     for (; *text; text++)
@@ -191,7 +190,7 @@ void folder_close(struct folder *folder) {
         close(folder->fd);
 }
 
-/* ---- One of them ---- */
+/* ---- One file ---- */
 
 const char *found_state_name(enum found_state state) {
     static const char *const names[] = {"finished", "recovered", "cut off", "interrupted", "recording"};
@@ -218,7 +217,7 @@ int found_open_index(const struct folder *folder, const struct found *found) {
 }
 
 int found_hold(const struct folder *folder, const struct found *found, int *hold) {
-    /* What is being recorded is its recorder's already. */
+    /* A file of a running recording is locked by its recorder. */
     int fd = found->state < FOUND_INTERRUPTED ? pool_hold_file(folder->pool, found->id) : -1;
 
     *hold = fd < 0 ? -1 : fd;

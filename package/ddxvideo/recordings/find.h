@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The recordings in a folder, as the indexes of its pool tell them; of a file without an index what the file says. */
+/* Finds the recordings in a folder, by the indexes of its pool; a file without an index is read itself. */
 #ifndef DDXVIDEO_FIND_H
 #define DDXVIDEO_FIND_H
 
@@ -13,29 +13,29 @@ struct folder {
     unsigned count;
 };
 
-/* Look into a folder: its files in the order in which they were recorded. 0 or -errno. folder_close() in any case. */
+/* Find the files of a folder, in the order of their recording. 0 or -errno. Call folder_close() in any case. */
 int folder_open(struct folder *folder, const char *path);
 void folder_close(struct folder *folder);
 
-/* A name as a line may have it: the recorder's user chooses names, and none of them may steer the terminal of root. */
+/* Make a name printable: the recorder's user chooses names, and none of them may control root's terminal. */
 void found_clean(char *text);
 
 /* "finished" and so on. */
 const char *found_state_name(enum found_state state);
 
-/* Open the file past the page cache; *direct: reads have to be aligned. -errno. */
+/* Open the file past the page cache; *direct: reads must be aligned. -errno on failure. */
 int found_open(const struct folder *folder, const struct found *found, bool *direct);
 
-/* Open its index. -errno. */
+/* Open its index. -errno on failure. */
 int found_open_index(const struct folder *folder, const struct found *found);
 
 /*
- * Keep the file from being given up or used again until *hold is closed; -1 if there is nothing to be held, or this
- * user may not hold files (found_is_given_up() notices then). 0, or -EBUSY: it is being given up right now.
+ * Prevent that the file is given up or used again until *hold is closed; *hold is -1 if nothing needs to be held, or if
+ * this user may not hold files (then found_is_given_up() notices). 0, or -EBUSY: it is being given up right now.
  */
 int found_hold(const struct folder *folder, const struct found *found, int *hold);
 
-/* By its index: whether another recording has its place by now, or none. What was read before may be either's. */
+/* Whether its index is of another recording by now, or of none: then bytes that were read may be of either. */
 bool found_is_given_up(int index_fd, const struct found *found);
 
 #endif

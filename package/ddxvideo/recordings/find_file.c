@@ -37,7 +37,7 @@ int find_open(int folder, const char *name, int flags) {
 
 /* ---- With an index ---- */
 
-/* The header says nothing of its frames yet. */
+/* The header has no counts yet. */
 static void count_so_far(int fd, struct found *found) {
     struct index_file *index = malloc(sizeof *index);
 
@@ -129,7 +129,7 @@ static size_t read_line(int fd, uint64_t at, char line[Y4M_HEADER_MAX]) {
     return (size_t)(end - line) + 1;
 }
 
-/* From FRAME line to FRAME line, over the pictures. */
+/* Reads the FRAME lines, and skips the pictures. */
 static void walk(int fd, const struct y4m_header *header, uint64_t at, struct found *found) {
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
     uint64_t picture = 0;
@@ -168,11 +168,11 @@ bool find_plain(int folder, struct found *found) {
     bool good = length && y4m_parse_header(line, Y4M_SAME, &header, error);
     read_name(found);
     found->bytes = (uint64_t)status.st_size;
-    posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* not all that lies between the lines */
+    posix_fadvise(fd, 0, 0, POSIX_FADV_RANDOM); /* do not read ahead into the pictures */
     if (good)
         walk(fd, &header, length, found);
     else
         found->state = FOUND_CUT_OFF;
     close(fd);
-    return good || (found->number && found->bytes); /* a recorder's name is no accident */
+    return good || (found->number && found->bytes); /* only a recorder makes such names */
 }

@@ -34,7 +34,7 @@ static const char usage[] =
     "\n"
     "Exit status: 0, 1 failed or not what was recorded, 2 bad usage.\n";
 
-/* Programs that record, send or receive come first. */
+/* Lowest priority: programs that record, send or receive come first. */
 static void step_back(void) {
     setpriority(PRIO_PROCESS, 0, 19);
     syscall(SYS_ioprio_set, 1, 0, IDLE);
@@ -49,7 +49,7 @@ static int verify(const struct folder *folder, const bool *chosen) {
     return good ? EXIT_OK : EXIT_FAILED;
 }
 
-/* What has its name is what can be copied. */
+/* Only finished files are copied. */
 static int export(const struct folder *folder, bool *chosen, const char *to) {
     bool any = false;
 
@@ -67,7 +67,7 @@ static int export(const struct folder *folder, bool *chosen, const char *to) {
     return export_files(folder, chosen, to);
 }
 
-/* The words between the command and the target, in chosen[]. */
+/* Sets chosen[] for the words between command and target. */
 static int choose(const struct folder *folder, char **words, bool *chosen) {
     static char all[] = "all";
     static char *everything[] = {all, NULL};
@@ -76,7 +76,7 @@ static int choose(const struct folder *folder, char **words, bool *chosen) {
 
     for (char **word = optional ? everything : words; *word; word++)
         if (!choose_files(folder, *word, chosen) && !optional) {
-            say("%s: there is no such recording; `list` shows which there are", *word);
+            say("%s: there is no such recording; `list` shows all", *word);
             status = EXIT_USAGE;
         }
     return status;
@@ -114,7 +114,7 @@ static int run(const struct folder *folder, const char *path, const char *comman
 int main(int argc, char **argv) {
     descriptors_open();
     const char *path = "/rec", *command = NULL;
-    char **words = argv; /* those that are no options, and not the command: fewer than there are */
+    char **words = argv; /* the arguments except options and command; never more than argv has */
     unsigned count = 0;
     bool json = false;
     say_as("ddxrecordings");

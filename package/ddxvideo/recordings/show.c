@@ -34,7 +34,7 @@ static void utc(int64_t wall, char text[32]) {
         strcpy(text, "-");
 }
 
-/* All files of a recording as if they were one. */
+/* The sums over all files of a recording. */
 static struct found sum_up(const struct found *file, unsigned count) {
     struct found sum = file[0];
 
@@ -101,7 +101,7 @@ static void show_line(unsigned count, const struct found *sum, const char *name,
            found_state_name(sum->state));
 }
 
-/* As long as the present recording goes on as it did until now. */
+/* The remaining time is at the rate of the running recordings so far. */
 void show_room(const struct folder *folder, const char *path) {
     struct free_space room;
     uint64_t rate = 0;

@@ -25,11 +25,11 @@ static int read_index(struct verify *verify, const struct found *found) {
             header->frames);
         verify->damaged = true;
     }
-    /* The index may have more entries: of frames that were given up when the file was finished. */
+    /* The index may have more entries, of frames that were given up when the file was finished. */
     if (header->state != INDEX_RECORDING && verify->check.frames > header->frames)
         verify->check.frames = header->frames;
     const struct index_entry *last = verify->check.frames ? &verify->index->entry[verify->check.frames - 1] : NULL;
-    if (found->state >= FOUND_INTERRUPTED) /* what the index promises by now */
+    if (found->state >= FOUND_INTERRUPTED) /* the frames in the index by now */
         verify->bytes = last ? last->offset + last->bytes : 0;
     return 0;
 }
@@ -72,7 +72,7 @@ bool verify_is_given_up(const struct verify *verify, const struct found *found) 
     return found->id && found_is_given_up(verify->index_fd, found);
 }
 
-/* The line about frames, of which at least one is bad. */
+/* Reports bad frames, of which there is at least one. */
 static void say_bad(const struct verify *verify, const struct found *found) {
     const struct check *check = &verify->check;
     const struct index_entry *entry = &verify->index->entry[check->first];

@@ -7,31 +7,31 @@
 #include "check.h"
 #include "find.h"
 
-/* A file that is read and judged at the same time. */
+/* A file that is verified while it is read. */
 struct verify {
     int fd, index_fd;
     int hold; /* see found_hold() */
     bool direct;
-    uint64_t bytes; /* that are to be read */
-    struct index_file *index; /* NULL: it has none */
-    bool damaged;             /* not all frames have their sums */
+    uint64_t bytes; /* to be read */
+    struct index_file *index; /* NULL: none */
+    bool damaged;             /* some frames have no checksum */
     struct check check;
 };
 
-/* Open it, hold it, read its index. 0; -errno after a line. verify_close() in any case. */
+/* Open the file, hold it, and read its index. 0; -errno after a line. Call verify_close() in any case. */
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found);
 void verify_close(struct verify *verify);
 
-/* Whether the file was given up while it was read: then neither its bytes nor what is wrong with them count. */
+/* Whether the file was given up while it was read: then its bytes mean nothing. */
 bool verify_is_given_up(const struct verify *verify, const struct found *found);
 
-/* All bytes have been seen: say what is wrong, a line each. Whether nothing is. */
+/* After all bytes: print a line for each error. True if there is none. */
 bool verify_judge(struct verify *verify, const struct found *found);
 
-/* The next bytes, as bytes_read() gives them; `to` is the struct verify. */
+/* Take the next bytes, as called by bytes_read(); `to` is the struct verify. */
 int verify_bytes(void *to, const unsigned char *bytes, size_t size);
 
-/* All of that; a line for a good one as well. Whether it is good. */
+/* Verify a whole file, and print a line also if it is good. True if it is. */
 bool verify_file(const struct folder *folder, const struct found *found);
 
 #endif
