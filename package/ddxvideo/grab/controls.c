@@ -53,12 +53,12 @@ int controls_add(struct controls *controls, uint32_t id, const char *from) {
 
 void controls_begin(struct controls *controls, struct camera *camera) {
     for (unsigned i = 0; i < controls->asked_count; i++)
-        camera->call->set(camera, controls->asked[i].id, controls->asked[i].value); /* another camera may not have it */
+        camera->call->set(camera, controls->asked[i].id, controls->asked[i].value); /* may be another camera */
     memset(&controls->list, 0, sizeof controls->list);
     camera->call->list(camera, controls);
 }
 
-/* Of a bit mask any bits of its maximum may be set; of others the driver would take the nearest step. */
+/* A bit mask takes any bits of its maximum. Other values must fit: the driver would take the nearest step. */
 static bool fits(const struct controls *controls, int i, int64_t value) {
     int64_t minimum = controls->list.parameter[i].minimum, maximum = controls->list.parameter[i].maximum;
 
@@ -102,7 +102,7 @@ int controls_check(const struct controls *controls, const DDX_REQUEST *request, 
     return 0;
 }
 
-/* The newest last: they are set again in this order, and a value may switch off what was automatic before. */
+/* The newest last: they are set again in this order, and a value may switch off an automatic one before it. */
 static void remember(struct controls *controls, uint32_t id, int value) {
     unsigned i = 0;
 
@@ -117,7 +117,7 @@ static void remember(struct controls *controls, uint32_t id, int value) {
     controls->asked[controls->asked_count++].value = value;
 }
 
-/* Back to what they were, the last one first. */
+/* Restores the former values, the last one first. */
 static void undo(const struct controls *controls, struct camera *camera, const DDX_REQUEST *request, unsigned made) {
     while (made-- > 0) {
         int i = find_name(controls, request->change[made].name);
@@ -148,6 +148,6 @@ int controls_change(struct controls *controls, struct camera *camera, const DDX_
         if (controls->kind[i] != CONTROL_BUTTON)
             remember(controls, controls->id[i], (int)request->change[k].value);
     }
-    camera->call->refresh(camera, controls); /* one may change others, such as its automatic twin */
+    camera->call->refresh(camera, controls); /* one may change others, such as its automatic mode */
     return 0;
 }

@@ -10,10 +10,10 @@
 
 #include "unpack.h"
 
-#define GREY 128  /* chroma of no colour */
-#define VECTOR 64 /* bytes, the largest that any processor has */
+#define GREY 128  /* chroma without a colour */
+#define VECTOR 64 /* bytes of the largest vector of any processor */
 
-/* Planes of one part of a picture, on either side. */
+/* Planes of one part of a picture, input or output. */
 struct planes {
     unsigned char *data[4];
     int stride[4];
@@ -51,7 +51,7 @@ static struct planes planes_of(const struct picture *picture) {
     return planes;
 }
 
-/* ---- Getting ready ---- */
+/* ---- Preparation ---- */
 
 static enum AVPixelFormat libav_of(const struct video_layout *layout) {
     switch (layout->format) {
@@ -73,7 +73,7 @@ static int open_scaler(struct converter *converter, enum AVPixelFormat source, e
         {"srcw", converter->from.width},
         {"srch", converter->from.height / (int)converter->parts},
         {"src_format", source},
-        {"src_range", rgb && converter->direct.full}, /* else the range stays what it is */
+        {"src_range", rgb && converter->direct.full}, /* otherwise the range does not change */
         {"dstw", converter->width},
         {"dsth", converter->height / (int)converter->parts},
         {"dst_format", target},
@@ -92,8 +92,8 @@ static int open_scaler(struct converter *converter, enum AVPixelFormat source, e
 }
 
 /*
- * Raw pictures of a sensor become RGB in a step of their own. libswscale's direct way to 4:2:0 takes chroma of each
- * second row in FFmpeg 5.1 and the mean of both rows in 7.1, but a picture must not depend on the image.
+ * Raw sensor pictures become RGB in a separate step. libswscale's direct conversion to 4:2:0 takes chroma of each
+ * second row in FFmpeg 5.1 and the mean of both rows in 7.1, but results must not depend on the version of the image.
  */
 static int open_bayer(struct converter *converter) {
     int width = converter->from.width, height = converter->from.height;
@@ -116,7 +116,7 @@ static void forget(struct converter *converter) {
     converter->prepared = AV_PIX_FMT_NONE;
 }
 
-/* 4:2:0 is scaled in place, grey keeps its luma, whatever its range. */
+/* 4:2:0 is scaled in place; grey keeps its luma in any range. */
 static int prepare_420(struct converter *converter, enum AVPixelFormat format) {
     bool grey = format == AV_PIX_FMT_GRAY8;
 
@@ -125,8 +125,8 @@ static int prepare_420(struct converter *converter, enum AVPixelFormat format) {
 }
 
 /*
- * Other layouts are scaled as they are, if rows can be brought into the layout before. Grey that is made of RGB goes by
- * way of 4:2:0, whose luma has the same range in each layout.
+ * Other layouts are scaled in the layout itself, if rows can be converted to it before. Grey from RGB is made by way of
+ * 4:2:0, whose luma has the same range.
  */
 static int prepare_other(struct converter *converter, enum AVPixelFormat format) {
     const struct video_layout *layout = converter->layout, *between = layout;
@@ -144,7 +144,7 @@ static int prepare_other(struct converter *converter, enum AVPixelFormat format)
     return error ? error : open_scaler(converter, source, libav_of(between));
 }
 
-/* For pictures of this format; what was there before may do. */
+/* Prepares for pictures of this format, if it is not prepared already. */
 static int prepare(struct converter *converter, enum AVPixelFormat format) {
     bool same = converter->from.width == converter->width && converter->from.height == converter->height;
 
@@ -206,7 +206,7 @@ void converter_close(struct converter *converter) {
 
 /* ---- Picture by picture ---- */
 
-/* Field `part` (0: the top one) of a picture that has them row by row, or one after the other, from plane to plane. */
+/* Selects field `part` (0: the top one) in each plane, whose fields are interleaved, or follow each other. */
 static void choose(struct planes *planes, const int rows[3], unsigned part, bool interleaved) {
     for (int i = 0; i < 3; i++) {
         if (!planes->data[i])
@@ -243,7 +243,7 @@ static void convert_part(struct converter *converter, const struct planes *from,
         run_rows(converter, converter->after, converter->width, to_rows, scaled, *to);
 }
 
-/* A picture as it lies in the camera's buffer, its samples brought into an order that libswscale reads. */
+/* Finds the planes in the camera's buffer; samples that libswscale cannot read are rearranged first. */
 static int find_samples(struct converter *converter, const void *data, size_t used, struct planes *planes) {
     size_t offset[3];
 
@@ -264,7 +264,7 @@ static int find_samples(struct converter *converter, const void *data, size_t us
     return 0;
 }
 
-/* The planes of what the camera gave: format and rows of chroma for each, where they lie. */
+/* Finds the planes of the input, their format, and the rows of chroma. */
 static int find_planes(struct converter *converter, const void *data, size_t used, struct planes *planes,
                        enum AVPixelFormat *format, int *chroma_rows) {
     const struct pixels *pixels = &converter->from;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* From the camera's buffer into the planes of a loaned frame, in one pass: pixel format, size and fields at once. */
+/* Converts pixel format, size and fields in one pass, from the camera's buffer into the planes of a loaned frame. */
 #ifndef DDXVIDEO_CONVERT_H
 #define DDXVIDEO_CONVERT_H
 
@@ -10,7 +10,7 @@
 #include "jpeg.h"
 #include "pixels.h"
 
-/* Planes of our own. */
+/* Planes that the converter owns. */
 struct picture {
     unsigned char *plane[3];
     int stride[3];
@@ -20,35 +20,34 @@ struct converter {
     struct pixels from;
     int width, height; /* of the result */
     const struct video_layout *layout;
-    bool stack; /* the two fields one above the other instead of row by row */
+    bool stack; /* stack the two fields, instead of weaving them row by row */
     /* private: */
     const struct pixels_format *format;
-    enum AVPixelFormat libav;    /* of the camera's pictures, after unpack_run() and `bayer` */
-    enum AVPixelFormat prepared; /* the format that what follows is for; AV_PIX_FMT_NONE: for none */
+    enum AVPixelFormat libav;    /* format of the camera's pictures, after unpack_run() and `bayer` */
+    enum AVPixelFormat prepared; /* input format of the members below; AV_PIX_FMT_NONE: none */
     unsigned parts;              /* 2: field by field, so that fields never mix */
     struct direct direct;
-    direct_row *before;       /* from the camera's rows to the layout's; NULL: libswscale does it */
-    direct_row *after;        /* from the scaled picture's rows to the layout's; NULL: it has been scaled in place */
-    struct SwsContext *sws;   /* of one part; NULL where `before` does all */
-    struct picture taken;     /* by `before`, to be scaled */
-    struct picture scaled;    /* libswscale may write rows beyond their end: not for the store */
+    direct_row *before;       /* converts the camera's rows to the layout; NULL: libswscale does */
+    direct_row *after;        /* converts scaled rows to the layout; NULL: scaled in place */
+    struct SwsContext *sws;   /* for one part; NULL: `before` is enough */
+    struct picture taken;     /* result of `before`, to be scaled */
+    struct picture scaled;    /* libswscale may write beyond the end of rows: not into the store */
     struct jpeg *jpeg;        /* for compressed pictures */
-    unsigned char *unpacked;  /* by unpack_run(), where that is needed */
-    struct SwsContext *bayer; /* raw pictures of a sensor to RGB; NULL: these are none */
-    struct picture coloured;  /* by `bayer` */
+    unsigned char *unpacked;  /* result of unpack_run(), if needed */
+    struct SwsContext *bayer; /* raw sensor pictures to RGB; NULL: not raw */
+    struct picture coloured;  /* result of `bayer` */
 };
 
 /*
- * Get ready for pictures of this size and layout, `to`. `range` is that of the camera's luma. Fields that lie in a
- * buffer one after the other come out row by row, or stacked if told so. 0; -EINVAL: no such format, or heights that
- * two fields do not divide; -ENOMEM.
+ * Prepare for results of geometry `to`. `range` is that of the camera's luma. Fields that follow each other in a buffer
+ * are woven row by row, or stacked with `stack`. 0; -EINVAL: no such format, or a height that two fields do not divide;
+ * -ENOMEM.
  */
 int converter_open(struct converter *converter, const struct pixels *from, int range,
                    const struct ddxvideo_geometry *to, bool stack);
 
 /*
- * Convert the `used` bytes at `data` into the planes that the layout has. 0, -EBADMSG: they hold no whole picture,
- * -ENOMEM.
+ * Convert the `used` bytes at `data` into the planes of the layout. 0; -EBADMSG: not a whole picture; -ENOMEM.
  */
 int converter_run(struct converter *converter, const void *data, size_t used, unsigned char *const plane[3],
                   const int stride[3]);

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#define GREY 128 /* chroma of no colour */
+#define GREY 128 /* chroma without a colour */
 
 typedef const unsigned char *const *rows_in;
 typedef unsigned char *const *rows_out;
@@ -33,7 +33,7 @@ static void copy_444(const struct direct *direct, rows_in from, rows_out to) {
         memcpy(to[i], from[i], (size_t)direct->width);
 }
 
-/* ---- Packed 4:2:2, taken apart ---- */
+/* ---- Packed 4:2:2, separated ---- */
 
 static void split(int pairs, const unsigned char *restrict from, unsigned char *restrict y, unsigned char *restrict u,
                   unsigned char *restrict v, int luma) {
@@ -91,7 +91,7 @@ static void uyvy_to_16(const struct direct *direct, rows_in from, rows_out to) {
 
 /* ---- Grey ---- */
 
-/* The upper byte first, `depth` bits in use; a camera that sets more bits than it says is at its brightest there. */
+/* The upper byte first, `depth` bits in use; values with more bits are clipped to the brightest one. */
 static void deep_to_16(const struct direct *direct, rows_in from, rows_out to) {
     int depth = direct->depth;
     unsigned most = (1U << depth) - 1;

@@ -10,7 +10,7 @@ void count_restart(struct count *count) {
 }
 
 uint64_t count_pass(struct count *count, uint64_t frames) {
-    uint64_t before = (count->position + count->skip - 1) / count->skip; /* wanted ones below the position */
+    uint64_t before = (count->position + count->skip - 1) / count->skip; /* wanted frames before the position */
 
     count->position += frames;
     return (count->position + count->skip - 1) / count->skip - before;

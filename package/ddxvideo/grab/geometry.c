@@ -19,7 +19,7 @@ struct ddxvideo_geometry geometry_of_result(const struct ddxvideo_geometry *came
 
     result.width = width ? width : camera->width - (layout->chroma_x == 1 ? camera->width % 2 : 0);
     result.height = height ? height : camera->height - (layout->chroma_y == 1 || stack ? camera->height % 2 : 0);
-    if (!video_layout_is_420(layout->format)) /* else the camera knows where the chroma sits */
+    if (!video_layout_is_420(layout->format)) /* for 4:2:0 the siting stays the camera's */
         result.format = layout->format;
     if (layout->format == DDX_VIDEO_RGB24)
         result.range = DDX_VIDEO_RANGE_FULL;

@@ -17,9 +17,9 @@ static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 #define UNPLUGGED "unplugged, waiting for it"
 #define LASTS_NS SECOND
 #define RETRY_NS (200 * MS)     /* between two attempts to open the camera */
-#define POLL_MS 50              /* longest sleep: requests and signals are checked as often */
-#define PATIENCE_NS SECOND      /* without a frame, the stream is restarted; of a slow camera, four periods */
-#define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras need as long */
+#define POLL_MS 50              /* longest wait; requests and signals are checked after it */
+#define PATIENCE_NS SECOND      /* without a frame; then the stream is restarted. For a slow camera, four periods */
+#define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras take that long */
 #define LOST_SAID_NS (10 * SECOND)
 
 static bool quit(const struct grabber *grabber) {
@@ -50,8 +50,8 @@ static void set_reason(struct grabber *grabber, int error, const char *why) {
 /* ---- While the camera is away ---- */
 
 /*
- * Frames that the camera would have sent since the last one: they have no numbers, so they are counted by the clock.
- * `margin` periods are left out while the time of the next frame is unknown.
+ * Counts, by the clock, the frames that the camera would have sent since the last one. `margin` periods are left out
+ * while the time of the next frame is unknown.
  */
 static void count_away(struct grabber *grabber, int64_t now, double margin) {
     if (!grabber->last || !grabber->camera->period)
@@ -109,7 +109,7 @@ static void try_open(struct grabber *grabber) {
 
 /* ---- Frame by frame ---- */
 
-/* When the frame was captured: as the camera says, if it counts the same time as we do. */
+/* The capture time of the frame: the camera's, if it is of this machine's clock. */
 static int64_t time_of(struct grabber *grabber, const struct camera_frame *frame, int64_t now) {
     int64_t time = count_time(frame->time, grabber->opened, now);
 
@@ -175,7 +175,7 @@ static void handle(struct grabber *grabber, const struct camera_frame *frame) {
     ddx_stats_write(grabber->book);
 }
 
-/* All whose turn it is; what taking or giving back ended with. */
+/* Handles all frames that are due. The error of the last take() or give(). */
 static int handle_due(struct grabber *grabber, int64_t now) {
     struct camera *camera = grabber->camera;
     struct camera_frame frame;
@@ -191,7 +191,7 @@ static int handle_due(struct grabber *grabber, int64_t now) {
     return error;
 }
 
-/* All frames that are there. */
+/* Handles all frames that have come. */
 static void take_frames(struct grabber *grabber) {
     int error = handle_due(grabber, ddx_time_now());
 
@@ -201,7 +201,7 @@ static void take_frames(struct grabber *grabber) {
         let_go(grabber, "the stream broke off, starting it again");
 }
 
-/* What the camera tells beside the frames. */
+/* Handles events of the camera. */
 static void take_events(struct grabber *grabber) {
     switch (grabber->camera->call->events(grabber->camera, &grabber->controls)) {
     case CAMERA_NOTHING: break;
@@ -228,7 +228,7 @@ static void stream(struct grabber *grabber) {
     int64_t patience = grabber->back ? PATIENCE_NS : WARM_UP_NS;
     if (patience < 4 * grabber->camera->period)
         patience = 4 * grabber->camera->period;
-    /* When it took longer than that, it was not the camera that stood still. */
+    /* A longer wait than that was a stall of this program, not of the camera. */
     int64_t looked = ddx_time_now() - begin;
     grabber->silent += looked < 2 * POLL_MS * MS ? looked : 2 * POLL_MS * MS;
     if (grabber->silent > patience && !camera->triggered)

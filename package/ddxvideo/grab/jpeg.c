@@ -13,7 +13,7 @@ struct jpeg {
     AVCodecContext *context;
     AVPacket *packet;
     AVFrame *frame;
-    bool ends; /* this camera's pictures have an end mark */
+    bool ends; /* pictures of this camera have an end mark */
 };
 
 struct jpeg *jpeg_open(void) {
@@ -26,8 +26,8 @@ struct jpeg *jpeg_open(void) {
     jpeg->packet = av_packet_alloc();
     jpeg->frame = av_frame_alloc();
     if (jpeg->context) {
-        jpeg->context->thread_count = 1; /* more of them keep frames back */
-        jpeg->context->max_pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE; /* whatever the picture claims to be */
+        jpeg->context->thread_count = 1; /* each further thread would delay a frame */
+        jpeg->context->max_pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE; /* whatever size the picture claims */
         if (jpeg->packet && jpeg->frame && !avcodec_open2(jpeg->context, codec, NULL))
             return jpeg;
     }
@@ -62,7 +62,7 @@ static bool rename_format(AVFrame *frame) {
     return false;
 }
 
-/* Whether the picture has its end mark, with any padding after it. Within the coded data there is none. */
+/* Whether the picture has an end mark, perhaps with padding after it. The coded data cannot have one. */
 static bool has_end(const unsigned char *data, size_t size) {
     for (size_t at = size - 1; at > 0; at--)
         if (data[at] == 0xd9 && data[at - 1] == 0xff)
@@ -74,7 +74,7 @@ int jpeg_decode(struct jpeg *jpeg, const void *data, size_t size, const AVFrame 
     /* The decoder reads a little beyond the end, which the driver's buffer may not have. */
     if (size < 4 || size > INT_MAX / 2 || av_new_packet(jpeg->packet, (int)size))
         return -EBADMSG;
-    /* The decoder makes up what is missing after a cut. Some cameras never set the mark, and they are believed. */
+    /* The decoder makes up the missing part of a cut picture. Cameras that never set the mark are trusted. */
     bool end = has_end(data, size);
     jpeg->ends |= end;
     if (jpeg->ends && !end) {

@@ -8,12 +8,12 @@
 
 struct jpeg;
 
-/* NULL: libavcodec was built without its decoder, or no memory. */
+/* NULL: libavcodec has no JPEG decoder, or no memory. */
 struct jpeg *jpeg_open(void);
 
 /*
- * Decode one picture. 0 and its planes at *frame, until the next call; their format has no letter J: the range is the
- * full one always. -EBADMSG: damaged, or of a kind that is not known here.
+ * Decode a picture. 0, and its planes in *frame until the next call; their format is without the letter J, and the
+ * range is always the full one. -EBADMSG: damaged, or of an unsupported kind.
  */
 int jpeg_decode(struct jpeg *jpeg, const void *data, size_t size, const AVFrame **frame);
 

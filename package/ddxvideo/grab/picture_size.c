@@ -12,7 +12,7 @@ static const struct {
     {"PAL", 720, 576},  {"NTSC", 720, 480}, {"720p", 1280, 720}, {"1080p", 1920, 1080},
 };
 
-/* Digits up to `end`; 0 if there is anything else, or too much. */
+/* Reads digits up to `end`; 0: anything else, or too large. */
 static int side(const char **text, char end) {
     int value = 0;
 

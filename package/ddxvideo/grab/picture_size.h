@@ -4,7 +4,7 @@
 
 #include <stdbool.h>
 
-/* The names that -size takes, for people. */
+/* Values of -size, for messages. */
 #define SIZE_NAMES "QCIF, CIF, 4CIF, VGA, PAL, NTSC, 720p, 1080p, or WxH such as 640x480"
 
 /* "CIF" (in any case) or "640x480": even sides, at most DDX_VIDEO_SIDE. False if it is no such size. */

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The camera's pixel formats that we take, and how they lie in its buffers. */
+/* The supported pixel formats of cameras, and their order in a camera's buffers. */
 #ifndef DDXVIDEO_PIXELS_H
 #define DDXVIDEO_PIXELS_H
 
@@ -34,10 +34,10 @@ enum pixels_coding {
     PIXELS_BGGR16,
 };
 
-/* What has to be done before libswscale can read it. */
+/* Rearrangement before libswscale can read the samples. */
 enum pixels_unpack { UNPACK_NOTHING, UNPACK_16, UNPACK_16_LE, UNPACK_411, UNPACK_444 };
 
-/* How two fields lie in a buffer. */
+/* Order of two fields in a buffer. */
 enum pixels_order {
     PIXELS_PROGRESSIVE, /* no fields */
     PIXELS_INTERLEAVED, /* row by row, the top field first */
@@ -45,18 +45,18 @@ enum pixels_order {
     PIXELS_BOTTOM_TOP
 };
 
-/* What one buffer of the camera holds. */
+/* Contents of a camera's buffer. */
 struct pixels {
     enum pixels_coding coding;
     int width, height;
-    int stride; /* of the first plane, bytes from row to row; 0 where it has no meaning (MJPEG) */
+    int stride; /* of the first plane, bytes from row to row; 0 for MJPEG */
     enum pixels_order order;
-    int depth; /* of samples of 16 bits: how many are in use, 8 to 16 */
+    int depth; /* bits in use of 16-bit samples, 8 to 16 */
 };
 
 struct pixels_format {
     enum pixels_coding coding;
-    const char *name; /* as -format takes it */
+    const char *name; /* in -format */
     enum AVPixelFormat libav; /* after `unpack` */
     bool compressed;
     uint8_t planes;
@@ -71,7 +71,7 @@ struct pixels_format {
 const struct pixels_format *pixels_find(enum pixels_coding coding); /* or NULL */
 const struct pixels_format *pixels_named(const char *name);         /* in any case; or NULL */
 
-/* Where the planes begin, and their strides; returns the bytes that a whole picture has (0: compressed). */
+/* Begins and strides of the planes. Returns the bytes of a whole picture (0: compressed). */
 size_t pixels_planes(const struct pixels *pixels, size_t offset[3], int stride[3]);
 
 #endif

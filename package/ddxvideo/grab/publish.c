@@ -5,7 +5,7 @@
 
 #define CREATE_AGAIN_NS INT64_C(500000000)
 
-/* Says a new kind of trouble with the store once; 0: there is none. */
+/* Reports each new error of the store once; 0: none. */
 static void complain(const struct grabber *grabber, const char *item, int error) {
     static int said;
 
@@ -17,7 +17,7 @@ static void complain(const struct grabber *grabber, const char *item, int error)
     said = error;
 }
 
-/* The items, made for pictures like these. False if that is not possible now. */
+/* Creates the items for the current geometry, if needed. False if that is not possible now. */
 static bool have_items(struct grabber *grabber) {
     const struct ddxvideo_geometry *wanted = &grabber->geometry;
     int64_t now = ddx_time_now();

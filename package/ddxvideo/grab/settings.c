@@ -26,13 +26,13 @@ static void serve(struct grabber *grabber) {
         status = controls_change(&grabber->controls, grabber->camera, &request, text);
         grabber->changed = true;
     }
-    /* A program that has the answer must find the new values. */
+    /* Before the answer, so that a program that gets it finds the new values. */
     if (!status && grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
         grabber->changed = false;
     ddx_requests_answer(grabber->requests, status, text);
 }
 
-/* The two items. Says a new kind of refusal once. 0 or -errno. */
+/* Creates the two items, if needed; reports each new error once. 0 or -errno. */
 static int open_items(struct grabber *grabber) {
     static int said;
     int error = 0;

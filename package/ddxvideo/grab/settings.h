@@ -5,13 +5,13 @@
 
 #include "grabber_state.h"
 
-/* The camera was opened. */
+/* Call when the camera was opened. */
 void settings_begin(struct grabber *grabber);
 
 /* Answer a request, if there is one; write the parameters, if they have changed. Call it often. */
 void settings_tick(struct grabber *grabber);
 
-/* Give the items back. */
+/* Close the items. */
 void settings_end(struct grabber *grabber);
 
 #endif

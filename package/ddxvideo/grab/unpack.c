@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "unpack.h"
 
-/* The planes that come out: their bytes in a row. */
+/* Bytes in a row of the resulting planes. */
 static void set_strides(const struct pixels *pixels, int stride[3]) {
     stride[0] = pixels->width;
     stride[1] = stride[2] = 0;
@@ -21,7 +21,7 @@ size_t unpack_size(const struct pixels *pixels) {
     return (size_t)(stride[0] + stride[1] + stride[2]) * (size_t)pixels->height;
 }
 
-/* The eight upper ones of `depth` bits; a camera that sets more bits than it says is at its brightest there. */
+/* Takes the eight upper ones of `depth` bits; values with more bits are clipped to the brightest one. */
 static void take_upper_bits(const unsigned char *from, unsigned char *to, int samples, int depth) {
     for (int i = 0; i < samples; i++) {
         int value = (from[2 * i] << 8 | from[2 * i + 1]) >> (depth - 8);
@@ -30,7 +30,7 @@ static void take_upper_bits(const unsigned char *from, unsigned char *to, int sa
     }
 }
 
-/* The upper bytes, which come second. */
+/* Takes the upper bytes, which come second. */
 static void take_second_bytes(const unsigned char *from, unsigned char *to, int samples) {
     for (int i = 0; i < samples; i++)
         to[i] = from[2 * i + 1];

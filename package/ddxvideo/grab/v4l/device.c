@@ -48,5 +48,5 @@ int device_give(struct device *device, struct v4l2_buffer *buffer) {
         .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP, .index = buffer->index};
     int error = device_ioctl(device->fd, VIDIOC_QBUF, &again);
 
-    return error == -EINVAL ? device_ioctl(device->fd, VIDIOC_QBUF, &again) : error; /* once may be an accident */
+    return error == -EINVAL ? device_ioctl(device->fd, VIDIOC_QBUF, &again) : error; /* may be temporary */
 }

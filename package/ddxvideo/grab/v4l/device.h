@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* One camera through Video4Linux: found, set up, streaming into mapped buffers. Nothing here waits. */
+/* A camera through Video4Linux, which streams into mapped buffers. Nothing here waits. */
 #ifndef DDXVIDEO_DEVICE_H
 #define DDXVIDEO_DEVICE_H
 
@@ -11,15 +11,15 @@
 
 #define DEVICE_BUFFERS 8
 
-/* What is asked of the camera. */
+/* Requested settings. */
 struct device_wish {
     char path[64];
     int width, height;    /* of the result; 0: as the camera is set */
-    const char *input;    /* name or number; NULL: as it is */
-    const char *standard; /* NULL: what is on the line, if the driver can tell, else as it is */
+    const char *input;    /* name or number; NULL: as it is set */
+    const char *standard; /* NULL: that of the signal, if the driver can detect it, otherwise as it is set */
     uint32_t fourcc;      /* 0: the best */
     const struct video_layout *layout; /* of the result */
-    long rate;            /* frames per second; 0: as it is */
+    long rate;            /* frames per second; 0: as it is set */
     bool fields;          /* both fields of a picture are needed */
 };
 
@@ -36,16 +36,16 @@ struct device {
     } buffer[DEVICE_BUFFERS];
 };
 
-/* Stop the stream and let the camera go. */
+/* Stop the stream and close the camera. */
 void device_close(struct device *device);
 
 /* The next filled buffer; -EAGAIN: there is none yet; -ENODEV: unplugged; -EIO and others: the stream is broken. */
 int device_take(struct device *device, struct v4l2_buffer *buffer);
 
-/* Give it back to the driver. */
+/* Give a buffer back to the driver. */
 int device_give(struct device *device, struct v4l2_buffer *buffer);
 
-/* ioctl() that returns -errno, and is not ended by a signal. */
+/* ioctl() that returns -errno, and is repeated after a signal. */
 int device_ioctl(int fd, unsigned long request, void *argument);
 
 #endif

@@ -9,10 +9,10 @@
 
 #include "negotiate.h"
 
-#define LARGE_PICTURE (1 << 20) /* bytes; of larger ones fewer buffers have to do */
+#define LARGE_PICTURE (1 << 20) /* bytes; larger pictures get fewer buffers */
 #define FEW_BUFFERS 5
 
-/* To be told when another signal comes in. */
+/* Requests an event when another signal comes in. */
 static void listen_to_source(int fd) {
     struct v4l2_event_subscription source = {.type = V4L2_EVENT_SOURCE_CHANGE};
     int input = 0;

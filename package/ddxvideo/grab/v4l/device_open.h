@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* From the path of a camera to its stream. */
+/* Opens a camera and starts its stream. */
 #ifndef DDXVIDEO_DEVICE_OPEN_H
 #define DDXVIDEO_DEVICE_OPEN_H
 
@@ -7,7 +7,7 @@
 
 /*
  * Open the camera, set it up and start the stream. 0, or -errno with the reason in one line at `why`; then it is
- * closed. -EINVAL: this camera cannot do what is asked.
+ * closed. -EINVAL: this camera cannot do what is requested.
  */
 int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size);
 

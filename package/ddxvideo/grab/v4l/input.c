@@ -74,7 +74,7 @@ int input_select(int fd, const char *input, const char *standard, char *why, siz
     struct v4l2_dv_timings timings = {.type = 0};
     if (!device_ioctl(fd, VIDIOC_QUERY_DV_TIMINGS, &timings))
         device_ioctl(fd, VIDIOC_S_DV_TIMINGS, &timings);
-    /* What is on the line decides when it is another number of lines than what is set. */
+    /* The signal decides if its standard differs from the one that is set. */
     if (device_ioctl(fd, VIDIOC_G_STD, &present) || device_ioctl(fd, VIDIOC_QUERYSTD, &found))
         return 0;
     if (found && !(found & present))

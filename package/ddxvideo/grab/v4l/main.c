@@ -11,7 +11,7 @@
 #include "picture_size.h"
 #include "v4l_camera.h"
 
-/* The options as they are typed. */
+/* The options as text. */
 struct words {
     const char *camera, *size, *format, *deinterlace, *layout;
 };

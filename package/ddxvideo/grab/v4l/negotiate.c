@@ -38,7 +38,7 @@ uint32_t negotiate_fourcc(const char *name) {
     return 0;
 }
 
-/* Greatest rate of a format at a size, frames per second; 0 if the driver does not tell. */
+/* Highest rate of a format at a size, frames per second; 0: not known. */
 static double greatest_rate(int fd, const struct v4l2_pix_format *pix) {
     struct v4l2_frmivalenum entry = {.pixel_format = pix->pixelformat, .width = pix->width, .height = pix->height};
     double best = 0;
@@ -65,8 +65,8 @@ static bool offers(int fd, uint32_t fourcc) {
 }
 
 /*
- * How well a format serves: the size as asked counts more than fluent motion, and the layout's own samples count least,
- * but where 16 bits are wanted; the list is in order of preference.
+ * Merit of a format: the requested size counts more than fluent motion, and the layout's own samples count least,
+ * except if 16 bits are wanted; the list is in order of preference.
  */
 static int merit(int fd, const struct device_wish *wish, struct v4l2_format format, uint32_t fourcc) {
     format.fmt.pix.pixelformat = fourcc;
@@ -144,7 +144,7 @@ static bool take_order(struct device *device, uint32_t field, bool bottom_first)
     return false;
 }
 
-/* Sides of a pixel, where the driver knows them: a frame grabber scales the picture to the requested size. */
+/* Pixel aspect, if the driver knows it: a frame grabber scales the picture to the requested size. */
 static void take_aspect(struct device *device) {
     struct v4l2_cropcap crop = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE};
     struct ddxvideo_geometry *geometry = &device->geometry;
@@ -152,7 +152,7 @@ static void take_aspect(struct device *device) {
     if (device_ioctl(device->fd, VIDIOC_CROPCAP, &crop) || !crop.pixelaspect.numerator ||
         !crop.pixelaspect.denominator || !crop.defrect.width || !crop.defrect.height)
         return;
-    /* V4L2 has height over width there */
+    /* V4L2 has height over width here */
     geometry->aspect_num = (int)crop.pixelaspect.denominator;
     geometry->aspect_den = (int)crop.pixelaspect.numerator;
     geometry_scale_aspect(geometry, (int)crop.defrect.width, (int)crop.defrect.height);
@@ -179,11 +179,11 @@ static void take_rate(struct device *device, const struct device_wish *wish) {
 
 static int range_of(const struct v4l2_pix_format *pix) {
     if (coding_of(pix->pixelformat) == PIXELS_RGB24)
-        return DDX_VIDEO_RANGE_LIMITED; /* of what is made of it */
+        return DDX_VIDEO_RANGE_LIMITED; /* of the result */
     if (pixels_find(coding_of(pix->pixelformat))->compressed)
-        return DDX_VIDEO_RANGE_FULL; /* that is JPEG's, whatever the driver thinks */
+        return DDX_VIDEO_RANGE_FULL; /* the range of JPEG, whatever the driver reports */
     uint32_t quantization = pix->quantization;
-    if (quantization == V4L2_QUANTIZATION_DEFAULT) /* of Y'CbCr; only JPEG's has the full range by itself */
+    if (quantization == V4L2_QUANTIZATION_DEFAULT) /* of Y'CbCr, where only JPEG has the full range */
         quantization =
             pix->colorspace == V4L2_COLORSPACE_JPEG ? V4L2_QUANTIZATION_FULL_RANGE : V4L2_QUANTIZATION_LIM_RANGE;
     return quantization == V4L2_QUANTIZATION_FULL_RANGE ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED;

@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#define BEHIND (UINT32_C(1) << 31) /* so far ahead is behind: numbers wrap */
+#define BEHIND (UINT32_C(1) << 31) /* numbers wrap: a larger step ahead is a step back */
 #define REMEMBERED 32              /* bits of `missed` */
 
 void order_restart(struct order *order) {
@@ -21,7 +21,7 @@ bool order_add(struct order *order, uint32_t number, unsigned slot, int64_t now)
 
     if (is_missed(order, number))
         return false;
-    /* Numbers that do not rise (the driver does not count, or starts again) go first and at once. */
+    /* Numbers that do not rise (the driver does not count, or starts again) come first, and do not wait. */
     while (at && (int32_t)(number - order->last) < (int32_t)(order->waiting[at - 1].number - order->last))
         at--;
     memmove(&order->waiting[at + 1], &order->waiting[at], (order->count - at) * sizeof order->waiting[0]);
@@ -39,7 +39,7 @@ static bool goes(const struct order *order, int64_t now, int64_t wait) {
            now - order->waiting[0].since >= wait;
 }
 
-/* The numbers between the last frame and this one are missed; of the first one, those that could still come. */
+/* Marks the numbers between the last frame and this one as missed; at the first frame, those that could still come. */
 static void note(struct order *order, uint32_t number) {
     uint32_t step = number - order->last;
 

@@ -9,7 +9,7 @@
 
 #define MS INT64_C(1000000)
 #define SECOND (1000 * MS)
-#define ORDER_NS (50 * MS) /* or half a period: longest that a frame waits for one before it */
+#define ORDER_NS (50 * MS) /* or half a period: longest wait of a frame for an earlier one */
 
 static struct v4l_camera *v4l_of(struct camera *camera) {
     return (struct v4l_camera *)camera;
@@ -38,7 +38,7 @@ static void v4l_close(struct camera *camera) {
     camera->fd = -1;
 }
 
-/* How long a frame waits for one before it. */
+/* How long a frame waits for an earlier one. */
 static int64_t patience_for_order(const struct camera *camera) {
     return camera->period > 0 && camera->period < 2 * ORDER_NS ? camera->period / 2 : ORDER_NS;
 }
@@ -47,7 +47,7 @@ static int64_t v4l_due(const struct camera *camera) {
     return order_due(&((const struct v4l_camera *)camera)->order, patience_for_order(camera));
 }
 
-/* When the frame was captured, if the driver counts the same time as we do. */
+/* The capture time, if the driver has it by CLOCK_MONOTONIC. */
 static int64_t time_of(const struct v4l2_buffer *buffer) {
     bool monotonic = (buffer->flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
 

@@ -8,14 +8,14 @@
 #include "reorder.h"
 
 struct v4l_camera {
-    struct camera camera; /* first: this is what the grabber knows */
+    struct camera camera; /* first, since the grabber uses this part */
     struct device_wish wish;
     struct device device;
     struct order order;
-    struct v4l2_buffer taken[DEVICE_BUFFERS]; /* of those that wait for their turn */
+    struct v4l2_buffer taken[DEVICE_BUFFERS]; /* of waiting frames */
 };
 
-/* Closed; `wish` is to be filled. */
+/* Start as closed; the caller then fills in `wish`. */
 void v4l_camera_init(struct v4l_camera *v4l);
 
 #endif

@@ -3,7 +3,7 @@
 
 #include "device.h"
 
-/* Those whose value is a number that fits a parameter. */
+/* Whether its value is a number that fits a parameter. */
 static bool is_number(const struct v4l2_queryctrl *query) {
     switch (query->type) {
     case V4L2_CTRL_TYPE_INTEGER:
@@ -16,7 +16,7 @@ static bool is_number(const struct v4l2_queryctrl *query) {
     }
 }
 
-/* Range, flags and value, as they are now. */
+/* Reads range, flags and value. */
 static void describe(struct controls *controls, int i, int fd, const struct v4l2_queryctrl *query) {
     bool button = query->type == V4L2_CTRL_TYPE_BUTTON;
     struct v4l2_control now = {.id = query->id};

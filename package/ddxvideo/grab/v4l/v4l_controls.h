@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The driver's controls: read into the list, followed by its events, set. */
+/* The driver's controls: lists them, follows their events, sets them. */
 #ifndef DDXVIDEO_V4L_CONTROLS_H
 #define DDXVIDEO_V4L_CONTROLS_H
 
 #include "controls.h"
 
-/* Fill the empty list, and listen to the events of what is in it. */
+/* Fill the empty list, and subscribe to the events of its controls. */
 void v4l_controls_list(struct controls *controls, int fd);
 
-/* A control has changed: look at it again. */
+/* Read a control that has changed again. */
 void v4l_controls_follow(struct controls *controls, int fd, uint32_t id);
 
 /* 0, or -errno. */
