@@ -8,8 +8,6 @@ A round is a slice of each peer in each case; the order changes from round to ro
 meets all peers alike. docs/bench.md says what is measured and how to read it. -short: a few frames, and of the
 peers those that are built already, for the gate: no file is written.
 """
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -6,8 +6,6 @@ bench_catalog.py [-rows WORD,...] [-short]: four machines, each in a network of 
 tools/parts/link. Prints a table with the goals, writes output/bench/catalog.json. -short: a few values of some rows,
 for the gate: no file is written, and nothing is judged.
 """
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

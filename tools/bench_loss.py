@@ -11,8 +11,6 @@ real, reports, RTT 4 ms, seed 1"; -cases takes those whose name has all words of
 are further options of ddxvideosend and decode. Writes output/bench/loss.json and loss.html, which has pictures of the
 screen. -short: a second of a made-up clip, for the gate: no file is written, and nothing is judged.
 """
-from __future__ import annotations
-
 import argparse
 import functools
 import json

@@ -7,8 +7,6 @@ Each case is a guest (1080p: the image's own programs on this machine's kernel) 
 pictures, index and counters have to say the same. Results: output/bench/record.jsonl, where each finished case is kept
 (a run that was stopped continues, with another image it starts over), and record.svg. See docs/recording.md.
 """
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

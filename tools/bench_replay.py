@@ -6,8 +6,6 @@ bench_replay.py [-seconds N] [-short]: three items are written and logged, then 
 with the time at which each value was due. Writes output/bench/replay.json; fails if a value is not in the log, or one
 in a hundred is a millisecond late. -short: half a second, for the gate: no file is written, and nothing is judged.
 """
-from __future__ import annotations
-
 import argparse
 import json
 import os

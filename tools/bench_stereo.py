@@ -7,8 +7,6 @@ bench_stereo.py [-rounds N] [-short]
 CPU time of one thread. A round is one run of each matcher on each pair, in an order that changes from round to round;
 `ratio` is the median over the rounds of that round's ours / SGBM. -short: one round of the smallest pair, for the gate.
 """
-from __future__ import annotations
-
 import argparse
 import ctypes
 import importlib

@@ -9,8 +9,6 @@ encoder, all at the same time. The figures come from the pictures' numbers, the 
 accounting, not from what the programs say.
 -short: a second of a made-up clip, for the gate: no file is written, and no time is judged.
 """
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -7,8 +7,6 @@ the screen is watched. From a key to the picture, one step in a 1080p Y4M file, 
 start to the first picture of a CIF clip, beside ffplay; processor time for a frame, beside sws_scale() alone. Writes
 output/bench/view.json. -short: a few steps, without mpv and ffplay, for the gate: no file is written.
 """
-from __future__ import annotations
-
 import argparse
 import ctypes
 import json

@@ -5,8 +5,6 @@ Eight packets that come to port FROM of this host make a block: each goes on at 
 eighth. `receive` sends packets on in their order, those after a gap when their block is complete or a newer block is.
 A packet on the way: block (4 bytes), number in it (1), length (2), data; repair packets cover length and data.
 """
-from __future__ import annotations
-
 import importlib
 import socket
 import struct

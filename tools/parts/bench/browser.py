@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A headless Chromium with one page, controlled over its debugging pipe: expressions are evaluated in the page. The
 last line of the page's script defines `ready`."""
-from __future__ import annotations
-
 import json
 import os
 import pathlib

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A machine with a store and a catalog for the catalog's benchmark, and the programs that write and read there."""
-from __future__ import annotations
-
 import json
 import os
 import pathlib

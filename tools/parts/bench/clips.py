@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """CIF clips at 25 frames a second with a number in each picture, for benchmarks of the stream."""
-from __future__ import annotations
-
 import pathlib
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Chromium's WebRTC over a lossy link: two headless instances with the page chromium.html, the clip as camera."""
-from __future__ import annotations
-
 import base64
 import json
 import pathlib

@@ -9,8 +9,6 @@ planes.
 
 At a low rate the number in a picture cannot always be read, or is still that of the picture before, though the picture
 is within WORSE dB. Then it follows from the pictures around: see with_inferred()."""
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections.abc import Sequence

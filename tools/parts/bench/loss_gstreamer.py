@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """GStreamer's ways to send RTP over a lossy link, from Debian's packages: retransmission, ULPFEC, a block code."""
-from __future__ import annotations
-
 import shlex
 import subprocess
 import sys

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The page of the benchmark over a lossy link: a table, and what an operator saw; one file."""
-from __future__ import annotations
-
 import base64
 import html
 import subprocess

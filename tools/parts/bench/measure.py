@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Measuring: a slice is one peer in one case for about a second, writer and readers. bench/main.c does the work."""
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import json

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The picture and the table of tools/bench_record.py: longest stall and frames lost, naive and ours side by side."""
-from __future__ import annotations
-
 from typing import Any
 
 from parts.common import say

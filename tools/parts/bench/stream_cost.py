@@ -3,8 +3,6 @@
 a lossy link, one with them and one without, and beside them the encoder alone. The machine's speed changes from minute
 to minute, and is the same for all three then. -wire leaves room for repair, so the encoder's rate is the same as
 well."""
-from __future__ import annotations
-
 import base64
 import os
 import pathlib

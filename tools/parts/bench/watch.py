@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A process that watches a CIF item: python -m parts.bench.watch ITEM [FILE]. On SIGTERM it prints a JSON list of
 [number in the picture, ns of the write]. FILE: gets each picture, as Y, U and V planes, in the same order."""
-from __future__ import annotations
-
 import contextlib
 import json
 import os

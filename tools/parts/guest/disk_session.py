@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A clip that goes round and round in a guest, recorded on a slow disk, and what became of its frames."""
-from __future__ import annotations
-
 import dataclasses
 import pathlib
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """How long a guest's recorder waits in its writes, by the guest's kernel (ftrace): nothing that the recorder says."""
-from __future__ import annotations
-
 import re
 
 from parts.guest.qemu import Guest

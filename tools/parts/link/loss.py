@@ -4,8 +4,6 @@
 A judge is asked once for each packet, in order, with the time in seconds since the pattern began. Except for outages,
 which depend on time alone, the answer for packet n depends on the generator's seed and n alone.
 """
-from __future__ import annotations
-
 import dataclasses
 import random
 from collections.abc import Callable

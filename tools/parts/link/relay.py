@@ -6,8 +6,6 @@ first; others open them as /proc/<pid>/fd/<number>. With `meet` it is a switch: 
 lost. Then each line of standard input is an order in JSON, answered by a line:
 {"lose": [[operator, direction, pattern], ...]} or {"counts": true}. Exits when standard input is closed.
 """
-from __future__ import annotations
-
 import collections
 import contextlib
 import ctypes

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """An X server without a monitor, for tests and benchmarks of windows."""
-from __future__ import annotations
-
 import os
 import subprocess
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What was lost of a clip that goes round and round: counted from the numbers in the pictures that were recorded, and
 compared with the index and with the programs' counters. The three know nothing of each other."""
-from __future__ import annotations
-
 import dataclasses
 import pathlib
 import tempfile

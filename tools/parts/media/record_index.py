@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The index beside each file of a recording, read from outside; package/ddxvideo/save/pool/index.h has its layout."""
-from __future__ import annotations
-
 import dataclasses
 import struct
 

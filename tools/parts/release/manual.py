@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The manual for `man`: a page for each program, from its -help, and for each call, from the headers' comments."""
-from __future__ import annotations
-
 import pathlib
 import re
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The calls of a public header as pages of the manual: what the page says is what the header's comments say."""
-from __future__ import annotations
-
 import dataclasses
 import re
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Plain text as a page of the manual, in man(7): paragraphs, lists of terms with their meaning, and code."""
-from __future__ import annotations
-
 import re
 import textwrap
 

@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A program's own -help text as a page of the manual."""
-from __future__ import annotations
-
 import pathlib
 import re
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The evidence of a failed test: the guest's console, all logs of its services and its kernel, QEMU's
 messages, and the commit."""
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import pathlib
