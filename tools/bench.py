@@ -1,14 +1,14 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make bench: the store beside other ways to pass frames, in one run.
+"""make bench: compare the store with other ways to pass frames, in one run.
 
 bench.py [-rounds N] [-cases WORD,...] [-before COMMIT] [-short]
 
-A round is a slice of each peer in each case; the order changes from round to round, so that other load on the machine
-meets all peers alike. docs/bench.md says what is measured and how to read it. -short: a few frames, and of the
-peers those that are built already, for the gate: no file is written.
+A round runs a slice of each peer in each case; the order changes from round to round, so that other load on the machine
+affects all peers alike. docs/bench.md describes the figures. -cases: only cases whose name has one of the words.
+-before: only our store, beside that of COMMIT. -short: a few frames, and only peers that are already built, for the
+gate; writes no file.
 """
-import argparse
 import dataclasses
 import json
 import os
@@ -23,7 +23,7 @@ from typing import Any
 
 from parts.bench import plot as bench_plot
 from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice
-from parts.common import OUTPUT, TOP, Failed, run, say
+from parts.common import OUTPUT, TOP, Failed, command_line, run, say
 from parts.image import cargo, native
 
 CARGO = OUTPUT / "bench/cargo"
@@ -175,12 +175,7 @@ def shorten(case: Case) -> Case:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-rounds", type=int, default=10)
-    parser.add_argument("-cases", default="", help="only cases with one of these words, separated by commas")
-    parser.add_argument("-before", metavar="COMMIT", help="only ours, beside the store of that commit")
-    parser.add_argument("-short", action="store_true")
-    options = parser.parse_args()
+    options = command_line(__doc__, rounds=10, cases="", before="", short=False)
     wanted = [case for case in cases() if any(word in case.name for word in options.cases.split(","))]
     if options.before:
         wanted = [dataclasses.replace(case, peers=("ddx", "before")) for case in wanted]

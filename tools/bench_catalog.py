@@ -1,12 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The catalog's part of make bench: what it costs and how late it is, beside Cyclone DDS alone. docs/bench.md.
+"""make bench: cost and latency of the catalog, compared with Cyclone DDS alone. See docs/bench.md.
 
-bench_catalog.py [-rows WORD,...] [-short]: four machines, each in a network of its own, at the link of
-tools/parts/link. Prints a table with the goals, writes output/bench/catalog.json. -short: a few values of some rows,
-for the gate: no file is written, and nothing is judged.
+bench_catalog.py [-rows WORD,...] [-short]: four machines, each in its own network namespace, on the link of
+tools/parts/link. Prints a table with the goals and writes output/bench/catalog.json. -rows: only rows whose name has
+one of the words. -short: a few values of some rows, for the gate; writes no file and judges nothing.
 """
-import argparse
 import dataclasses
 import json
 import os
@@ -20,7 +19,7 @@ from typing import Any
 
 from parts.bench.catalog_machine import Client, Machine, Reader, percent_while
 from parts.bench.measure import percentile
-from parts.common import MORTAL, OUTPUT, TOP, Failed, finish, run, say, wait_until
+from parts.common import MORTAL, OUTPUT, TOP, Failed, command_line, finish, run, say, wait_until
 from parts.image import native, peers
 from parts.link.link import Link
 from parts.link.loss import NOTHING, Iid
@@ -255,10 +254,7 @@ def measure(rows: list[str], plan: Plan) -> Iterator[dict[str, Any]]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-rows", default="", help=f"only those with one of these words: {', '.join(ROWS)}")
-    parser.add_argument("-short", action="store_true")
-    options = parser.parse_args()
+    options = command_line(__doc__, rows="", short=False)
     native.build()
     wanted = SHORT_ROWS if options.short else [row for row in ROWS
                                               if any(word in row for word in options.rows.split(","))]

@@ -1,17 +1,16 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The stream's part of make bench over a lossy link: how many frames are usable, beside other ways to send them.
+"""make bench: usable frames of a stream over a lossy link, compared with other ways to send video.
 
 bench_loss.py [-seeds N] [-cases WORD+WORD,...] [-sender WORDS] [-receiver WORDS] [-short]
 
 A case plays 10 s of a numbered clip (real, moving, drawn) from a robot to an operator, in network namespaces with a
-relay between them that loses packets: one second without loss, then a pattern; frames count from the second after. Each
-line of cases has a run without loss that the others are compared with. A case's name has its facts: "ddxvideo, iid 30,
-real, reports, RTT 4 ms, seed 1"; -cases takes those whose name has all words of one of the lists. -sender and -receiver
-are further options of ddxvideosend and decode. Writes output/bench/loss.json and loss.html, which has pictures of the
-screen. -short: a second of a made-up clip, for the gate: no file is written, and nothing is judged.
+relay between them that loses packets: one second without loss, then a pattern; frames count from one second later.
+Cases are compared with a run without loss. A case's name lists its parameters: "ddxvideo, iid 30, real, reports,
+RTT 4 ms, seed 1"; -cases selects cases whose name has all words of one of the lists. -sender, -receiver: more options
+of ddxvideosend and decode. Writes output/bench/loss.json, and loss.html with pictures of the screen. -short: a second
+of a generated clip, for the gate; writes no file and judges nothing.
 """
-import argparse
 import functools
 import json
 import pathlib
@@ -27,7 +26,7 @@ from parts.bench.loss_figures import WORSE
 from parts.bench.loss_gstreamer import BlockCode, Fec, Retransmission
 from parts.bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
 from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
-from parts.common import OUTPUT, BadInput, Failed, finish, say
+from parts.common import OUTPUT, BadInput, Failed, command_line, finish, say
 from parts.image import native
 from parts.media import clip as made_up
 
@@ -153,13 +152,7 @@ def short(made: dict[str, Maker]) -> int:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-seeds", type=int, default=SEEDS)
-    parser.add_argument("-cases", default="", help="only these: words of their names joined by +, lists by commas")
-    parser.add_argument("-sender", default="", help="more options of ddxvideosend")
-    parser.add_argument("-receiver", default="", help="more options of decode")
-    parser.add_argument("-short", action="store_true")
-    options = parser.parse_args()
+    options = command_line(__doc__, seeds=SEEDS, cases="", sender="", receiver="", short=False)
     native.build()
     made = makers(options.sender, options.receiver)
     if options.short:

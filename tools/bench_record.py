@@ -1,13 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test-long T=bench-record: are frames lost on slow and frozen disks?
-bench_record.py [-duration S] [-cases WORD,...]
+"""make test-long T=bench-record: are frames lost on slow and frozen disks? See docs/recording.md.
 
-Each case is a guest (1080p: the image's own programs on this machine's kernel) that records onto a disk of its own;
-pictures, index and counters have to say the same. Results: output/bench/record.jsonl, where each finished case is kept
-(a run that was stopped continues, with another image it starts over), and record.svg. See docs/recording.md.
+bench_record.py [-duration S] [-cases WORD,...]: in each case, a guest (1080p: the image's programs on this machine's
+kernel) records onto its own disk; pictures, index and counters must agree. -duration: of the longest case. -cases: only
+cases whose name has one of the words. Writes record.svg and, after each case, output/bench/record.jsonl: a stopped run
+continues there, a run with another image starts over.
 """
-import argparse
 import dataclasses
 import json
 import os
@@ -22,7 +21,7 @@ import numpy
 
 import build
 from parts.bench import record_plot as bench_record_plot
-from parts.common import OUTPUT, Failed, finish, say
+from parts.common import OUTPUT, Failed, command_line, finish, say
 from parts.guest import disk_session, machine, qemu, session, testdisk
 from parts.guest.channel import Timeout
 from parts.guest.disk_session import Result
@@ -192,10 +191,7 @@ def campaign(made_of: Iterable[pathlib.Path], duration: int) -> Campaign:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-duration", type=int, default=600, help="s, of the longest case")
-    parser.add_argument("-cases", default="", help="only cases with one of these words, separated by commas")
-    options = parser.parse_args()
+    options = command_line(__doc__, duration=600, cases="")
     WORK.mkdir(parents=True, exist_ok=True)
     cases = [case for some in (slow_disk, full_hd, frozen, comparison) for case in some(options.duration)
              if any(word in case.name for word in options.cases.split(","))]

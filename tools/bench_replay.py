@@ -1,12 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A part of make bench: how late are the values of a replay? docs/logging.md.
+"""make bench: how late are the values of a replay? See docs/logging.md.
 
 bench_replay.py [-seconds N] [-short]: three items are written and logged, then replayed; a reader compares the clock
 with the time at which each value was due. Writes output/bench/replay.json; fails if a value is not in the log, or one
-in a hundred is a millisecond late. -short: half a second, for the gate: no file is written, and nothing is judged.
+in a hundred is a millisecond late. -short: half a second, for the gate; writes no file and judges nothing.
 """
-import argparse
 import json
 import os
 import pathlib
@@ -16,7 +15,7 @@ import time
 
 from parts.bench.measure import percentile
 from parts.bench.programs import Programs
-from parts.common import OUTPUT, TOP, Failed, finish, run, say, wait_until
+from parts.common import OUTPUT, TOP, Failed, command_line, finish, run, say, wait_until
 from parts.image import native
 
 ITEMS = {"imu": 200, "wheels": 50, "gps": 10}  # values a second
@@ -93,10 +92,7 @@ def replay(programs: Programs, log: pathlib.Path) -> list[float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-seconds", type=float, default=20)
-    parser.add_argument("-short", action="store_true")
-    arguments = parser.parse_args()
+    arguments = command_line(__doc__, seconds=20.0, short=False)
     if "DDX_DIR" not in os.environ:  # again, with the library and a folder for the store
         root = native.build()
         with tempfile.TemporaryDirectory(prefix="ddx-") as folder:

@@ -1,13 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make bench: the stereo matcher beside OpenCV's, on pairs whose true disparities are known. See docs/bench.md.
+"""make bench: the stereo matcher beside OpenCV's, on pairs with known disparities. See docs/bench.md.
 
-bench_stereo.py [-rounds N] [-short]
-
-CPU time of one thread. A round is one run of each matcher on each pair, in an order that changes from round to round;
-`ratio` is the median over the rounds of that round's ours / SGBM. -short: one round of the smallest pair, for the gate.
+bench_stereo.py [-rounds N] [-short]: CPU time of one thread. A round runs each matcher on each pair, in a random order;
+`ratio` is the median over the rounds of ours / SGBM. -short: one round of the smallest pair, for the gate.
 """
-import argparse
 import ctypes
 import importlib
 import json
@@ -20,7 +17,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
-from parts.common import OUTPUT, TOP, Failed, finish, run, say
+from parts.common import OUTPUT, TOP, Failed, command_line, finish, run, say
 from parts.media import stereo_pairs
 from parts.media.stereo_pairs import Grey, Map, Pair
 
@@ -111,10 +108,7 @@ def compare(name: str, matchers: dict[str, Matcher], pair: Pair, rounds: int, ju
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-rounds", type=int, default=15)
-    parser.add_argument("-short", action="store_true")
-    arguments = parser.parse_args()
+    arguments = command_line(__doc__, rounds=15, short=False)
     try:
         cv2: Any = importlib.import_module("cv2")
     except ImportError:

@@ -1,15 +1,13 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The stream's part of make bench: from a frame that is ready to its decoded pixels, and what the sender costs.
+"""make bench: latency of the stream, from a ready frame to its decoded pixels, and the sender's CPU time.
 
-bench_stream.py [-rounds N] [-short] in a network of its own. Prints a table, writes output/bench/stream.json. A round
-is 15 s of the real clip at CIF 25 for each codec, and as much of the sender's encoder alone (bench/encode.c); then of
-two senders at a link that loses 30 % of the packets, one with repair, reports and SRTP and one without, and of the
-encoder, all at the same time. The figures come from the pictures' numbers, the store's times and the kernel's CPU
-accounting, not from what the programs say.
--short: a second of a made-up clip, for the gate: no file is written, and no time is judged.
+bench_stream.py [-rounds N] [-short]: in its own network namespace. Prints a table and writes output/bench/stream.json.
+A round plays 15 s of the real clip at CIF 25 with each codec, then runs the sender's encoder alone (bench/encode.c) for
+as long; then two senders, one with repair, reports and SRTP and one without, and the encoder, all at the same time,
+over a link that loses 30 % of the packets. The figures come from the numbers in the pictures, the store's times and the
+kernel's CPU accounting, not from the programs. -short: a second of a generated clip, for the gate; writes no file.
 """
-import argparse
 import dataclasses
 import json
 import os
@@ -24,7 +22,7 @@ from parts.bench.clips import RATE, numbered
 from parts.bench.measure import cpus, percentile
 from parts.bench.programs import Programs
 from parts.bench.stream_cost import percents, protection
-from parts.common import MORTAL, OUTPUT, Failed, finish, say, wait_until
+from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, say, wait_until
 from parts.image import native
 from parts.media import clip as made_up
 
@@ -147,10 +145,7 @@ def measure(rounds: int, plan: Plan) -> dict[str, Any]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-rounds", type=int, default=2)
-    parser.add_argument("-short", action="store_true")
-    options = parser.parse_args()
+    options = command_line(__doc__, rounds=2, short=False)
     from bench import own_network
     if not os.environ.get("DDX_BENCH_INSIDE"):
         native.build()

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A part of make bench: the viewer beside mpv, ffplay and sws_scale(). docs/screens.md.
+"""make bench: the viewer compared with mpv, ffplay and sws_scale(). See docs/screens.md.
 
-bench_view.py [-steps N] [-starts N] [-short]: under an X server without a monitor, keys are pressed and one pixel of
-the screen is watched. From a key to the picture, one step in a 1080p Y4M file, forward and back, beside mpv; from the
-start to the first picture of a CIF clip, beside ffplay; processor time for a frame, beside sws_scale() alone. Writes
-output/bench/view.json. -short: a few steps, without mpv and ffplay, for the gate: no file is written.
+bench_view.py [-steps N] [-starts N] [-short]: presses keys under an X server without a monitor and watches one pixel.
+Measures the time from a key to the picture, for steps forward and back in a 1080p Y4M file, beside mpv; from the start
+to the first picture of a CIF clip, beside ffplay; and CPU time for a frame, beside sws_scale() alone. Writes
+output/bench/view.json. -short: a few steps, without mpv and ffplay, for the gate; writes no file.
 """
 import argparse
 import ctypes
@@ -20,7 +20,7 @@ import time
 from typing import Any
 
 from parts.bench.measure import percentile
-from parts.common import MORTAL, OUTPUT, Failed, finish, run, say
+from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, run, say
 from parts.image import native
 from parts.media.display import Display
 
@@ -181,11 +181,7 @@ def measure(screen: Screen, folder: pathlib.Path, options: argparse.Namespace) -
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-steps", type=int, default=200)
-    parser.add_argument("-starts", type=int, default=20)
-    parser.add_argument("-short", action="store_true")
-    options = parser.parse_args()
+    options = command_line(__doc__, steps=200, starts=20, short=False)
     options.frames = 500
     if options.short:
         options.steps, options.starts, options.frames = 4, 1, 20

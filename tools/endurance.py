@@ -2,12 +2,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make test-long T=endurance: does anything grow over 10,000 toggles and an hour of video? See docs/services.md.
 
-endurance.py [-toggles N] [-minutes N] [-guest-toggles N] [-guest-minutes N]: toggles of the image's services on this
-machine's own kernel, where they take half an hour instead of a day, in rounds that each begin with a new machine; an
-hour of video there; and fewer of both in the emulated machine, for what its kernel keeps. Finished rounds are in
-output/endurance/endurance.jsonl; a run that was stopped continues after them, with another image it starts over.
+endurance.py [-toggles N] [-minutes N] [-guest-toggles N] [-guest-minutes N]: toggles the image's services on this
+machine's own kernel (half an hour instead of a day), each round in a new machine, plays an hour of video there, and
+does less of both in an emulated machine, for leaks in its kernel. Finished rounds are in
+output/endurance/endurance.jsonl: a stopped run continues there, a run with another image starts over.
 """
-import argparse
 import contextlib
 import functools
 import json
@@ -19,7 +18,7 @@ from collections.abc import Iterable
 from typing import Any
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, finish, say, wait_until
+from parts.common import OUTPUT, PATIENCE, Failed, command_line, finish, say, wait_until
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
@@ -207,12 +206,7 @@ def one_round(image: pathlib.Path, accel: str, kind: str, amount: int) -> dict[s
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-toggles", type=int, default=10000)
-    parser.add_argument("-minutes", type=int, default=60)
-    parser.add_argument("-guest-toggles", type=int, default=400)
-    parser.add_argument("-guest-minutes", type=int, default=10)
-    arguments = parser.parse_args()
+    arguments = command_line(__doc__, toggles=10000, minutes=60, guest_toggles=400, guest_minutes=10)
     rounds = range(0, arguments.toggles, ROUND)
     wanted = [("native toggles", min(ROUND, arguments.toggles - begin)) for begin in rounds]
     wanted += [(kind, n) for kind, n in (("native video", arguments.minutes), ("toggles", arguments.guest_toggles),

@@ -1,12 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test-long T=killed: does a machine whose plug is pulled record again, every time, without a person?
+"""make test-long T=killed: does a machine record again without help, each time its plug was pulled?
 
-killed.py [-times N] [-seed N]: QEMU is killed (SIGKILL) while the guest records, while it boots and while it checks its
-file systems; then it is started again on the same disk. A run that was stopped continues after the last kill in
-output/killed/killed.jsonl; with another image or seed it starts over, on a new disk.
+killed.py [-times N] [-seed N]: QEMU is killed (SIGKILL) while the guest records, boots or checks its file systems, and
+started again on the same disk. A stopped run continues after the last kill in output/killed/killed.jsonl; a run with
+another image or seed starts over, on a new disk.
 """
-import argparse
 import dataclasses
 import hashlib
 import pathlib
@@ -15,7 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, finish, say
+from parts.common import OUTPUT, PATIENCE, Failed, command_line, finish, say
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.qemu import Guest
 from parts.guest.session import SAVE
@@ -128,10 +127,7 @@ def keep(steps: Campaign, done: list[Kill]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-times", type=int, default=100)
-    parser.add_argument("-seed", type=int, default=1)
-    arguments = parser.parse_args()
+    arguments = command_line(__doc__, times=100, seed=1)
     image = build.dev([native.build()])
     steps = campaign([image], arguments.seed)
     done = [Kill(**one) for one in steps.results.values()]

@@ -1,13 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test-long T=powercut: what is left of recordings when the power goes? See docs/recording.md.
+"""make test-long T=powercut: what do recordings lose in a power cut? See docs/recording.md.
 
-powercut.py [-cuts N] [-seed N] [-naive]: a guest records, all its writes are kept; then the disk is made again as a
-power cut between any two of them may have left it, is checked and mounted as at a boot, and its pictures are compared
-with the clip. Results: output/powercut/pool.jsonl; a run that was stopped continues, and with another image it records
-again. -naive: into a file that grows, for comparison.
+powercut.py [-cuts N] [-seed N] [-naive]: a guest records, and all its writes are logged; then the disk is rebuilt as a
+power cut between any two writes may have left it, checked and mounted as at a boot, and its pictures are compared with
+the clip. Results: output/powercut/pool.jsonl; a stopped run continues, a run with another image records again. -naive:
+into a file that grows, for comparison.
 """
-import argparse
 import dataclasses
 import hashlib
 import json
@@ -21,7 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import build
-from parts.common import OUTPUT, Failed, finish, say
+from parts.common import OUTPUT, Failed, command_line, finish, say
 from parts.disk import blocklog, mbr
 from parts.guest import machine, qemu, testdisk
 from parts.guest.qemu import Guest
@@ -269,11 +268,7 @@ def broken(figures: dict[str, float]) -> bool:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser()
-    parser.add_argument("-cuts", type=int, default=1000)
-    parser.add_argument("-seed", type=int, default=1)
-    parser.add_argument("-naive", action="store_true")
-    arguments = parser.parse_args()
+    arguments = command_line(__doc__, cuts=1000, seed=1, naive=False)
     root = native.build()
     image, naive = build.dev([root]), arguments.naive
     steps = campaign([image, root], arguments.cuts, arguments.seed, naive)

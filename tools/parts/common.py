@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """What every tool shares: where things are, running commands, progress lines, steps that are done only when needed."""
+import argparse
 import contextlib
 import fcntl
 import hashlib
@@ -9,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 OUTPUT = TOP / "output"
@@ -96,6 +97,15 @@ def alone(name: str, lock: pathlib.Path) -> Iterator[None]:
         file.write(str(os.getpid()))
         file.flush()
         yield
+
+
+def command_line(about: str | None, **defaults: Any) -> argparse.Namespace:
+    """A tool's command line: one option for each default, of its type; False makes a switch. `about` is for -help."""
+    parser = argparse.ArgumentParser(description=about, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name, default in defaults.items():
+        kind: dict[str, Any] = {"action": "store_true"} if default is False else {"type": type(default)}
+        parser.add_argument(f"-{name.replace('_', '-')}", default=default, **kind)
+    return parser.parse_args()
 
 
 def finish(name: str, main: Callable[[], int]) -> NoReturn:
