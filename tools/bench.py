@@ -10,7 +10,6 @@ affects all peers alike. docs/bench.md describes the figures. -cases: only cases
 gate; writes no file.
 """
 import dataclasses
-import json
 import os
 import pathlib
 import platform
@@ -22,7 +21,7 @@ import tempfile
 from typing import Any
 
 from parts.bench import plot as bench_plot
-from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice
+from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice, save
 from parts.common import OUTPUT, TOP, Failed, command_line, run, say
 from parts.image import cargo, native
 
@@ -151,16 +150,6 @@ def table(rows: list[dict[str, Any]]) -> None:
         say(line)
 
 
-def write(result: dict[str, Any], name: str) -> None:
-    file = OUTPUT / f"bench/{name}.json"
-    file.write_text(json.dumps(result, indent=1) + "\n")
-    say(f"bench: {file.relative_to(TOP)}")
-    if name == "store":
-        page = file.with_suffix(".html")
-        page.write_text(bench_plot.page(result))
-        say(f"bench: {page.relative_to(TOP)}")
-
-
 def own_network() -> None:
     """LCM talks UDP multicast: over a loopback of our own, so nothing leaves the machine and no route is changed."""
     if not os.environ.get(INSIDE):
@@ -200,7 +189,9 @@ def main() -> int:
     for (case, peer), why in failed.items():
         say(f"bench: {case}: {peer} failed in a slice: {why}")
     if not options.short:
-        write(result, "before" if options.before else "store")
+        path = save("before" if options.before else "store", result)
+        if not options.before:
+            path.with_suffix(".html").write_text(bench_plot.page(result))
     torn = [one for one in result["cases"] if one["peer"] == "ddx" and one["torn"]]
     return 1 if torn else 0
 

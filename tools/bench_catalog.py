@@ -7,7 +7,6 @@ tools/parts/link. Prints a table with the goals and writes output/bench/catalog.
 one of the words. -short: a few values of some rows, for the gate; writes no file and judges nothing.
 """
 import dataclasses
-import json
 import os
 import pathlib
 import statistics
@@ -18,7 +17,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from parts.bench.catalog_machine import Client, Machine, Reader, percent_while
-from parts.bench.measure import percentile
+from parts.bench.measure import percentile, save
 from parts.common import MORTAL, OUTPUT, TOP, Failed, command_line, finish, run, say, wait_until
 from parts.image import native, peers
 from parts.link.link import Link
@@ -266,9 +265,7 @@ def main() -> int:
         say(f"{found['row']:8}{missed}{figures} (goal: {found['goal']})")
         rows.append(found)
     if not options.short:
-        path = OUTPUT / "bench/catalog.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"load": load, "rows": rows}, indent=1) + "\n")
+        save("catalog", {"load": load, "rows": rows})
     return 0
 
 

@@ -12,7 +12,6 @@ of ddxvideosend and decode. Writes output/bench/loss.json, and loss.html with pi
 of a generated clip, for the gate; writes no file and judges nothing.
 """
 import functools
-import json
 import pathlib
 import shutil
 import subprocess
@@ -26,7 +25,8 @@ from parts.bench.loss_figures import WORSE
 from parts.bench.loss_gstreamer import BlockCode, Fec, Retransmission
 from parts.bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
 from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
-from parts.common import OUTPUT, BadInput, Failed, command_line, finish, say
+from parts.bench.measure import save
+from parts.common import BadInput, Failed, command_line, finish, say
 from parts.image import native
 from parts.media import clip as made_up
 
@@ -134,13 +134,6 @@ class Bench:
             self.screens[name, case.column] = loss_page.screen(view.screen(AT), source)
 
 
-def write(bench: Bench, about: str) -> None:
-    file = OUTPUT / "bench/loss.json"
-    file.write_text(json.dumps({"about": about, "rows": bench.rows, "failed": bench.failed}, indent=1) + "\n")
-    file.with_suffix(".html").write_text(loss_page.page(bench.rows, bench.screens, about))
-    say(f"bench: {file.relative_to(OUTPUT.parent)} and .html")
-
-
 def short(made: dict[str, Maker]) -> int:
     with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
         path = made_up.write(pathlib.Path(name) / "short.y4m", int(SHORT.seconds))
@@ -162,8 +155,10 @@ def main() -> int:
     for case in wanted:
         bench.run(case)
     loss_page.print_table(bench.rows)
-    write(bench, f"CIF, {RATE} frames a second, ddxvideosend {' '.join(our_options(options.sender))}; usable: within "
-                 f"{Ours.deadline_ms} ms and {WORSE:g} dB of the run without loss")
+    about = (f"CIF, {RATE} frames a second, ddxvideosend {' '.join(our_options(options.sender))}; usable: within "
+             f"{Ours.deadline_ms} ms and {WORSE:g} dB of the run without loss")
+    path = save("loss", {"about": about, "rows": bench.rows, "failed": bench.failed})
+    path.with_suffix(".html").write_text(loss_page.page(bench.rows, bench.screens, about))
     return 1 if bench.failed else 0
 
 

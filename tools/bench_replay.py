@@ -13,9 +13,9 @@ import sys
 import tempfile
 import time
 
-from parts.bench.measure import percentile
+from parts.bench.measure import percentile, save
 from parts.bench.programs import Programs
-from parts.common import OUTPUT, TOP, Failed, command_line, finish, run, say, wait_until
+from parts.common import TOP, Failed, command_line, finish, run, say, wait_until
 from parts.image import native
 
 ITEMS = {"imu": 200, "wheels": 50, "gps": 10}  # values a second
@@ -114,9 +114,7 @@ def main() -> int:
         f"p99 {figures['p99_us']} us, at most {figures['max_us']} us")
     if arguments.short:
         return 0
-    result = OUTPUT / "bench/replay.json"
-    result.parent.mkdir(parents=True, exist_ok=True)
-    result.write_text(json.dumps(figures, indent=1) + "\n")
+    save("replay", figures)
     return 0 if figures["p99_us"] < LIMIT_US and not lost else 1
 
 

@@ -7,7 +7,6 @@ bench_stereo.py [-rounds N] [-short]: CPU time of one thread. A round runs each 
 """
 import ctypes
 import importlib
-import json
 import random
 import statistics
 import time
@@ -17,6 +16,7 @@ from typing import Any
 import numpy
 from numpy.typing import NDArray
 
+from parts.bench.measure import save
 from parts.common import OUTPUT, TOP, Failed, command_line, finish, run, say
 from parts.media import stereo_pairs
 from parts.media.stereo_pairs import Grey, Map, Pair
@@ -131,8 +131,7 @@ def main() -> int:
         pair = Pair(noise[:, :width].copy(), noise[:, 9:].copy(), unknown, disparities)
         variants = {kind: ours(code, width, height, disparities, kind) for kind in ("scalar", *KINDS)}
         figures[name] = compare(name, {kind: one for kind, one in variants.items() if one}, pair, rounds, False)
-    result = OUTPUT / "bench/stereo.json"
-    result.write_text(json.dumps(figures, indent=1) + "\n")
+    save("stereo", figures)
     return 0
 
 

@@ -9,7 +9,6 @@ over a link that loses 30 % of the packets. The figures come from the numbers in
 kernel's CPU accounting, not from the programs. -short: a second of a generated clip, for the gate; writes no file.
 """
 import dataclasses
-import json
 import os
 import pathlib
 import statistics
@@ -19,7 +18,7 @@ import time
 from typing import Any
 
 from parts.bench.clips import RATE, numbered
-from parts.bench.measure import cpus, percentile
+from parts.bench.measure import cpus, percentile, save
 from parts.bench.programs import Programs
 from parts.bench.stream_cost import percents, protection
 from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, say, wait_until
@@ -157,7 +156,7 @@ def main() -> int:
             measure(1, short(pathlib.Path(name)))
         return 0
     found = measure(options.rounds, whole())
-    (OUTPUT / "bench/stream.json").write_text(json.dumps({"cores": len(cpus()), **found}, indent=1) + "\n")
+    save("stream", {"cores": len(cpus()), **found})
     return 0
 
 

@@ -14,12 +14,11 @@ import os
 import pathlib
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from typing import Any
 
-from parts.bench.measure import percentile
+from parts.bench.measure import percentile, save
 from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, run, say
 from parts.image import native
 from parts.media.display import Display
@@ -197,9 +196,7 @@ def main() -> int:
     frame = found["frame"]
     say(f"frame: {frame['viewer_us']:.0f} us, sws_scale() alone {frame['sws_scale_us']:.0f} us: {frame['ratio']:.2f}")
     if not options.short:
-        path = OUTPUT / "bench/view.json"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(found, indent=2) + "\n")
+        save("view", found)
     return 0
 
 

@@ -4,7 +4,6 @@
 each long test, what was asked, what was measured and the command that repeats it."""
 import ast
 import pathlib
-import re
 from typing import Any
 
 from parts.common import OUTPUT, TOP, Failed, finish, say

@@ -4,7 +4,6 @@
 A peer is started in steps, because a receiver may join later: receive(), send(), then play() begins with the clip. The
 rates of the others are chosen so that they need the wire rate of ours when 30 % of the packets are lost."""
 import dataclasses
-import os
 import pathlib
 import subprocess
 import threading

@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterable
 from typing import Any
 
-from parts.common import MORTAL, OUTPUT, Failed
+from parts.common import MORTAL, OUTPUT, TOP, Failed, say
 from parts.image import native
 
 BUILD = OUTPUT / "bench/build"
@@ -55,6 +55,15 @@ def percentile(values: Iterable[float], part: float) -> float:
     """The nearest of the values that at least `part` per cent of them do not exceed."""
     ordered = sorted(values)
     return ordered[max(0, -(-int(part * len(ordered)) // 100) - 1)] if ordered else float("nan")
+
+
+def save(name: str, figures: object) -> pathlib.Path:
+    """Write output/bench/<name>.json."""
+    path = OUTPUT / f"bench/{name}.json"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(figures, indent=1) + "\n")
+    say(f"bench: {path.relative_to(TOP)}")
+    return path
 
 
 def cases() -> list[Case]:
