@@ -16,14 +16,14 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from parts.bench.catalog_machine import Client, Machine, Reader, percent_while
+from parts.bench.catalog_machine import Machine, Reader, percent_while
 from parts.bench.measure import percentile, save
-from parts.common import MORTAL, OUTPUT, TOP, Failed, command_line, finish, run, say, wait_until
+from parts.common import MORTAL, OUTPUT, TOP, Closing, Failed, command_line, finish, run, say, wait_until
 from parts.image import native, peers
 from parts.link.link import Link
 from parts.link.loss import NOTHING, Iid
 from parts.media import clip
-
+from parts.processes import Client, kill
 MARK = b"\xa5" * 64  # in each value of bench/catalog.c
 RULES = "interface link0\nitem *\nitem video as=sensor_msgs/msg/Image topic=/image\n"
 PROGRAMS = ["bin/catalog", "libexec/ddx/ctl-catalog", "libexec/ddx/ctl-rosmsgs"]
@@ -43,7 +43,7 @@ class Plan:
 SHORT, SHORT_ROWS = Plan(1, 1, 20, 1, 5, 0), ["first", "mirror", "clock"]  # the gate tests what the others show
 
 
-class Bench:
+class Bench(Closing):
     """The machines, and what is measured of them. `laptop`, `second` and `third` read what `robot` writes."""
 
     def __init__(self, folder: pathlib.Path, link: Link, plan: Plan) -> None:
@@ -55,8 +55,7 @@ class Bench:
 
     def end(self) -> None:
         for node in self.nodes:
-            node.kill()
-            node.wait()
+            kill(node)
         for machine in self.machines:
             machine.end()
 
@@ -240,16 +239,13 @@ ROWS: dict[str, tuple[Callable[[Bench], dict[str, Any]], str, Callable[[dict[str
 
 
 def measure(rows: list[str], plan: Plan) -> Iterator[dict[str, Any]]:
-    with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name, Link(operators=3) as link:
-        bench = Bench(pathlib.Path(name), link, plan)
-        try:
-            for row in rows:
-                action, goal, reached = ROWS[row]
-                found = {what: round(value, 3) if isinstance(value, float) else value
-                         for what, value in action(bench).items()}
-                yield {"row": row, "goal": goal, "reached": reached(found), **found}
-        finally:
-            bench.end()
+    with (tempfile.TemporaryDirectory(prefix="ddx-bench-") as name, Link(operators=3) as link,
+          Bench(pathlib.Path(name), link, plan) as bench):
+        for row in rows:
+            action, goal, reached = ROWS[row]
+            found = {what: round(value, 3) if isinstance(value, float) else value
+                     for what, value in action(bench).items()}
+            yield {"row": row, "goal": goal, "reached": reached(found), **found}
 
 
 def main() -> int:

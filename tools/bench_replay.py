@@ -99,12 +99,9 @@ def main() -> int:
             environment = {**os.environ, **native.environment(root), "DDX_DIR": folder,
                            "PYTHONPATH": str(TOP / "package/ddx/python")}
             return os.spawnve(os.P_WAIT, sys.executable, [sys.executable, *sys.argv], environment)
-    programs = Programs(pathlib.Path(os.environ["DDX_DIR"]))
     seconds = SHORT if arguments.short else arguments.seconds
-    try:
+    with Programs(pathlib.Path(os.environ["DDX_DIR"])) as programs:
         late = replay(programs, record(programs, seconds))
-    finally:
-        programs.end()
     lost = written(ITEMS["imu"], seconds) - len(late)
     if not late:
         raise Failed("no value came")

@@ -24,7 +24,7 @@ from parts.bench.stream_cost import percents, protection
 from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, say, wait_until
 from parts.image import native
 from parts.media import clip as made_up
-
+from parts.processes import kill
 SECONDS, WARM_UP = 15, 2
 BITRATE = 200
 LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 4.0
@@ -53,8 +53,7 @@ def short(folder: pathlib.Path) -> Plan:
 
 
 def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
-    programs = Programs(folder)
-    try:
+    with Programs(folder) as programs:
         decode = programs.start("decode", "-headless", "-name", "seen")
         sender = programs.start("ddxvideosend", *CODECS[codec], "-bitrate", str(BITRATE))
         watchers = [programs.watch(item) for item in ("video", "seen")]
@@ -65,8 +64,6 @@ def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
         loader.wait(30)
         time.sleep(0.5)  # the last frames are on their way
         video, seen = [watcher.stop() for watcher in watchers]
-    finally:
-        programs.end()
     ready = {number: written for number, written in video if number is not None}
     latency = [(written - ready[number]) / 1e6 for number, written in seen if number in ready]
     if len(latency) < plan.least:
@@ -81,8 +78,7 @@ def alone(codec: str, plan: Plan) -> float:
         time.sleep(plan.warm_up)
         return percents({ENCODE.name: encoder}, plan.seconds)[ENCODE.name]
     finally:
-        encoder.kill()
-        encoder.wait()
+        kill(encoder)
 
 
 def protect(folder: pathlib.Path, plan: Plan) -> dict[str, float]:

@@ -22,7 +22,7 @@ from parts.bench.measure import percentile, save
 from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, run, say
 from parts.image import native
 from parts.media.display import Display
-
+from parts.processes import stop
 PATIENCE = 20  # s; for a program that hangs
 LEVELS, SPACING, BASE = 20, 10, 30
 AT = (500, 400)  # on the screen: all windows are there
@@ -106,15 +106,6 @@ def start(screen: Screen, command: list[str]) -> subprocess.Popen[bytes]:
                                                             "DISPLAY": screen.name, "SDL_VIDEODRIVER": "x11"})
 
 
-def end(process: subprocess.Popen[bytes]) -> None:
-    process.terminate()
-    try:
-        process.wait(5)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
-
-
 def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int) -> dict[str, list[float]]:
     """One step after the other, forward from the first frame and back from the last."""
     found: dict[str, list[float]] = {"forward": [], "back": []}
@@ -137,7 +128,7 @@ def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int
                     found[way].append(screen.wait(name, at, begin))
                     time.sleep(0.02)
     finally:
-        end(process)
+        stop(process)
     return found
 
 
@@ -151,7 +142,7 @@ def first_picture(screen: Screen, name: str, clip: pathlib.Path) -> float:
                 raise Failed(f"{name} showed nothing")
         return (time.monotonic() - begin) * 1000
     finally:
-        end(process)
+        stop(process)
         while screen.level():
             time.sleep(0.01)
 
@@ -185,12 +176,8 @@ def main() -> int:
     if options.short:
         options.steps, options.starts, options.frames = 4, 1, 20
     native.build()
-    screen = Screen()
-    try:
-        with tempfile.TemporaryDirectory(prefix="ddx-bench-", dir="/dev/shm") as folder:
-            found = measure(screen, pathlib.Path(folder), options)
-    finally:
-        screen.end()
+    with tempfile.TemporaryDirectory(prefix="ddx-bench-", dir="/dev/shm") as folder, Screen() as screen:
+        found = measure(screen, pathlib.Path(folder), options)
     for name, row in {**found["steps"], **{f"{name} start": row for name, row in found["start"].items()}}.items():
         say(f"{name:24} p50 {row['p50_ms']:6.1f} ms  p99 {row['p99_ms']:6.1f} ms")
     frame = found["frame"]

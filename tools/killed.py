@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 
 import build
+from parts import processes
 from parts.common import OUTPUT, PATIENCE, Failed, command_line, finish, say
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.qemu import Guest
@@ -68,8 +69,7 @@ class Plug:
         if kill.kind == "check":
             guest.wait_for_log(CHECK, RECORDS)
         time.sleep(kill.after)
-        guest.process.kill()
-        guest.process.wait()
+        processes.kill(guest.process)
 
     def judge(self, guest: Guest, kills: list[Kill]) -> None:
         """After these kills without help, the machine has to come up and record."""

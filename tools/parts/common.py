@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, NoReturn
+from typing import Any, NoReturn, Self
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 OUTPUT = TOP / "output"
@@ -37,6 +37,19 @@ class Failed(Exception):
 class BadInput(Failed):
     """The caller's words or files are wrong."""
     status = 2
+
+
+class Closing:
+    """A context manager: calls end() on leaving."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        raise NotImplementedError
 
 
 def say(text: str) -> None:

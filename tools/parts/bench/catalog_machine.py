@@ -1,64 +1,36 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """A machine with a store and a catalog for the catalog's benchmark, and the programs that write and read there."""
 import json
-import os
 import pathlib
 import re
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from parts.bench.programs import Programs, cpu_seconds
-from parts.common import MORTAL, OUTPUT, TOP, Failed, wait_until
+from parts.common import MORTAL, OUTPUT, TOP, Command, wait_until
 from parts.link.link import Node
+from parts.processes import Client, kill
 
 BENCH = OUTPUT / "desk/ddxcatalog/bench"
 
 
-class Client:
-    """A program that answers a line by a line."""
-
-    def __init__(self, command: Sequence[str | os.PathLike[str]], **options: Any) -> None:
-        self.process = subprocess.Popen([*MORTAL, *command], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
-                                        **options)
-
-    def line(self) -> str:
-        assert self.process.stdout
-        if not (line := self.process.stdout.readline()):
-            raise Failed(f"{self.process.args!r} has stopped")
-        return str(line.strip())
-
-    def say(self, text: object = "") -> None:
-        assert self.process.stdin
-        self.process.stdin.write(f"{text}\n")
-        self.process.stdin.flush()
-
-    def ask(self, text: object = "") -> int:
-        self.say(text)
-        return int(self.line())
-
-    def end(self) -> None:
-        self.process.kill()
-        self.process.communicate()
-
-
 class Reader:
-    """A program that prints a number for each value, -1 for one that it has missed."""
+    """A program that prints a number for each value, -1 for each missed value."""
 
-    def __init__(self, command: Sequence[str | os.PathLike[str]], path: pathlib.Path, **options: Any) -> None:
+    def __init__(self, command: Command, path: pathlib.Path, environment: dict[str, str]) -> None:
         self.path = path
         with path.open("w") as file:
-            self.process = subprocess.Popen([*MORTAL, *command], stdout=file, **options)
+            self.process = subprocess.Popen(command, stdout=file, env=environment)
 
     def numbers(self) -> list[float]:
         """So far, in microseconds."""
         return [float(line) for line in self.path.read_text().split("\n")[:-1]]
 
     def end(self) -> None:
-        self.process.kill()
-        self.process.wait()
+        kill(self.process)
 
 
 class Machine(Programs):
@@ -92,18 +64,19 @@ class Machine(Programs):
         return next((int(one["readers"]) for one in found if one["name"] == item), 0)
 
     def writer(self, *words: str) -> Client:
-        client = Client([*self.inside, BENCH, *words], env=self.environment)
+        client = Client([*MORTAL, *self.inside, BENCH, *words], env=self.environment)
         self.clients.append(client)
         return client
 
     def reader(self, *words: str) -> Reader:
-        reader = Reader([*self.inside, BENCH, *words], self.folder / f"reader-{len(self.clients)}",
-                        env=self.environment)
+        reader = Reader([*MORTAL, *self.inside, BENCH, *words], self.folder / f"reader-{len(self.clients)}",
+                        self.environment)
         self.clients.append(reader)
         return reader
 
     def sniffer(self, mark: bytes) -> Client:
-        client = Client([*self.inside, sys.executable, "-B", "-m", "parts.bench.sniff", mark.hex()], cwd=TOP / "tools")
+        command = [*MORTAL, *self.inside, sys.executable, "-B", "-m", "parts.bench.sniff", mark.hex()]
+        client = Client(command, cwd=TOP / "tools")
         self.clients.append(client)
         client.line()
         return client

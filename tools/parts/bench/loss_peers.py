@@ -14,10 +14,10 @@ import numpy
 
 from parts.bench.clips import HEIGHT, PICTURE, RATE, SIZE, WIDTH, Pictures, pictures
 from parts.bench.programs import Programs, Watcher
-from parts.common import MORTAL, TOP, wait_until
+from parts.common import MORTAL, TOP, Closing, wait_until
 from parts.link.link import Link, Node
 from parts.media.clip import frame_number
-
+from parts.processes import kill
 PORT = 8000
 SECOND = 1_000_000_000
 OURS = "ddxvideo"
@@ -31,7 +31,7 @@ class Shown:
     pictures: Pictures
 
 
-class Peer:
+class Peer(Closing):
     name = ""
     reports = True     # uses the way back
     deadline_ms = 100  # from the robot's write until a frame is too late
@@ -56,9 +56,6 @@ class Peer:
     def shown(self) -> list[Shown]:
         """By operator."""
         return []
-
-    def end(self) -> None:
-        """Stop everything that still runs."""
 
     def pictures_of(self, operator: int) -> pathlib.Path:
         return self.folder / f"shown-{operator}.yuv"
@@ -193,8 +190,7 @@ class Piped(Peer):
 
     def end(self) -> None:
         for process in self.running:
-            process.kill()
-            process.wait()
+            kill(process)
         for thread in self.threads:
             thread.join()
 

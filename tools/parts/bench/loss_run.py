@@ -97,12 +97,9 @@ def take(case: Case, maker: Maker, clip: pathlib.Path, plan: Plan) -> Take:
     back = pattern if case.reports else ALL
     with (tempfile.TemporaryDirectory(prefix="ddx-bench-") as name,
           Link(case.operators, delay_ms=case.rtt_ms / 2, seed=case.seed, loss=pattern if case.join else NOTHING,
-               back=back if case.join or not case.reports else NOTHING) as link):
-        peer = maker(link, clip, pathlib.Path(name))
-        try:
-            return _take(case, peer, link, clip, plan, lambda: link.lose(pattern, back))
-        finally:
-            peer.end()
+               back=back if case.join or not case.reports else NOTHING) as link,
+          maker(link, clip, pathlib.Path(name)) as peer):
+        return _take(case, peer, link, clip, plan, lambda: link.lose(pattern, back))
 
 
 def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lose: Callable[[], None]) -> Take:

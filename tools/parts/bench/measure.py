@@ -14,6 +14,7 @@ from typing import Any
 
 from parts.common import MORTAL, OUTPUT, TOP, Failed, say
 from parts.image import native
+from parts.processes import Client
 
 BUILD = OUTPUT / "bench/build"
 BEFORE = OUTPUT / "bench/before"  # the store of another commit, which is the peer of that name
@@ -86,17 +87,15 @@ def place(peer: str) -> tuple[pathlib.Path, pathlib.Path]:
     return OUTPUT / "desk/root", BUILD / f"bench-{peer}"
 
 
-class Party:
+class Party(Client):
     """A writer or a reader, started and ready."""
 
     def __init__(self, peer: str, folder: pathlib.Path, **options: object) -> None:
         root, program = place(peer)
         environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder)}
         words = [f"{key.replace('_', '-')}={value}" for key, value in options.items()]
-        command = [str(program), *words]
-        self.name = " ".join(command[:3])
-        self.process = subprocess.Popen(command, cwd=folder, env=environment, text=True, stdin=subprocess.PIPE,
-                                        stdout=subprocess.PIPE)
+        self.name = " ".join([str(program), *words[:2]])
+        super().__init__([program, *words], cwd=folder, env=environment)
 
     def ready(self) -> None:
         if self.line() != "ready":
@@ -107,12 +106,7 @@ class Party:
         if not select.select([self.process.stdout], [], [], PATIENCE)[0]:
             self.process.kill()
             raise Failed(f"{self.name}: hangs")
-        return self.process.stdout.readline().strip()
-
-    def go(self) -> None:
-        assert self.process.stdin
-        self.process.stdin.write("go\n")
-        self.process.stdin.flush()
+        return super().line()
 
     def result(self) -> dict[str, Any]:
         try:
@@ -121,15 +115,10 @@ class Party:
             raise Failed(f"{self.name}: failed") from None
 
     def end(self) -> None:
-        if self.process.stdin:
-            self.process.stdin.close()
         try:
-            self.process.wait(5)
+            self.process.communicate(timeout=5)  # it exits when its standard input is closed
         except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()
-        if self.process.stdout:
-            self.process.stdout.close()
+            super().end()
 
 
 class Store:
@@ -174,12 +163,12 @@ def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up
         for program in readers:
             program.ready()
         for program in readers:
-            program.go()
+            program.say("go")
         time.sleep(0.05)  # the readers are asleep in their first wait
         store_before = store.cpu()
         begin = time.monotonic()
         for program in writers:
-            program.go()
+            program.say("go")
         wrote = [program.result() for program in writers]
         seconds = time.monotonic() - begin
         store_cpu = store.cpu() - store_before if peer in ("ddx", "before") else 0

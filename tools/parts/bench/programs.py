@@ -9,11 +9,11 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
-from parts.common import MORTAL, OUTPUT, TOP
+from parts.common import MORTAL, OUTPUT, TOP, Closing
 from parts.image import native
 
 
-class Programs:
+class Programs(Closing):
     """A store and its clients, in a folder; stopped together. `inside` goes before the command of a program that
     needs the network, such as a namespace's."""
 
@@ -27,7 +27,7 @@ class Programs:
 
     def start(self, name: str, *words: str) -> subprocess.Popen[bytes]:
         command = [*MORTAL, *self.inside, str(self.bin / name), *words]
-        with open(self.folder / f"errors-{len(self.running)}-{name}", "w") as errors:
+        with open(self.folder / f"errors-{len(self.running)}-{pathlib.Path(name).name}", "w") as errors:
             process = subprocess.Popen(command, env=self.environment, stdout=subprocess.DEVNULL, stderr=errors,
                                        cwd=self.folder)
         self.running.append(process)

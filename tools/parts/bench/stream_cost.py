@@ -11,7 +11,7 @@ import time
 from collections.abc import Sequence
 
 from parts.bench.programs import Programs, cpu_seconds
-from parts.common import MORTAL, Failed, wait_until
+from parts.common import Failed, wait_until
 from parts.link.link import Link
 from parts.link.loss import Iid
 
@@ -43,26 +43,17 @@ def protection(folder: pathlib.Path, clip: pathlib.Path, encoder: Sequence[str |
     key = _key(folder / "stream.key")
     for name in ("robot", "operator"):
         (folder / name).mkdir()
-    with Link(loss=LOSS, delay_ms=2) as link:
-        robot = Programs(folder / "robot", link.robot.inside)
-        operator = Programs(folder / "operator", link.operator[0].inside)
-        alone = None
-        try:
-            common = ("-group", "none", "-port")
-            operator.start("decode", "-headless", "-instance", PROTECTED, *common, "8000", *key)
-            operator.start("decode", "-headless", "-instance", PLAIN, *common, "8004", "-silent")
-            rate = ("-to", link.operator[0].address, "-bitrate", str(bitrate), "-wire", str(ROOM * bitrate))
-            senders = {
-                PROTECTED: robot.start("ddxvideosend", "-instance", PROTECTED, *common, "8000", *rate, *key),
-                PLAIN: robot.start("ddxvideosend", "-instance", PLAIN, *common, "8004", *rate, "-repair", "off")}
-            robot.start("ddxvideoload", str(clip), "-readers", "2")
-            alone = subprocess.Popen([*MORTAL, *encoder])
-            wait_until(lambda: all(operator.count(name, "in") > 0 for name in senders), "the stream does not come")
-            time.sleep(seconds[0])
-            return percents({**senders, "encoder": alone}, seconds[1])
-        finally:
-            operator.end()
-            robot.end()
-            if alone:
-                alone.kill()
-                alone.wait()
+    with (Link(loss=LOSS, delay_ms=2) as link, Programs(folder / "robot", link.robot.inside) as robot,
+          Programs(folder / "operator", link.operator[0].inside) as operator):
+        common = ("-group", "none", "-port")
+        operator.start("decode", "-headless", "-instance", PROTECTED, *common, "8000", *key)
+        operator.start("decode", "-headless", "-instance", PLAIN, *common, "8004", "-silent")
+        rate = ("-to", link.operator[0].address, "-bitrate", str(bitrate), "-wire", str(ROOM * bitrate))
+        senders = {
+            PROTECTED: robot.start("ddxvideosend", "-instance", PROTECTED, *common, "8000", *rate, *key),
+            PLAIN: robot.start("ddxvideosend", "-instance", PLAIN, *common, "8004", *rate, "-repair", "off")}
+        robot.start("ddxvideoload", str(clip), "-readers", "2")
+        alone = robot.start(*map(str, encoder))
+        wait_until(lambda: all(operator.count(name, "in") > 0 for name in senders), "the stream does not come")
+        time.sleep(seconds[0])
+        return percents({**senders, "encoder": alone}, seconds[1])

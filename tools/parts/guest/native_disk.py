@@ -3,14 +3,12 @@
 
 The kernel limits it then (cgroups, of either version) for this process and its children. Limited are reads and
 writes, each for itself; a recorder only writes."""
-from __future__ import annotations
-
 import functools
 import os
 import pathlib
 import tempfile
 
-from parts.common import Failed, run, wait_until
+from parts.common import Closing, Failed, run, wait_until
 from parts.guest.slow_disk import MEMORY, Speed, file_system
 
 GROUPS = pathlib.Path("/sys/fs/cgroup")
@@ -31,7 +29,7 @@ def removed(group: pathlib.Path) -> bool:
     return True
 
 
-class NativeDisk:
+class NativeDisk(Closing):
     """Mounted at `place`, a folder that is there."""
 
     def __init__(self, megabytes: int, place: pathlib.Path, speed: Speed | None = None) -> None:
@@ -83,9 +81,3 @@ class NativeDisk:
         if self._device:
             run(["losetup", "--detach", self._device])
         self._folder.cleanup()
-
-    def __enter__(self) -> NativeDisk:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end()

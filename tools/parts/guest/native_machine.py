@@ -7,15 +7,13 @@ host name). Left out is what belongs to hardware: no device is there but those t
 camera nor a watchdog: nothing in here can reset its host), and disks are not checked. /data and /rec are folders that
 outlive the machine, so that the next one starts with the same settings.
 """
-from __future__ import annotations
-
 import os
 import pathlib
-import signal
 import subprocess
 import tempfile
 
-from parts.common import MORTAL, PATIENCE, Failed, wait_until
+from parts.common import MORTAL, PATIENCE, Closing, Failed, wait_until
+from parts.processes import kill
 
 SCRIPTS = "S02base S[2-9]*"  # of /etc/init.d: folders and loopback, then the services
 DEVICES = {"null": "1 3", "zero": "1 5", "full": "1 7", "random": "1 8", "urandom": "1 9", "tty": "5 0"}
@@ -55,7 +53,7 @@ ENTER = ("--mount", "--pid", "--net", "--uts", "--ipc", "--root", "--wd=/")
 PATH = "PATH=/usr/sbin:/usr/bin:/sbin:/bin"
 
 
-class NativeMachine:
+class NativeMachine(Closing):
     """One run of it. `keep` is a folder that outlives it, with /data, /rec and /test."""
 
     def __init__(self, root: pathlib.Path, keep: pathlib.Path) -> None:
@@ -116,15 +114,7 @@ class NativeMachine:
 
     def end(self) -> None:
         """As the power does it."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGKILL)
-        self.process.wait()
+        kill(self.process)
         if self.process.stderr:
             self.process.stderr.close()
         self._place.cleanup()
-
-    def __enter__(self) -> NativeMachine:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.end()

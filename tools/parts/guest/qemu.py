@@ -20,7 +20,7 @@ from parts.guest import machine as boards
 from parts.guest.channel import Channel, Timeout
 from parts.guest.machine import Machine
 from parts.guest.qmp import Monitor
-
+from parts.processes import kill, stop
 PROBE_SECONDS = 6
 TCG = "tcg,thread=multi"
 USERSPACE = b"Starting base"  # our own scripts' first line
@@ -118,8 +118,7 @@ class Guest:
             with Monitor(self.folder / "qmp"):  # it answers when all devices are there
                 pass
         except BaseException as error:
-            self.process.kill()
-            self.process.wait()
+            kill(self.process)
             if isinstance(error, Failed):
                 raise Failed(f"{error}: {self.words()}") from None
             raise
@@ -313,13 +312,7 @@ class Guest:
             Guest.alive.remove(self)
         for channel in self._channels.values():
             channel.close()
-        if self.process.poll() is None:
-            self.process.terminate()
-            try:
-                self.process.wait(5)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
+        stop(self.process)
         shutil.rmtree(self.folder, ignore_errors=True)
 
 

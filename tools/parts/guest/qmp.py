@@ -1,17 +1,15 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """QEMU's own console (QMP): commands and events."""
-from __future__ import annotations
-
 import json
 import pathlib
 import socket
 import time
 from typing import Any
 
-from parts.common import PATIENCE, Failed
+from parts.common import PATIENCE, Closing, Failed
 
 
-class Monitor:
+class Monitor(Closing):
     """One connection: QEMU serves one after the other. All that is asked for has to come within the time."""
 
     def __init__(self, path: pathlib.Path, patience: float = PATIENCE) -> None:
@@ -30,10 +28,7 @@ class Monitor:
             self._socket.close()
             raise
 
-    def __enter__(self) -> Monitor:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+    def end(self) -> None:
         self._socket.close()
 
     def _receive(self, what: str) -> dict[str, Any]:

@@ -3,8 +3,6 @@
 
 A process of its own serves it (qemu-nbd), the guest's QEMU limits it: while that process is stopped, every request of
 the guest hangs, exactly as long; when it is gone, every request fails."""
-from __future__ import annotations
-
 import dataclasses
 import os
 import pathlib
@@ -13,9 +11,9 @@ import subprocess
 import tempfile
 import time
 
-from parts.common import MORTAL, PATIENCE, Failed, run, wait_until
+from parts.common import MORTAL, PATIENCE, Closing, Failed, run, wait_until
 from parts.guest.qemu import Guest
-
+from parts.processes import kill
 MEMORY = pathlib.Path("/dev/shm")
 DEVICE = "/dev/vdc"  # after the image's disk and the test disk, by its PCI address
 # As board/common/disk.cfg makes the recordings' partition
@@ -40,7 +38,7 @@ class Speed:
     requests: int   # a second
 
 
-class SlowDisk:
+class SlowDisk(Closing):
     """Its content is in memory, unless `folder` says another place: the host's disk does not matter then."""
 
     def __init__(self, megabytes: int, kind: str = "ext4", folder: pathlib.Path = MEMORY) -> None:
@@ -59,8 +57,7 @@ class SlowDisk:
             if process.poll() is not None:
                 raise Failed(f"qemu-nbd ended, with status {process.returncode}")
         except Failed:
-            process.kill()
-            process.wait()
+            kill(process)
             raise
         return process
 
@@ -96,13 +93,8 @@ class SlowDisk:
 
     def fail(self) -> None:
         """From now on every request ends with an error."""
-        self.process.kill()
-        self.process.wait()
-
-    def __enter__(self) -> SlowDisk:
-        return self
-
-    def __exit__(self, *_: object) -> None:
+        kill(self.process)
+    def end(self) -> None:
         if self.process.poll() is None:
             self.thaw()
             self.process.terminate()

@@ -18,14 +18,13 @@ import os
 import pathlib
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
-from parts.common import MORTAL, SBIN, TOP, Failed
+from parts.common import MORTAL, SBIN, TOP, Command
 from parts.link import loss
 from parts.link.relay import HOST, Flow
-
-Words = Sequence[str | os.PathLike[str]]
+from parts.processes import Client
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,10 +33,10 @@ class Node:
     address: str
     inside: tuple[str, ...]
 
-    def popen(self, words: Words, **options: Any) -> subprocess.Popen[str]:
+    def popen(self, words: Command, **options: Any) -> subprocess.Popen[str]:
         return subprocess.Popen([*MORTAL, *self.inside, *words], text=True, **options)
 
-    def run(self, words: Words, **options: Any) -> subprocess.CompletedProcess[str]:
+    def run(self, words: Command, **options: Any) -> subprocess.CompletedProcess[str]:
         return subprocess.run([*MORTAL, *self.inside, *words], text=True, check=True, **options)
 
 
@@ -89,31 +88,21 @@ class Link:
 
     def __enter__(self) -> Link:
         user = [] if os.geteuid() == 0 else ["unshare", "--map-root-user"]
-        self.relay = subprocess.Popen([*user, *MORTAL, sys.executable, "-B", "-m", "parts.link.relay", *self._words],
-                                      cwd=TOP / "tools", env={**os.environ, **SBIN}, text=True,
-                                      stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        process = pathlib.Path(f"/proc/{self.relay.pid}")
+        command = [*user, *MORTAL, sys.executable, "-B", "-m", "parts.link.relay", *self._words]
+        self.relay = Client(command, cwd=TOP / "tools", env={**os.environ, **SBIN})
+        process = pathlib.Path(f"/proc/{self.relay.process.pid}")
         enter = ["nsenter", *([f"--user={process}/ns/user", "--preserve-credentials"] if user else [])]
         nodes = [Node(f"{HOST}{number}", (*enter, f"--net={process}/fd/{namespace}"))
-                 for number, namespace in enumerate(self._answer(), 1)]
+                 for number, namespace in enumerate(json.loads(self.relay.line()), 1)]
         self.robot, self.operator = nodes[0], nodes[1:]
         self.lose(self._loss, self._back)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.relay.communicate()
-
-    def _answer(self) -> Any:
-        assert self.relay.stdout
-        if not (line := self.relay.stdout.readline()):
-            raise Failed("the relay of the lossy link has stopped")
-        return json.loads(line)
+        self.relay.process.communicate()
 
     def _order(self, order: dict[str, Any]) -> Any:
-        assert self.relay.stdin
-        self.relay.stdin.write(json.dumps(order) + "\n")
-        self.relay.stdin.flush()
-        return self._answer()
+        return self.relay.ask(json.dumps(order))
 
     def lose(self, pattern: loss.Pattern, back: loss.Pattern | None = None, operator: int | None = None) -> None:
         """From now on this, for one operator or all of them; the next packet is the first one of the pattern."""

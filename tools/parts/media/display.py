@@ -3,12 +3,12 @@
 import os
 import subprocess
 
-from parts.common import MORTAL
+from parts.common import MORTAL, Closing
 
 PATIENCE = 15  # s; for a machine that hangs
 
 
-class Display:
+class Display(Closing):
     """Xvfb on the next free number; `name` is what DISPLAY has to be."""
 
     def __init__(self) -> None:

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Child processes: stopped, or asked line by line."""
+import json
+import subprocess
+from typing import Any
+
+from parts.common import Command, Failed
+
+
+def kill(process: subprocess.Popen[Any]) -> None:
+    process.kill()
+    process.wait()
+
+
+def stop(process: subprocess.Popen[Any], patience: float = 5) -> None:
+    """Terminate it; kill it if it still runs after `patience` seconds."""
+    process.terminate()
+    try:
+        process.wait(patience)
+    except subprocess.TimeoutExpired:
+        kill(process)
+
+
+class Client:
+    """A program that answers each line of standard input with a line of JSON."""
+
+    def __init__(self, command: Command, **options: Any) -> None:
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, **options)
+
+    def line(self) -> str:
+        assert self.process.stdout
+        if not (line := self.process.stdout.readline()):
+            raise Failed(f"{self.process.args!r} has stopped")
+        return str(line.strip())
+
+    def say(self, text: object = "") -> None:
+        assert self.process.stdin
+        self.process.stdin.write(f"{text}\n")
+        self.process.stdin.flush()
+
+    def ask(self, text: object = "") -> Any:
+        self.say(text)
+        return json.loads(self.line())
+
+    def end(self) -> None:
+        self.process.kill()
+        self.process.communicate()
