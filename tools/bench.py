@@ -17,12 +17,11 @@ import shutil
 import statistics
 import subprocess
 import sys
-import tempfile
 from typing import Any
 
 from parts.bench import plot as bench_plot
 from parts.bench.measure import BEFORE, BUILD, Case, Slice, Store, cases, cpus, percentile, place, run_slice, save
-from parts.common import OUTPUT, TOP, Failed, command_line, run, say
+from parts.common import OUTPUT, TOP, Failed, command_line, run, say, scratch
 from parts.image import cargo, native
 
 CARGO = OUTPUT / "bench/cargo"
@@ -70,8 +69,7 @@ def machine() -> dict[str, Any]:
 def measure(wanted: list[Case], rounds: int) -> tuple[dict[tuple[str, str], list[Slice]], dict[tuple[str, str], str]]:
     found: dict[tuple[str, str], list[Slice]] = {}
     failed: dict[tuple[str, str], str] = {}
-    with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-        folder = pathlib.Path(name)
+    with scratch() as folder:
         own = {peer for case in wanted for peer in case.peers} & {"before"} | {"ddx"}
         for peer in own:
             (folder / peer).mkdir()

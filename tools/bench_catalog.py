@@ -11,14 +11,13 @@ import os
 import pathlib
 import statistics
 import subprocess
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from parts.bench.catalog_machine import Machine, Reader, percent_while
 from parts.bench.measure import percentile, save
-from parts.common import MORTAL, OUTPUT, TOP, Closing, Failed, command_line, finish, run, say, wait_until
+from parts.common import MORTAL, OUTPUT, TOP, Closing, Failed, command_line, finish, run, say, scratch, wait_until
 from parts.image import native, peers
 from parts.link.link import Link
 from parts.link.loss import NOTHING, Iid
@@ -239,8 +238,8 @@ ROWS: dict[str, tuple[Callable[[Bench], dict[str, Any]], str, Callable[[dict[str
 
 
 def measure(rows: list[str], plan: Plan) -> Iterator[dict[str, Any]]:
-    with (tempfile.TemporaryDirectory(prefix="ddx-bench-") as name, Link(operators=3) as link,
-          Bench(pathlib.Path(name), link, plan) as bench):
+    with (scratch() as folder, Link(operators=3) as link,
+          Bench(folder, link, plan) as bench):
         for row in rows:
             action, goal, reached = ROWS[row]
             found = {what: round(value, 3) if isinstance(value, float) else value

@@ -15,7 +15,6 @@ import functools
 import pathlib
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Iterator
 
 from parts.bench import loss_page
@@ -26,7 +25,7 @@ from parts.bench.loss_gstreamer import BlockCode, Fec, Retransmission
 from parts.bench.loss_peers import OURS, Ours, Peer, Rist, Srt, Srt120
 from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judge, take
 from parts.bench.measure import save
-from parts.common import BadInput, Failed, command_line, finish, say
+from parts.common import BadInput, Failed, command_line, finish, say, scratch
 from parts.image import native
 from parts.media import clip as made_up
 
@@ -135,8 +134,8 @@ class Bench:
 
 
 def short(made: dict[str, Maker]) -> int:
-    with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-        path = made_up.write(pathlib.Path(name) / "short.y4m", int(SHORT.seconds))
+    with scratch() as folder:
+        path = made_up.write(folder / "short.y4m", int(SHORT.seconds))
         bench = Bench(made, {"short": path}, SHORT)
         bench.run(SHORT_CASE)
         loss_page.print_table(bench.rows)

@@ -12,7 +12,6 @@ import json
 import os
 import pathlib
 import platform
-import tempfile
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -21,14 +20,14 @@ import numpy
 
 import build
 from parts.bench import record_plot as bench_record_plot
-from parts.common import OUTPUT, Failed, command_line, finish, say
+from parts.common import MEMORY, OUTPUT, Failed, command_line, finish, say, scratch
 from parts.guest import disk_session, machine, qemu, session, testdisk
 from parts.guest.channel import Timeout
 from parts.guest.disk_session import Result
 from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
 from parts.guest.qemu import Guest
-from parts.guest.slow_disk import MEMORY, SlowDisk, Speed
+from parts.guest.slow_disk import SlowDisk, Speed
 from parts.image import native
 from parts.media import clip as default_clip
 from parts.testing.campaign import Campaign
@@ -125,8 +124,7 @@ def wait(case: Case, guest: Guest, disk: SlowDisk) -> None:
 
 
 def run_natively(case: Case, root: pathlib.Path) -> Result:
-    with tempfile.TemporaryDirectory(prefix="ddx-", dir=MEMORY) as name:
-        keep = pathlib.Path(name)
+    with scratch(MEMORY) as keep:
         for folder in ("test", "rec", "data/ddx"):
             (keep / folder).mkdir(parents=True)
         testdisk.fill(keep / "test", hd_clip(WORK / "hd.y4m"), disk_session.content(WORK, case.settings))

@@ -10,12 +10,11 @@ import json
 import os
 import pathlib
 import sys
-import tempfile
 import time
 
 from parts.bench.measure import percentile, save
 from parts.bench.programs import Programs
-from parts.common import TOP, Failed, command_line, finish, run, say, wait_until
+from parts.common import TOP, Failed, command_line, finish, run, say, scratch, wait_until
 from parts.image import native
 
 ITEMS = {"imu": 200, "wheels": 50, "gps": 10}  # values a second
@@ -95,8 +94,8 @@ def main() -> int:
     arguments = command_line(__doc__, seconds=20.0, short=False)
     if "DDX_DIR" not in os.environ:  # again, with the library and a folder for the store
         root = native.build()
-        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-            environment = {**os.environ, **native.environment(root), "DDX_DIR": folder,
+        with scratch() as folder:
+            environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder),
                            "PYTHONPATH": str(TOP / "package/ddx/python")}
             return os.spawnve(os.P_WAIT, sys.executable, [sys.executable, *sys.argv], environment)
     seconds = SHORT if arguments.short else arguments.seconds

@@ -13,7 +13,6 @@ import os
 import pathlib
 import statistics
 import subprocess
-import tempfile
 import time
 from typing import Any
 
@@ -21,7 +20,7 @@ from parts.bench.clips import RATE, numbered
 from parts.bench.measure import cpus, percentile, save
 from parts.bench.programs import Programs
 from parts.bench.stream_cost import percents, protection
-from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, say, wait_until
+from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, say, scratch, wait_until
 from parts.image import native
 from parts.media import clip as made_up
 from parts.processes import kill
@@ -128,10 +127,10 @@ def measure(rounds: int, plan: Plan) -> dict[str, Any]:
     slices, protections = [], []
     for _ in range(rounds):
         for codec in CODECS:
-            with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-                slices.append({**slice_of(codec, pathlib.Path(name), plan), "encoder_percent": alone(codec, plan)})
-        with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-            protections.append(protect(pathlib.Path(name), plan))
+            with scratch() as folder:
+                slices.append({**slice_of(codec, folder, plan), "encoder_percent": alone(codec, plan)})
+        with scratch() as folder:
+            protections.append(protect(folder, plan))
     rows, cost = report(slices), report_protection(protections)
     table(rows)
     say("sender at 30 % loss: {plain_percent} %, with repair, reports and SRTP {protected_percent} %: {added_percent} "
@@ -148,8 +147,8 @@ def main() -> int:
             numbered("real", SECONDS)
     own_network()
     if options.short:
-        with tempfile.TemporaryDirectory(prefix="ddx-bench-") as name:
-            measure(1, short(pathlib.Path(name)))
+        with scratch() as folder:
+            measure(1, short(folder))
         return 0
     found = measure(options.rounds, whole())
     save("stream", {"cores": len(cpus()), **found})

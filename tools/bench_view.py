@@ -14,12 +14,11 @@ import os
 import pathlib
 import statistics
 import subprocess
-import tempfile
 import time
 from typing import Any
 
 from parts.bench.measure import percentile, save
-from parts.common import MORTAL, OUTPUT, Failed, command_line, finish, run, say
+from parts.common import MEMORY, MORTAL, OUTPUT, Failed, command_line, finish, run, say, scratch
 from parts.image import native
 from parts.media.display import Display
 from parts.processes import stop
@@ -176,8 +175,8 @@ def main() -> int:
     if options.short:
         options.steps, options.starts, options.frames = 4, 1, 20
     native.build()
-    with tempfile.TemporaryDirectory(prefix="ddx-bench-", dir="/dev/shm") as folder, Screen() as screen:
-        found = measure(screen, pathlib.Path(folder), options)
+    with scratch(MEMORY) as folder, Screen() as screen:
+        found = measure(screen, folder, options)
     for name, row in {**found["steps"], **{f"{name} start": row for name, row in found["start"].items()}}.items():
         say(f"{name:24} p50 {row['p50_ms']:6.1f} ms  p99 {row['p99_ms']:6.1f} ms")
     frame = found["frame"]

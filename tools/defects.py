@@ -13,10 +13,9 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 
 import fuzz
-from parts.common import MORTAL, OUTPUT, TOP, Failed, alone, commit, finish, run, say
+from parts.common import MORTAL, OUTPUT, TOP, Failed, alone, commit, finish, run, say, scratch
 from parts.defects import DEFECTS, Defect, plant
 from parts.image import native
 from parts.testing.suite import FRAMES_BROKEN
@@ -58,8 +57,8 @@ def command(test: str) -> list[str]:
 def red(defect: Defect, test: str) -> str:
     """What the test printed, if it failed with the defect; else empty."""
     if test.startswith("fuzz: "):
-        with tempfile.TemporaryDirectory() as folder:
-            fine, said = fuzz.fuzz(test.removeprefix("fuzz: "), 60, defect.name, corpus=pathlib.Path(folder))
+        with scratch() as folder:
+            fine, said = fuzz.fuzz(test.removeprefix("fuzz: "), 60, defect.name, corpus=folder)
             return "" if fine else said
     switch = {"DDX_BROKEN": defect.name, "DDX_STORE_PROGRAM": str(DESK / "ddx/tests/store-with-faults")}
     try:

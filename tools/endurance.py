@@ -12,13 +12,12 @@ import functools
 import json
 import pathlib
 import shutil
-import tempfile
 import time
 from collections.abc import Iterable
 from typing import Any
 
 import build
-from parts.common import OUTPUT, PATIENCE, Failed, command_line, finish, say, wait_until
+from parts.common import OUTPUT, PATIENCE, Failed, command_line, finish, say, scratch, wait_until
 from parts.guest import machine, qemu, session, testdisk
 from parts.guest.native_disk import NativeDisk
 from parts.guest.native_machine import NativeMachine
@@ -174,8 +173,7 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
 
 def natively(root: pathlib.Path, kind: str, amount: int, times: int = LOOKS) -> list[Look]:
     """Toggles, with `times` looks, or minutes of video, on this machine's own kernel."""
-    with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-        keep = pathlib.Path(folder)
+    with scratch() as keep:
         for name in ("test", "rec"):
             (keep / name).mkdir()
         shutil.move(clip.write(keep / "clip.y4m", 1), keep / "test")

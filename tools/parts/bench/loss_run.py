@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import pathlib
-import tempfile
 import time
 from collections.abc import Callable
 from typing import Any
@@ -13,6 +12,7 @@ from typing import Any
 from parts.bench.clips import pictures
 from parts.bench.loss_figures import View, figures, mean, usable_at
 from parts.bench.loss_peers import Peer
+from parts.common import scratch
 from parts.link.link import Link, Way
 from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Pattern
 
@@ -95,10 +95,10 @@ def rate(before: Way, after: Way, seconds: float) -> float:
 def take(case: Case, maker: Maker, clip: pathlib.Path, plan: Plan) -> Take:
     pattern = COLUMNS.get(case.column, NOTHING)
     back = pattern if case.reports else ALL
-    with (tempfile.TemporaryDirectory(prefix="ddx-bench-") as name,
+    with (scratch() as folder,
           Link(case.operators, delay_ms=case.rtt_ms / 2, seed=case.seed, loss=pattern if case.join else NOTHING,
                back=back if case.join or not case.reports else NOTHING) as link,
-          maker(link, clip, pathlib.Path(name)) as peer):
+          maker(link, clip, folder) as peer):
         return _take(case, peer, link, clip, plan, lambda: link.lose(pattern, back))
 
 

@@ -5,7 +5,7 @@ import json
 import pathlib
 import tempfile
 
-from parts.common import PATIENCE, run
+from parts.common import PATIENCE, run, scratch
 
 BOOT = 2048 * 512  # the boot partition, see board/common/disk.cfg
 BOOT_BYTES = 16 << 20
@@ -39,8 +39,8 @@ class Disk:
         run(["qemu-io", "-f", "qcow2", "-c", f"write -q -z {offset} {length}", self.path], timeout=PATIENCE)
 
     def read(self, offset: int, length: int) -> bytes:
-        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-            file = pathlib.Path(folder) / "part"
+        with scratch() as folder:
+            file = folder / "part"
             source = {"driver": "raw", "offset": offset, "size": length,
                       "file": {"driver": "qcow2", "file": {"driver": "file", "filename": str(self.path)}}}
             run(["qemu-img", "convert", "-O", "raw", f"json:{json.dumps(source)}", file], timeout=PATIENCE)
@@ -48,8 +48,8 @@ class Disk:
 
     def set_boot_files(self, files: dict[str, pathlib.Path]) -> None:
         """Write files (name on the boot partition: contents) as a user with the card in a reader does."""
-        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-            partition = pathlib.Path(folder) / "boot"
+        with scratch() as folder:
+            partition = folder / "boot"
             partition.write_bytes(self.read(BOOT, BOOT_BYTES))
             for name, file in files.items():
                 run(["mcopy", "-o", "-i", partition, file, f"::{name}"])

@@ -6,9 +6,8 @@ import os
 import pathlib
 import re
 import subprocess
-import tempfile
 
-from parts.common import TOP, Failed, run
+from parts.common import TOP, Failed, run, scratch
 from parts.disk import mbr
 
 FILE = "::ddx.txt"
@@ -75,7 +74,7 @@ def is_heard(serial: str) -> bool:
 def boot_partition(image: pathlib.Path, new: list[str], heard: bool) -> tuple[int, bytes]:
     """Where the image's boot partition begins, and what it holds with the new lines in its ddx.txt."""
     boot = mbr.partition(image, 1)
-    with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
+    with scratch() as folder:
         copy, file = pathlib.Path(folder, "boot"), pathlib.Path(folder, "ddx.txt")
         with image.open("rb") as source, copy.open("wb") as target:
             source.seek(boot.begin)

@@ -8,8 +8,8 @@ import os
 import pathlib
 import tempfile
 
-from parts.common import Closing, Failed, run, wait_until
-from parts.guest.slow_disk import MEMORY, Speed, file_system
+from parts.common import MEMORY, Closing, Failed, run, wait_until
+from parts.guest.slow_disk import Speed, file_system
 
 GROUPS = pathlib.Path("/sys/fs/cgroup")
 

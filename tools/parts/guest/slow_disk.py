@@ -11,10 +11,9 @@ import subprocess
 import tempfile
 import time
 
-from parts.common import MORTAL, PATIENCE, Closing, Failed, run, wait_until
+from parts.common import MEMORY, MORTAL, PATIENCE, Closing, Failed, run, wait_until
 from parts.guest.qemu import Guest
 from parts.processes import kill
-MEMORY = pathlib.Path("/dev/shm")
 DEVICE = "/dev/vdc"  # after the image's disk and the test disk, by its PCI address
 # As board/common/disk.cfg makes the recordings' partition
 FEATURES = "extents,flex_bg,metadata_csum,64bit,large_file,huge_file,dir_nlink,extra_isize"

@@ -3,10 +3,9 @@
 import os
 import pathlib
 import shutil
-import tempfile
 from collections.abc import Mapping
 
-from parts.common import run
+from parts.common import run, scratch
 from parts.media import y4m
 
 Files = Mapping[str, pathlib.Path | str]
@@ -44,8 +43,7 @@ def fill(folder: pathlib.Path, clip: pathlib.Path | None, files: Files | None = 
 
 def make(disk: pathlib.Path, clip: pathlib.Path | None, files: Files | None = None) -> pathlib.Path:
     """A disk with all that."""
-    with tempfile.TemporaryDirectory(prefix="ddx-") as name:
-        folder = pathlib.Path(name)
+    with scratch() as folder:
         fill(folder, clip, files)
         bytes_used = sum(path.stat().st_size for path in folder.iterdir())
         size = bytes_used // 1024 + bytes_used // 50_000 + 8192

@@ -2,11 +2,10 @@
 """Python packages that Debian lacks, for the tests only: pinned, checked, unpacked."""
 import hashlib
 import pathlib
-import tempfile
 import zipfile
 from collections.abc import Sequence
 
-from parts.common import Failed, fingerprint, run
+from parts.common import Failed, fingerprint, run, scratch
 from parts.image import foreign
 
 MCAP = {"mcap==1.6.0": "7cd37fba2cf51d033f2139ca837d2ed3024dcec3cd9f8ecdf3d4d15930df6e17",
@@ -20,9 +19,9 @@ def folder(wheels: dict[str, str], options: Sequence[str] = (), parts: str = "")
     """A folder for sys.path that has these packages: name and version, SHA-256 of the wheel. `options`: for pip;
     `parts`: only files whose names begin so."""
     def make(tree: pathlib.Path) -> None:
-        with tempfile.TemporaryDirectory() as down:
+        with scratch() as down:
             for number, (wheel, digest) in enumerate(wheels.items()):
-                into = pathlib.Path(down) / str(number)
+                into = down / str(number)
                 run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
                      *options, "--dest", into, wheel])
                 file = next(into.glob("*.whl"))

@@ -3,22 +3,15 @@
 compared with the index and with the programs' counters. The three know nothing of each other."""
 import dataclasses
 import pathlib
-import tempfile
 from collections.abc import Iterable
 
 import numpy
 
+from parts.common import MEMORY, scratch
 from parts.media import y4m
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 from parts.media.counters import Counters, adds_up, agree
 from parts.media.recording import FileSystem
-
-
-class RecordedDisk(FileSystem):
-    """A disk that is one file system, without partitions."""
-
-    def __init__(self, image: pathlib.Path) -> None:  # pylint: disable=super-init-not-called
-        self.place = str(image)
 
 
 @dataclasses.dataclass
@@ -50,10 +43,9 @@ def numbers_lost(found: Found, numbers: Iterable[int | None], clip: int) -> None
     found.longest = max(found.longest, behind)
 
 
-def _numbers(disk: RecordedDisk, found: Found, clip: int) -> Iterable[int | None]:
+def _numbers(disk: FileSystem, found: Found, clip: int) -> Iterable[int | None]:
     """Of all pictures, file by file; each is compared with its entry in the index on the way."""
-    with tempfile.TemporaryDirectory(prefix="ddx-", dir="/dev/shm") as name:
-        folder = pathlib.Path(name)
+    with scratch(MEMORY) as folder:
         indexes = disk.indexes()
         last = lost = 0
         for file in [file for recording in disk.recordings("video") for file in recording]:
@@ -76,7 +68,7 @@ def _numbers(disk: RecordedDisk, found: Found, clip: int) -> Iterable[int | None
 def recorder(image: pathlib.Path, load: Counters, save: Counters, clip: int) -> Found:
     """The recorder's files on the disk, which is not mounted any more. The clip has `clip` frames."""
     found = Found(published=load.out, counted=dict(save.lost))
-    numbers_lost(found, _numbers(RecordedDisk(image), found, clip), clip)
+    numbers_lost(found, _numbers(FileSystem(image, None), found, clip), clip)
     for what, ours, theirs in [("published and received", load.out, save.frames_in),
                                ("pictures", found.recorded, save.out),
                                ("missing pictures", found.lost, save.lost_total),
@@ -90,8 +82,8 @@ def naive(image: pathlib.Path, name: str, load: Counters, written: int, missed: 
     """What tests/guest/naive has left there."""
     found = Found(published=load.out, counted={"store": missed})
     size = WIDTH * HEIGHT * 3 // 2
-    with tempfile.TemporaryDirectory(prefix="ddx-", dir="/dev/shm") as folder:
-        data = numpy.memmap(RecordedDisk(image).take(name, pathlib.Path(folder) / "file"), numpy.uint8, "r")
+    with scratch(MEMORY) as folder:
+        data = numpy.memmap(FileSystem(image, None).take(name, folder / "file"), numpy.uint8, "r")
         numbers_lost(found, (frame_number(data[at:at + size].tobytes(), WIDTH, HEIGHT)
                              for at in range(0, len(data), size)), clip)
     for what, ours, theirs in [("pictures", found.recorded, written), ("missing pictures", found.lost, missed),

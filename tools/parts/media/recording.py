@@ -6,9 +6,8 @@ import itertools
 import pathlib
 import re
 import struct
-import tempfile
 
-from parts.common import Failed, run
+from parts.common import Failed, run, scratch
 from parts.disk import mbr
 from parts.media import record_index, y4m
 from parts.media.clip import frame_number
@@ -18,10 +17,10 @@ FULL_420 = ["420", "420jpeg", "420mpeg2", "420paldv"]
 
 
 class FileSystem:
-    """A file system inside a disk image, through debugfs: needs neither root nor a mount."""
+    """A file system in a partition of a disk image, or in the whole image (None), read by debugfs without a mount."""
 
-    def __init__(self, disk: pathlib.Path, number: int = REC) -> None:
-        self.place = f"{disk}?offset={mbr.partition(disk, number).begin}"
+    def __init__(self, disk: pathlib.Path, number: int | None = REC) -> None:
+        self.place = f"{disk}?offset={mbr.partition(disk, number).begin if number else 0}"
 
     def _debugfs(self, request: str) -> str:
         return run(["debugfs", "-R", request, self.place])
@@ -38,12 +37,14 @@ class FileSystem:
         self._debugfs(f'dump "/{name}" "{into}"')
         return into
 
-    def _session(self, index: str) -> int:
-        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-            data = self.take(f"pool/{index}", pathlib.Path(folder) / "index").read_bytes()
-        magic, session = struct.unpack_from("<8s60xI", data)  # package/ddxvideo/save/pool/index.h
+    def _index(self, name: str) -> bytes:
+        with scratch() as folder:
+            return self.take(f"pool/{name}", folder / "index").read_bytes()
+
+    def _session(self, name: str) -> int:
+        magic, session = struct.unpack_from("<8s60xI", self._index(name))  # package/ddxvideo/save/pool/index.h
         if magic != b"DDXINDX1":
-            raise Failed(f"/pool/{index} is no index")
+            raise Failed(f"/pool/{name} is no index")
         return int(session)
 
     def recordings(self, item: str = "") -> list[list[str]]:
@@ -61,15 +62,9 @@ class FileSystem:
 
     def indexes(self) -> dict[str, record_index.Index]:
         """Of each finished file of a recording, by its name."""
-        found = {}
-        with tempfile.TemporaryDirectory(prefix="ddx-") as folder:
-            for name in self._files("/pool"):
-                if name.endswith(".index"):
-                    data = self.take(f"pool/{name}", pathlib.Path(folder) / "index").read_bytes()
-                    if data[8] == record_index.NAMED:
-                        index = record_index.parse(data)
-                        found[index.name] = index
-        return found
+        indexes = [self._index(name) for name in self._files("/pool") if name.endswith(".index")]
+        found = [record_index.parse(data) for data in indexes if data[8] == record_index.NAMED]
+        return {index.name: index for index in found}
 
     def lost(self) -> list[str]:
         """Where frames are missing in the recordings, and which program lost them."""
@@ -86,8 +81,8 @@ class FileSystem:
 
     def take_all(self, names: list[str], into: pathlib.Path) -> pathlib.Path:
         """A recording in one file, with the times that it would have in one."""
-        with tempfile.TemporaryDirectory(prefix="ddx-", dir=into.parent) as folder:
-            y4m.join([self.take(name, pathlib.Path(folder) / name) for name in names], into)
+        with scratch(into.parent) as folder:
+            y4m.join([self.take(name, folder / name) for name in names], into)
         return into
 
     def features(self) -> list[str]:
