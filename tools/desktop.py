@@ -13,7 +13,7 @@ import site
 import subprocess
 import sys
 
-from parts.common import OUTPUT, TOP, Failed, run, say
+from parts.common import OUTPUT, TOP, Failed, finish, run, say
 from parts.image import native
 from parts.release import manual
 
@@ -72,17 +72,13 @@ def search_path(prefix: str) -> None:
 def main() -> int:
     prefix = sys.argv[1] if len(sys.argv) > 1 else "/usr/local"
     destination = sys.argv[2] if len(sys.argv) > 2 else ""
-    try:
-        if not prefix.startswith("/") or destination and not destination.startswith("/"):
-            raise Failed("PREFIX and DESTDIR are absolute paths")
-        install(prefix.rstrip("/") or "/", destination)
-        if not destination:
-            search_path(prefix)
-    except Failed as error:
-        say(f"desktop: {error}")
-        return 1
+    if not prefix.startswith("/") or destination and not destination.startswith("/"):
+        raise Failed("PREFIX and DESTDIR are absolute paths")
+    install(prefix.rstrip("/") or "/", destination)
+    if not destination:
+        search_path(prefix)
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("desktop", main)

@@ -12,7 +12,7 @@ import time
 from typing import Any
 
 import build
-from parts.common import OUTPUT, TOP, Failed, run, say
+from parts.common import OUTPUT, TOP, finish, run, say
 from parts.guest import laptop, machine, qemu, session, testdisk
 from parts.guest.laptop import Laptop
 from parts.guest.qemu import Guest
@@ -148,18 +148,14 @@ def check(guest: Guest, users: list[Laptop], machine: str, command: str) -> bool
 def main() -> int:
     board = sys.argv[1] if len(sys.argv) > 1 and sys.argv[1] else machine.DEV
     (TOP / "docs/pictures").mkdir(exist_ok=True)
-    try:
-        dev = build.dev([native.build()])
-        image = dev if board == machine.DEV else machine.image(board)
-        users = laptops(OUTPUT / "docs")
-        with Guest(image, qemu.acceleration(dev), machine.machines(board)[0],
-                   **provide(image, OUTPUT / "docs", users)) as guest:
-            prepare(guest)
-            pictures(guest)
-            good = all([check(guest, users, *line) for line in commands()])
-    except Failed as error:
-        say(f"docs: {error}")
-        return 1
+    dev = build.dev([native.build()])
+    image = dev if board == machine.DEV else machine.image(board)
+    users = laptops(OUTPUT / "docs")
+    with Guest(image, qemu.acceleration(dev), machine.machines(board)[0],
+               **provide(image, OUTPUT / "docs", users)) as guest:
+        prepare(guest)
+        pictures(guest)
+        good = all([check(guest, users, *line) for line in commands()])
     missing = [name for name in re.findall(r"\]\((pictures/\S+)\)", PAGE.read_text())
                if not pathlib.Path(PAGE.parent, name).exists()]
     for name in missing:
@@ -169,4 +165,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("docs", main)

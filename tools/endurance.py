@@ -11,7 +11,6 @@ import contextlib
 import functools
 import json
 import pathlib
-import shutil
 import time
 from collections.abc import Iterable
 from typing import Any
@@ -176,9 +175,8 @@ def natively(root: pathlib.Path, kind: str, amount: int, times: int = LOOKS) -> 
     with scratch() as keep:
         for name in ("test", "rec"):
             (keep / name).mkdir()
-        shutil.move(clip.write(keep / "clip.y4m", 1), keep / "test")
-        for name, text in {**SETTINGS, f"{SAVE}.conf": "segment=16\nfull=recycle\n"}.items():
-            (keep / "test" / name).write_text(text)
+        testdisk.fill(keep / "test", clip.write(keep / "clip.y4m", 1),
+                      {**SETTINGS, f"{SAVE}.conf": "segment=16\nfull=recycle\n"})
         with contextlib.ExitStack() as both:
             if kind == "video":
                 both.enter_context(NativeDisk(SMALL_DISK, keep / "rec"))

@@ -9,10 +9,8 @@ import argparse
 import os
 import pathlib
 import subprocess
-import sys
-
 from parts import defects
-from parts.common import OUTPUT, TOP, Failed, fingerprint, run, say, step
+from parts.common import OUTPUT, TOP, Failed, fingerprint, finish, run, say, step
 from parts.image import cyclonedds_fuzzed, native
 
 FUZZ = OUTPUT / "fuzz"
@@ -29,17 +27,14 @@ Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_l
                                        "y4m_read")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
-# Sources of each, below a package.
-TARGETS = {"mcap": (LOG, MCAP), "repair": (VIDEO, REPAIR), "report": (VIDEO, REPORT),
-           "rtp": (VIDEO, STREAM), "sap": (VIDEO, SAP), "y4m": (VIDEO, Y4M)}
-LIBRARIES: dict[str, list[str]] = {"mcap": ["-lddx", "-llz4"], "repair": [], "report": [], "rtp": [], "sap": [],
-                                   "y4m": ["-lddx", "-lswscale", "-lavutil"]}
+# Sources of each target, below a package, and libraries.
+TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
+    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "repair": (VIDEO, REPAIR, []), "report": (VIDEO, REPORT, []),
+    "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []), "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
 LONGEST = 8192  # bytes of an input
-FOREIGN = "rtps"  # not of our sources, but of Cyclone DDS: tests/fuzz/rtps.c
-FOREIGN_FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
-                 "-fno-sanitize-recover=all", "-D_GNU_SOURCE"]
+FOREIGN = "rtps"  # fuzzes Cyclone DDS instead of our sources: tests/fuzz/rtps.c
 ALL = sorted([*TARGETS, FOREIGN])
 
 
@@ -50,7 +45,7 @@ def build(target: str, broken: bool) -> pathlib.Path:
     tree, switches = TOP, list[str]()
     if broken:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
-    package, names = TARGETS[target]
+    package, names, needed = TARGETS[target]
     folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/send", VIDEO / "common", VIDEO / "include",
                TOP / "package/ddx/include"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
@@ -58,7 +53,7 @@ def build(target: str, broken: bool) -> pathlib.Path:
 
     def compile_it() -> None:
         run(["clang", *FLAGS, *switches, *(f"-I{folder}" for folder in folders), *sources, "-o", program,
-             f"-L{libraries}", f"-Wl,-rpath,{libraries}", *LIBRARIES[target]])
+             f"-L{libraries}", f"-Wl,-rpath,{libraries}", *needed])
 
     key = fingerprint([*sources, *folders], *FLAGS, *switches)
     step(f"fuzz: {program.name}", program.with_suffix(".stamp"), key, compile_it)
@@ -71,9 +66,9 @@ def build_foreign() -> pathlib.Path:
     program, source, library = FUZZ / f"fuzz-{FOREIGN}", TOP / f"tests/fuzz/{FOREIGN}.c", cyclonedds_fuzzed.fuzzed()
 
     def compile_it() -> None:
-        run(["clang", *FOREIGN_FLAGS, f"-isystem{library / 'include'}", source, library / "libddsc.a", "-o", program])
+        run(["clang", *FLAGS, f"-isystem{library / 'include'}", source, library / "libddsc.a", "-o", program])
 
-    step(f"fuzz: {program.name}", program.with_suffix(".stamp"), fingerprint([source], library.name, *FOREIGN_FLAGS),
+    step(f"fuzz: {program.name}", program.with_suffix(".stamp"), fingerprint([source], library.name, *FLAGS),
          compile_it)
     return program
 
@@ -108,21 +103,17 @@ def main() -> int:
     parser.add_argument("targets", nargs="*", default=ALL)
     options = parser.parse_args()
     good = True
-    try:
-        native.build()
-        for target in options.targets or ALL:
-            if target not in ALL:
-                raise Failed(f"no target {target}; there are {', '.join(ALL)}")
-            say(f"fuzz: {target}: {options.seconds} s ...")
-            fine, text = fuzz(target, options.seconds)
-            lines = text.splitlines()
-            say("\n".join(line for line in lines if line.startswith("stat::")) if fine else "\n".join(lines[-60:]))
-            good &= fine
-    except Failed as error:
-        say(f"fuzz: {error}")
-        return 1
+    native.build()
+    for target in options.targets:
+        if target not in ALL:
+            raise Failed(f"no target {target}; there are {', '.join(ALL)}")
+        say(f"fuzz: {target}: {options.seconds} s ...")
+        fine, text = fuzz(target, options.seconds)
+        lines = text.splitlines()
+        say("\n".join(line for line in lines if line.startswith("stat::")) if fine else "\n".join(lines[-60:]))
+        good &= fine
     return 0 if good else 1
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    finish("fuzz", main)

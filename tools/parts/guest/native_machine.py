@@ -13,6 +13,7 @@ import subprocess
 import tempfile
 
 from parts.common import MORTAL, PATIENCE, Closing, Failed, wait_until
+from parts.guest.robot import Robot
 from parts.processes import kill
 
 SCRIPTS = "S02base S[2-9]*"  # of /etc/init.d: folders and loopback, then the services
@@ -53,7 +54,7 @@ ENTER = ("--mount", "--pid", "--net", "--uts", "--ipc", "--root", "--wd=/")
 PATH = "PATH=/usr/sbin:/usr/bin:/sbin:/bin"
 
 
-class NativeMachine(Closing):
+class NativeMachine(Closing, Robot):
     """One run of it. `keep` is a folder that outlives it, with /data, /rec and /test."""
 
     def __init__(self, root: pathlib.Path, keep: pathlib.Path) -> None:
@@ -93,20 +94,12 @@ class NativeMachine(Closing):
         wait_until(there, "no machine of its own: its init does not come")
 
     def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
-        """Exit status, and what it said."""
         done = subprocess.run([*MORTAL, *self._enter, command], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
                               stderr=subprocess.STDOUT, text=True, errors="replace", timeout=timeout)
         return done.returncode, done.stdout.strip()
 
-    def sh(self, command: str, timeout: float = PATIENCE) -> str:
-        """What a command says, which has to succeed."""
-        status, text = self.run(command, timeout)
-        if status:
-            raise Failed(f"exit status {status}: {command}: {text}")
-        return text
-
-    def wait_until(self, condition: str, timeout: float = PATIENCE) -> None:
-        wait_until(lambda: self.run(condition)[0] == 0, f"waited in vain: {condition}", 0.1, timeout)
+    def wait_until(self, condition: str, timeout: float = PATIENCE, pause: float = 0.1) -> None:
+        wait_until(lambda: self.run(condition)[0] == 0, f"waited in vain: {condition}", pause, timeout)
 
     def wait_for_end(self) -> None:
         """After a command to stop or restart: init exits, and everything with it."""

@@ -5,7 +5,6 @@ import dataclasses
 import json
 import os
 import pathlib
-import shlex
 import shutil
 import subprocess
 import tempfile
@@ -14,12 +13,13 @@ from collections.abc import Callable, Mapping
 from types import TracebackType
 from typing import ClassVar
 
-from parts.common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, copy, run, say
+from parts.common import MORTAL, OUTPUT, PATIENCE, TOP, Failed, copy, run, say, wait_until
 from parts.disk.disk import BOOT, Disk
 from parts.guest import machine as boards
 from parts.guest.channel import Channel, Timeout
 from parts.guest.machine import Machine
 from parts.guest.qmp import Monitor
+from parts.guest.robot import Robot
 from parts.processes import kill, stop
 PROBE_SECONDS = 6
 TCG = "tcg,thread=multi"
@@ -43,7 +43,7 @@ def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk:
     return ["-blockdev", json.dumps(graph), *machine.disk("disk"), *after]
 
 
-class Guest:
+class Guest(Robot):
     """One run of a machine with an image; what it wrote is gone afterwards, the image stays as it was.
 
     `more_memory` (MiB) is added to what the machine has, `size` makes the disk larger than the image (bytes), `prepare`
@@ -110,11 +110,10 @@ class Guest:
         with (self.folder / "qemu.log").open("w") as words:
             self.process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stderr=words)
         try:
-            deadline = time.monotonic() + PATIENCE
-            while not (self.folder / "hvc1").exists():
-                if self.process.poll() is not None or time.monotonic() > deadline:
-                    raise Failed("QEMU does not start")
-                time.sleep(0.02)
+            console = self.folder / "hvc1"
+            wait_until(lambda: console.exists() or self.process.poll() is not None, "QEMU does not start")
+            if not console.exists():
+                raise Failed("QEMU does not start")
             with Monitor(self.folder / "qmp"):  # it answers when all devices are there
                 pass
         except BaseException as error:
@@ -257,19 +256,8 @@ class Guest:
         self._start()
         return True
 
-    def sh(self, command: str, timeout: float = PATIENCE) -> str:
-        """Run a command in the guest that has to succeed."""
-        status, text = self.shell().run(command, timeout)
-        if status != 0:
-            raise Failed(f"in the guest: exit status {status}: {command}\n{text}")
-        return text.strip()
-
-    def wait_until(self, condition: str, timeout: float = PATIENCE, pause: float = 0.5) -> None:
-        """Until the command succeeds in the guest. Not asked too often: what it waits for needs the machine, too."""
-        loop = shlex.quote(f"until {condition}; do sleep {pause}; done")
-        status, text = self.shell().run(f"timeout {timeout:.0f} sh -c {loop}", timeout + PATIENCE)
-        if status != 0:
-            raise Failed(f"in the guest, not within {timeout:.0f} s: {condition}\n{text}")
+    def run(self, command: str, timeout: float = PATIENCE) -> tuple[int, str]:
+        return self.shell().run(command, timeout)
 
     def wait_for_event(self, name: str, timeout: float = PATIENCE) -> None:
         """Until QEMU tells of it: RESET, WATCHDOG, SHUTDOWN ..."""
