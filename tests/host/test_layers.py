@@ -13,7 +13,7 @@ from .layers import TABLES, layers
 
 PARTS = TOP / "tools/parts"
 # Lowest first; modules in one line do not use each other.
-LAYERS = [{"common"}, {"defects", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
+LAYERS = [{"common"}, {"defects", "processes", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
           {"bench", "flash", "release", "testing"}]
 
 
