@@ -21,6 +21,7 @@ from parts.guest.machine import Machine
 from parts.guest.qmp import Monitor
 from parts.guest.robot import Robot
 from parts.processes import kill, stop
+
 PROBE_SECONDS = 6
 TCG = "tcg,thread=multi"
 USERSPACE = b"Starting base"  # our own scripts' first line
@@ -111,7 +112,8 @@ class Guest(Robot):
             self.process = subprocess.Popen(self._command, stdin=subprocess.DEVNULL, stderr=words)
         try:
             console = self.folder / "hvc1"
-            wait_until(lambda: console.exists() or self.process.poll() is not None, "QEMU does not start")
+            wait_until(lambda: console.exists() or self.process.poll() is not None, "QEMU does not start",
+                       patience=PATIENCE)
             if not console.exists():
                 raise Failed("QEMU does not start")
             with Monitor(self.folder / "qmp"):  # it answers when all devices are there
@@ -247,8 +249,7 @@ class Guest(Robot):
         self._again -= 1
         fault = f"was stopped by signal {-self.process.returncode}" if crashed else "failed the guest's kernel"
         say(f"QEMU {fault}; booting again ...")
-        self.process.kill()
-        self.process.wait()
+        kill(self.process)
         self.reset()
         copy(self._before, self._disk)  # where GRUB has counted the boot that failed
         if self._writes:
