@@ -2,8 +2,8 @@
 /*
  * Grows the last partition of a disk up to the disk's end, in the partition table and in the running kernel.
  *
- * The partition may be mounted; where it begins, and every other partition, stays as it is. The table is written sector
- * by sector, the extended partition first: whenever power is cut, what is on the disk is a whole table.
+ * The partition may be mounted; its begin, and all other partitions, remain unchanged. The table is written sector by
+ * sector, the extended partition first, so that a power cut at any time leaves a valid table.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -19,9 +19,9 @@
 
 enum {
     MEGABYTE = 1 << 20,
-    WORTH_IT = 16 * MEGABYTE, /* what less than that would bring is not worth touching the table */
+    WORTH_IT = 16 * MEGABYTE, /* for less than this the table is not changed */
 };
-static const uint64_t most_sectors = UINT32_MAX; /* an MBR has 32 bits for where a partition begins and for its size */
+static const uint64_t most_sectors = UINT32_MAX; /* an MBR has 32 bits for the begin and the size of a partition */
 
 static int fail(const char *disk, const char *what, int error) {
     if (error)
@@ -31,7 +31,7 @@ static int fail(const char *disk, const char *what, int error) {
     return 1;
 }
 
-/* The partition with that index (from 0), which the caller frees; NULL if there is none. */
+/* The partition with this index (from 0), which the caller frees; NULL if there is none. */
 static struct fdisk_partition *look_up(struct fdisk_context *table, size_t index) {
     struct fdisk_partition *found = NULL;
 
@@ -52,7 +52,7 @@ static int set_end(struct fdisk_context *table, size_t index, uint64_t begin, ui
     return error;
 }
 
-/* Tell the kernel; rereading the table is refused while another partition of the disk, such as the root, is in use. */
+/* Update the kernel's table; it cannot reread the disk's while another partition, such as the root, is in use. */
 static int tell_kernel(int fd, int number, uint64_t begin, uint64_t bytes) {
     struct blkpg_partition partition = {.start = (int64_t)begin, .length = (int64_t)bytes, .pno = number};
     struct blkpg_ioctl_arg argument = {.op = BLKPG_RESIZE_PARTITION, .datalen = sizeof partition, .data = &partition};
@@ -73,7 +73,7 @@ static int write_table(struct fdisk_context *table, const char *disk, int number
     if (fstat(fd, &status) == 0 && S_ISBLK(status.st_mode)) {
         error = tell_kernel(fd, number, begin * sector, (end - begin) * sector);
         if (error)
-            return fail(disk, "the partition table is written, the kernel learns it at the next start", error);
+            return fail(disk, "the partition table is written, the kernel reads it at the next start", error);
     }
     printf("ddxgrow: %s: partition %d has %" PRIu64 " MiB now\n", disk, number, (end - begin) * sector / MEGABYTE);
     return 0;

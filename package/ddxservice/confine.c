@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * confine CAPABILITY[,CAPABILITY...] PROGRAM ...: a program of root's that sets addresses, or the time, and can do
- * nothing else that takes root; neither can what it starts. (BusyBox's setpriv cannot take from the bounding set.)
+ * confine CAPABILITY[,CAPABILITY...] PROGRAM ...: run a program as root, but with only these capabilities (to set
+ * addresses, or the time), also for its children. (BusyBox's setpriv cannot reduce the bounding set.)
  */
 #include <errno.h>
 #include <linux/capability.h>
@@ -10,7 +10,7 @@
 #include <sys/prctl.h>
 #include <unistd.h>
 
-#define REFUSED 111 /* as runsv's own: the program was not started */
+#define REFUSED 111 /* as runsv does: the program was not started */
 
 static const struct {
     const char *name;
@@ -22,7 +22,7 @@ static const struct {
     {"sys_time", CAP_SYS_TIME},
 };
 
-/* Of the names, a bit each; 0 if one of them is not known. */
+/* One bit for each name; 0 if a name is unknown. */
 static unsigned long long parse(char *names) {
     unsigned long long kept = 0;
 
@@ -45,10 +45,10 @@ int main(int argc, char **argv) {
         fprintf(stderr, "usage: confine net_admin|net_bind_service|net_raw|sys_time[,...] PROGRAM ...\n");
         return 2;
     }
-    /* What this kernel knows. A program of root's gets at its start what is left in this set. */
+    /* All capabilities of this kernel. At exec, a program of root gets those that are left in this set. */
     for (int number = 0; prctl(PR_CAPBSET_READ, number, 0, 0, 0) >= 0; number++)
         if (!(kept >> number & 1) && prctl(PR_CAPBSET_DROP, number, 0, 0, 0)) {
-            fprintf(stderr, "confine: capability %d stays: %s\n", number, strerror(errno));
+            fprintf(stderr, "confine: capability %d cannot be dropped: %s\n", number, strerror(errno));
             return REFUSED;
         }
     if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)) {

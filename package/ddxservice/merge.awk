@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Merges the settings files of `instance` of `program` for `service`; a later file wins, key by key. Prints a line each:
-# `enabled` (`wrong`: a value was refused), `needs`, `once`, `oom_score_adj`, `mounted`, and the rest ready for a shell's
-# command line, every value in single quotes.
+# Merges the settings files of `instance` of `program` for `service`; a later file overrides, key by key. Prints a line
+# each: `enabled` (`wrong`: a value was refused), `needs`, `once`, `oom_score_adj`, `mounted`, and the rest ready for a
+# shell's command line, every value in single quotes.
 
 function quoted(text) {
 	gsub(/\047/, "\047\\\047\047", text)
@@ -17,7 +17,7 @@ function tell(text) {
 	next
 }
 key == "user" && FILENAME !~ /^\/etc\/default\// {
-	tell(": user= is for the image to say, ignored")
+	tell(": user= is allowed only in the image's file, ignored")
 	next
 }
 (needed = wanted()) != "" {
@@ -39,7 +39,7 @@ END {
 	line = (values["realtime"] == "") ? "" : "chrt -f " quoted(values["realtime"]) " "
 	line = line "chpst -u " quoted((values["user"] == "" ? "nobody" : values["user"]) ":ddx")
 	if (values["priority"] != "") line = line " -n " quoted(values["priority"])
-	# not even by a program with the set-user-ID bit does it get more
+	# no further privileges, not even from a program with the set-user-ID bit
 	line = line " setpriv --nnp " quoted("/usr/bin/" program)
 	if (values["argument"] != "") line = line " " quoted(values["argument"])
 	if (instance != program) line = line " -instance " quoted(instance)

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Copies standard input to standard output and to the first serial line, which is written and never read: the robot may
- * have a GPS there. In a terminal's default mode, bytes of such a device would be echoed, stop our output (Ctrl-S) or
- * kill programs (Ctrl-C). The line becomes no process's controlling terminal here, and the next program finds it raw.
+ * have a GPS there. In a terminal's default mode, bytes of that device would be echoed, stop the output (Ctrl-S) or
+ * kill programs (Ctrl-C). The line does not become a controlling terminal here, and remains in raw mode.
  */
 #include <fcntl.h>
 #include <poll.h>
@@ -17,11 +17,11 @@ static int open_line(void) {
     int line = open(LINE, O_WRONLY | O_NOCTTY | O_NONBLOCK | O_CLOEXEC);
 
     if (line < 0 || tcgetattr(line, &mode))
-        return -1; /* the machine has none */
+        return -1; /* the machine has no serial line */
     cfmakeraw(&mode);
     mode.c_oflag = OPOST | ONLCR;
     mode.c_cflag = (mode.c_cflag & ~(tcflag_t)CRTSCTS) | CLOCAL | CREAD;
-    /* At once: stty waits until everything is sent, which a device's Ctrl-S may delay for ever. */
+    /* TCSANOW: stty would wait until all output is sent, which a device's Ctrl-S may delay for ever. */
     tcsetattr(line, TCSANOW, &mode);
     return line;
 }

@@ -94,7 +94,7 @@ def test_ruined_settings(boot: Boot, image: pathlib.Path, tmp_path: pathlib.Path
     with boot("ruined-settings", keep=tmp_path) as guest:
         assert off(guest, "ddxvideoV4L") and not off(guest, LOAD)
         assert "! disk       /data cannot be used" in guest.sh("ddxctl health || true")
-        assert "beware: /data cannot be used" in guest.sh(f"ddxctl disable {LOAD} 2>&1")
+        assert "warning: /data cannot be used" in guest.sh(f"ddxctl disable {LOAD} 2>&1")
         guest.wait_until(f"grep -q {LOAD}.conf /rec/.ddx/settings")
         guest.poweroff()
     with boot("ruined-settings", keep=tmp_path) as guest:

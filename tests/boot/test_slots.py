@@ -84,7 +84,7 @@ def test_file_systems_without_a_superblock_are_repaired(damaged: Guest) -> None:
     health = damaged.sh("ddxctl health || true")
     assert health.count("! slot") == 1
     assert "! disk       /data had to be repaired, and there is no copy on /rec; settings are what is left" in health
-    assert "beware: /data had to be repaired" in damaged.shell().run("ddxctl disable ddxvideoload")[1]
+    assert "warning: /data had to be repaired" in damaged.shell().run("ddxctl disable ddxvideoload")[1]
     damaged.wait_until("grep -q ddxvideoload.conf /rec/.ddx/settings")  # now there is a copy
 
 

@@ -91,7 +91,7 @@ def test_a_program_with_unknown_start_time_is_delayed(service: Appliance, begin:
         assert (folder / "restarts").read_text() == f"{restarts}\n" and (folder / "delay").read_text() == f"{delay}\n"
 
 
-NOT_DONE = "ddxgrow: not done, the next boot goes on"
+NOT_DONE = "ddxgrow: not done, the next boot continues"
 
 
 @pytest.mark.parametrize("table, files, last", [(0, 0, "ddxgrow: done"), (0, 1, NOT_DONE), (1, 0, NOT_DONE)])

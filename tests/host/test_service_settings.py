@@ -104,7 +104,7 @@ def test_only_the_image_sets_the_user(appliance: Appliance, folder: str) -> None
     text = appliance.run(f"{THING} start")[1]
     supervise(appliance)
     for line in (1, 2):
-        assert f"/{folder}/thing.conf: line {line}: user= is for the image to say, ignored\n" in text
+        assert f"/{folder}/thing.conf: line {line}: user= is allowed only in the image's file, ignored\n" in text
     wait_until(lambda: appliance.run("pidof sleep")[0] == 0)
     assert appliance.run("stat -c %u /proc/$(pidof sleep)") == (0, f"{USERS['ddxlog']}\n")
 

@@ -85,7 +85,7 @@ def test_reasons_of_loss_cannot_control_the_terminal(desk: Desk, compile_client:
     (["show", "nothing"], 1, "ddxctl: nothing: the store has no item of this name"),
     (["show"], 2, "ddxctl: show: needs the name of an item"),
     (["frobnicate"], 2, "ddxctl: frobnicate: unknown command"),
-    (["services"], 1, "ddxctl: services: there are services in the appliance only"),
+    (["services"], 1, "ddxctl: services: services exist only on the appliance"),
     (["list", "-frobnicate"], 2, "ddxctl: -frobnicate: unknown option"),
     (["list", "-port", "7"], 1, "ddxctl: no store runs here"),
     (["list", "-port", "x"], 2, "ddxctl: x: -port takes a whole number from 1 to 65535"),
