@@ -1,8 +1,7 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Folders, links and the version, which neither a package nor git can bring; in the shape of a Buildroot post-build
-# script.
-# Runs again on a kept target folder, so every line may be repeated.
+# Folders, links and the version, which neither a package nor git provides; in the form of a Buildroot post-build
+# script. Every line may be repeated, since the target folder is used again.
 set -eu
 
 target=$1
@@ -17,7 +16,7 @@ for name in run tmp; do
 	ln -s "../$name" "$target/var/$name"
 done
 
-# Which version this is, instead of Buildroot's own file. The tools say which commit and which board are built.
+# The version, instead of Buildroot's own file. The tools set commit and board.
 number=$(sed -n "s/^  version: '\(.*\)',\$/\1/p" "$common/../../package/ddx/meson.build")
 commit=${DDX_COMMIT:-$(git -C "$common" describe --always --dirty --abbrev=12 2> /dev/null || echo unknown)}
 board=${DDX_BOARD:-unknown}

@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: GPL-2.0-or-later
-# Make disk.img from rootfs.squashfs: in the shape of a Buildroot post-image script, for every board.
+# Make disk.img from rootfs.squashfs: in the form of a Buildroot post-image script, for every board.
 # Expects BINARIES_DIR; HOST_DIR (Buildroot's tools) when there is one.
 set -eu
 
@@ -10,7 +10,7 @@ scratch=$(mktemp -d)
 trap 'rm -rf "$scratch"' EXIT
 boot=$scratch/root/boot
 
-# TARGET IMAGE MODULE...: GRUB's core, which finds its menu on the first partition of the disk that it came from
+# TARGET IMAGE MODULE...: GRUB's core, which finds its menu on the first partition of its own disk
 core() {
 	format=$1 image=$2
 	shift 2
@@ -19,7 +19,7 @@ core() {
 		$(sed 's/#.*//' "$common/grub-modules.txt")
 }
 
-# Legacy BIOS: MBR and the gap after it. UEFI, where the board has it: a file that firmware looks for on any disk.
+# Legacy BIOS: MBR and the gap after it. UEFI, if the board has it: a file that firmware looks for on any disk.
 cp "$grub/i386-pc/boot.img" "$BINARIES_DIR/"
 core i386-pc "$BINARIES_DIR/core.img" biosdisk
 mkdir -p "$boot/grub"

@@ -117,7 +117,7 @@ def test_additions_of_editors_are_accepted(defaults: pathlib.Path) -> None:
 def test_a_repeated_line_is_reported(defaults: pathlib.Path) -> None:
     taken, wrong = read(defaults, "network=eth0 dhcp\nnetwork=eth1 dhcp\nnetwork=eth0 10.0.0.1/8\n")
     assert taken == ["network=eth0 dhcp", "network=eth1 dhcp"]
-    assert wrong == ["ddx.txt, line 3: network=eth0 10.0.0.1/8: line 1 said this already"]
+    assert wrong == ["ddx.txt, line 3: network=eth0 10.0.0.1/8: line 1 has set this already"]
 
 
 def test_the_image_s_example_file_is_valid(defaults: pathlib.Path) -> None:

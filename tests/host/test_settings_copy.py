@@ -101,7 +101,8 @@ def test_a_forged_copy_is_not_used(robot: Appliance) -> None:
         assert robot.run(SAVE) == (0, "")
         (robot.root / "data/ddx/thing.conf").write_text("enabled=no\n")
         assert robot.run(f"{THIEF} 'cd /rec; mv .ddx x; {forged}'")[0] == 0
-        earlier = "that of an earlier image is not used, since others could write it\n" if ".settings" in forged else ""
+        text = "the copy of an earlier image is not used, since other users could write it\n"
+        earlier = text if ".settings" in forged else ""
         assert robot.run(RESTORE) == (1, earlier)
         assert (robot.root / "data/ddx/thing.conf").read_text() == "enabled=no\n"
         robot.run("rm -rf /rec/.ddx /rec/x /rec/settings")

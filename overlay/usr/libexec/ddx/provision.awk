@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-# What ddx.txt says about this machine: prints the lines that are right, tidied up, and on standard error what is wrong
-# with each of the others. A wireless network is printed as wifi=NAME PASSPHRASE, its name in hexadecimal digits.
+# Checks ddx.txt: prints valid lines in a normalized form, and on standard error the fault of each other line. A
+# wireless network is printed as wifi=NAME PASSPHRASE, its name in hexadecimal digits.
 
-# A line that may hold a passphrase is not shown: what is wrong with it is on screens and in logs.
+# A line that may contain a passphrase is not shown, since errors are on screens and in logs.
 function wrong(why, line) {
 	line = raw
 	if (!at) sub(/ .*/, " ...", line)
@@ -38,7 +38,7 @@ function is_service(name, line) {
 }
 
 function once(what) {
-	if (what in seen) wrong("line " seen[what] " said this already")
+	if (what in seen) wrong("line " seen[what] " has set this already")
 	seen[what] = NR
 	return !bad
 }
@@ -54,7 +54,7 @@ function network(count, words) {
 		wireless[++wireless_count] = NR
 }
 
-# The next word of `rest`, or what stands between quotes; a quote in there is written twice. Cuts it off.
+# The next word of `rest`, or the text between quotes (a quote inside is written twice); it is removed from `rest`.
 function next_word(word, at) {
 	quoted = substr(rest, 1, 1) == "\""
 	if (!quoted) {
@@ -89,7 +89,7 @@ function wifi(name, phrase, bare) {
 	if (!broken) phrase = next_word()
 	bare = !quoted
 	if (value ~ /\342\200[\234-\236]/)
-		wrong("the quotes have to be straight ones: \"")
+		wrong("straight quotes are needed: \"")
 	else if (value ~ /[\001-\037\177]/)
 		wrong("it has an invisible character; type the line again")
 	else if (broken || rest != "")
@@ -147,7 +147,7 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 	value = substr($0, at + 1)
 	sub(/ +$/, "", key)
 	sub(/^ +/, "", value)
-	if (key == "wifi") { # as it was typed: any space may belong to a name or a passphrase
+	if (key == "wifi") { # as typed: spaces may belong to a name or a passphrase
 		value = substr(typed, index(typed, "=") + 1)
 		gsub(/^[ \t]+|[ \t]+$/, "", value)
 	} else
@@ -188,7 +188,7 @@ NR == 1 { sub(/^\357\273\277/, "") } # some editors begin a file like this
 END {
 	for (i = 1; i <= wireless_count; i++)
 		if (!wireless_networks) {
-			# Without a right line only; a wrong one has been told already.
+			# Not after a wrong wifi line, which has been reported already.
 			if (!wireless_lines)
 				tell(wireless[i], good[wireless[i]], "which network? wifi=NAME PASSPHRASE is needed, too")
 			delete good[wireless[i]]

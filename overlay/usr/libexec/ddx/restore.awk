@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 # Writes the copy of the settings, made by settings-copy, as files into `folder`. A service gets only the lines that
-# `service` would take. Where it would refuse to start the service because of a line, the service is switched off
-# instead, since its meaning is unknown. Other files (a logger's) get all lines that are text. Prints which lines
-# were left out.
+# `service` would accept. If `service` would refuse to start it because of a line, the service is switched off instead,
+# since the line's meaning is unknown. Other files (a logger's) get all lines that are text. Prints the lines left out.
 
 function leave_out() {
 	missing = missing (missing == "" ? "" : ", ") name " line " number
