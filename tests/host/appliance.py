@@ -49,6 +49,7 @@ class Appliance:
         """Copy the scripts that start services."""
         for script in SERVICE:
             self.install(f"package/ddxservice/{script}", f"usr/libexec/ddx/{script}")
+        self.install("overlay/usr/libexec/ddx/init-action", "usr/libexec/ddx/init-action")
 
     def add(self, to: str, text: str) -> None:
         path = self.root / to

@@ -18,7 +18,7 @@ from .appliance import Appliance
 from .programs import wait_until
 
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
-           for name in ("storage", "recordings-disk", "settings-copy", "restore.awk", "disk")}
+           for name in ("storage", "recordings-disk", "settings-copy", "restore.awk", "disk", "init-action")}
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"
 SIZES = {"DDXDATA": "32M", "DDXREC": "160M"}  # several groups, so that there is a second superblock
 # As in board/common/disk.cfg.

@@ -51,7 +51,7 @@ class Machine:
             (folder / "programs" / name).chmod(0o755)
         for name in ("own-partition", "settings-copy", "serial", "grow"):
             (folder / name).symlink_to(f"programs/{name}")
-        for name in ("storage", "recordings-disk", "S15storage"):
+        for name in ("storage", "recordings-disk", "init-action", "S15storage"):
             place = "etc/init.d" if name.startswith("S") else "usr/libexec/ddx"
             text = (TOP / "overlay" / place / name).read_text()
             for theirs in ("/usr/libexec/ddx/", "/proc/", "/run/", "/dev/console"):
