@@ -84,6 +84,17 @@ void output_folder(const struct output *output, char *folder) {
         parent(output->place, folder);
 }
 
+int output_sync(const struct output *output) {
+    char folder[PATH_MAX];
+
+    output_folder(output, folder);
+    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    int error = fd >= 0 && fsync(fd) && errno == EIO ? -EIO : 0;
+    if (fd >= 0)
+        close(fd);
+    return error;
+}
+
 /* The highest number in use in the folder, or -errno. */
 static long highest_number(const struct output *output, const char *prefix) {
     DIR *folder = opendir(output->place);

@@ -31,6 +31,9 @@ int output_open(const struct output *output, char *path);
 /* Write the folder of the files to folder[PATH_MAX]. */
 void output_folder(const struct output *output, char *folder);
 
+/* Write the names of new files to the disk. 0 or -EIO; other errors are ignored: some file systems cannot do it. */
+int output_sync(const struct output *output);
+
 /* The number in the name of a file made by output_open() in a folder; 0 for any other name. */
 long output_number(const struct output *output, const char *name);
 

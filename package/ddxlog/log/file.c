@@ -3,10 +3,8 @@
 #include "file.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <time.h>
@@ -86,16 +84,6 @@ static void put_last_values(struct disk *disk) {
     }
 }
 
-/* Write the file's name to the disk. 0 or -EIO; other errors are ignored, since some file systems cannot do it. */
-static int sync_folder(const char *folder) {
-    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    int error = fd >= 0 && fsync(fd) && errno == EIO ? -EIO : 0;
-
-    if (fd >= 0)
-        close(fd);
-    return error;
-}
-
 /* Delete older files until there is room for the next one. */
 static void make_room(const struct disk *disk) {
     const struct config *config = &disk->logger->config;
@@ -124,7 +112,7 @@ int file_begin(struct disk *disk, int64_t begin) {
     put_last_values(disk);
     say("logging to %s", disk->path);
     int error = mcap_flush(disk->writer);
-    return error ? error : sync_folder(disk->output.place);
+    return error ? error : output_sync(&disk->output);
 }
 
 static void put_schema(struct disk *disk, struct channel *channel) {

@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <limits.h>
+#include <output.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -111,18 +112,6 @@ static int copy_all(struct copy *copy, const atomic_bool *stop, struct recovery 
     return error ? error : mcap_finish(copy->writer);
 }
 
-static void sync_folder_of(const char *path) {
-    char folder[PATH_MAX];
-    const char *slash = strrchr(path, '/');
-
-    snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - path) + (slash == path) : 1, slash ? path : ".");
-    int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    if (fd >= 0) {
-        fsync(fd);
-        close(fd);
-    }
-}
-
 /* Replace the old file by the complete copy. */
 static int replace(const char *path, const char *copy, bool keep, struct recovery *recovery) {
     char damaged[PATH_MAX];
@@ -136,7 +125,7 @@ static int replace(const char *path, const char *copy, bool keep, struct recover
     }
     if (rename(copy, path))
         return -errno;
-    sync_folder_of(path);
+    output_sync(&(struct output){.place = path});
     return 0;
 }
 
