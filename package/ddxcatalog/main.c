@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* catalog: links the stores of several machines. */
-#include <errno.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>

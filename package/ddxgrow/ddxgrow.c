@@ -6,7 +6,6 @@
  * sector, the extended partition first, so that a power cut at any time leaves a valid table.
  */
 #include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <libfdisk/libfdisk.h>
 #include <linux/blkpg.h>

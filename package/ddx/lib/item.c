@@ -7,7 +7,6 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "futex.h"
 #include "receive.h"
 #include "item.h"
 #include "keeper.h"

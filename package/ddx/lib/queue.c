@@ -10,7 +10,6 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include "futex.h"
 
 #define PATIENCE 100000000 /* ns */
 

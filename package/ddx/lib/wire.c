@@ -10,7 +10,6 @@
 #include <sys/un.h>
 #include <unistd.h>
 
-#include "fault.h"
 #include "trust.h"
 
 union control_buffer {

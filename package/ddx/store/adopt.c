@@ -5,7 +5,6 @@
 #include "../lib/fault.h"
 #include "adopt.h"
 #include "budget.h"
-#include "checkpoint.h"
 #include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
@@ -14,7 +13,6 @@
 #include "memfd_name.h"
 #include "notify.h"
 #include "readers.h"
-#include "retired.h"
 #include "send.h"
 
 #define OFFERED 16 /* descriptors to free when an offer arrived without all of its files: the client offers again */

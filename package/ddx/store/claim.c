@@ -5,7 +5,6 @@
 #include "../lib/fault.h"
 #include "../lib/futex.h"
 #include "budget.h"
-#include "checkpoint.h"
 #include "claim.h"
 #include "descriptors.h"
 #include "epoch.h"

@@ -2,7 +2,6 @@
 /* Takeover of the state by the next worker: each action is committed before its messages are sent. */
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "files.h"
 #include "holder.h"

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* The worker: waits for messages of its clients, and handles them one after the other. */
-#include <errno.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Types made at run time, since items may have any type. */
-#include <errno.h>
 
 #include "internal.h"
 #include "name.h"
