@@ -6,10 +6,12 @@ import pathlib
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 
 from parts.common import TOP, say
 
 SOURCES = ["*.c", "*.h", "*.py", "*.sh", "meson.build"]
+PICTURES = (".png", ".jpg", ".svg", ".y4m", ".xz")  # no text
 LONGEST = 120
 
 # Phrases that CONTRIBUTING.md rules out, with the reason.
@@ -38,68 +40,49 @@ def is_script(path: pathlib.Path) -> bool:
         return file.readline(64).startswith(b"#!/bin/sh")
 
 
-def complaints(paths: list[pathlib.Path]) -> list[str]:
-    found = []
-    for path in paths:
-        script = is_script(path)
-        if not script and not any(path.match(pattern) for pattern in SOURCES):
-            continue
-        lines = path.read_text(errors="replace").splitlines()
-        name = path.relative_to(TOP)
-        found += [f"{name}:{number}: longer than {LONGEST}" for number, line in enumerate(lines, 1)
-                  if len(line.expandtabs(4)) > LONGEST]
-        if path.suffix in (".c", ".h", ".py") and "SPDX-License-Identifier" not in "".join(lines[:3]):
-            found.append(f"{name}: no SPDX-License-Identifier at its top")
-    return found
-
-
-def dead_links(paths: list[pathlib.Path]) -> list[str]:
-    """Links of pages to files that are not there."""
-    found = []
-    for path in paths:
-        if path.suffix != ".md":
-            continue
-        for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", path.read_text()):
-            if not (path.parent / target).exists():
-                found.append(f"{path.relative_to(TOP)}: the link to {target} leads nowhere")
-    return found
-
-
 def is_prose(line: str) -> bool:
     """Whether a page's line can be wrapped: rows of tables and code cannot."""
     return not line.startswith(("|", "    ", "!["))
 
 
-def long_prose(paths: list[pathlib.Path]) -> list[str]:
-    found = []
-    for path in paths:
-        name = str(path.relative_to(TOP))
-        if path.suffix == ".md" and not name.startswith(EXEMPT):
-            lines = path.read_text().splitlines()
-            found += [f"{name}:{number}: longer than {LONGEST}" for number, line in enumerate(lines, 1)
-                      if is_prose(line) and len(line) > LONGEST]
-    return found
+def layout(path: pathlib.Path, name: str, text: str) -> Iterator[str]:
+    """Lines that are too long, and a missing licence line."""
+    lines = text.splitlines()
+    code = is_script(path) or any(path.match(pattern) for pattern in SOURCES)
+    page = path.suffix == ".md" and not name.startswith(EXEMPT)
+    for number, line in enumerate(lines, 1):
+        if (code or page and is_prose(line)) and len(line.expandtabs(4)) > LONGEST:
+            yield f"{name}:{number}: longer than {LONGEST}"
+    if path.suffix in (".c", ".h", ".py") and "SPDX-License-Identifier" not in "".join(lines[:3]):
+        yield f"{name}: no SPDX-License-Identifier at its top"
 
 
-def phrases(paths: list[pathlib.Path]) -> list[str]:
+def dead_links(path: pathlib.Path, name: str, text: str) -> Iterator[str]:
+    """Links of a page to files that do not exist."""
+    for target in re.findall(r"\]\(([^)#:]+)(?:#[^)]*)?\)", text) if path.suffix == ".md" else []:
+        if not (path.parent / target).exists():
+            yield f"{name}: the link to {target} leads nowhere"
+
+
+def phrases(name: str, text: str) -> Iterator[str]:
     """Lines with a phrase that is ruled out."""
-    found = []
-    for path in paths:
-        name = str(path.relative_to(TOP))
-        if name.startswith(EXEMPT) or "LICENSE" in name or path.suffix in (".png", ".jpg", ".svg", ".y4m", ".xz"):
-            continue
-        for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
-            found += [f"{name}:{number}: {match[0].strip()!r}: {instead}" for pattern, instead in PLAIN
-                      if (match := re.search(pattern, line, re.IGNORECASE))]
-    return found
+    if name.startswith(EXEMPT) or "LICENSE" in name:
+        return
+    for number, line in enumerate(text.splitlines(), 1):
+        for pattern, instead in PLAIN:
+            if match := re.search(pattern, line, re.IGNORECASE):
+                yield f"{name}:{number}: {match[0].strip()!r}: {instead}"
 
 
 def main() -> int:
-    paths = files()
-    bad = complaints(paths) + dead_links(paths) + long_prose(paths) + phrases(paths)
-    for text in bad:
-        say(text)
-    failed = bool(bad)
+    paths, failed = files(), False
+    for path in paths:
+        if path.suffix in PICTURES:
+            continue
+        name, text = str(path.relative_to(TOP)), path.read_text(errors="replace")
+        for complaint in (*layout(path, name, text), *dead_links(path, name, text), *phrases(name, text)):
+            say(complaint)
+            failed = True
     scripts = [path for path in paths if is_script(path)]
     failed |= subprocess.run(["shellcheck", "--shell=sh", *scripts], check=False).returncode != 0
     python = [TOP / "tools", TOP / "package/ddx/python", TOP / "package/ddxvideo/stereo", TOP / "examples",
