@@ -22,7 +22,7 @@ import subprocess
 import sys
 
 import lint
-from parts import trees
+from parts import common, trees
 from parts.common import HOST_CACHE, OUTPUT, TOP, Failed, commit, copy, fingerprint, finish, run, say
 from parts.disk import disk
 from parts.guest import machine
@@ -172,10 +172,8 @@ def sdk(board: str) -> pathlib.Path:
 
 
 def differences(first: pathlib.Path, second: pathlib.Path) -> list[str]:
-    """Files of two unpacked root file systems that are not the same, or are in one of them only."""
-    done = subprocess.run(["diff", "--recursive", "--brief", "--no-dereference", first, second], check=False, text=True,
-                          stdout=subprocess.PIPE, env={**os.environ, "LC_ALL": "C"})
-    return done.stdout.splitlines()
+    """Files that differ between two unpacked root file systems, or that only one has."""
+    return common.output(["diff", "--recursive", "--brief", "--no-dereference", first, second]).splitlines()
 
 
 def reproduce(board: str) -> str:

@@ -10,10 +10,9 @@ import os
 import pathlib
 import shlex
 import site
-import subprocess
 import sys
 
-from parts.common import OUTPUT, TOP, Failed, finish, run, say
+from parts.common import OUTPUT, TOP, Failed, finish, output, run, say
 from parts.image import native
 from parts.release import manual
 
@@ -64,8 +63,7 @@ def search_path(prefix: str) -> None:
     """A hint, where programs would not find what was installed."""
     if python_folder(prefix) not in site.getsitepackages():
         say(f"desktop: for Python: export PYTHONPATH={shlex.quote(python_folder(prefix))}")
-    known = subprocess.run(["/sbin/ldconfig", "-p"], capture_output=True, text=True, check=False).stdout
-    if f"{prefix}/lib" not in known:
+    if f"{prefix}/lib" not in output(["ldconfig", "-p"]):
         say(f"desktop: for programs: export LD_LIBRARY_PATH={shlex.quote(prefix + '/lib/x86_64-linux-gnu')}")
 
 

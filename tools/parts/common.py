@@ -73,6 +73,12 @@ def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] |
     return done.stdout
 
 
+def output(command: Command, env: dict[str, str] | None = None) -> str:
+    """What a command prints, in English; neither its exit status nor its errors matter."""
+    return subprocess.run(command, env={**os.environ, **SBIN, "LC_ALL": "C", **(env or {})}, text=True, check=False,
+                          stdin=subprocess.DEVNULL, capture_output=True, errors="replace").stdout
+
+
 def wait_until(condition: Callable[[], bool], complaint: str, pause: float = 0.02, patience: float = PATIENCE) -> None:
     """Look every `pause` seconds; the complaint is what is said when it is still not so after `patience` seconds."""
     end = time.monotonic() + patience

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 from parts.bench.programs import Programs, cpu_seconds
-from parts.common import MORTAL, OUTPUT, TOP, Command, wait_until
+from parts.common import MORTAL, OUTPUT, TOP, Command, output, wait_until
 from parts.link.link import Node
 from parts.processes import Client, kill
 
@@ -43,8 +43,7 @@ class Machine(Programs):
         self.clients: list[Client | Reader] = []
 
     def ctl(self, *words: str) -> str:
-        return subprocess.run([self.bin / "ddxctl", *words], env=self.environment, stdout=subprocess.PIPE,
-                              stderr=subprocess.DEVNULL, text=True, check=False).stdout
+        return output([self.bin / "ddxctl", *words], self.environment)
 
     def others(self) -> list[dict[str, Any]]:
         """The machines that are heard, with their clocks."""

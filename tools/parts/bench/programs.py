@@ -9,7 +9,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 
-from parts.common import MORTAL, OUTPUT, TOP, Closing
+from parts.common import MORTAL, OUTPUT, TOP, Closing, output
 from parts.image import native
 
 
@@ -41,9 +41,8 @@ class Programs(Closing):
 
     def _counters(self, instance: str) -> list[dict[str, int]]:
         """Of a program that has begun; else none."""
-        done = subprocess.run([self.bin / "ddxctl", "stats", "-json"], env=self.environment, stdout=subprocess.PIPE,
-                              stderr=subprocess.DEVNULL, text=True, check=False)
-        return [one for one in map(json.loads, done.stdout.splitlines()) if one["instance"] == instance]
+        lines = output([self.bin / "ddxctl", "stats", "-json"], self.environment).splitlines()
+        return [one for one in map(json.loads, lines) if one["instance"] == instance]
 
     def answers(self, instance: str) -> bool:
         return bool(self._counters(instance))

@@ -7,14 +7,12 @@ written, except what a partition's own file system calls free. And never left ou
 the disk, where other systems keep signatures that would be found beside ours.
 """
 import dataclasses
-import os
 import pathlib
 import re
 import struct
-import subprocess
 from collections.abc import Iterable
 
-from parts.common import SBIN
+from parts.common import output
 from parts.disk import mbr
 
 BLOCK = 64 * 1024          # writing less than that at once is not faster
@@ -47,8 +45,7 @@ def _is_zero(image: pathlib.Path, begin: int, end: int) -> bool:
 
 def _free_in_ext4(image: pathlib.Path, begin: int) -> list[Range]:
     """What the block bitmaps call free; nothing if there is any doubt about them."""
-    text = subprocess.run(["dumpe2fs", f"{image}?offset={begin}"], env={**os.environ, **SBIN, "LC_ALL": "C"},
-                          capture_output=True, text=True, errors="replace", check=False).stdout
+    text = output(["dumpe2fs", f"{image}?offset={begin}"])
     head = dict(re.findall(r"^([A-Z][a-z ]+):\s+(.*)$", text, re.M))
     features = head.get("Filesystem features", "bigalloc").split()
     if head.get("Filesystem state") != "clean" or {"bigalloc", "needs_recovery"} & set(features):

@@ -5,9 +5,8 @@ import os
 import pathlib
 import re
 import stat
-import subprocess
 
-from parts.common import SBIN, Failed
+from parts.common import Failed, output
 
 SYS = pathlib.Path("/sys")
 PROC = pathlib.Path("/proc")
@@ -134,7 +133,7 @@ class TargetDisk:
 
     def contents(self) -> list[str]:
         """A line for each partition: number, size, file system and label."""
-        text = _output("partx", "--raw", "--noheadings", "--output", "NR,START,SECTORS,TYPE", str(self.path))
+        text = output(["partx", "--raw", "--noheadings", "--output", "NR,START,SECTORS,TYPE", self.path])
         found = []
         for number, first, count, kind in [row.split() for row in text.splitlines() if len(row.split()) == 4]:
             if kind in ("0x5", "0xf", "0x85"):  # extended: what is in it comes anyway
@@ -146,7 +145,7 @@ class TargetDisk:
         return found or ["nothing that I know is on it" if os.access(self.path, os.R_OK) else "(only root can look)"]
 
     def _file_system(self, *options: str) -> str:
-        text = _output("blkid", "--probe", "--output", "export", *options, str(self.path))
+        text = output(["blkid", "--probe", "--output", "export", *options, self.path])
         words = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
         kind = words.get("TYPE") or (f"{words['PTTYPE']} table" if "PTTYPE" in words else "")
         return " ".join(filter(None, [kind, words.get("LABEL", "")]))
@@ -180,8 +179,3 @@ class TargetDisk:
             raise Failed(f"{self.path} has sectors of {sector} bytes; the image's partition table is made for 512")
         if self.size < need:
             raise Failed(f"{self.path} is too small: it has {self.size:,} bytes, the image needs {need:,}")
-
-
-def _output(*command: str) -> str:
-    return subprocess.run(command, env={**os.environ, **SBIN, "LC_ALL": "C"}, stdin=subprocess.DEVNULL,
-                          capture_output=True, text=True, errors="replace", check=False).stdout

@@ -15,16 +15,19 @@ SKIMAGE = {"scikit-image==0.16.2": "2aa962aa82d815606d7dad7f045f5d7ca55c65b4320d
 PYTHON_37 = ["--python-version=3.7", "--implementation=cp", "--abi=cp37m", "--platform=manylinux1_x86_64"]
 
 
+def download(wheel: str, into: pathlib.Path, options: Sequence[str] = ()) -> pathlib.Path:
+    run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:", *options,
+         "--dest", into, wheel])
+    return next(into.glob("*.whl"))
+
+
 def folder(wheels: dict[str, str], options: Sequence[str] = (), parts: str = "") -> pathlib.Path:
     """A folder for sys.path that has these packages: name and version, SHA-256 of the wheel. `options`: for pip;
     `parts`: only files whose names begin so."""
     def make(tree: pathlib.Path) -> None:
         with scratch() as down:
             for number, (wheel, digest) in enumerate(wheels.items()):
-                into = down / str(number)
-                run(["/usr/bin/python3", "-m", "pip", "--quiet", "download", "--no-deps", "--only-binary=:all:",
-                     *options, "--dest", into, wheel])
-                file = next(into.glob("*.whl"))
+                file = download(wheel, down / str(number), options)
                 if hashlib.sha256(file.read_bytes()).hexdigest() != digest:
                     raise Failed(f"{file.name} is not the one expected")
                 with zipfile.ZipFile(file) as archive:

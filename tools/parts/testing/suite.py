@@ -12,7 +12,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 
 from parts import trees
-from parts.common import OUTPUT, TOP, say
+from parts.common import OUTPUT, TOP, output, say
 from parts.image import native
 
 TEST = OUTPUT / "test"
@@ -100,8 +100,7 @@ class Suite:
         root = OUTPUT / "desk/root"
         for package in native.packages():
             folder = OUTPUT / "desk" / package
-            listed = subprocess.run(["meson", "test", "--list", "-C", folder], stdin=subprocess.DEVNULL, text=True,
-                                    stdout=subprocess.PIPE, check=False).stdout  # fails where there are no tests
+            listed = output(["meson", "test", "--list", "-C", folder])  # fails where there are no tests
             if only in listed.splitlines():
                 self.meson("desk", package, native.environment(root), only)
 
