@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make again: chosen tests many times, and how often each failed for which reason.
+"""make again: run chosen tests many times, and count how often each failed and why.
 
 again.py [-times N] [-load] [-c NAME]... [WORDS]
 WORDS: tests in Python that match (pytest -k); -c: a C test by meson's name, such as 'crash at each point'; with
-neither, the whole suite. -load keeps every processor busy beside it. There are no second chances. The sums are also
-in output/again.json, with the commit.
+neither, the whole suite. -load keeps every processor busy meanwhile. Failed tests are not repeated. The counts and the
+commit are also in output/again.json.
 """
 import argparse
 import collections
@@ -41,8 +41,7 @@ def main() -> int:
     parser.add_argument("words", nargs="*")
     options = parser.parse_args()
     build.dev([native.build()]) if options.words else native.build()
-    # Pure processor time, at the priority of the tests: a test that waits for an event passes, a test that guesses
-    # a time fails.
+    # Load at the tests' own priority: a test that waits for an event passes, a test that guesses a time fails.
     busy = [subprocess.Popen(["sh", "-c", "while :; do :; done"]) for _ in range(os.cpu_count() or 1)
             if options.load]
     passed: collections.Counter[str] = collections.Counter()

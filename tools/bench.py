@@ -25,11 +25,11 @@ from parts.common import OUTPUT, TOP, Failed, command_line, run, say, scratch
 from parts.image import cargo, native
 
 CARGO = OUTPUT / "bench/cargo"
-INSIDE = "DDX_BENCH_INSIDE"  # set in the network of our own
+INSIDE = "DDX_BENCH_INSIDE"  # set in our own network namespace
 
 
 def compile_bench(root: pathlib.Path, into: pathlib.Path, options: list[str]) -> None:
-    """The programs of bench/, with the store and the library that are installed in root."""
+    """Build the programs of bench/ with the store and the library that are installed in `root`."""
     options = [f"-Dddx_headers={root}/usr/include", f"-Dddx_libraries={root / native.LIBRARIES}", *options]
     run(["meson", "configure" if (into / "build.ninja").exists() else "setup", *options, into], cwd=TOP / "bench")
     run(["ninja", "-C", into])
@@ -47,7 +47,7 @@ def build(peers: bool) -> None:
 
 
 def build_before(commit: str) -> None:
-    """The store and the library of another commit, and a program of ours that uses them."""
+    """Build the store and the library of another commit, and our benchmark program that uses them."""
     name = run(["git", "-C", TOP, "rev-parse", "--verify", f"{commit}^{{commit}}"]).strip()
     tree = BEFORE / name
     if not tree.exists():
@@ -108,7 +108,7 @@ def row(case: str, peer: str, slices: list[Slice]) -> dict[str, Any]:
 
 
 def ratio(mine: list[Slice], theirs: list[Slice], what: str) -> float:
-    """The median over the rounds of one round's ratio."""
+    """The median of the ratios of all rounds."""
     return float(statistics.median(getattr(a, what) / getattr(b, what) for a, b in zip(mine, theirs)))
 
 
@@ -144,12 +144,12 @@ def table(rows: list[dict[str, Any]]) -> None:
         if "over_acquire_us" in one:
             line += f"   {one['over_acquire_us']:+.1f} us over acquire"
         if one["case"].startswith("5x"):
-            line += f"   {one['cpu_percent']:.1f} % of a core, all together"
+            line += f"   {one['cpu_percent']:.1f} % of a core, all processes"
         say(line)
 
 
 def own_network() -> None:
-    """LCM talks UDP multicast: over a loopback of our own, so nothing leaves the machine and no route is changed."""
+    """Move to an own network namespace: LCM's UDP multicast stays there, and no route of the machine changes."""
     if not os.environ.get(INSIDE):
         unshare = ["unshare", "--net"] if os.geteuid() == 0 else ["unshare", "--net", "--map-root-user"]
         os.execvpe(unshare[0], [*unshare, sys.executable, "-B", *sys.argv], {**os.environ, INSIDE: "1"})

@@ -32,18 +32,18 @@ RATE = 100
 @dataclasses.dataclass(frozen=True)
 class Plan:
     seconds: int = 20       # of most measurements
-    rounds: int = 10        # of the catalog and Cyclone DDS in turn,
-    values: int = 300       # each with this many values
+    rounds: int = 10        # of the catalog and Cyclone DDS in turn
+    values: int = 300       # in each round
     firsts: int = 20
     lossy: int = 600
     pause: float = 1.0
 
 
-SHORT, SHORT_ROWS = Plan(1, 1, 20, 1, 5, 0), ["first", "mirror", "clock"]  # the gate tests what the others show
+SHORT, SHORT_ROWS = Plan(1, 1, 20, 1, 5, 0), ["first", "mirror", "clock"]  # other tests cover the other rows
 
 
 class Bench(Closing):
-    """The machines, and what is measured of them. `laptop`, `second` and `third` read what `robot` writes."""
+    """The machines and the measurements. `laptop`, `second` and `third` read what `robot` writes."""
 
     def __init__(self, folder: pathlib.Path, link: Link, plan: Plan) -> None:
         self.folder, self.link, self.plan = folder, link, plan
@@ -59,7 +59,7 @@ class Bench(Closing):
             machine.end()
 
     def written(self, item: str, rate: int = RATE) -> Client:
-        """A writer whose item the laptop knows."""
+        """Start a writer on the robot, and wait until the laptop knows its item."""
         writer = self.robot.writer("write", "store", item, str(rate))
         writer.line()
         writer.ask(1)
@@ -72,7 +72,7 @@ class Bench(Closing):
         return reader
 
     def unread(self) -> dict[str, Any]:
-        """No subscriber. That the packets of values are recognized is seen by a reader of the same values."""
+        """Packets and CPU time without a subscriber. Then a reader shows that data packets would have been noticed."""
         writer, sniffer = self.written("unread"), self.laptop.sniffer(MARK)
         count = self.plan.seconds * RATE
         percent = percent_while(self.robot.catalog, lambda: writer.ask(count))
@@ -85,7 +85,7 @@ class Bench(Closing):
         return {"values": count, "data_packets": packets, "catalog_percent": percent}
 
     def first(self) -> dict[str, Any]:
-        """A machine that is known: from the request to the first value, of items that were not read before."""
+        """Time from the request to the first value, for items of a known machine that were not read before."""
         names = [f"first{number}" for number in range(self.plan.firsts)]
         for name in names:
             self.written(name)
@@ -94,7 +94,7 @@ class Bench(Closing):
         return {"p50_ms": percentile(times, 50), "max_ms": max(times)}
 
     def mirror(self) -> dict[str, Any]:
-        """In turn with Cyclone DDS, over the same link."""
+        """Latency, in turn with Cyclone DDS over the same link."""
         writers = {"catalog": self.written("mirror")}
         readers = {"catalog": self.read("mirror"), "cyclonedds": self.laptop.reader("read", "dds", "rt/bare")}
         writers["cyclonedds"] = self.robot.writer("write", "dds", "rt/bare", str(RATE))
@@ -114,7 +114,7 @@ class Bench(Closing):
                 "missing": 2 * self.plan.rounds * self.plan.values - sum(map(len, flat.values()))}
 
     def memory(self) -> dict[str, Any]:
-        """While a mirror is read. Of the programs as they are in an image, without symbols."""
+        """Memory while a mirror is read, and the size of the programs without symbols, as in an image."""
         writer = self.written("memory")
         self.read("memory")
         writer.ask(RATE)
@@ -127,7 +127,7 @@ class Bench(Closing):
                 "compressed_mib": sum(sizes) / (1 << 20)}
 
     def clock(self) -> dict[str, Any]:
-        """All machines here have one clock, so what is away from 0 is an error."""
+        """Error of the clock estimate: all machines here share one clock, so the true offset is 0."""
         offsets, bounds = [], []
         wait_until(lambda: bool(self.laptop.others()), "the robot is not heard")
         for _ in range(self.plan.seconds):
@@ -138,7 +138,7 @@ class Bench(Closing):
         return {"p50_ms": percentile(offsets, 50), "max_ms": max(offsets), "bound_ms": max(bounds)}
 
     def lossy(self) -> dict[str, Any]:
-        """20 % of all packets are lost in both directions. The first and the last value pass without loss."""
+        """Lose 20 % of all packets in both directions. The first and the last value pass without loss."""
         writer = self.written("lossy", 10)
         reader = self.read("lossy")
         time.sleep(2)  # counters are written once a second
@@ -162,7 +162,7 @@ class Bench(Closing):
                 "exact": change(1, "in") == change(0, "out") == change(1, "out") + change(1, "network")}
 
     def three(self) -> dict[str, Any]:
-        """Three machines are heard, and then one of them or all three read."""
+        """Network load with three known machines, when one or all three of them read."""
         writer = self.written("three")
         more = [Machine(self.folder / name, name, node, RULES)
                 for name, node in zip(("second", "third"), self.link.operator[1:])]
@@ -181,7 +181,7 @@ class Bench(Closing):
         return {"one_bytes": counts[0], "three_bytes": counts[1], "ratio": counts[1] / counts[0], "missing": missing}
 
     def frames(self) -> dict[str, Any]:
-        """In turn with Cyclone DDS: a process whose pictures are ready, in the form that ROS takes."""
+        """CPU time for pictures to ROS, then that of Cyclone DDS in a process that has them ready in ROS's form."""
         others = peers.peers()
         count = self.plan.seconds * clip.RATE
         found: dict[str, Any] = {"frames": count}
@@ -203,7 +203,7 @@ class Bench(Closing):
         return found
 
     def listen(self, others: pathlib.Path, topic: str) -> pathlib.Path:
-        """A node of ROS 2 on the second machine; the file that has a line for each message."""
+        """Start a ROS 2 node on the second operator; the result is a file with a line for each message."""
         path = self.folder / topic.strip("/")
         environment = {**os.environ, "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp", "ROS_LOG_DIR": str(self.folder),
                        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}

@@ -30,8 +30,8 @@ from parts.image import native
 from parts.media import clip as made_up
 
 PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Chromium, Fec, BlockCode]
-# With a cap, the picture is the same with and without loss, as far as repair leaves that much: what is compared with
-# the run without loss is what came, not the rate of the video.
+# The cap keeps the video's rate the same with and without loss, as long as repair leaves room for it. So a comparison
+# with the run without loss shows what arrived, not another rate.
 BITRATE, WIRE, RATIO = 130, 250, 2.2
 CLIPS = ["real", "moving", "drawn"]
 SEEDS, FEW_SEEDS = 5, 2
@@ -66,7 +66,7 @@ def chosen(cases: Iterator[Case], words: str) -> list[Case]:
 
 
 def available(cases: list[Case]) -> list[Case]:
-    """Those of peers that are installed; a line for each peer that is not."""
+    """Cases whose peer is installed; prints a line for each peer that is not."""
     absent = {peer.name: peer.program for peer in PEERS if peer.program and not shutil.which(peer.program)}
     for name in sorted(absent.keys() & {case.peer for case in cases}):
         say(f"bench: {name} is left out: {absent[name]} is not installed (tools/setup bench)")
@@ -83,7 +83,7 @@ def makers(sender: str, receiver: str) -> dict[str, Maker]:
 
 
 class Bench:
-    """Runs cases, each after the run without loss that it is compared with."""
+    """Runs cases, each after its run without loss."""
 
     def __init__(self, made: dict[str, Maker], clips: dict[str, pathlib.Path], when: Plan = Plan()) -> None:
         self.made, self.clips, self.when = made, clips, when
@@ -115,7 +115,7 @@ class Bench:
         self._keep_screen(found)
 
     def _take(self, case: Case) -> Take:
-        """Once more while the machine has other things to do."""
+        """Repeat a run that other load on the machine disturbed."""
         for _ in range(ATTEMPTS):
             found = take(case, self.made[case.peer], self.clips[case.clip], self.when)
             if not found.disturbed():
@@ -125,7 +125,7 @@ class Bench:
         return found
 
     def _keep_screen(self, found: Take) -> None:
-        """Of the first seed. A receiver that joins sees no other picture."""
+        """Keep one picture of the real clip, from the first seed; a receiver that joins shows nothing new."""
         case, view = found.case, found.views[0]
         if case.clip == "real" and case.seed == 1 and not case.join and AT in view.written:
             source, name = view.source[AT], loss_page.title(self.rows[-1])

@@ -37,30 +37,30 @@ PICTURE = OUTPUT / "bench/record.svg"
 SLOW, FAST = Speed(20, 100), Speed(110, 400)
 FAULT_SECONDS = 30  # a fault shows soon
 HD = (1920, 1080)
-HD_FRAMES = 100     # of the clip that goes round and round
+HD_FRAMES = 100     # of the looped clip
 NONE, SOME, ANY = "none", "some", "any"
 NAIVE, OURS = "naive", "ours"
-SELDOM = 0.2        # Hz; the journal is written so often by itself
+SELDOM = 0.2        # Hz; about as often as the kernel commits the journal anyway
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
     name: str
     seconds: int
-    lost: str = NONE          # frames that may be, or have to be lost
+    lost: str = NONE          # frames that may or must be lost
     speed: Speed = SLOW
     file_system: str = "ext4"
     naive: bool = False
-    cold: bool = False        # no file was ready before
+    cold: bool = False        # the recorder has prepared no file
     settings: str = ""        # of the recorder
     hertz: float = disk_session.HERTZ  # of the neighbour's fsync
     freeze: float = 0         # s
     every: float = 0          # s; 0: once, in the middle
-    natively: bool = False    # on this machine's own kernel, and 1080p: more than an emulated processor can
+    natively: bool = False    # 1080p on this machine's kernel: too much for an emulated processor
     limit: int = 4096         # MiB of the disk
 
 
-# ---- Which cases; each promise with a fault beside it ----
+# ---- The cases; beside each promise a case that must lose frames ----
 
 def slow_disk(duration: int) -> list[Case]:
     return [Case("slow", duration), Case("slow first-start", min(duration, 30), cold=True),
@@ -79,7 +79,7 @@ def frozen(duration: int) -> list[Case]:
 
 
 def comparison(duration: int) -> list[Case]:
-    """The paper's: its stalls came from ext3's journal. The less often a program calls fsync, the more waits for it."""
+    """As in the paper, where ext3's journal caused stalls. The rarer the calls of fsync, the more data each writes."""
     return [Case(f"{file_system} {writer}{often}", min(duration, 60),
                  ANY if writer == NAIVE else NONE, file_system=file_system, naive=writer == NAIVE, hertz=hertz)
             for often, hertz in (("", disk_session.HERTZ), (" seldom", SELDOM))
@@ -89,7 +89,7 @@ def comparison(duration: int) -> list[Case]:
 # ---- One case ----
 
 def hd_clip(path: pathlib.Path) -> pathlib.Path:
-    """Waves that move, with numbers."""
+    """Moving waves with frame numbers."""
     if path.exists():
         return path
     width, height = HD
@@ -107,7 +107,7 @@ def hd_clip(path: pathlib.Path) -> pathlib.Path:
 
 
 def wait(case: Case, guest: Guest, disk: SlowDisk) -> None:
-    """For so long as frames come, and the disk is frozen now and then."""
+    """Let the case run for its time; freeze the disk when the case says so."""
     start = time.monotonic()
     freezes = ([case.every * (number + 0.5) for number in range(int(case.seconds / case.every))] if case.every else
                [case.seconds / 2] if case.freeze else [])
@@ -155,7 +155,7 @@ def run_case(case: Case, image: pathlib.Path, accel: str) -> Result:
 
 
 def verdict(case: Case, result: Result) -> list[str]:
-    """What is wrong with it."""
+    """Reasons why the case failed."""
     found = result.found
     bad = list(found.disagreements)
     if found.wrong:
@@ -205,7 +205,7 @@ def main() -> int:
                 steps.add(case.name, row(case, result, max(before, os.getloadavg()[0])))
                 say(f"bench-record: {json.dumps(steps.results[case.name])}")
         except (Failed, Timeout) as error:
-            failed = True  # the others are still worth their while
+            failed = True  # the other cases run all the same
             say(f"bench-record: {case.name}: {error}")
     done = list(steps.results.values())
     PICTURE.write_text(bench_record_plot.picture(done))

@@ -36,7 +36,7 @@ def wait_for(programs: Programs, item: str) -> None:
 
 
 def written(rate: int, seconds: float) -> int:
-    """Values of an item."""
+    """Number of values written to an item."""
     step = max(ITEMS.values())
     return len(range(0, int(step * seconds), step // rate))
 
@@ -47,8 +47,7 @@ def logger_reads(programs: Programs) -> bool:
 
 
 def record(programs: Programs, seconds: float) -> pathlib.Path:
-    """The log of a robot. The logger finds an item up to 50 ms after it appears, and is waited for, since what was
-    written before would not be in the log."""
+    """Write a log. Waits for the logger, which finds an item up to 50 ms late and does not log earlier values."""
     import ddx  # pylint: disable=import-outside-toplevel
     (programs.folder / "log.conf").write_text("output log\n" + "".join(f"item {name}\n" for name in ITEMS))
     logger = programs.start("ddxlog", "-c", "log.conf")
@@ -70,7 +69,7 @@ def record(programs: Programs, seconds: float) -> pathlib.Path:
 
 
 def replay(programs: Programs, log: pathlib.Path) -> list[float]:
-    """How late each value of the fastest item was, in us: of all that are in the log."""
+    """Delay of each value of the fastest item, in us."""
     import ddx  # pylint: disable=import-outside-toplevel
     late, ended = [], False
     with ddx.Store() as store, store.item("again.imu", awaited=True) as item:
@@ -92,7 +91,7 @@ def replay(programs: Programs, log: pathlib.Path) -> list[float]:
 
 def main() -> int:
     arguments = command_line(__doc__, seconds=20.0, short=False)
-    if "DDX_DIR" not in os.environ:  # again, with the library and a folder for the store
+    if "DDX_DIR" not in os.environ:  # start again with the library and a folder for the store
         root = native.build()
         with scratch() as folder:
             environment = {**os.environ, **native.environment(root), "DDX_DIR": str(folder),

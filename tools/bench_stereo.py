@@ -25,19 +25,19 @@ STEREO = TOP / "package/ddxvideo/stereo"
 KINDS = ("mmx", "sse2", "avx2")
 PAIRS = {"motorcycle 368x248": (stereo_pairs.motorcycle, 2, 48), "motorcycle 741x500": (stereo_pairs.motorcycle, 1, 80),
          "aloe 424x368": (stereo_pairs.aloe, 3, 80), "aloe 640x552": (stereo_pairs.aloe, 2, 112)}
-SIZES = {"CIF 352x288": (352, 288, 64), "SVS 320x240": (320, 240, 32)}  # of noise: only the time counts
+SIZES = {"CIF 352x288": (352, 288, 64), "SVS 320x240": (320, 240, 32)}  # pictures of noise, for the time alone
 
 Matcher = Callable[[Grey, Grey], NDArray[Any]]
 
 
 class Settings(ctypes.Structure):
-    """struct matcher_settings of matcher_settings.h, as ddxvideoSVS has them."""
+    """struct matcher_settings of matcher_settings.h."""
     _fields_ = [(name, ctypes.c_int) for name in ("width", "height", "disparities", "uniqueness", "agreement",
                                                   "speckle")] + [("variant", ctypes.c_char_p)]
 
 
 def library() -> ctypes.CDLL:
-    """The matcher, compiled as in stereo/meson.build and by debugoptimized."""
+    """The matcher, compiled with the options of stereo/meson.build and of debugoptimized."""
     out = OUTPUT / "bench/stereo"
     out.mkdir(parents=True, exist_ok=True)
     gcc = ["gcc", "-O2", "-g", "-fPIC", "-std=gnu11", f"-I{STEREO}"]
@@ -51,7 +51,7 @@ def library() -> ctypes.CDLL:
 
 
 def ours(code: ctypes.CDLL, width: int, height: int, disparities: int, variant: str | None = None) -> Matcher | None:
-    """None: the processor has no such variant."""
+    """None if the processor does not support the variant."""
     settings = Settings(width, height, disparities, 5, 1, 50, variant.encode() if variant else None)
     matcher = code.matcher_new(ctypes.byref(settings))
     if not matcher:
@@ -84,7 +84,7 @@ def timed(matcher: Matcher, left: Grey, right: Grey) -> tuple[float, NDArray[Any
 
 
 def compare(name: str, matchers: dict[str, Matcher], pair: Pair, rounds: int, judge: bool) -> dict[str, Any]:
-    """Times in ms and the ratio to SGBM's, of each matcher; on a real pair also the share that is wrong or missing."""
+    """Time of each matcher in ms and its ratio to SGBM's; if `judge`, also the share of wrong or missing pixels."""
     spent: dict[str, list[float]] = {one: [] for one in matchers}
     wrong = {}
     for _ in range(rounds):

@@ -27,7 +27,7 @@ from parts.processes import kill
 SECONDS, WARM_UP = 15, 2
 BITRATE = 200
 LIMIT_P50_MS, LIMIT_SENDER_PERCENT = 2.0, 4.0
-# As bench/encode.c names them, and what the sender has to be given.
+# Names of bench/encode.c, and the sender's options.
 CODECS = {"h264": ["-codec", "h264"], "ultrafast": ["-codec", "h264", "-preset", "ultrafast"],
           "mpeg4": ["-codec", "mpeg4"]}
 ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
@@ -35,11 +35,11 @@ ENCODE = OUTPUT / "desk/ddxvideo/stream/encode"
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """What a slice plays, and for how long it is measured."""
+    """The clip of a slice, and how long it is measured (s)."""
     clip: pathlib.Path
     warm_up: float
     seconds: float
-    least: int  # frames that have to arrive
+    least: int  # frames that must arrive
 
 
 def whole() -> Plan:
@@ -47,7 +47,7 @@ def whole() -> Plan:
 
 
 def short(folder: pathlib.Path) -> Plan:
-    """Long enough to go through all of it once."""
+    """One second, for the gate."""
     return Plan(made_up.write(folder / "short.y4m", 1), 0.1, 0.5, 1)
 
 
@@ -71,7 +71,7 @@ def slice_of(codec: str, folder: pathlib.Path, plan: Plan) -> dict[str, Any]:
 
 
 def alone(codec: str, plan: Plan) -> float:
-    """The encoder without a sender: percent of a core, for as long as the sender was measured."""
+    """CPU time of the encoder without a sender, in percent of a core."""
     encoder = subprocess.Popen([*MORTAL, ENCODE, plan.clip, codec, str(BITRATE)])
     try:
         time.sleep(plan.warm_up)
@@ -86,7 +86,7 @@ def protect(folder: pathlib.Path, plan: Plan) -> dict[str, float]:
 
 
 def report_protection(rounds: list[dict[str, float]]) -> dict[str, float]:
-    """Medians, and what protection adds: percent of a core, and in parts of the encoder."""
+    """Medians, and what protection adds, in percent of a core and relative to the encoder."""
     added = [one["protected"] - one["plain"] for one in rounds]
     return {**{f"{name}_percent": round(statistics.median(one[name] for one in rounds), 2) for name in rounds[0]},
             "added_percent": round(statistics.median(added), 2),
@@ -123,7 +123,7 @@ def table(rows: list[dict[str, Any]]) -> None:
 
 
 def measure(rounds: int, plan: Plan) -> dict[str, Any]:
-    """In a network where multicast goes over the loopback."""
+    """Needs a network namespace with multicast over the loopback."""
     slices, protections = [], []
     for _ in range(rounds):
         for codec in CODECS:

@@ -22,15 +22,15 @@ from parts.common import MEMORY, MORTAL, OUTPUT, Failed, command_line, finish, r
 from parts.image import native
 from parts.media.display import Display
 from parts.processes import stop
-PATIENCE = 20  # s; for a program that hangs
+PATIENCE = 20  # s, for a program that hangs
 LEVELS, SPACING, BASE = 20, 10, 30
-AT = (500, 400)  # on the screen: all windows are there
+AT = (500, 400)  # a point on the screen that all windows cover
 ROOT = OUTPUT / "desk/root"
 KEYS = {"forward": b"period", "back": b"comma"}
 
 
 class Screen(Display):
-    """Its keys, and a pixel of it."""
+    """A display whose keys can be pressed and of which one pixel is read."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -44,13 +44,13 @@ class Screen(Display):
         self.x11.XWarpPointer(self.display, 0, self.root, 0, 0, 0, 0, *AT)
 
     def give_focus(self) -> None:
-        """Keys go to the window under the pointer. A window that takes the focus leaves none when it closes."""
+        """Send keys to the window under the pointer: when a focused window closes, no window has the focus."""
         pointer_root = ctypes.c_ulong(1)
         self.x11.XSetInputFocus(self.display, pointer_root, 1, ctypes.c_ulong(0))
         self.x11.XSync(self.display, 0)
 
     def level(self) -> int:
-        """Green of the pixel."""
+        """The pixel's green value."""
         image = ctypes.c_void_p(self.x11.XGetImage(self.display, self.root, AT[0] + 20, AT[1] + 20, 1, 1,
                                                    ctypes.c_ulong(0xffffffff), 2))
         green = int(self.x11.XGetPixel(image, 0, 0)) >> 8 & 255
@@ -76,12 +76,12 @@ class Screen(Display):
 
 
 def shade(number: int) -> int:
-    """Green of frame `number`, full range without colour."""
+    """The grey value of frame `number`, full range."""
     return BASE + number % LEVELS * SPACING
 
 
 def make_clip(path: pathlib.Path, width: int, height: int, frames: int) -> pathlib.Path:
-    """Each frame of one grey; studio range, as players take it."""
+    """A clip whose frames are each one grey, in studio range, as players expect."""
     with path.open("wb") as file:
         file.write(b"YUV4MPEG2 W%d H%d F25:1 Ip A1:1 C420mpeg2\n" % (width, height))
         for number in range(frames):
@@ -106,7 +106,7 @@ def start(screen: Screen, command: list[str]) -> subprocess.Popen[bytes]:
 
 
 def steps(screen: Screen, name: str, clip: pathlib.Path, count: int, frames: int) -> dict[str, list[float]]:
-    """One step after the other, forward from the first frame and back from the last."""
+    """Time of each step, forward from the first frame and back from the last."""
     found: dict[str, list[float]] = {"forward": [], "back": []}
     process = start(screen, commands(clip)[name])
     try:

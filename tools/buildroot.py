@@ -1,18 +1,18 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The product's images, by Buildroot.
+"""Build the product's images with Buildroot.
 
-usage: buildroot.py boards                     the boards there are: configs/ddxvideo_<board>_defconfig
+usage: buildroot.py boards                     list the boards: configs/ddxvideo_<board>_defconfig
        buildroot.py image BOARD                build everything, output/<board>/disk.img
-       buildroot.py make BOARD [TARGET|V=...]  any target of Buildroot's: linux-rebuild, legal-info, menuconfig ...
-       buildroot.py sdk BOARD                  a compiler for the board, output/<board>/ddxvideo-<board>-sdk.tar.gz
-       buildroot.py reproduce BOARD            build everything once more from nothing, and compare the images
-       buildroot.py check                      Buildroot's check-package on our tree
+       buildroot.py make BOARD [TARGET|V=...]  make a target of Buildroot: linux-rebuild, legal-info, menuconfig ...
+       buildroot.py sdk BOARD                  build a compiler, output/<board>/ddxvideo-<board>-sdk.tar.gz
+       buildroot.py reproduce BOARD            build everything twice from nothing, and compare the images
+       buildroot.py check                      run Buildroot's check-package on our tree
 
 EXTERNAL=path[:path]     trees outside of ours: docs/programs.md
-BUILDROOT=folder         a checkout of Buildroot to use instead of one of our own; it has to be of the pinned commit
-BUILDROOT_URL=url        where to clone it from
-BUILDROOT_OUTPUT=folder  where to build (O=); the same image comes out of the same folder only
+BUILDROOT=folder         use this checkout of Buildroot; it must be at the pinned commit
+BUILDROOT_URL=url        clone Buildroot from there
+BUILDROOT_OUTPUT=folder  build there (O=); only the same folder gives the same image
 """
 import os
 import pathlib
@@ -43,7 +43,7 @@ def _own_checkout() -> pathlib.Path:
 
 
 def checkout() -> pathlib.Path:
-    """Buildroot at the pinned commit, outside of our tree; cloned when it is missing."""
+    """Buildroot at the pinned commit, outside of our tree; cloned if it is missing."""
     given = os.environ.get("BUILDROOT")
     folder = pathlib.Path(given).resolve() if given else _own_checkout()
     if not folder.exists() and not given:
@@ -65,12 +65,12 @@ def checkout() -> pathlib.Path:
 
 
 def present() -> bool:
-    """Whether a checkout is there, without cloning one."""
+    """Whether there is a checkout; clones none."""
     return bool(os.environ.get("BUILDROOT")) or _own_checkout().exists()
 
 
 def environment() -> dict[str, str]:
-    """For Buildroot: what `make` was told when it ran us is not for it."""
+    """The environment for Buildroot, without the flags of the `make` that called us."""
     return {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MAKEOVERRIDES", "MFLAGS")}
 
 
@@ -92,7 +92,7 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     if os.geteuid() == 0:
         env["FORCE_UNSAFE_CONFIGURE"] = "1"  # GNU tar's configure asks for it
     defconfig = trees.defconfigs()[board]
-    # As long as neither the defconfig nor its possible options change, menuconfig's changes stay.
+    # Changes made with menuconfig stay until the defconfig or the possible options change.
     stamp = build / ".defconfig"
     choices = [path for tree in external for path in tree.glob("Config*")]
     choices += [path for package in trees.packages().values() for path in package.glob("Config*")]
@@ -104,7 +104,7 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
 
 
 def make(board: str, *words: str, show: bool = True) -> None:
-    """Run a target of Buildroot's. Without `show` only its progress lines are seen, all of it goes to a log."""
+    """Make a target of Buildroot. Without `show`, all output goes to a log, and only progress lines are printed."""
     command, env = configured(board)
     build = output(board)
     if show:
@@ -129,7 +129,7 @@ def make(board: str, *words: str, show: bool = True) -> None:
 
 
 def gather(board: str) -> pathlib.Path:
-    """output/<board> in the shape of output/dev, so that the same tests take both."""
+    """Fill output/<board> with the layout of output/dev, so that the same tests use both."""
     place, images = OUTPUT / board, output(board) / "images"
     (place / "kernel/boot").mkdir(parents=True, exist_ok=True)
     config = [path for path in output(board).glob("build/linux-*/.config") if (path.parent / "Kbuild").exists()
@@ -145,7 +145,7 @@ def gather(board: str) -> pathlib.Path:
 
 
 def image(board: str) -> pathlib.Path:
-    """Build what is missing or has changed."""
+    """Build the board's image, as far as it is missing or has changed."""
     configured(board)
     build, sources = output(board), machine.sources(board)
     wanted = renew.keys((build / ".config").read_text(), COMMIT, sources)
@@ -163,7 +163,7 @@ def image(board: str) -> pathlib.Path:
 
 
 def sdk(board: str) -> pathlib.Path:
-    """Buildroot's compiler with the headers and libraries of all packages, to be unpacked anywhere."""
+    """Build an archive of Buildroot's compiler with the headers and libraries of all packages."""
     image(board)
     name = f"ddxvideo-{board}-sdk"
     make(board, f"BR2_SDK_PREFIX={name}", "sdk", show=False)
@@ -177,8 +177,8 @@ def differences(first: pathlib.Path, second: pathlib.Path) -> list[str]:
 
 
 def reproduce(board: str) -> str:
-    """Two builds from nothing, in the same folder, have to give the same image. Continues after the first build if it
-    was stopped later, and if that was made of the same sources and commit."""
+    """Check that two builds from nothing in the same folder give the same image; returns its hash. Continues after a
+    finished first build of the same sources and commit."""
     place = OUTPUT / board
     kept = place / "first"
 
@@ -199,9 +199,9 @@ def reproduce(board: str) -> str:
 
 
 def check(files: list[pathlib.Path] | None = None) -> int:
-    """Buildroot's own style checker on every file of the tree; how many of them are of a kind that it judges."""
-    # Not Python, of which it takes what libmagic happens to recognise: that is lint's. Patches of the tests are for
-    # no package of Buildroot's.
+    """Run Buildroot's style checker on every file of the tree; returns how many files it checks."""
+    # Python is lint's task: check-package checks only those files that libmagic recognizes. The tests' patches belong
+    # to no package.
     files = sorted(path for path in files or lint.files()
                    if path.suffix != ".py" and path.parent.name not in ("defects", "fuzz"))
     command: list[str | pathlib.Path] = ["/usr/bin/python3", "-B", checkout() / "utils/check-package", "--br2-external"]

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Configure Buildroot's BusyBox like the development image's. usage: buildroot_busybox.py SOURCE MAKE...
 
-MAKE... is how make is called for this source. Called by Buildroot in the middle of a build: needs nothing but Python.
+MAKE... is the command for this source's make. Buildroot calls this during a build: it needs only Python.
 """
 import pathlib
 import sys

@@ -1,10 +1,10 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Did a kernel get what its fragments asked for? usage: buildroot_fragments.py CONFIG FRAGMENT...
+"""Check that a kernel has the options of its fragments. usage: buildroot_fragments.py CONFIG FRAGMENT...
 
-Kconfig silently drops an option whose dependencies are off. Later fragments win; =m is satisfied by y as well, since
-something else may need it built in. Exit status 1 and one line for each option that was dropped.
-Called by Buildroot in the middle of a build: needs nothing but Python.
+Kconfig silently drops an option whose dependencies are off. Later fragments win; y satisfies =m, since another option
+may need it built in. Prints each dropped option; the exit status is 1 if there is one.
+Buildroot calls this during a build: it needs only Python.
 """
 import pathlib
 import re
@@ -15,7 +15,7 @@ UNSET = re.compile(r"# (CONFIG_\w+) is not set")
 
 
 def options(path: pathlib.Path) -> dict[str, str]:
-    """What a configuration or a fragment says; `not set` is n."""
+    """The options of a configuration or a fragment; `not set` is n."""
     found: dict[str, str] = {}
     for number, line in enumerate(path.read_text().splitlines(), 1):
         if match := SET.fullmatch(line):
@@ -28,7 +28,7 @@ def options(path: pathlib.Path) -> dict[str, str]:
 
 
 def dropped(config: dict[str, str], fragments: list[pathlib.Path]) -> list[str]:
-    """One line for each option that has another value than the last fragment that names it wanted."""
+    """One line for each option whose value differs from that in the last fragment with the option."""
     wanted: dict[str, tuple[str, pathlib.Path]] = {}
     for path in fragments:
         wanted |= {name: (value, path) for name, value in options(path).items()}

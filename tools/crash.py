@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test-long T=crash: 10,000 times something goes wrong, at random, 500 times with each seed; crash.py [EVENTS]
+"""make test-long T=crash: kill and stop programs at random, 10,000 times, 500 with each seed; crash.py [EVENTS]
 
-Can be interrupted: runs that are done are kept in output/crash/crash.jsonl, and not repeated with the same programs.
+Finished runs are kept in output/crash/crash.jsonl and not repeated with the same programs.
 """
 import functools
 import json

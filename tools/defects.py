@@ -1,10 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make defects: break the product in each way of tests/defects, one by one; its tests must turn red, with their words.
+"""make defects: apply each patch of tests/defects; its tests must fail with the expected message.
 
-defects.py [WORDS]...   only those whose first line has all the words. What was found is in output/defects.json.
-A defect with a switch is in the programs of output/desk that tests/defects is compiled into. Each other one is put into
-a copy of the tree, output/defects, where the product is built and tested; this tree stays as it is.
+defects.py [WORDS]...   only patches whose first line has all the words. The result is output/defects.json.
+A defect with a switch is compiled into test programs in output/desk. Each other patch is applied to a copy of the tree,
+output/defects, where the product is built and tested.
 """
 import json
 import os
@@ -23,16 +23,16 @@ from parts.testing.suite import FRAMES_BROKEN
 TREE = OUTPUT / "defects/tree"
 DESK = OUTPUT / "desk"
 LIMIT = 900  # s; for the build and a test that may wait in vain
-ATTEMPTS = 3  # some defects show only if processes meet at the wrong moment, and a busy machine lets them miss
+ATTEMPTS = 3  # some defects show only at a certain timing, which a busy machine may miss
 
 
 def copy_tree() -> None:
-    """The files that git knows or would add; unchanged files keep their times, so little is built again."""
+    """Copy the files that git tracks or would add; unchanged files keep their times, so little is built again."""
     names = run(["git", "-C", TOP, "ls-files", "-z", "--cached", "--others", "--exclude-standard"]).split("\0")
     listed = {name for name in names if name and (TOP / name).is_symlink() | (TOP / name).exists()}
     TREE.mkdir(parents=True, exist_ok=True)
     (TREE.parent / "files").write_text("\n".join(sorted(listed)) + "\n")
-    # By content, and with the time of now: a file that goes back to its former contents has to be built again.
+    # A changed file gets the present time, so that it is built again, also with its former content.
     run(["rsync", "-a", "--no-times", "--checksum", f"--files-from={TREE.parent / 'files'}", f"{TOP}/", f"{TREE}/"])
     for patch in (TREE / "tests/defects").glob("*.patch"):  # a build there would apply it
         if str(patch.relative_to(TREE)) not in listed:
@@ -40,7 +40,7 @@ def copy_tree() -> None:
     output = TREE / "output"
     if not output.exists():
         output.mkdir()
-        for name in ("cache", "accel"):  # what was downloaded, and built from that
+        for name in ("cache", "accel"):  # downloads and what was built from them
             if (OUTPUT / name).exists():
                 (output / name).symlink_to(OUTPUT / name)
 
@@ -55,7 +55,7 @@ def command(test: str) -> list[str]:
 
 
 def red(defect: Defect, test: str) -> str:
-    """What the test printed, if it failed with the defect; else empty."""
+    """The output of a test that failed with the defect; else empty."""
     if test.startswith("fuzz: "):
         with scratch() as folder:
             fine, said = fuzz.fuzz(test.removeprefix("fuzz: "), 60, defect.name, corpus=folder)
@@ -71,7 +71,7 @@ def red(defect: Defect, test: str) -> str:
 
 
 def noticed(defect: Defect, test: str, words: str) -> str:
-    """What the test says of the defect, which is there already; empty if it notices nothing."""
+    """The test's message about the applied defect; empty if the test does not notice it."""
     for _ in range(ATTEMPTS if defect.switched else 1):
         said = red(defect, test)
         if found := re.search(words, said):
@@ -82,7 +82,7 @@ def noticed(defect: Defect, test: str, words: str) -> str:
 
 
 def put_back(defect: Defect) -> list[str]:
-    """What each of its tests says of the defect."""
+    """Apply a defect, and run its tests: the message of each."""
     if not defect.switched:
         plant(defect, TREE)
     try:

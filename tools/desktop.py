@@ -1,9 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Install what programs are written with: desktop.py PREFIX [DESTDIR]
+"""Install the development files: desktop.py PREFIX [DESTDIR]
 
-Headers, libraries, pkg-config files, programs, the Python module `ddx`, and for `man` a page for each program and each
-call; no services.
+Headers, libraries, pkg-config files, programs, the Python module `ddx`, and a man page for each program and call; no
+services.
 """
 import json
 import os
@@ -20,7 +20,7 @@ TAGS = "runtime,devel,python-runtime"
 
 
 def python_folder(prefix: str) -> str:
-    """Where Python looks below the prefix; else where it is usually told to."""
+    """The folder below the prefix that Python searches; else the usual one for PYTHONPATH."""
     for folder in site.getsitepackages():
         if pathlib.Path(folder).is_relative_to(prefix):
             return folder
@@ -28,18 +28,18 @@ def python_folder(prefix: str) -> str:
 
 
 def programs(built: pathlib.Path, prefix: str, destination: str) -> list[pathlib.Path]:
-    """What meson installs from there for users to call."""
+    """The programs that meson installs from there for users."""
     files = json.loads((built / "meson-info/intro-installed.json").read_text()).values()
     folder = pathlib.Path(prefix, "bin")
     return [pathlib.Path(destination + file) for file in files if pathlib.Path(file).parent == folder]
 
 
 def install(prefix: str, destination: str) -> None:
-    # ddxvideo finds ddx in the desk build's tree: what it takes from there does not depend on the prefix.
+    # ddxvideo is built with the ddx of the desk build, which does not depend on the prefix.
     desk = native.build()
     installed = []
     for package in native.PACKAGES:
-        if package in ("ddxgrow", "ddxservice"):  # an appliance's disk and services: nothing for a desk
+        if package in ("ddxgrow", "ddxservice"):  # for an appliance's disk and services only
             continue
         out = OUTPUT / "desktop" / package
         options = [*native.MESON, f"--prefix={prefix}", "-Dtests=false"]  # the last prefix counts
@@ -60,7 +60,7 @@ def install(prefix: str, destination: str) -> None:
 
 
 def search_path(prefix: str) -> None:
-    """A hint, where programs would not find what was installed."""
+    """Print hints if programs would not find the installed files."""
     if python_folder(prefix) not in site.getsitepackages():
         say(f"desktop: for Python: export PYTHONPATH={shlex.quote(python_folder(prefix))}")
     if f"{prefix}/lib" not in output(["ldconfig", "-p"]):

@@ -1,8 +1,8 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""docs.py [BOARD]: types each command of docs/technician.md, as a technician would; takes pictures.
+"""docs.py [BOARD]: type each command of docs/technician.md, and take the page's pictures.
 
-Those after `robot#` are typed into the image, those after `laptop>` into two shells of this machine.
+Commands after `robot#` are typed into the image, those after `laptop>` into two shells of this machine.
 """
 import json
 import pathlib
@@ -21,21 +21,21 @@ from parts.image import native, wheels
 PAGE = TOP / "docs/technician.md"
 ROBOT, LAPTOP = "robot#", "laptop>"
 PROMPT = re.compile(rf"^    ({ROBOT}|{LAPTOP}) (.*)$", re.M)
-KEY = "ed25519"  # in a command: it makes the laptop's key, or shows it, before there is a robot
+KEY = "ed25519"  # in a command that makes or shows the laptop's key, before there is a robot
 PICTURES = {"start": "", "health": "ddxctl health", "services": "ddxctl services"}
-CONSOLE = "crop=min(iw\\,800):min(ih\\,416):0:0"  # where the text is, on a screen of any size
+CONSOLE = "crop=min(iw\\,800):min(ih\\,416):0:0"  # the area with text, on a screen of any size
 FILM = "scale=640:-1,split[a][b];[a]palettegen=max_colors=80[p];[b][p]paletteuse=dither=none"  # a small file
 PLAY = "ddxvideoplay"
 ANSWERS = {"ddxctl reset settings": "settings"}
-COMPLAINS = "ddxctl health"  # its status 1 is a complaint about the machine, which may be busy
-EXAMPLE = re.compile(r"(video-000012)(-\d+T\d+Z\.y4m)?")  # of the page; any recording that is there will do
+COMPLAINS = "ddxctl health"  # may exit with 1, because the machine is busy
+EXAMPLE = re.compile(r"(video-000012)(-\d+T\d+Z\.y4m)?")  # on the page; any present recording takes its place
 STICK_MB = 1024
 GROWS = 1 << 30              # bytes that the disk is larger than the image
 KEYS = {" ": "spc", "-": "minus", ".": "dot", "=": "equal", "/": "slash", "\n": "ret"}
 
 
 def type_in(guest: Guest, text: str) -> None:
-    """On the keyboard at the machine."""
+    """Type text on the guest's keyboard."""
     for letter in text:
         key = {"type": "qcode", "data": KEYS.get(letter, letter)}
         guest.monitor("send-key", keys=[key], **{"hold-time": 20})
@@ -43,7 +43,7 @@ def type_in(guest: Guest, text: str) -> None:
 
 
 def picture(guest: Guest, name: str, filters: str) -> None:
-    """`filters`: FFmpeg's, for the picture of the screen."""
+    """Save a picture of the screen, changed by these FFmpeg filters."""
     path, screen = TOP / "docs/pictures" / f"{name}.png", OUTPUT / "docs/screen.png"
     guest.monitor("screendump", filename=str(screen), format="png")
     run(["ffmpeg", "-v", "error", "-y", "-i", screen, "-vf", filters, "-pred", "mixed", path])
@@ -51,7 +51,7 @@ def picture(guest: Guest, name: str, filters: str) -> None:
 
 
 def pictures(guest: Guest) -> None:
-    """What the screen shows."""
+    """Take the pictures of the console and of the player."""
     guest.wait_until("pidof getty sh | grep -q .")
     time.sleep(3)
     for name, command in PICTURES.items():
@@ -67,12 +67,12 @@ def pictures(guest: Guest) -> None:
 
 
 def commands() -> list[tuple[str, str]]:
-    """What the page has typed, and where: ROBOT or LAPTOP."""
+    """The page's commands: ROBOT or LAPTOP, and the command."""
     return PROMPT.findall(PAGE.read_text())
 
 
 def laptops(work: pathlib.Path) -> list[Laptop]:
-    """One with each shell. Each has made a key, as the page says."""
+    """One laptop for each shell; each has made a key, as the page says."""
     port = laptop.free_port()
     found = [Laptop(work / "laptops", shell, port) for shell in laptop.SHELLS]
     for one in found:
@@ -83,7 +83,7 @@ def laptops(work: pathlib.Path) -> list[Laptop]:
 
 
 def camera(path: pathlib.Path) -> pathlib.Path:
-    """Ten seconds of a picture that a camera made: Middlebury's "Motorcycle" (CC0), in scikit-image's examples."""
+    """A clip of ten seconds of a photograph: Middlebury's "Motorcycle" (CC0), from scikit-image's examples."""
     folder = wheels.folder(wheels.SKIMAGE, wheels.PYTHON_37, "skimage/data/motorcycle") / "skimage/data"
     run(["ffmpeg", "-v", "error", "-y", "-loop", "1", "-framerate", "25", "-i", folder / "motorcycle_left.png",
          "-vf", "scale=384:256", "-frames:v", "250", "-pix_fmt", "yuv420p", path])
@@ -91,7 +91,7 @@ def camera(path: pathlib.Path) -> pathlib.Path:
 
 
 def provide(image: pathlib.Path, work: pathlib.Path, users: list[Laptop]) -> dict[str, Any]:
-    """What the guest needs: a clip to record, a cable, a stick, room, and the laptops' keys."""
+    """The guest's options: a clip to record, a network, a USB stick, a larger disk, and the laptops' keys."""
     work.mkdir(parents=True, exist_ok=True)
     stick = work / "stick.img"
     stick.unlink(missing_ok=True)
@@ -107,7 +107,7 @@ def provide(image: pathlib.Path, work: pathlib.Path, users: list[Laptop]) -> dic
 
 
 def prepare(guest: Guest) -> None:
-    """Two recordings, one of which goes on."""
+    """Make a finished recording and start another one."""
     guest.shell()
     session.wait_for_recording(guest)
     guest.sh("ddxctl record split")
@@ -115,7 +115,7 @@ def prepare(guest: Guest) -> None:
 
 
 def there(guest: Guest, command: str) -> str:
-    """The command, about a recording that there is."""
+    """The command, with the name of a present recording."""
     if not EXAMPLE.search(command):
         return command
     found = json.loads(guest.sh("ddxctl recordings list --json").splitlines()[0])
@@ -123,7 +123,7 @@ def there(guest: Guest, command: str) -> str:
 
 
 def typed(guest: Guest, users: list[Laptop], machine: str, command: str) -> list[tuple[int, str]]:
-    """Exit status and words of the command, at the robot or at each of the laptops."""
+    """Exit status and output of the command, on the robot or on each of the laptops."""
     if machine == LAPTOP:
         return [one.type(command) for one in users]
     answer = ANSWERS.get(command)
@@ -131,12 +131,12 @@ def typed(guest: Guest, users: list[Laptop], machine: str, command: str) -> list
 
 
 def check(guest: Guest, users: list[Laptop], machine: str, command: str) -> bool:
-    """It has to succeed, without a complaint."""
+    """Run a command of the page; whether it succeeded."""
     if command == "poweroff":
         guest.poweroff()
         return True
     if KEY in command:
-        return True  # was typed at the beginning
+        return True  # laptops() typed it
     wrong = [text for status, text in typed(guest, users, machine, there(guest, command))
              if status != 0 and not (COMPLAINS in command and status == 1)]
     say(f"docs: {'FAILED' if wrong else 'fine'}: {machine} {command}")

@@ -28,32 +28,32 @@ from parts.testing.campaign import Campaign
 
 WORK = OUTPUT / "endurance"
 ROUND = 2500    # toggles in one machine
-LOOKS = 20      # while it goes on; what is judged is more of it at the end than at the beginning
-GLANCES = 5     # of which the least counts: a process of a moment is not growth
-WARM_UP = 100   # toggles, at most as many as are to follow, or
-SETTLED = 60    # seconds of video, before the first look: logs and caches are as large as they get
+LOOKS = 20      # in a run; growth is the difference between the last and the first quarter of them
+GLANCES = 5     # at each look; the least counts, since a short-lived process is not growth
+WARM_UP = 100   # toggles before the first look, at most as many as follow
+SETTLED = 60    # s of video before the first look: then logs and caches have their full size
 DISK = 24 << 30  # bytes; an hour's recording fits
-SMALL_DISK = 1 << 10  # MiB, natively; full after five minutes, and then the oldest recordings are given up
+SMALL_DISK = 1 << 10  # MiB, natively; full after five minutes, then the oldest recordings are deleted
 SEND, SAVE, V4L = "ddxvideosend", "ddxvideosave", "ddxvideoV4L"
-PASSING_ON = (SEND, SAVE, "decode", "ddxlog")  # of those that are switched: sent, recorded, shown, logged
-# What is switched: in the guest one of them, natively several at once, each as often as its share of the toggles.
+PASSING_ON = (SEND, SAVE, "decode", "ddxlog")  # toggled services that count frames out
+# The toggled services: one in the guest, several at once natively, which share the toggles.
 IN_GUEST = (SEND,)
 AT_ONCE = (SEND, SAVE, V4L, "decode", "ddxlog")
 SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SEND}.conf": "interface=lo\n", "decode.conf": "interface=lo\n"}
-# Those that live on while others are switched, by the names of their processes.
+# Processes that keep running while others are toggled.
 STAYING = ("init", "runsvdir", "runsv", "svlogd", "store", "ddxvideoload", "ddxhealth")
 RECORDING = (*STAYING, SAVE, SEND)
-# A machine keeps some: the kernel's own tables, the logs in memory. What leaks at each toggle or frame shows as more.
+# The kernel's tables and the logs in memory may grow by this much; a leak at each toggle or frame exceeds it.
 MEMORY_LIMIT = 1024   # KiB of the whole machine
 PROGRAM_LIMIT = 256   # KiB of all processes of one name
 FILES_LIMIT = 64      # KiB in /run and /tmp
-# They come and go with a request to the store, or a frame's memory.
+# Descriptors and processes come and go with requests to the store and the memory of frames.
 NUMBER_LIMIT = {"descriptors": 8, "processes": 2}
 Look = dict[str, int]
 
 
 def look(robot: Robot, programs: tuple[str, ...]) -> Look:
-    """Memory and files in KiB, descriptors and processes, after what can be given back has been."""
+    """Memory and files in KiB, descriptors and processes, after caches were dropped."""
     if isinstance(robot, Guest):
         robot.sh("sync; echo 3 > /proc/sys/vm/drop_caches")
     several = [(int(robot.sh("ls -d /proc/[0-9]*/fd/* 2> /dev/null | wc -l")),
@@ -63,7 +63,7 @@ def look(robot: Robot, programs: tuple[str, ...]) -> Look:
                                    "$(du -skx /run/log | cut -f 1)))"))}
     if isinstance(robot, Guest):  # natively that is the host's
         found["available"] = int(robot.sh("awk '/^MemAvailable/ { print $2 }' /proc/meminfo"))
-    # Of each name the sum. A process may end while it is looked at: cat goes on then, awk would not.
+    # The sum for each process name. When a process exits meanwhile, cat continues, while awk would stop.
     text = robot.sh("cat /proc/[0-9]*/status 2> /dev/null | awk '/^Name/ { name = $2 } /^RssAnon/ { sum[name] += $2 } "
                     "END { for (name in sum) print name, sum[name] }'")
     memory = dict(line.split() for line in text.splitlines())
@@ -71,10 +71,10 @@ def look(robot: Robot, programs: tuple[str, ...]) -> Look:
 
 
 def settled(robot: Robot, names: tuple[str, ...]) -> None:
-    """The services just switched on have all that they need, and the switching is over."""
+    """Wait until the services just switched on run with all their resources, and all toggles are finished."""
     for name in names:
         robot.wait_until(f"ddxctl status {name} | grep -q state=running")
-    # Each toggle copies the settings, under a timeout that ends a second or two after that.
+    # Each toggle copies the settings, under a `timeout` process that exits a second or two later.
     robot.wait_until("! pgrep -f settings-cop[y]")
     for name in names:
         if name in PASSING_ON:
@@ -83,25 +83,25 @@ def settled(robot: Robot, names: tuple[str, ...]) -> None:
 
 
 def requests_are_logged(robot: Robot) -> bool:
-    """The logger reads them, too. It leaves an item that has no writer after five seconds."""
+    """Whether the logger still reads request items without a writer; it leaves them after five seconds."""
     return any(item["name"].endswith(".request") and not item["writer_pid"] and item["readers"] > 1
                for item in json.loads(robot.sh("ddxctl list --json"))["items"])
 
 
 def passes_on(robot: Robot, name: str) -> None:
-    """It has taken frames and passed them on since now, for which it needs all its memory and files."""
+    """Wait until the program has passed on another frame, for which it needs all its memory and files."""
     begin = passed_on(robot, name)
     wait_until(lambda: passed_on(robot, name) > begin, f"{name} passes no frame on", 1)
 
 
 def passed_on(robot: Robot, name: str) -> int:
-    """Frames, so far."""
+    """Number of frames that the program has passed on."""
     return sum(one.out for one in counters.of(name, robot.sh("ddxctl stats --json")))
 
 
 def switch(robot: Robot, names: tuple[str, ...], times: int) -> None:
-    """Each of them off and on again `times` times, as a technician does it; all at once."""
-    # One line, as a console takes it.
+    """Switch each service off and on `times` times, as a technician does, all services at once."""
+    # A console takes one line.
     robot.sh(f"toggle() {{ left={times}; while [ $left -gt 0 ]; do ddxctl disable $1 && ddxctl enable $1 || return 1; "
              f"left=$((left - 1)); done > /dev/null; }}; all= failed=; "
              f"for name in {' '.join(names)}; do toggle $name & all=\"$all $!\"; done; "
@@ -110,7 +110,7 @@ def switch(robot: Robot, names: tuple[str, ...], times: int) -> None:
 
 
 def toggles(robot: Robot, names: tuple[str, ...], count: int, times: int = LOOKS) -> list[Look]:
-    """Looks before the toggles and `times` times meanwhile."""
+    """Toggle; a look before the toggles and `times` looks between them."""
     step = max(1, count // times // len(names) // 2)  # of each name, off and on
     switch(robot, names, max(1, min(WARM_UP, count) // len(names) // 2))
     settled(robot, names)
@@ -124,7 +124,7 @@ def toggles(robot: Robot, names: tuple[str, ...], count: int, times: int = LOOKS
         say(f"endurance: {done} toggles")
     restarts = robot.sh("cd /run/service; grep -v '^0$' */restarts || true")
     if restarts:
-        raise Failed(f"what was only switched counts as died: {restarts}")
+        raise Failed(f"services that were only switched count as died: {restarts}")
     return looks
 
 
@@ -139,8 +139,8 @@ def video(robot: Robot, programs: tuple[str, ...], minutes: int) -> list[Look]:
 
 
 def growth(looks: list[Look]) -> list[str]:
-    """What is more at the end than at the beginning. Of several looks at either the one that says least: a process of
-    a moment is not growth."""
+    """What has grown from the first to the last quarter of the looks; in favour of less growth, since a short-lived
+    process is not growth."""
     some = max(1, len(looks) // 4)
     found = []
     for name in looks[0]:
@@ -165,7 +165,7 @@ def in_guest(image: pathlib.Path, accel: str, kind: str, amount: int) -> list[Lo
         guest.shell()
         session.wait_for_recording(guest)
         if kind == "toggles":
-            guest.sh(f"ddxctl disable {SAVE}")  # its files would fill the disk meanwhile
+            guest.sh(f"ddxctl disable {SAVE}")  # its files would fill the disk
             return toggles(guest, IN_GUEST, amount)
         return video(guest, RECORDING, amount)
 
@@ -187,7 +187,7 @@ def natively(root: pathlib.Path, kind: str, amount: int, times: int = LOOKS) -> 
                 return toggles(robot, AT_ONCE, amount, times)
             settled(robot, AT_ONCE)
             return video(robot, (*STAYING, *PASSING_ON), amount)
-    raise AssertionError("ExitStack lets nothing pass")
+    raise AssertionError("unreachable: ExitStack suppresses no exception here")
 
 
 def campaign(made_of: Iterable[pathlib.Path]) -> Campaign:
