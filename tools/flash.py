@@ -1,6 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Write a disk image to a disk and compare: flash.py BOARD=... DEV=/dev/sdX [WORD=VALUE ...], see docs/flash.md.
+"""Write an image to a disk and verify it: flash.py BOARD=... DEV=/dev/sdX [WORD=VALUE ...], see docs/flash.md.
 
 Exit status 2: refused, nothing was written. 1: failed or interrupted; the disk then has no boot sector.
 """
@@ -19,8 +19,8 @@ from parts.flash.blockio import CHUNK, Device, Source
 from parts.flash.blockmap import Range
 
 WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "CONSOLE", "SERIAL"]
-SIGNATURE = 440  # of the disk, in its boot sector; four bytes
-START = 2**20  # boot sector, partition table and boot loader: written last, so that a disk that boots is complete
+SIGNATURE = 440  # offset of the disk's signature in its boot sector; four bytes
+START = 2**20  # boot sector, partition table and boot loader: written last, so that only a complete disk boots
 
 
 @dataclasses.dataclass
@@ -36,7 +36,7 @@ class Job:
 
 
 class Progress:
-    """One line that changes on a terminal, else a line every tenth."""
+    """A line that is updated on a terminal; else a line for each 10 %."""
 
     def __init__(self, verb: str, total: int) -> None:
         self.verb, self.total, self.done, self.shown = verb, total, 0, 0.0
@@ -89,7 +89,7 @@ def _find_image(words: dict[str, str]) -> pathlib.Path:
 
 
 def _check_file(path: pathlib.Path, image: pathlib.Path) -> None:
-    """A file instead of a disk."""
+    """Fail unless this file can be overwritten (FILE=1)."""
     need = image.stat().st_size
     if path.is_block_device():
         raise Failed(f"FILE=1 is for files; {path} is a device")
@@ -118,7 +118,7 @@ def _confirm(path: pathlib.Path, words: dict[str, str]) -> None:
 
 
 def prepare(words: dict[str, str]) -> Job:
-    """Everything that can be found out without writing. Fails with the reason to refuse."""
+    """Check everything that can be checked without writing; fails with the reason to refuse."""
     image = _find_image(words)
     need = image.stat().st_size
     lines = provision.lines(words["SSH_KEY"], words["HOSTNAME"], words["CONSOLE"])
@@ -133,19 +133,19 @@ def prepare(words: dict[str, str]) -> Job:
             say(f"  {line}")
         disk.refuse(need)
     source = Source(image)
-    # Two flashed disks may be in one machine: the loader tells the kernel which one it came from by this number.
+    # With two flashed disks in one machine, the loader passes the kernel this number to name the boot disk.
     source.replace(SIGNATURE, secrets.token_bytes(4))
     heard = provision.is_heard(words["SERIAL"])
     if lines or heard:
         source.replace(*provision.boot_partition(image, lines, heard))
         about = [line[:60] for line in lines] + (["it listens on the serial line"] if heard else [])
         say(f"for this machine: {', '.join(about)}")
-    blockmap.used(image, need)  # is it an image at all?
+    blockmap.used(image, need)  # fails if this is no image
     new = words["FILE"] == "1" and not path.exists()
     if new:
         with path.open("wb") as file:
             file.truncate(need)
-    device = Device(path)  # from here on no other program can take it, while the question waits for its answer
+    device = Device(path)  # locks the disk, also while the question waits for an answer
     try:
         if not new:
             _confirm(path, words)

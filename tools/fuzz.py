@@ -1,9 +1,10 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make test-long T=fuzz: feed the readers of foreign data with what breaks them. fuzz.py [-seconds N] [TARGET...]
+"""make test-long T=fuzz: fuzz the parsers of data from outside. fuzz.py [-seconds N] [TARGET...]
 
 The targets are tests/fuzz/<target>.c, built by clang with libFuzzer and sanitizers; `rtps` is Cyclone DDS. New inputs
-are kept in output/fuzz/<target>; one that breaks a target, as output/fuzz/<target>-crash-..., and the exit status is 1.
+are kept in output/fuzz/<target>, an input that breaks a target in output/fuzz/<target>-crash-...; the exit status is
+then 1.
 """
 import argparse
 import os
@@ -39,7 +40,7 @@ ALL = sorted([*TARGETS, FOREIGN])
 
 
 def build(target: str, broken: bool) -> pathlib.Path:
-    """The program; `broken`: of the copy of the sources that has defects."""
+    """Build a target; `broken`: from the copy of the sources with defects."""
     FUZZ.mkdir(parents=True, exist_ok=True)
     program = FUZZ / f"fuzz-{target}{'-broken' if broken else ''}"
     tree, switches = TOP, list[str]()
@@ -74,7 +75,7 @@ def build_foreign() -> pathlib.Path:
 
 
 def seeds(target: str, few: bool = False) -> list[pathlib.Path]:
-    """Folders with inputs to begin with; `few`: only ours."""
+    """Folders with the first inputs; `few`: only ours."""
     theirs = [cyclonedds_fuzzed.fuzzed() / "seeds"] if target == FOREIGN and not few else []
     return [TOP / "tests/fuzz/corpus" / target, *theirs]
 

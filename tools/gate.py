@@ -3,15 +3,14 @@
 """make test: the gate. gate.py [-long] [-junit FILE] [WORDS]
 WORDS: only tests that match (pytest -k), without lint and C tests
 
-Order: the C tests (meson) of the desk's build with lint beside them; pytest with tests/model and tests/host, and the C
-tests of the other builds beside them; tests/boot with the development image, then with each image of the product that
-was built here. With BOARD= only tests/boot with that board's image. -long runs the tests that take minutes, instead of
-the others.
+Order: lint and the C tests (meson) of the desk build at the same time; pytest with tests/model and tests/host, and at
+the same time the C tests of the other builds; tests/boot with the development image, then with each product image that
+was built here. With BOARD= only tests/boot with that board's image. -long runs only the tests that take minutes.
 
-A test that fails is run again, alone; if it then passes, it counts as passed and is listed at the end (FLAKY).
-There is no second chance with STRICT=1, nor for an assertion in a test marked `strict`, a C test that exits with
-FRAMES_BROKEN, and a sanitizer's report. Files of failing tests are in output/test/failed, the outcome of all in
-output/test/results, and in FILE as JUnit XML.
+A failed test is run again, alone; if it then passes, it counts as passed and is listed at the end (FLAKY). Not run
+again are: any test with STRICT=1, an assertion in a test marked `strict`, a C test that exits with FRAMES_BROKEN, and a
+sanitizer's report. Output of failed tests is in output/test/failed, all outcomes in output/test/results, and in FILE
+as JUnit XML.
 """
 import argparse
 import contextlib
@@ -32,26 +31,25 @@ from parts.image import native, tables
 from parts.testing import junit, suite
 from parts.testing.suite import Test
 
-SANITIZE = "-Db_lundef=false"  # the sanitizers' run time is found when a program starts
+SANITIZE = "-Db_lundef=false"  # programs find the sanitizers' runtime when they start
 Build = tuple[str, list[str], list[str] | None]  # name, options for meson, packages (None: all)
-# Builds whose C tests are run. The first one goes into the image.
+# Builds with C tests. The first one goes into the image.
 BUILDS: list[Build] = [
     ("desk", [], None),
     ("address", ["-Db_sanitize=address,undefined", SANITIZE], None),
     ("thread", ["-Db_sanitize=thread", SANITIZE], ["ddx"]),
     ("m32", [f"-D{language}{what}=-m32" for language in ("c", "cpp") for what in ("_args", "_link_args")], ["ddx"]),
 ]
-# Tests of the desk mostly wait for programs that wait for frames. The files run in this order; those of the models
-# compute.
+# Host tests mostly wait for frames, model tests compute. The files run in this order.
 DESK = ["-n", "5", "--dist", "loadfile", "tests/model", "tests/host"]
-# A guest that boots has one processor busy, and one that plays a clip waits for the next frame.
+# A booting guest keeps one processor busy; a guest that plays a clip mostly waits for frames.
 BOOT = ["-n", "2", "--dist", "loadgroup", "tests/boot"]
 LIMIT = 15 * 60  # s; what `make test` may take on two quiet cores
 LONGEST = 30     # s; what a test of the gate may take
 
 
 def lint(run: suite.Suite) -> None:
-    """All that it says is shown in one piece."""
+    """Run lint; its output is printed in one piece."""
     command = [*suite.NICE, sys.executable, "-B", str(TOP / "tools/lint.py")]
     begin = time.monotonic()
     with run.part("lint"):
@@ -63,7 +61,7 @@ def lint(run: suite.Suite) -> None:
 
 
 def c_tests(run: suite.Suite, build: Build, made: "Future[pathlib.Path]") -> None:
-    """Those of a build, once it is there."""
+    """The C tests of a build, when it is finished."""
     name, _, packages = build
     with run.part(f"build: {name}"):
         root = made.result()
@@ -74,8 +72,8 @@ def c_tests(run: suite.Suite, build: Build, made: "Future[pathlib.Path]") -> Non
 
 @contextlib.contextmanager
 def lint_and_c_tests(run: suite.Suite) -> Iterator[None]:
-    """C tests mostly wait for each other's processes. So lint and the next builds run beside those of the first build,
-    and the C tests of these builds run beside what the caller does."""
+    """Run lint and the next builds beside the first build's C tests, which mostly wait for processes, and the C tests
+    of the other builds beside the caller's tests."""
     with ThreadPoolExecutor(2) as others, ThreadPoolExecutor(1) as tester:
         linted = others.submit(lint, run)
         made = [others.submit(native.build, *build) for build in BUILDS]
@@ -94,7 +92,7 @@ def lint_and_c_tests(run: suite.Suite) -> Iterator[None]:
 
 
 def product(run: suite.Suite, words: list[str]) -> None:
-    """The boards whose images are here; the others are skipped."""
+    """Boot tests of the boards whose images were built here; others count as skipped."""
     skipped = []
     for board in buildroot.boards():
         try:

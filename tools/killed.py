@@ -27,23 +27,23 @@ from parts.testing.campaign import Campaign
 WORK = OUTPUT / "killed"
 CHECK = b"Starting storage"  # overlay/etc/init.d/S15storage
 SETTINGS = {"ddxvideoload.conf": "loop=\n", f"{SAVE}.conf": "segment=8\n"}
-RECORDS = PATIENCE           # s after power on; how long it takes is a figure
+RECORDS = PATIENCE           # s after power on
 KINDS = ("recording", "boot", "check")
-SIZE = 8 << 30               # of the disk: the recordings of a run fit
+SIZE = 8 << 30               # of the disk, with room for a run's recordings
 
 
 @dataclasses.dataclass
 class Kill:
-    """One of them, and what the machine did afterwards."""
+    """A kill, and what the machine did afterwards."""
     kind: str
-    after: float            # s, since power on, since the check began, or of recording
-    again: float = -1.0     # s from power on to the first frame that the index promises
-    thorough: bool = False  # the quick check of the recordings was not enough
-    files: int = 0          # of recordings, by then
+    after: float            # s since power on, since the check began, or of recording
+    again: float = -1.0     # s from power on to the first recorded frame
+    thorough: bool = False  # the disk's quick check was not enough
+    files: int = 0          # of recordings at that time
 
 
 def plan(times: int, seed: int) -> list[Kill]:
-    """Half of them while it records: these need a boot each, which the others then use."""
+    """Half of the kills hit a recording machine; the boots that these need also check the kills before them."""
     chance = random.Random(seed)
     limits = {"recording": 4.0, "boot": 8.0, "check": 1.0}
     kinds = [KINDS[0] if number % 2 == 0 else KINDS[1 + number // 2 % 2] for number in range(times)]
@@ -51,7 +51,7 @@ def plan(times: int, seed: int) -> list[Kill]:
 
 
 class Plug:
-    """A machine that is killed and started again, always with the same disk."""
+    """A machine that is killed and started again, with the same disk."""
 
     patience = RECORDS
 
@@ -65,14 +65,14 @@ class Plug:
                      size=SIZE)
 
     def pull(self, kill: Kill, guest: Guest) -> None:
-        """From a guest that has just been started; while recording: from one that records."""
+        """Kill a guest that has just been started, or that records."""
         if kill.kind == "check":
             guest.wait_for_log(CHECK, RECORDS)
         time.sleep(kill.after)
         processes.kill(guest.process)
 
     def judge(self, guest: Guest, kills: list[Kill]) -> None:
-        """After these kills without help, the machine has to come up and record."""
+        """After these kills the machine must boot and record without help."""
         while True:
             seen = session.follow(guest, 0) if guest.shell(timeout=RECORDS) else {}
             if SAVE in seen and seen[SAVE].out:
@@ -87,7 +87,7 @@ class Plug:
             kill.files = int(guest.sh("ls /rec/*.y4m | wc -l"))
 
     def end(self, guest: Guest) -> tuple[int, int]:
-        """Stop it for good: pictures in all recordings, and how many are not what the index says, from outside."""
+        """Stop the machine; number of pictures in all recordings, and of those that do not match the index."""
         session.stop_recorder(guest)
         known = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(self.clip)[1])}
         partition = FileSystem(guest.snapshot())
@@ -102,7 +102,7 @@ class Plug:
 
 
 def run(plug: Plug, kills: list[Kill], done: list[Kill], tell: Callable[[list[Kill]], None]) -> list[Kill]:
-    """Each is judged by the next boot that is left to come up; the result: those that still have to be."""
+    """Run the kills. The next boot that comes up judges them; the result is the kills that are not judged yet."""
     waiting: list[Kill] = []
     for kill in kills[len(done):]:
         with plug.boot() as guest:

@@ -1,11 +1,11 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make legal: licence texts, sources and lists of all that is in a board's image, in output/<board>/legal.
+"""make legal: licence texts, sources and lists for a board's image, in output/<board>/legal.
 
 usage: legal.py BOARD
 
-Buildroot's legal-info collects them; what it leaves out, Buildroot itself and our tree, is added in scripts/. A warning
-about one of our packages is an error, the others are shown.
+Buildroot's legal-info collects them; scripts/ adds Buildroot itself and our tree. A warning about one of our packages
+is an error, other warnings are printed.
 """
 import csv
 import pathlib
@@ -28,7 +28,7 @@ def ours() -> list[str]:
 
 
 def chosen(board: str) -> list[str]:
-    """Those of them that the board's image has."""
+    """Our packages in the board's image."""
     config = (buildroot.output(board) / ".config").read_text().splitlines()
     return [name for name in ours() if f"BR2_PACKAGE_{name.upper().replace('-', '_')}=y" in config]
 
@@ -36,7 +36,7 @@ def chosen(board: str) -> list[str]:
 def note_overrides(board: str) -> None:
     path = buildroot.output(board) / "local.mk"
     if path.exists() and "_OVERRIDE_SRCDIR" in path.read_text():
-        say(f"warning: {path} replaces sources; lists name Buildroot's versions all the same")
+        say(f"warning: {path} replaces sources, but the lists name Buildroot's versions")
 
 
 def is_of(package: str, names: list[str]) -> bool:
@@ -45,12 +45,12 @@ def is_of(package: str, names: list[str]) -> bool:
 
 
 def warnings(readme: str) -> list[tuple[str, str]]:
-    """What legal-info's README warns of: package (name-version, or nothing) and text."""
+    """The warnings in legal-info's README: package (name-version, or empty) and text."""
     return [(found[1] or "", found[2]) for found in WARNING.finditer(readme) if found[2] != ANSWERED]
 
 
 def gaps(folder: pathlib.Path, names: list[str]) -> list[str]:
-    """What legal-info does not warn of: one of our packages without a licence, its text or its source."""
+    """Our packages without a licence, its text or its source, about which legal-info does not warn."""
     with (folder / "manifest.csv").open(newline="") as file:
         rows = {row["PACKAGE"]: row for row in csv.DictReader(file)}
     bad = [f"{package}: not in manifest.csv" for package in names if package not in rows]
@@ -66,7 +66,7 @@ def gaps(folder: pathlib.Path, names: list[str]) -> list[str]:
 
 
 def scripts(folder: pathlib.Path) -> None:
-    """The scripts that control compilation and installation: Buildroot as pinned, and our tree as it is now."""
+    """Archive the build scripts: the pinned Buildroot and our tree in its present state."""
     folder.mkdir()
     name = f"buildroot-{buildroot.RELEASE}"
     run(["git", "-C", buildroot.checkout(), "archive", f"--prefix={name}/", f"--output={folder}/{name}.tar.gz", "HEAD"])
@@ -76,7 +76,7 @@ def scripts(folder: pathlib.Path) -> None:
 
 
 def judge(folder: pathlib.Path, names: list[str]) -> list[str]:
-    """Shows the warnings; those about our packages are the result."""
+    """Print the warnings; returns those about our packages."""
     bad = gaps(folder, names)
     for package, text in warnings((folder / "README").read_text()):
         if is_of(package, names):

@@ -1,7 +1,6 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Checks without running anything: scripts (shellcheck), tools (mypy --strict), length of lines, licence lines,
-links of pages, plain English."""
+"""Static checks: scripts (shellcheck), Python (mypy --strict), length of lines, licence lines, links, plain English."""
 import pathlib
 import re
 import subprocess
@@ -29,7 +28,7 @@ EXEMPT = ("CHANGELOG.md", "CONTRIBUTING.md", "board/dev/skeleton/", "package/ddx
 
 
 def files() -> list[pathlib.Path]:
-    """Everything of the project, committed or not yet."""
+    """All files of the project, committed or not."""
     listed = subprocess.run(["git", "ls-files", "--cached", "--others", "--exclude-standard"], cwd=TOP,
                             capture_output=True, text=True, check=True).stdout
     return [TOP / name for name in listed.splitlines() if (TOP / name).is_file()]

@@ -40,7 +40,7 @@ ENTRY = 64
 NEAR = 2  # writes
 MAX_LOSS = 1.0  # s
 SETTINGS = {False: f"segment={SEGMENT}\\nfull=recycle\\n", True: "segment=0\\n"}
-# So that files are recycled after some seconds; and a program that syncs all its writes at once.
+# A filler so that files are recycled after some seconds, a program that syncs each write, and one that writes marks.
 NEIGHBOURS = ("dd if=/dev/zero of=/rec/filler bs=1M count={filler} 2> /dev/null; sync; "
               "(while :; do date > /rec/neighbour; fsync /rec/neighbour; sleep 0.05; done) > /dev/null 2>&1 & "
               "(while :; do printf 'mark %d ' "
@@ -66,13 +66,13 @@ class Found:
 # ---- Record ----
 
 def provide(disk: pathlib.Path, clip: pathlib.Path) -> dict[str, Any]:
-    """What record() needs its guest to be started with."""
+    """The guest's options for record()."""
     return {"test_disk": testdisk.make(disk, clip, {"ddxvideoload.conf": "loop=\n"}),
             "provision": f"service={SAVE} off\n"}
 
 
 def record(guest: Guest, naive: bool, seconds: int) -> None:
-    """Until the power goes, and what was not written yet is lost as well."""
+    """Record, then cut the power: data that was not written yet is lost."""
     guest.shell()
     free = int(guest.sh("df -m /rec | awk 'NR == 2 { print $4 }'"))
     guest.sh(f"printf '{SETTINGS[naive]}' > /data/ddx/{SAVE}.conf; "
@@ -101,10 +101,10 @@ def log_writes(image: pathlib.Path, clip: pathlib.Path, naive: bool) -> None:
         record(guest, naive, SECONDS)
 
 
-# ---- What was promised ----
+# ---- Acknowledged frames ----
 
 def promises(entry: blocklog.Entry) -> set[int]:
-    """Numbers in the store of the frames that index entries in this write stand for."""
+    """Store numbers of the frames whose index entries are in this write."""
     found: set[int] = set()
     for begin in range(0, len(entry.data) if len(entry.data) <= 64 * BLOCK else 0, BLOCK):
         for at in range(begin, begin + BLOCK, ENTRY):
@@ -117,8 +117,8 @@ def promises(entry: blocklog.Entry) -> set[int]:
 
 @dataclasses.dataclass
 class Moment:
-    """What was known when a write was done."""
-    acknowledged: int  # highest number in the store that the index on the disk had
+    """The state when a write was done."""
+    acknowledged: int  # highest store number in the index on the disk
     newest: int        # frame in the store
     event: bool        # a flush, or a write of metadata
 
@@ -137,13 +137,13 @@ def moments(log: pathlib.Path, part: mbr.Partition, marks: mbr.Partition) -> lis
         metadata = inside and len(entry.data) <= BLOCK and not numbers
         found.append(Moment(acknowledged, newest, entry.is_flush or metadata))
     newest = found[-1].newest
-    for one in reversed(found):  # the frame that was there when the next mark was made
+    for one in reversed(found):  # the newest frame at the next mark
         one.newest, newest = newest, one.newest
     return found
 
 
 def choose(seen: list[Moment], cuts: int, chance: random.Random) -> dict[int, bool]:
-    """Writes after which the power goes, half of them near an event; and whether they are."""
+    """Writes after which the power is cut, and whether they are near an event, as half of them are."""
     begin = next((number for number, one in enumerate(seen) if one.acknowledged or one.newest > 2 * RATE), len(seen))
     events = [number for number in range(begin, len(seen)) if seen[number].event]
     if not events:
@@ -157,23 +157,23 @@ def choose(seen: list[Moment], cuts: int, chance: random.Random) -> dict[int, bo
     return chosen
 
 
-# ---- What is left ----
+# ---- The disk after a cut ----
 
 def due(folder: pathlib.Path, size: int) -> dict[str, list[int]]:
-    """For each recording with an index: which pictures it says are in it. The clip has `size`, and goes round."""
+    """The pictures that each recording must have according to its index. The clip of `size` frames is looped."""
     found = {}
     for path in folder.glob("pool/*.index"):
         data = path.read_bytes()
-        if len(data) > BLOCK and data[8] == record_index.NAMED:  # else it was just being made
+        if len(data) > BLOCK and data[8] == record_index.NAMED:  # else the file was not finished
             index = record_index.parse(data)
             found[index.name] = [(entry.sequence - 1) % size for entry in index.entries]
     return found
 
 
 def frames_of(folder: pathlib.Path, pictures: dict[bytes, int]) -> tuple[list[int], int]:
-    """Numbers of the pictures in all recordings, one after the other, -1 for what the clip does not have; and how many
-    are corrupt: those, files that cannot be read to their end, and pictures that are not those that the index says, or,
-    where there is none, not the next ones."""
+    """Numbers of the pictures in all recordings in order, -1 for pictures that the clip lacks; and the corrupt ones:
+    pictures with -1, files that cannot be read to their end, pictures that contradict the index, or, without an index,
+    pictures that are not the next ones."""
     numbers: list[int] = []
     bad = 0
     said = due(folder, len(pictures))
@@ -192,7 +192,7 @@ def frames_of(folder: pathlib.Path, pictures: dict[bytes, int]) -> tuple[list[in
 
 
 def check(image: pathlib.Path, found: Found) -> None:
-    """As overlay/etc/init.d/S15storage does it."""
+    """Check the file system like overlay/etc/init.d/S15storage."""
     if subprocess.run(["e2fsck", "-p", image], capture_output=True, check=False).returncode >= 2:
         found.thorough = True
         found.manual = subprocess.run(["e2fsck", "-fy", image], capture_output=True, check=False).returncode >= 2
@@ -218,7 +218,7 @@ def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[byte
         found.loss = (moment.newest + 1) / RATE
         found.acknowledged_lost = moment.acknowledged
         return
-    # Numbers in the store begin with 1, those of pictures with 0, and go round.
+    # Store numbers begin with 1; picture numbers begin with 0 and wrap.
     size = len(pictures)
     behind = (moment.newest - numbers[-1]) % size  # the recording is never older than a round of the clip
     found.loss = max(0.0, (behind if behind < size // 2 else 0) / RATE)
@@ -228,7 +228,7 @@ def judge(image: pathlib.Path, found: Found, moment: Moment, pictures: dict[byte
 
 def replay(log: pathlib.Path, image: pathlib.Path, clip: pathlib.Path, naive: bool, cuts: int, seed: int,
            done: Sequence[Found] = ()) -> Iterator[Found]:
-    """What is found after each cut, but those that are done."""
+    """The result of each cut that is not in `done`."""
     part = mbr.partition(image, REC)
     seen = moments(log, part, mbr.partition(image, MARKS))
     chosen = choose(seen, cuts, random.Random(seed))
@@ -262,7 +262,7 @@ def summary(done: list[Found]) -> dict[str, float]:
 
 
 def broken(figures: dict[str, float]) -> bool:
-    """Whether anything was found that must not be."""
+    """Whether a promise was broken."""
     zero = ("manual_fsck", "mount_failures", "acked_lost", "corrupt")
     return any(figures[key] for key in zero) or figures["max_loss_s"] > MAX_LOSS
 

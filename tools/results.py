@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make results: writes output/results.md from what long runs have left below output/: the commit, the options and, of
-each long test, what was asked, what was measured and the command that repeats it."""
+"""make results: write output/results.md from the results of long runs below output/: commit, options and, for each long
+test, its question, its figures and the command that repeats it."""
 import ast
 import pathlib
 from typing import Any
@@ -15,7 +15,7 @@ Result = dict[str, Any]
 
 
 def about(path: pathlib.Path) -> str:
-    """What a file of tests is about."""
+    """The docstring of a file of tests, in one line."""
     return " ".join((ast.get_docstring(ast.parse(path.read_text())) or "").split())
 
 

@@ -1,14 +1,14 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make run: frames through the appliance, one by one.
+"""make run: send a clip through the appliance, and account for each frame.
 
-usage: run.py [CLIP.y4m]        SOURCE=clip|vivid says how the clip comes in, BOARD=name which image is booted,
-                                FIRMWARE=bios|uefi and ACCEL=tcg|kvm how QEMU runs it
+usage: run.py [CLIP.y4m]        SOURCE=clip|vivid: how the clip comes in, BOARD=name: which image is booted,
+                                FIRMWARE=bios|uefi, ACCEL=tcg|kvm: how QEMU runs it
 
-Boots the image (without BOARD the development image), injects the clip, or shows it to a camera (vivid), records and
-streams at once, shows a line a second, compares the recording with the clip and what the stream's receiver showed with
-the recording, writes output/report.json and output/report.html. Exit status 1 if the recording lacks a frame or the
-programs' counters are wrong; the stream may lose frames, counted, since nothing waits for it.
+Boots the image (without BOARD the development image), replays the clip or shows it to a camera (vivid), records and
+streams it at the same time and prints a line a second. Compares the recording with the clip, and the receiver's
+pictures with the recording; writes output/report.json and output/report.html. Exit status 1 if the recording lacks a
+frame or the programs' counters are wrong. The stream may lose frames, since nothing waits for it, but counts them.
 """
 import os
 import pathlib
@@ -31,12 +31,12 @@ from parts.release.version import parse
 
 REPORT, PAGE = OUTPUT / "report.json", OUTPUT / "report.html"
 WORK = OUTPUT / "run"
-LARGEST = 240 * 10**6  # bytes, since both recordings have to fit; see rec.ext4 in board/common/disk.cfg
-CAMERA_SECONDS = 12    # of the clip that is drawn for a camera, which is shown it slowly: a minute
+LARGEST = 240 * 10**6  # bytes, so that both recordings fit; see rec.ext4 in board/common/disk.cfg
+CAMERA_SECONDS = 12    # of the clip for a camera, which is shown slowly, for a minute
 
 
 class Follower:
-    """Shows a line a second, and remembers the counters for the page."""
+    """Prints a line a second, and keeps the counters for the page."""
 
     def __init__(self, grabber: str) -> None:
         self.names = {"stored": grabber, "recorded": SAVE, "sent": SEND, "decoded": DECODE}
@@ -77,7 +77,7 @@ def drawn_clip(seconds: int) -> pathlib.Path:
 
 
 def remarks(clip: str, outside: Comparison, likeness: Likeness | None, accel: str) -> list[str]:
-    """How the frames were compared, and what is to be known about it."""
+    """How the frames were compared, and remarks about the result."""
     how = "byte for byte" if outside.exact else "by count, since they were converted to 4:2:0"
     notes = [f"{outside.recorded} of {outside.clip} frames were recorded, in order, compared with {clip} {how}."]
     if outside.missing:
@@ -92,7 +92,7 @@ def remarks(clip: str, outside: Comparison, likeness: Likeness | None, accel: st
 
 def collect(guest: qemu.Guest, origin: source.Clip | source.Vivid, follower: Follower,
             about: About) -> tuple[session.Result, Report]:
-    """After all have stopped: both recordings, taken out without the guest's help, and what the programs say."""
+    """After all programs have stopped: extract both recordings without the guest, and judge them and the counters."""
     books = {stage: session.histogram(guest, name) for stage, name in follower.names.items()}
     recorded, shown = WORK / "recorded.y4m", WORK / "shown.y4m"
     ends = stream.collect(guest, origin.grabber, recorded, shown)

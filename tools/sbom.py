@@ -1,12 +1,12 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""make sbom: what a board's image is made of, as CycloneDX JSON, in output/<board>/sbom.cdx.json.
+"""make sbom: list the components of a board's image as CycloneDX JSON, in output/<board>/sbom.cdx.json.
 
 usage: sbom.py BOARD
 
-Buildroot tells (show-info) and converts (generate-cyclonedx). It takes the names of licences from CycloneDX's schema,
-which is kept in $BR2_DL_DIR/cyclonedx, else in output/cache/dl/cyclonedx: the very file that Buildroot would download,
-out of a Python package that ships it. Components with BR_TYPE "host" were used for building only.
+Buildroot lists them (show-info) and converts the list (generate-cyclonedx). The names of licences are from CycloneDX's
+schema in $BR2_DL_DIR/cyclonedx, else in output/cache/dl/cyclonedx: the file that Buildroot would download, taken from a
+Python package. Components with BR_TYPE "host" were only used to build.
 """
 import hashlib
 import json
@@ -22,7 +22,7 @@ import legal
 from parts.common import CACHE, OUTPUT, TOP, Failed, finish, run, say, scratch
 from parts.image import wheels
 
-# Version 7.3.0 has the file of CycloneDX 1.6 as it is; later ones have newer lists of licences.
+# Version 7.3.0 has the original file of CycloneDX 1.6; later versions have newer lists of licences.
 WHEEL, MEMBER = "cyclonedx-python-lib==7.3.0", "cyclonedx/schema/_res/spdx.SNAPSHOT.schema.json"
 SCHEMA, SHA256 = "spdx-1.6.schema.json", "baa9d3bd1ed57b6751b0887edead6b5063ff53ff7429cf85d476c6c94af0166e"
 
@@ -30,7 +30,7 @@ Sbom = dict[str, Any]
 
 
 def schema(downloads: pathlib.Path) -> None:
-    """Put the list of licences where generate-cyclonedx looks for it."""
+    """Put the list of licences into the folder that generate-cyclonedx reads."""
     path = downloads / "cyclonedx" / SCHEMA
     if not path.exists():
         say("downloading the list of licences ...")
@@ -73,13 +73,13 @@ def make(board: str) -> pathlib.Path:
 
 
 def components(sbom: Sbom, kind: str) -> dict[str, Sbom]:
-    """By name: those of the image ("target"), or those that only built it ("host")."""
+    """The components of the image ("target"), or those that only built it ("host"), by name."""
     return {part["name"]: part for part in sbom["components"]
             if {"name": "BR_TYPE", "value": kind} in part["properties"]}
 
 
 def gaps(sbom: Sbom, names: list[str]) -> list[str]:
-    """What the SBOM does not tell of the packages."""
+    """Packages that are missing in the SBOM, or lack a version or a licence there."""
     target = components(sbom, "target")
     bad = [f"{name} is not in the SBOM" for name in names if name not in target]
     for name in set(names) & set(target):
@@ -98,7 +98,7 @@ def _is_code(path: pathlib.Path) -> bool:
 
 
 def unknown(sbom: Sbom, root: pathlib.Path, owners: str) -> list[str]:
-    """Programs, libraries, modules and kernels in an unpacked root that come from nothing in the SBOM. `owners` is
+    """Programs, libraries, modules and kernels in an unpacked root that belong to no component of the SBOM. `owners` is
     Buildroot's packages-file-list.txt: lines of package,./path."""
     target = components(sbom, "target")
     owner = {path.removeprefix("./"): name for name, _, path in (line.partition(",") for line in owners.splitlines())}

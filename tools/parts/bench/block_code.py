@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The block code of WFB-ng, a process: python -m parts.bench.block_code send|receive FROM ADDRESS PORT
 
-Eight packets that come to port FROM of this host make a block: each goes on at once, and four repair packets after the
-eighth. `receive` sends packets on in their order, those after a gap when their block is complete or a newer block is.
-A packet on the way: block (4 bytes), number in it (1), length (2), data; repair packets cover length and data.
+Eight packets to port FROM of this host make a block: each is forwarded at once, followed by four repair packets after
+the eighth. `receive` forwards packets in order, those after a gap when their block or a newer block is complete.
+Packet format: block (4 bytes), number in the block (1), length (2), data; repair packets cover length and data.
 """
 import importlib
 import socket
@@ -11,11 +11,11 @@ import struct
 import sys
 from collections.abc import Callable
 
-zfec = importlib.import_module("zfec")  # has no types
+zfec = importlib.import_module("zfec")  # an untyped module
 WHOLE, ALL = 8, 12
 HEAD = struct.Struct("!IB")
 LENGTH = struct.Struct("!H")
-OLD = 4  # blocks that are waited for
+OLD = 4  # blocks after which an incomplete one is given up
 Send = Callable[[bytes], object]
 
 
@@ -41,7 +41,7 @@ class Receiver:
         self.send = send
         self.decoder = zfec.Decoder(WHOLE, ALL)
         self.blocks: dict[int, dict[int, bytes]] = {}
-        self.next = (0, 0)  # block and number that are sent on next
+        self.next = (0, 0)  # block and number of the next packet to forward
 
     def take(self, packet: bytes) -> None:
         block, number = HEAD.unpack_from(packet)
@@ -74,7 +74,7 @@ class Receiver:
             self.next = block, number
 
     def _give_up(self) -> None:
-        """What is missing in the oldest block; what is known of it is sent on."""
+        """Forward the known packets of the oldest block, and skip the missing ones."""
         block, number = self.next
         for one, data in sorted(self.blocks.pop(block, {}).items()):
             if number <= one < WHOLE:
@@ -91,7 +91,7 @@ def main() -> None:
         try:
             outlet.sendto(packet, (address, int(port)))
         except ConnectionRefusedError:
-            pass  # the player is not there yet
+            pass  # the player does not run yet
 
     peer: Sender | Receiver = Sender(send) if role == "send" else Receiver(send)
     while True:

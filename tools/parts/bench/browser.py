@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A headless Chromium with one page, controlled over its debugging pipe: expressions are evaluated in the page. The
-last line of the page's script defines `ready`."""
+"""A headless Chromium with one page, in which expressions are evaluated through the debugging pipe. The last line of
+the page's script defines `ready`."""
 import json
 import os
 import pathlib
@@ -12,7 +12,7 @@ from typing import Any
 from parts.common import MORTAL, Failed, wait_until
 
 PROGRAM = "chromium"
-# Without its sandbox, because Chromium does not run as root with it.
+# Chromium does not run as root with its sandbox.
 OPTIONS = ["--headless=new", "--no-sandbox", "--no-first-run", "--disable-gpu", "--disable-background-networking",
            "--disable-component-update", "--disable-background-timer-throttling", "--disable-renderer-backgrounding",
            "--disable-dev-shm-usage", "--mute-audio", "--remote-debugging-pipe"]
@@ -22,7 +22,7 @@ PIECE = 1 << 20
 
 
 class Browser:
-    """`folder` is made, for what Chromium writes. `inside` goes before the command, such as a namespace's."""
+    """`folder` is created for Chromium's files. `inside`: words before the command, to enter a namespace."""
 
     def __init__(self, inside: Sequence[str], folder: pathlib.Path, *options: str) -> None:
         folder.mkdir()
@@ -62,7 +62,7 @@ class Browser:
         return json.loads(answer)
 
     def value(self, expression: str) -> Any:
-        """Of an expression in the page; of a promise, after it is fulfilled."""
+        """The value of an expression in the page; of a promise, after it is fulfilled."""
         found = self._order("Runtime.evaluate", expression=expression, awaitPromise=True, returnByValue=True)
         if "exceptionDetails" in found:
             raise Failed(f"{PROGRAM}: {expression[:60]}: {found['exceptionDetails']['exception'].get('description')}")
@@ -71,7 +71,7 @@ class Browser:
     def clock(self) -> int:
         """CLOCK_MONOTONIC in ns when the page's clock, performance.now(), was 0."""
         found = []
-        for _ in range(20):  # the quickest answer is the most exact one
+        for _ in range(20):  # the fastest answer is the most precise
             before = time.monotonic_ns()
             page = self.value("performance.now()")
             after = time.monotonic_ns()

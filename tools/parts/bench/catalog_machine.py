@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A machine with a store and a catalog for the catalog's benchmark, and the programs that write and read there."""
+"""The catalog's benchmark: a machine with a store and a catalog, and its writers and readers."""
 import json
 import pathlib
 import re
@@ -26,7 +26,7 @@ class Reader:
             self.process = subprocess.Popen(command, stdout=file, env=environment)
 
     def numbers(self) -> list[float]:
-        """So far, in microseconds."""
+        """The numbers so far, in microseconds."""
         return [float(line) for line in self.path.read_text().split("\n")[:-1]]
 
     def end(self) -> None:
@@ -46,12 +46,12 @@ class Machine(Programs):
         return output([self.bin / "ddxctl", *words], self.environment)
 
     def others(self) -> list[dict[str, Any]]:
-        """The machines that are heard, with their clocks."""
+        """The known machines and their clocks."""
         shown = self.ctl("show", "catalog.machines", "--json")
         return list(json.loads(shown)["value"]["machine"]) if shown else []
 
     def wait_for(self, item: str) -> None:
-        """Until this item of another machine is known here."""
+        """Wait until this item of another machine is known here."""
         wait_until(lambda: f'"{item}"' in self.ctl("catalog", "--json"), f"{item} is not heard")
 
     def counters(self) -> dict[str, Any]:
@@ -87,7 +87,7 @@ class Machine(Programs):
                    if line.split(":")[0].strip() != "lo")
 
     def private_mib(self) -> float:
-        """Memory that the catalog alone has."""
+        """The catalog's private memory."""
         text = pathlib.Path(f"/proc/{self.catalog.pid}/smaps_rollup").read_text()
         return sum(map(int, re.findall(r"^Private_\w+: +(\d+) kB", text, re.M))) / 1024
 
@@ -99,7 +99,7 @@ class Machine(Programs):
 
 
 def percent_while(process: subprocess.Popen[Any], action: Callable[[], object]) -> float:
-    """Of a core, that the process takes while the action runs."""
+    """Percent of a core that the process uses while the action runs."""
     before, begin = cpu_seconds(process), time.monotonic()
     action()
     return 100 * (cpu_seconds(process) - before) / (time.monotonic() - begin)

@@ -14,7 +14,7 @@ WIDTH, HEIGHT, RATE = clip.WIDTH, clip.HEIGHT, clip.RATE
 LUMA = WIDTH * HEIGHT
 PICTURE = LUMA * 3 // 2
 SIZE = f"{WIDTH}x{HEIGHT}"
-# A window that moves across the real clip, so that each pixel of its picture changes.
+# A window that moves across the real clip, so that each pixel changes.
 PAN = f"{WIDTH}:{HEIGHT}:(iw-{WIDTH})/2*(1+sin(t*0.8)):(ih-{HEIGHT})/2*(1+cos(t*0.5))"
 
 Pictures = NDArray[numpy.uint8]  # each row is a picture: Y, U and V planes
@@ -26,7 +26,7 @@ MADE: dict[str, Callable[[pathlib.Path, int], pathlib.Path]] = {
 
 
 def numbered(name: str, seconds: int) -> pathlib.Path:
-    """real: from a camera that stands still; moving: from one that moves; drawn: by a computer."""
+    """A clip: `real` from a still camera, `moving` from a moving one, `drawn` by a computer."""
     path = OUTPUT / f"bench/{name}-{seconds}.y4m"
     if path.exists():
         return path
@@ -45,7 +45,7 @@ def numbered(name: str, seconds: int) -> pathlib.Path:
 
 
 def pictures(path: pathlib.Path) -> Pictures:
-    """Of a clip that numbered() made."""
+    """The pictures of a clip that numbered() made."""
     with path.open("rb") as file:
         begin = len(file.readline())
     line = len(b"FRAME\n")

@@ -18,8 +18,8 @@ ALL_KBIT = 235  # with IP and UDP headers 250
 
 
 class Chromium(Peer):
-    """VP8, retransmission and ULPFEC, as Chromium chooses them, and no server. `video_kbit` is the most that the
-    encoder may use. Addresses are not replaced by mDNS names, which nothing resolves here."""
+    """VP8, retransmission and ULPFEC, as Chromium chooses them, without a server. `video_kbit` is the encoder's limit.
+    mDNS names are off, since nothing resolves them here."""
     name, program, video_kbit = "Chromium WebRTC", PROGRAM, 150
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path) -> None:

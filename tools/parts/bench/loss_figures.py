@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Figures of one run over a lossy link, from the pictures that were shown.
 
-Usable: shown within the peer's deadline after the robot's write, and at most WORSE dB below the same frame of the run
-without loss. The screen for a frame is the newest picture that was there at the frame's deadline and is not of a later
-frame: the picture of an operator that accepts that delay. Compared with the source picture, it includes the error of a
-picture that is too old. Latencies are those of frames that came in that quality, at any time. PSNR is over all three
-planes.
+Usable: shown within the peer's deadline after the robot's write, at most WORSE dB below the same frame of the run
+without loss. The screen for a frame is the newest picture at the frame's deadline that is not of a later frame: the
+operator's picture with that delay. Its difference from the source picture includes the error of an old picture.
+Latencies are those of frames with that quality, at any time. PSNR is over all three planes.
 
-At a low rate the number in a picture cannot always be read, or is still that of the picture before, though the picture
-is within WORSE dB. Then it follows from the pictures around: see with_inferred()."""
+At a low rate, the number in a picture may be unreadable or that of the picture before, though the picture is within
+WORSE dB. Then the number follows from the pictures around it: see with_inferred()."""
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -38,8 +37,8 @@ def mean(values: list[float]) -> float:
 
 
 def with_inferred(numbers: Sequence[int | None]) -> list[int | None]:
-    """Numbers of pictures in the order in which they were shown. Where as many pictures without a new number lie
-    between two others as frames do, they are these frames."""
+    """Numbers of pictures in the order of display. Pictures without a new number, between two others, are the frames
+    between those if there are exactly as many."""
     found = list(numbers)
     before, last = 0, -1  # the last new number, and its index
     for index, number in enumerate(numbers):
@@ -53,7 +52,7 @@ def with_inferred(numbers: Sequence[int | None]) -> list[int | None]:
 
 @dataclasses.dataclass
 class View:
-    """The clip as one operator saw it."""
+    """The clip on one operator's screen."""
     source: Pictures
     written: dict[int, int]
     shown: Shown
@@ -61,9 +60,9 @@ class View:
 
     def __post_init__(self) -> None:
         count = min(len(self.shown.pictures), len(self.shown.times))
-        self.copies: dict[int, list[int]] = {}  # of each frame, in the order in which they were shown
+        self.copies: dict[int, list[int]] = {}  # indices of each frame's pictures, in the order of display
         last = -1
-        self.order: list[int] = []  # number of each picture; where it cannot be read, the one after the picture before
+        self.order: list[int] = []  # number of each picture; if unreadable, one more than the picture before
         for index, number in enumerate(with_inferred(self.shown.numbers[:count])):
             last = last + 1 if number is None else number
             self.order.append(last)
@@ -77,13 +76,13 @@ class View:
         return (self.shown.times[index] - self.written[number]) / MS
 
     def first_good(self, number: int, wanted: float) -> float | None:
-        """ms until the frame was there in this quality."""
+        """ms until the frame was shown with this quality."""
         return next((self.delay(number, index) for index, quality in zip(self.copies.get(number, []),
                                                                          self.quality.get(number, []))
                      if quality >= wanted), None)
 
     def screen(self, number: int) -> Picture:
-        """At the frame's deadline."""
+        """The picture at the frame's deadline."""
         deadline = self.written[number] + self.deadline_ms * MS
         there = [index for index, known in enumerate(self.order)
                  if known <= number and self.shown.times[index] <= deadline]
@@ -96,7 +95,7 @@ class View:
 
 
 def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str, float]:
-    """`clean`: best() of the run without loss. A frame which that run lacks has to be as good as its mean."""
+    """`clean`: best() of the run without loss. A frame that the run lacks must be as good as its mean."""
     usual = mean(list(clean.values()))
     good = {number: view.first_good(number, clean.get(number, usual) - WORSE) for number in frames}
     usable = [number for number, delay in good.items() if delay is not None and delay <= view.deadline_ms]
@@ -111,7 +110,7 @@ def figures(view: View, clean: dict[int, float], frames: list[int]) -> dict[str,
 
 
 def usable_at(view: View, clean: dict[int, float], time: int) -> float | None:
-    """s from this time until a frame written later was usable; None if none was."""
+    """s from this time until a frame that was written later was usable; None if there is none."""
     usual = mean(list(clean.values()))
     ready = [view.shown.times[view.copies[number][0]] for number in sorted(view.copies)
              if view.written.get(number, 0) >= time

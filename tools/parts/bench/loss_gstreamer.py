@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""GStreamer's ways to send RTP over a lossy link, from Debian's packages: retransmission, ULPFEC, a block code."""
+"""RTP over a lossy link with Debian's GStreamer: retransmission, ULPFEC, a block code."""
 import shlex
 import subprocess
 import sys
@@ -29,8 +29,8 @@ class GStreamer(Piped):
 
 
 class Retransmission(GStreamer):
-    """rtprtxsend: the receiver's jitter buffer asks for what is missing (RFC 4585, RFC 4588). The bandwidth makes room
-    for its requests, which would wait for seconds else."""
+    """rtprtxsend: the receiver's jitter buffer requests missing packets (RFC 4585, RFC 4588). Without this bandwidth,
+    its requests would wait for seconds."""
     SESSION = "rtpsession name=s rtp-profile=avpf bandwidth=1000000 rtcp-min-interval=0"
     name, video_kbit, deadline_ms = "GStreamer rtx 80 ms", 150, Peer.deadline_ms
 
@@ -54,7 +54,7 @@ class Retransmission(GStreamer):
 
 
 class Fec(GStreamer):
-    """rtpulpfecenc (RFC 5109): a repair packet for each packet. Its jitter buffer waits for more than its latency."""
+    """rtpulpfecenc (RFC 5109): a repair packet for each packet. The jitter buffer waits for more than its latency."""
     name, reports, video_kbit = "GStreamer ULPFEC", False, 100
     deadline_ms = 1000
 

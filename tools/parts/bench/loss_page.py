@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The page of the benchmark over a lossy link: a table, and what an operator saw; one file."""
+"""The page of the benchmark over a lossy link, one file: a table, and pictures of the operator's screen."""
 import base64
 import html
 import subprocess
@@ -15,16 +15,16 @@ Rows = list[dict[str, Any]]
 STYLE = ("body{font:14px sans-serif;margin:2em}table{border-collapse:collapse}td,th{padding:2px 10px;text-align:right}"
          "img{width:264px;display:block}.pictures td,.pictures th{padding:2px 4px;text-align:center}"
          "tr>th:first-child{text-align:left}.pictures th:first-child{max-width:10em}")
-SOURCE = ("the source", CLEAN)  # where its picture is among the screens
+SOURCE = ("the source", CLEAN)  # the key of the source picture among the screens
 
 
 class Screen(NamedTuple):
-    """What an operator saw, as JPEG, and a line about it."""
+    """The picture on an operator's screen as JPEG, and a caption."""
     data: bytes
     caption: str
 
 
-Screens = dict[tuple[str, str], Screen]  # by line of the table and column
+Screens = dict[tuple[str, str], Screen]  # by line and column of the table
 
 
 def screen(shown: Picture, source: Picture) -> Screen:
@@ -38,7 +38,7 @@ def jpeg(picture: Picture) -> bytes:
 
 
 def title(row: dict[str, Any]) -> str:
-    """All cases of one line of the table; the column and the seed are not part of it."""
+    """The title of a case's line in the table, for all columns and seeds."""
     parts = [str(row["peer"]), "reports" if row["reports"] else "one-way", f"RTT {row['rtt_ms']:g} ms"]
     parts += [f"within {row['deadline_ms']} ms"] if row["deadline_ms"] > Peer.deadline_ms else []
     parts += [f"{row['operators']} operators"] if row["operators"] > 1 else []
@@ -61,7 +61,7 @@ def number(value: float, digits: int = 1) -> str:
 
 
 def cell(rows: Rows, column: str) -> str:
-    """Usable %, whole frames whenever they came %, dB on the screen; of a join the seconds."""
+    """Usable %, whole % at any time, dB on the screen; of a join the seconds."""
     some = [row for row in rows if row["column"] == column]
     if not some:
         return "-"
@@ -71,7 +71,7 @@ def cell(rows: Rows, column: str) -> str:
 
 
 def summary(rows: Rows) -> list[list[str]]:
-    """The table, its head first; without the columns that were not run."""
+    """The table, with its head, without columns that were not run."""
     columns = [column for column in COLUMNS if any(row["column"] == column for row in rows)]
     table = [["usable % / whole whenever % / dB on screen", *columns, "clean dB", "wire kbit/s", "peak", "back",
               "clean p50, p99 ms", "iid 30 p99"]]

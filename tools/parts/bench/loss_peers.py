@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What carries a clip over a lossy link: our programs, and others. Each writes the pictures that it shows into a file.
+"""Programs that send a clip over a lossy link, ours and others. Each writes the pictures that it shows into a file.
 
-A peer is started in steps, because a receiver may join later: receive(), send(), then play() begins with the clip. The
-rates of the others are chosen so that they need the wire rate of ours when 30 % of the packets are lost."""
+A peer is started in steps, because a receiver may join later: receive(), send(), then play() starts the clip. The rates
+of the others are chosen so that their wire rate is that of ours when 30 % of the packets are lost."""
 import dataclasses
 import pathlib
 import subprocess
@@ -25,17 +25,17 @@ OURS = "ddxvideo"
 
 @dataclasses.dataclass
 class Shown:
-    """What one operator saw: of each picture the number in it and when it was there (ns), and the picture."""
-    numbers: list[int | None]  # damage can make a wrong number
+    """The pictures that one operator saw: the number in each picture, its time (ns), and the picture."""
+    numbers: list[int | None]  # wrong if the picture is damaged
     times: list[int]
     pictures: Pictures
 
 
 class Peer(Closing):
     name = ""
-    reports = True     # uses the way back
-    deadline_ms = 100  # from the robot's write until a frame is too late
-    program = ""       # that may not be installed
+    reports = True     # uses the return path
+    deadline_ms = 100  # after the robot's write; a later frame is unusable
+    program = ""       # a program that may not be installed
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path) -> None:
         self.link, self.clip, self.folder = link, clip, folder
@@ -47,14 +47,14 @@ class Peer(Closing):
         """Start the robot's program."""
 
     def play(self) -> None:
-        """Returns when the first frame is there."""
+        """Start the clip; returns when the first frame is written."""
 
     def written(self) -> dict[int, int]:
-        """When the robot wrote each frame, ns by its number. Waits for the end of the clip."""
+        """Wait for the end of the clip: the time when the robot wrote each frame (ns), by number."""
         return {}
 
     def shown(self) -> list[Shown]:
-        """By operator."""
+        """The pictures of each operator."""
         return []
 
     def pictures_of(self, operator: int) -> pathlib.Path:
@@ -67,7 +67,7 @@ class Peer(Closing):
 
 
 class Ours(Peer):
-    """ddxvideosend and decode, each with a store of its own. More options of both: `sender`, `receiver`."""
+    """ddxvideosend and decode, each with its own store. `sender` and `receiver`: more options of them."""
     name = OURS
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path, sender: Sequence[str] = (),
@@ -113,10 +113,10 @@ class Ours(Peer):
 
 
 class Piped(Peer):
-    """A pair of commands: the sender reads the clip's pictures from standard input, each when it is due, the receiver
-    writes pictures to standard output. One operator."""
+    """A pair of commands, for one operator: the sender gets each picture on standard input when it is due, the receiver
+    writes pictures to standard output."""
     video_kbit = 0  # of the encoder
-    deadline_ms = 250  # these tools hold a frame or two back by themselves; only what they lose shall count
+    deadline_ms = 250  # these tools delay a frame or two by design; only losses should count
 
     def __init__(self, link: Link, clip: pathlib.Path, folder: pathlib.Path) -> None:
         super().__init__(link, clip, folder)
@@ -157,7 +157,7 @@ class Piped(Peer):
                 file.write(picture)
 
     def send(self) -> None:
-        time.sleep(1)  # the receiver has to listen; these programs do not say when
+        time.sleep(1)  # until the receiver listens: these programs do not report it
         self.sender = self.start(self.link.robot, self.sender_words(self.link.operator[0].address), "sender",
                                   subprocess.PIPE, subprocess.DEVNULL)
 
@@ -196,8 +196,8 @@ class Piped(Peer):
 
 
 class FFmpeg(Piped):
-    """MPEG-TS of H.264, as these protocols are used, renewed within a second. FFmpeg holds a frame or two back in spite
-    of all these options."""
+    """MPEG-TS of H.264, as usual with these protocols, refreshed within a second. FFmpeg still delays a frame or two
+    with all these options."""
     def url(self, host: str, receives: bool) -> str:
         raise NotImplementedError
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""One run of a peer over a lossy link: a clip without loss at first, then with a pattern, and what came of it."""
+"""One run of a peer over a lossy link: a clip, at first without loss, then with a pattern, and its figures."""
 from __future__ import annotations
 
 import dataclasses
@@ -17,11 +17,11 @@ from parts.link.link import Link, Way
 from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Pattern
 
 SECONDS = 10.0  # of the clip
-ONSET, SETTLED = 1.0, 2.0  # s after the first frame: the loss begins, and what counts begins
+ONSET, SETTLED = 1.0, 2.0  # s after the first frame: start of the loss, and of the measurement
 JOIN = 2.0  # s after the first frame: a receiver joins
 TAIL = 5  # frames
 PAUSE_MS, LATE_MS = 120, 20
-RECOVERY = 0.5  # s after the onset of the loss, from which frames have to be usable again
+RECOVERY = 0.5  # s after the onset of the loss; from then on frames must be usable again
 CLEAN = "clean"
 COLUMNS: dict[str, Pattern] = {"every 3rd": EveryThird(), "iid 10": Iid(0.1), "iid 30": Iid(0.3),
                                "bursts of 5": Bursts(0.3, 5), "outages": Outages(0.3, 40)}
@@ -30,7 +30,7 @@ Maker = Callable[[Link, pathlib.Path, pathlib.Path], Peer]
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """`reports`: whether the way back works. `join`: the receiver starts in the midst, all is lost from the start."""
+    """`reports`: the return path works. `join`: the receiver starts during the clip, with loss from the beginning."""
     peer: str
     column: str
     clip: str
@@ -42,7 +42,7 @@ class Case:
 
     @property
     def reference(self) -> tuple[object, ...]:
-        """Cases with the same one are compared with the same run without loss."""
+        """Cases with the same reference share a run without loss."""
         return self.peer, self.clip, self.reports, self.rtt_ms, self.operators
 
     @property
@@ -57,7 +57,7 @@ class Case:
 
 @dataclasses.dataclass(frozen=True)
 class Plan:
-    """When it is lost and measured, s after the first frame."""
+    """Times of a run, s after the first frame."""
     seconds: float = SECONDS
     onset: float = ONSET
     settled: float = SETTLED
@@ -73,17 +73,17 @@ class Take:
     wire: dict[str, float]
 
     def frames(self) -> list[int]:
-        """Those that count; not the last ones, which a program may hold back until another one comes."""
+        """The measured frames, without the last ones, which a program may hold back until the next frame."""
         numbers = [number for number, written in sorted(self.views[0].written.items()) if written >= self.settled]
         return numbers[:-TAIL]
 
     def pause_ms(self) -> float:
-        """The longest time between two frames of the robot's."""
+        """The longest time between two of the robot's frames."""
         times = sorted(self.views[0].written.values())
         return max((after - before for before, after in zip(times, times[1:])), default=0) / 1e6
 
     def disturbed(self) -> bool:
-        """The machine was too busy: the robot's frames did not come in time, or the relay did not pass packets on."""
+        """Whether the machine was too busy: the robot's frames or the relay's packets were late."""
         return self.pause_ms() > PAUSE_MS or self.wire["late_ms"] > LATE_MS or self.wire["overrun"] > 0
 
 
@@ -134,7 +134,7 @@ def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lo
 
 
 def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
-    """The figures of a run; of several operators the mean, and the worst one's usable frames."""
+    """The figures of a run: the mean of all operators, and the usable frames of the worst one."""
     frames = found.frames()
     each = [figures(view, clean, frames) for view in found.views]
     row: dict[str, Any] = {**dataclasses.asdict(found.case), "deadline_ms": found.views[0].deadline_ms,
@@ -157,7 +157,7 @@ def rounded(value: Any) -> Any:
 
 
 def after_onset(found: Take, clean: dict[int, float]) -> dict[str, float]:
-    """Usable frames between the time at which they have to be usable again and the time from which all count."""
+    """Usable frames between the recovery and the start of the measurement."""
     view = found.views[0]
     begin = found.onset + int(RECOVERY * 1e9)
     frames = [number for number, written in view.written.items() if begin <= written < found.settled]

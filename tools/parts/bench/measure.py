@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Measuring: a slice is one peer in one case for about a second, writer and readers. bench/main.c does the work."""
+"""Measuring: a slice runs the writer and readers of one peer in one case for about a second, see bench/main.c."""
 import dataclasses
 import itertools
 import json
@@ -18,7 +18,7 @@ from parts.processes import Client
 
 BUILD = OUTPUT / "bench/build"
 BEFORE = OUTPUT / "bench/before"  # the store of another commit, which is the peer of that name
-PATIENCE = 30  # s that a program may take to say a line
+PATIENCE = 30  # s that a program may take to print a line
 PEERS = ["ddx", "futex", "iceoryx2", "gstreamer", "lcm"]
 NO_ZERO_COPY = ["lcm"]
 SIZES = {"cif": 352 * 288 * 3 // 2, "1080p": 1920 * 1080 * 3 // 2, "640x480": 640 * 480 * 3 // 2}
@@ -38,14 +38,14 @@ class Case:
 
 @dataclasses.dataclass
 class Slice:
-    """What one slice found; times in us, CPU per frame written and per frame delivered."""
+    """The figures of a slice; times in us, CPU per frame written and per frame delivered."""
     latency: list[float]
     writer_cpu: float
     reader_cpu: float
     percent: float  # of one core: all processes together
     lost: int
     torn: int
-    queued: float  # ms that writers and readers were ready to run and others had their cores
+    queued: float  # ms that writers and readers waited for a core
 
     @property
     def p50(self) -> float:
@@ -53,7 +53,7 @@ class Slice:
 
 
 def percentile(values: Iterable[float], part: float) -> float:
-    """The nearest of the values that at least `part` per cent of them do not exceed."""
+    """The smallest value that is not less than `part` per cent of the values."""
     ordered = sorted(values)
     return ordered[max(0, -(-int(part * len(ordered)) // 100) - 1)] if ordered else float("nan")
 
@@ -122,7 +122,7 @@ class Party(Client):
 
 
 class Store:
-    """The store that ddx needs, in a folder of its own; its CPU time counts where everything is added up."""
+    """The store for ddx in its own folder; its CPU time is part of the total."""
 
     def __init__(self, folder: pathlib.Path, peer: str = "ddx", memory: str = "256M") -> None:
         root = place(peer)[0]
@@ -148,7 +148,7 @@ names = (f"bench-{os.getpid()}-{number}" for number in itertools.count())
 
 def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up: int = 10,
               **faults: object) -> Slice:
-    """The writer is on the first core, the readers on the others in turn, and then on the first one, too."""
+    """Run a slice: writers begin with the first core, readers with the core after their writer's, all in turn."""
     core = cpus()
     writers: list[Party] = []
     readers: list[Party] = []
@@ -164,7 +164,7 @@ def run_slice(case: Case, peer: str, folder: pathlib.Path, store: Store, warm_up
             program.ready()
         for program in readers:
             program.say("go")
-        time.sleep(0.05)  # the readers are asleep in their first wait
+        time.sleep(0.05)  # until the readers sleep in their first wait
         store_before = store.cpu()
         begin = time.monotonic()
         for program in writers:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The picture of a benchmark: one page, no other files. Bars for p50 on a logarithmic scale, a tick at p99."""
+"""The page of a benchmark, one file: bars for p50 on a logarithmic scale, with a tick at p99."""
 import html
 from typing import Any
 

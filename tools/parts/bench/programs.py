@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The desk build's programs for a benchmark of the stream: a store and its clients, and what they count and cost."""
+"""Programs of the desk build for benchmarks: a store and its clients, their counters and CPU time."""
 from __future__ import annotations
 
 import json
@@ -14,8 +14,8 @@ from parts.image import native
 
 
 class Programs(Closing):
-    """A store and its clients, in a folder; stopped together. `inside` goes before the command of a program that
-    needs the network, such as a namespace's."""
+    """A store and its clients, in a folder; they stop together. `inside`: words before each command, to enter a network
+    namespace."""
 
     def __init__(self, folder: pathlib.Path, inside: Sequence[str] = ()) -> None:
         root = OUTPUT / "desk/root"
@@ -40,7 +40,7 @@ class Programs(Closing):
         return Watcher(subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True))
 
     def _counters(self, instance: str) -> list[dict[str, int]]:
-        """Of a program that has begun; else none."""
+        """The counters of an instance; none before it runs."""
         lines = output([self.bin / "ddxctl", "stats", "-json"], self.environment).splitlines()
         return [one for one in map(json.loads, lines) if one["instance"] == instance]
 
@@ -48,7 +48,7 @@ class Programs(Closing):
         return bool(self._counters(instance))
 
     def count(self, instance: str, what: str) -> int:
-        """One of a program's counters; 0 before it has begun."""
+        """One of a program's counters; 0 before it runs."""
         return sum(int(one[what]) for one in self._counters(instance))
 
     def end(self) -> None:
@@ -70,7 +70,7 @@ class Watcher:
 
 
 def cpu_seconds(process: subprocess.Popen[bytes]) -> float:
-    """Of all its threads, ended ones included."""
+    """CPU time of all threads of the process, finished ones included."""
     fields = pathlib.Path(f"/proc/{process.pid}/stat").read_text().rsplit(")", 1)[1].split()
     tasks = pathlib.Path(f"/proc/{process.pid}/task").iterdir()
     exact = sum(float((task / "schedstat").read_text().split()[0]) for task in tasks) / 1e9

@@ -11,7 +11,7 @@ STYLE = ' font-family="sans-serif" font-size="12"'
 
 
 def picture(cases: list[dict[str, Any]]) -> str:
-    """Of the comparison of file systems, as far as it was measured: a bar for the longest write, and what was lost."""
+    """The comparison of file systems, as far as measured: a bar for the longest write, and the lost frames."""
     rows = [one for one in cases if one["case"].startswith("ext")]
     panels, top = ['<rect width="100%" height="100%" fill="#fff"/>'], 0.0
     for hertz in sorted({one["neighbour_hertz"] for one in rows}, reverse=True):

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A process that counts the packets which contain these bytes: python -m parts.bench.sniff HEX. It sees all that comes
-to the interfaces of its network. It answers "ready", and each line of standard input by the count so far."""
+"""Count packets that contain these bytes, on all interfaces of the network namespace: python -m parts.bench.sniff HEX.
+Prints "ready", and answers each line of standard input with the count so far."""
 import select
 import socket
 import sys

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What repair, reports and SRTP cost the sender beyond the stream: two senders of the same pictures at the same time at
-a lossy link, one with them and one without, and beside them the encoder alone. The machine's speed changes from minute
-to minute, and is the same for all three then. -wire leaves room for repair, so the encoder's rate is the same as
-well."""
+"""CPU time of repair, reports and SRTP: two senders send the same pictures at the same time over a lossy link, one with
+and one without them, while the encoder also runs alone. The machine's speed, which changes from minute to minute, is
+the same for all three. -wire leaves room for repair, so the encoders' rates are equal."""
 import base64
 import os
 import pathlib
@@ -27,7 +26,7 @@ def _key(path: pathlib.Path) -> list[str]:
 
 
 def percents(processes: dict[str, subprocess.Popen[bytes]], seconds: float) -> dict[str, float]:
-    """Of a core, for the next seconds, of each process."""
+    """Percent of a core that each process uses in the next seconds."""
     before, begin = {name: cpu_seconds(one) for name, one in processes.items()}, time.monotonic()
     time.sleep(seconds)
     if stopped := [name for name, one in processes.items() if one.poll() is not None]:
@@ -38,8 +37,7 @@ def percents(processes: dict[str, subprocess.Popen[bytes]], seconds: float) -> d
 
 def protection(folder: pathlib.Path, clip: pathlib.Path, encoder: Sequence[str | pathlib.Path], bitrate: int,
                seconds: tuple[float, float]) -> dict[str, float]:
-    """Percent of a core: `plain`, `protected`, and `encoder`, a command. `seconds`: before the measurement, and of
-    it."""
+    """Percent of a core for `plain`, `protected` and the command `encoder`. `seconds`: warm-up, and measurement."""
     key = _key(folder / "stream.key")
     for name in ("robot", "operator"):
         (folder / name).mkdir()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A process that watches a CIF item: python -m parts.bench.watch ITEM [FILE]. On SIGTERM it prints a JSON list of
-[number in the picture, ns of the write]. FILE: gets each picture, as Y, U and V planes, in the same order."""
+"""Watch a CIF item: python -m parts.bench.watch ITEM [FILE]. On SIGTERM it prints a JSON list of [number in the
+picture, ns of the write]. FILE gets each picture, as Y, U and V planes, in the same order."""
 import contextlib
 import json
 import os
@@ -12,7 +12,7 @@ import ddx  # found by PYTHONPATH
 
 from parts.media.clip import HEIGHT, WIDTH, frame_number
 
-KEEP = 64  # frames: a stream that repairs a gap shows all frames since then at once
+KEEP = 64  # frames: after repairing a gap, a stream shows all frames since then at once
 
 
 def main() -> None:
