@@ -13,7 +13,7 @@ int hw_watchdog_open(struct hw_watchdog *watchdog, int timeout) {
     if (watchdog->file < 0)
         return -errno;
     watchdog->timeout = timeout;
-    /* Hardware that cannot be told keeps its own time, which it says. */
+    /* Some hardware has a fixed time, which it reports. */
     if (ioctl(watchdog->file, WDIOC_SETTIMEOUT, &watchdog->timeout))
         ioctl(watchdog->file, WDIOC_GETTIMEOUT, &watchdog->timeout);
     return 0;

@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #define SUFFIX ".stats"
-#define LOOK_MAX INT64_C(2000000000) /* ns: so much time between two looks counts at most */
+#define LOOK_MAX INT64_C(2000000000) /* ns that count at most between two checks */
 
 struct watched *liveness_find(const struct liveness *liveness, const char *name) {
     for (unsigned i = 0; i < liveness->count; i++)
@@ -23,7 +23,7 @@ static bool path_of(char *path, size_t size, const char *folder, const char *nam
     return snprintf(path, size, "%s/%s/%s", folder, name, file) < (int)size;
 }
 
-/* The process that runsv runs now; 0 if it waits, or does not look after the folder yet. */
+/* The process that runsv runs; 0 if there is none, or no runsv for the folder yet. */
 static int32_t read_pid(const char *folder, const char *name) {
     char path[256];
     int pid = 0;
@@ -85,7 +85,7 @@ static void note_sign(struct liveness *liveness, const struct ddx_item_info *ite
     memcpy(name, item->name, length - suffix);
     name[length - suffix] = 0;
     struct watched *service = liveness_find(liveness, name);
-    /* A value that its forerunner left is no sign of this one. */
+    /* A value of its previous process is no sign of life. */
     if (!service || !service->pid || item->writer_pid != service->pid || item->sequence == service->signs)
         return;
     service->signs = item->sequence;

@@ -8,9 +8,9 @@
 #include "liveness.h"
 
 #define NS INT64_C(1000000000)
-#define UNANSWERED 4 /* s that the store may keep us waiting: a request gives up after five */
+#define UNANSWERED 4 /* s of waiting for the store; a request gives up after five */
 #define RECORDER "ddxvideosave"
-#define AGAIN (5 * NS) /* until a kill that was no help is tried again */
+#define AGAIN (5 * NS) /* until a kill without effect is repeated */
 
 static const char *folder = "/run/service", *device = "/dev/watchdog";
 static long silence = 6, timeout = 30;
@@ -35,8 +35,8 @@ static void kill_silent(struct liveness *liveness) {
 }
 
 /*
- * The store answers, and the recorder, if there is one, reports liveness. A reset does not cure a program that exits
- * again and again: it is restarted each time, and the rest of the robot continues.
+ * Whether the store answers, and the recorder, if there is one, is alive. Other programs do not count: a reset does not
+ * cure a program that exits again and again, and the rest of the robot works without it.
  */
 static bool all_well(const struct liveness *liveness) {
     const struct watched *recorder = liveness_find(liveness, RECORDER);
@@ -53,7 +53,7 @@ static void guard(struct hw_watchdog *watchdog, bool well) {
         if (!error)
             say("%s: resets the machine after %d s without food", watchdog->path, watchdog->timeout);
         else if (!told_absent)
-            say("%s: %s; a machine that hangs stays so", watchdog->path, strerror(-error));
+            say("%s: %s; a machine that hangs will not be reset", watchdog->path, strerror(-error));
         told_absent = true;
     }
     if (well)
@@ -65,11 +65,12 @@ static void guard(struct hw_watchdog *watchdog, bool well) {
 
 int main(int argc, char **argv) {
     const struct option_entry options[] = {
-        {"silence", "SECONDS", "a program without a sign of life for so long is killed (default: 6)", OPTION_NUMBER,
+        {"silence", "SECONDS", "kill a program after this long without a sign of life (default: 6)", OPTION_NUMBER,
          &silence, 3, 600},
         {"watchdog", "DEVICE", "the hardware watchdog (default: /dev/watchdog)", OPTION_TEXT, &device, 0, 0},
-        {"timeout", "SECONDS", "it resets the machine after so long (default: 30)", OPTION_NUMBER, &timeout, 20, 600},
-        {"services", "FOLDER", "runsvdir's (default: /run/service)", OPTION_TEXT, &folder, 0, 0},
+        {"timeout", "SECONDS", "of the watchdog, until it resets the machine (default: 30)", OPTION_NUMBER, &timeout,
+         20, 600},
+        {"services", "FOLDER", "folder of runsvdir (default: /run/service)", OPTION_TEXT, &folder, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
     struct program program = {.name = "ddxhealth",
