@@ -12,13 +12,13 @@ int main(int argc, char **argv) {
         {"name", "ITEM", "the video item to write (default: video)", OPTION_NAME, &player.name, 0,
          DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
         {"loop", NULL, "play it again and again; times and frame numbers go on", OPTION_FLAG, &player.loop, 0, 0},
-        {"rate", "X", "play X times as fast (default: 1); 0: as fast as it goes, with -readers as they read",
+        {"rate", "X", "play X times as fast (default: 1); 0: as fast as possible, with -readers as they read",
          OPTION_TEXT, &rate, 0, 0},
         {"readers", "N", "wait for N readers of the item before the first frame", OPTION_NUMBER, &player.readers, 0,
          1000},
         {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT,
          &layout_name, 0, 0},
-        {"clock", "ITEM", "begin when `ddxlog -replay FILE -clock ITEM` says",
+        {"clock", "ITEM", "begin with the replay of `ddxlog -replay FILE -clock ITEM`",
          OPTION_TEXT, &player.clock, 0, 0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
@@ -30,8 +30,8 @@ int main(int argc, char **argv) {
                    "its settings into `<name>.parameters`.\n"
                    "Each frame is written when it is due: by the times that ddxvideosave recorded, or else by the\n"
                    "frame rate in the file. A late frame is written late, at most two in the time of one; none is\n"
-                   "left out. What the file has in another layout than -layout is converted.",
-        .notes = "The time of a frame in the item is when it was due: the time of the first frame plus its recorded\n"
+                   "left out. Pictures in another layout are converted.",
+        .notes = "The time of a frame in the item is its due time: the time of the first frame plus its recorded\n"
                  "time (divided by X; with -rate 0 as recorded). FILE may be a pipe, and `-` is standard\n"
                  "input: ffmpeg ... | ddxvideoload -. A file that ends within a frame is played up to there; a line\n"
                  "says so.",

@@ -19,7 +19,7 @@ static int exit_status(enum y4m_result result) {
     return result == Y4M_BAD ? EXIT_USAGE : EXIT_FAILED;
 }
 
-/* False if told to stop. */
+/* False on a request to stop. */
 static bool wait_for_readers(struct player *player) {
     bool said = false;
     int64_t begin = ddx_time_now();
@@ -36,9 +36,8 @@ static bool wait_for_readers(struct player *player) {
 }
 
 /*
- * Wait for the clock, and take from it when this clip's first frame was or will be due. Some frames may have been
- * recorded before the run that the clock tells of begins. EXIT_OK, also when told to stop; the exit status after a
- * line.
+ * Wait for the clock, and compute from it the due time of the first frame, which may be past: frames may have been
+ * recorded before the part that is replayed. EXIT_OK, also on a request to stop; or the exit status, after a line.
  */
 static int follow_clock(struct player *player) {
     DDX_REPLAY_CLOCK clock = {.replayed = 0};
@@ -54,7 +53,7 @@ static int follow_clock(struct player *player) {
     int error = strcmp(ddx_store_item_type(item), "DDX_REPLAY_CLOCK") ? -EPROTOTYPE : -ETIMEDOUT, tail = DDX_CURRENT;
     while ((error == -ETIMEDOUT || (!error && clock.replayed < since)) && !program_stopping()) {
         error = ddx_store_read(item, &clock, NULL, 0.2, tail);
-        tail = error ? tail : DDX_NEXT; /* it may still show the run before */
+        tail = error ? tail : DDX_NEXT; /* the current one may be of the previous replay */
         program_tick(player->book);
     }
     ddx_store_done_item(item);
@@ -72,7 +71,7 @@ static int follow_clock(struct player *player) {
     return EXIT_OK;
 }
 
-/* Before the first frame. */
+/* Called before the first frame. */
 static int begin(struct player *player) {
     player->begun = true;
     if (!wait_for_readers(player))
@@ -83,7 +82,7 @@ static int begin(struct player *player) {
     return status;
 }
 
-/* Where a frame lies on the monotonic clock: its time in the item, and when it is published. */
+/* A frame's time on the monotonic clock: it is published then, and has this time in the item. */
 static int64_t due_time(const struct player *player, int64_t offset) {
     struct schedule_speed speed = player->speed;
 
@@ -92,7 +91,7 @@ static int64_t due_time(const struct player *player, int64_t offset) {
     return offset > INT64_MAX - player->begin ? INT64_MAX : player->begin + offset;
 }
 
-/* Wait until the loaned frame is due, publish it. EXIT_OK, or the program's exit status after a line. */
+/* Wait until the loaned frame is due, and publish it. EXIT_OK, or the exit status after a line. */
 static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t recorded) {
     int status = player->begun ? EXIT_OK : begin(player);
 
@@ -135,7 +134,7 @@ static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t 
     return EXIT_OK;
 }
 
-/* One pass through the file, or what is left of it. */
+/* Play the rest of the file. */
 static enum y4m_result play_pass(struct player *player, int *status) {
     while (!program_stopping()) {
         struct ddxvideo_frame frame;
@@ -144,9 +143,9 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         if (player->patient && !program_wait_for_room(player->video, &player->patient, player->book))
             break;
         int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
-        if (program_try_again(error, player->book)) /* a file has time */
+        if (program_try_again(error, player->book)) /* a file can wait */
             continue;
-        if (error == -ENOBUFS) /* told to stop */
+        if (error == -ENOBUFS) /* stop was requested */
             break;
         if (error) {
             say("%s: %s", player->name, ddx_error_text(error));
@@ -157,7 +156,7 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         if (result != Y4M_OK) {
             ddx_store_cancel(player->video);
             if (result == Y4M_BAD && player->file.cut && (player->file.frames || program_stopping())) {
-                if (!program_stopping() && !player->cut) /* told once, also when it is played again and again */
+                if (!program_stopping() && !player->cut) /* reported once, even with -loop */
                     report(player);
                 player->cut = true;
                 return Y4M_END;
@@ -201,7 +200,7 @@ static int play(struct player *player) {
     return status;
 }
 
-/* The settings of this source, as a camera shows its own. A file's cannot be changed. */
+/* Publish the settings of this source, like those of a camera; they cannot be changed. */
 static int show_parameters(struct player *player, DDX_STORE_ID *id) {
     static const char *const names[] = {"rate_permille", "loop", "readers"};
     const int values[] = {(int)((int64_t)player->speed.num * 1000 / player->speed.den), player->loop,
