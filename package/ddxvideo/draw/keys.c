@@ -15,7 +15,7 @@
 #define BEYOND_UNICODE 0x110000
 #define MS INT64_C(1000000)
 
-/* A program that loses the foreground at this moment gets an error, and is not stopped. */
+/* If the program loses the foreground at this moment, it gets an error instead of a stop. */
 static sigset_t hold_signals(void) {
     sigset_t set, before;
 
@@ -48,7 +48,7 @@ void keys_close(struct keys *keys) {
     *keys = (struct keys){.wanted = false};
 }
 
-/* The shell may have set a mode of its own while it had the foreground. */
+/* The shell may have changed the mode while it had the foreground. */
 static void take_over(struct keys *keys) {
     struct termios mode;
 
@@ -89,7 +89,7 @@ bool keys_read(struct keys *keys) {
     return !gone;
 }
 
-/* ---- What the bytes mean ---- */
+/* ---- Keys from bytes ---- */
 
 static void drop(struct keys *keys, int count) {
     keys->count -= count;

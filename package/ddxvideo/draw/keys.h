@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Reads keys from the terminal on standard input. A terminal in whose background the program is stays untouched. */
+/* Reads keys from the terminal on standard input. In the background, the program does not touch the terminal. */
 #ifndef DDXVIDEO_KEYS_H
 #define DDXVIDEO_KEYS_H
 
@@ -24,7 +24,7 @@ enum keys_state { KEYS_NONE, KEYS_LISTEN, KEYS_GONE };
 void keys_open(struct keys *keys);
 void keys_close(struct keys *keys);
 
-/* Call before each wait: whether to wait for standard input, too. In the foreground, takes over the terminal. */
+/* Call before each wait: whether to wait for standard input as well. In the foreground, it takes over the terminal. */
 enum keys_state keys_ready(struct keys *keys);
 
 /* Standard input is readable. False: the terminal is gone. */

@@ -28,7 +28,7 @@ __attribute__((format(printf, 1, 2))) static const char *because(const char *for
     return reason;
 }
 
-/* ---- Which output, which mode ---- */
+/* ---- Choice of output and mode ---- */
 
 static void name_of(const drmModeConnector *connector, char *name, size_t size) {
     const char *type = drmModeGetConnectorTypeName(connector->connector_type);
@@ -56,7 +56,7 @@ static const drmModeModeInfo *mode_of(const drmModeConnector *connector, const s
     return found;
 }
 
-/* The part of the card that drives the connector, or is able to. 0: none. */
+/* The part of the card that drives the connector, or can drive it. 0: none. */
 static uint32_t crtc_of(int card, const drmModeRes *resources, const drmModeConnector *connector) {
     uint32_t found = 0;
 

@@ -11,7 +11,7 @@
 #include "screen_choice.h"
 
 struct kms_buffer {
-    uint32_t handle, frame; /* DRM's names of it; 0: none */
+    uint32_t handle, frame; /* DRM's ids; 0: none */
     uint32_t *pixel;        /* NULL: not mapped */
     size_t size;            /* bytes */
     int stride;             /* pixels */

@@ -10,7 +10,7 @@
 
 enum layout_fit {
     LAYOUT_SHAPE, /* as large as possible in the picture's shape */
-    LAYOUT_FILL,  /* the whole canvas, in whatever shape */
+    LAYOUT_FILL,  /* the whole canvas; the shape may change */
     LAYOUT_PIXELS /* a pixel of the canvas for each of the field */
 };
 

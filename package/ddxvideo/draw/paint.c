@@ -99,7 +99,7 @@ struct paint_pixel paint_look(const struct ddxvideo_picture *picture, int number
 
 /* ---- Places ---- */
 
-/* Each pixel as it is, enlarged or not: only what lies on the canvas. */
+/* Draws unchanged pixels, enlarged or not; only those on the canvas. */
 static void copy(const struct canvas *canvas, const struct field *field, const struct layout_place *place) {
     const struct matrix *matrix = field->full ? &whole : &limited;
     int left = place->x < 0 ? 0 : place->x, right = place->x + place->width;
@@ -145,7 +145,7 @@ static int scale(struct painter *painter, const struct canvas *canvas, const str
     bool direct = place->x + filled <= canvas->stride; /* the margins are drawn later */
     struct SwsContext **scaler = &painter->scaler[place->field];
 
-    /* Not AV_PIX_FMT_0RGB32: a scaler for that one says that it is for another, and is made again for each picture. */
+    /* Not AV_PIX_FMT_0RGB32: its scaler reports another format, and would be made again for each picture. */
     *scaler = sws_getCachedContext(*scaler, field->width, field->height, AV_PIX_FMT_YUV420P, place->width,
                                    place->height, AV_PIX_FMT_RGB32, SWS_BILINEAR, NULL, NULL, NULL);
     if (!*scaler || (!direct && !has_rows(painter, (size_t)filled * (size_t)place->height * sizeof *painter->rows)))
@@ -166,7 +166,7 @@ static bool is_exact(const struct canvas *canvas, const struct layout *layout, c
            place->y < 0 || place->x + place->width > canvas->width || place->y + place->height > canvas->height;
 }
 
-/* Beside the places; after them, since a scaler writes a little beyond its own. */
+/* Fills the area beside the places. Called after them, since a scaler writes slightly beyond its place. */
 static void fill_rest(const struct canvas *canvas, const struct layout *layout, uint32_t background) {
     for (int y = 0; y < canvas->height; y++) {
         int x = 0;

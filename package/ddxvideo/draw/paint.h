@@ -18,9 +18,10 @@ struct painter {
 };
 
 /*
- * Fill the canvas: each place of the layout with its field, the rest with `background`. Pixels are shown as they are
- * where the layout is exact, or where a place is as large as the field; else they are scaled smoothly. Range as the
- * picture says (unknown is limited), matrix of ITU-R BT.601. Fields outside of the canvas cost nothing. 0 or -ENOMEM.
+ * Fill the canvas: each place of the layout with its field, the rest with `background`. Pixels are not changed where
+ * the layout is exact, or where a place is as large as the field; elsewhere they are scaled smoothly. The range is the
+ * picture's (limited if unknown), the matrix that of ITU-R BT.601. Fields outside of the canvas cost nothing. 0 or
+ * -ENOMEM.
  */
 int paint_fields(struct painter *painter, const struct canvas *canvas, const struct ddxvideo_picture *picture,
                  const struct layout *layout, uint32_t background);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Positions of all frames in a file, or in all files of a recording. They are found in steps, so that the first picture
- * of a large file can be shown at once. Of a recording's file the index is read as a whole, of other files the FRAME
+ * of a large file can be shown at once. For a file of a recording the whole index is read, for other files their FRAME
  * lines.
  */
 #ifndef DDXVIDEO_FRAMES_H

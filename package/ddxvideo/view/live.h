@@ -22,7 +22,7 @@ bool live_open(struct live *live, const char *name, const struct source_limits *
 /* The thread has ended. */
 void live_close(struct live *live);
 
-/* Called by the thread: a picture came (arrival 0: now); the viewer waits for this ("": for nothing). */
+/* For the thread: add a picture (arrival 0: now); set the text of what the source waits for ("": nothing). */
 void live_add(struct live *live, struct shot *shot);
 void live_say(struct live *live, const char *text);
 

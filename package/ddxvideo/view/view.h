@@ -15,8 +15,8 @@ struct view {
     struct surface *surface;
     struct painter painter;
     struct source *source;
-    /* for opening another item; 0: the source is not an item */
-    bool items;
+    /* for opening another item: */
+    bool items; /* the source is an item */
     int store; /* port */
     struct source_limits limits;
     /* on display: */
