@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The sender's announcements (SAP): each description of a stream goes to the announcements' group of the same scope as
- * the stream's group, every ANNOUNCE_INTERVAL, and is taken back at the end. Nothing waits: an announcement that the
- * stream's budget or the kernel does not take at once is left out, and the next one follows after ANNOUNCE_RETRY.
- * Streams to single receivers alone are not announced.
+ * the stream's group, every ANNOUNCE_INTERVAL, and is deleted at the end. Nothing waits: an announcement that the
+ * stream's budget or the kernel refuses is left out, and the next one follows after ANNOUNCE_RETRY. Streams without a
+ * group are not announced.
  */
 #ifndef DDXVIDEO_ANNOUNCE_H
 #define DDXVIDEO_ANNOUNCE_H
@@ -13,8 +13,8 @@
 #include "sdp.h"
 
 /*
- * RFC 2974 lets all announcements of a group take 4000 bit/s, and lets none come more often than every 300 s. A player
- * that is opened should not take so long to find a robot; two announcements of 500 bytes each 5 s take 1600 bit/s.
+ * RFC 2974 allows 4000 bit/s for all announcements of a group, and at most one each 300 s. A player should find a robot
+ * sooner; two announcements of 500 bytes each 5 s take 1600 bit/s.
  */
 #define ANNOUNCE_INTERVAL INT64_C(5000000000) /* ns */
 #define ANNOUNCE_RETRY INT64_C(500000000)     /* ns */
@@ -23,7 +23,7 @@
 struct announce_stream {
     uint32_t session, version; /* of the o= line */
     char body[SDP_MAX];        /* the description from its s= line on; empty: none */
-    bool announced;            /* made from it: */
+    bool announced;            /* set from the announced description: */
     struct network_address origin;
     uint16_t hash;
     char line[160]; /* its o= line */
@@ -35,13 +35,13 @@ struct announce {
     struct announce_stream stream[ANNOUNCE_STREAMS];
 };
 
-/* Takes over a description, as sdp_write() makes it, of stream `which`; `session`: a number for each run. */
+/* Set the description of stream `which`, from sdp_write(). `session`: a number of this run. */
 void announce_describe(struct announce *announce, unsigned which, uint32_t session, const char *sdp);
 
-/* Sends what is due; call it often. Each packet takes its bytes from the stream's budget, `post`. */
+/* Send announcements that are due. Call it often. The bytes are taken from the stream's budget, `post`. */
 void announce_tick(struct announce *announce, struct post *post, int64_t now);
 
-/* Takes the announcements back. */
+/* Delete the announcements. */
 void announce_end(struct announce *announce, struct post *post);
 
 #endif

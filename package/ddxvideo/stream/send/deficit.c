@@ -4,14 +4,14 @@
 #include <errno.h>
 
 #define RUN_ALONE 1.5 /* mean length of runs up to which losses count as independent */
-#define MORE 1.5      /* additional packets for each packet of longer runs */
+#define MORE 1.5      /* packets that are added for each packet of longer runs */
 #define MOST_MORE 4
 #define MANY 4
-#define LOSS_MOST 0.5 /* for which packets are added */
+#define LOSS_MOST 0.5 /* a higher loss counts as this */
 #define SHORT_WAY INT64_C(12000000) /* ns there and back */
 #define RUN_LONGEST 16 /* a longer run is an outage, which ends by itself */
 
-/* When the newest packet that arrived was sent. */
+/* The send time of the newest packet that arrived. */
 static int64_t newest_arrival(const struct history *media, const struct history *repairs, uint32_t highest,
                               bool has_repair, uint32_t repair) {
     int64_t sent = history_sent(media, highest);
@@ -33,8 +33,8 @@ static unsigned more_in_runs(const struct deficit *deficit) {
 }
 
 /*
- * How many packets are to be in flight for `needed` missing ones. At a long way fewer rounds are left, as if it were
- * later. That a few all arrive is likely; of many, some are lost.
+ * The number of packets to have on the way for `needed` missing ones. With a long delay fewer rounds are left, so the
+ * frame counts as older. Of a few packets probably all arrive; of many, some are lost.
  */
 static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t age) {
     double loss = deficit->loss < LOSS_MOST ? deficit->loss : LOSS_MOST;

@@ -9,10 +9,10 @@
 #define MS INT64_C(1000000)
 #define SECOND INT64_C(1000000000)
 #define BUCKET (300 * MS)
-#define FULL 0.85           /* how full the bucket is kept, for bursts of losses that are reported */
-#define FULL_ONE_WAY 0.5    /* without reports nothing but frames of different sizes needs it */
+#define FULL 0.85           /* fill level of the bucket, kept for bursts of reported losses */
+#define FULL_ONE_WAY 0.5    /* the same without reports, for frames of different sizes only */
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
-#define HORIZON 4          /* frames in which it is brought back to that */
+#define HORIZON 4          /* frames in which the fill level is restored */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
 #define EMPTY_IN_RUNS 0.2  /* of the rate that a frame gets while losses come in runs, when the bucket is empty, */
 #define FULL_IN_RUNS 0.7   /* and when it is full */
@@ -42,7 +42,7 @@ void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *se
     repair_window_init(&dispatch->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
 }
 
-/* ---- What comes in ---- */
+/* ---- Input ---- */
 
 static bool enqueue(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packet) {
     if (dispatch->waiting == DISPATCH_QUEUE || packet->size < FIXED || packet->size > RTP_PACKET_MAX)
@@ -86,7 +86,7 @@ bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now) {
     return true;
 }
 
-/* When a packet is sent: no two at the same time, because a report on one says nothing about those after it. */
+/* The send time of a packet. No two are equal, because a report on a packet says nothing about those after it. */
 static int64_t sent_at(struct dispatch *dispatch, int64_t now) {
     dispatch->sent = now > dispatch->sent ? now : dispatch->sent + 1;
     return dispatch->sent;
@@ -124,7 +124,7 @@ static uint32_t frames_back(const struct dispatch *dispatch, unsigned frames) {
     return first;
 }
 
-/* Whether a repair packet is to be sent now; *first: what it covers. */
+/* Whether to send a repair packet now; *first: the oldest packet that it covers. */
 static bool needs_repair(struct dispatch *dispatch, int64_t now, uint32_t *first, bool *in_advance) {
     if (!dispatch->settings.repair || !dispatch->window.count)
         return false;
@@ -178,9 +178,9 @@ static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, siz
 }
 
 /*
- * A media packet was sent: repair packets follow it. One more now and then, because a loss of each third packet would
- * otherwise meet all media packets where two repair packets follow each of them, and a receiver refuses repair packets
- * that reach far beyond the media packets that came (restore.h).
+ * Lets repair packets follow a media packet. Some media packets get one more: if two repair packets followed each of
+ * them, a loss of each third packet could hit all media packets, and a receiver refuses repair packets that reach far
+ * beyond the media packets that came (restore.h).
  */
 static void owe_repair(struct dispatch *dispatch, double ratio) {
     dispatch->owed = ratio > 0 ? dispatch->owed + ratio + (dispatch->esi % OUT_OF_STEP == 0) : 0;
@@ -216,7 +216,7 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
     return true;
 }
 
-/* ---- What goes out ---- */
+/* ---- Output ---- */
 
 bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size, enum dispatch_port *port) {
     if (now < dispatch->next)
@@ -262,15 +262,15 @@ static double past_part(const struct dispatch *dispatch, double share, double le
     return past > least ? past : least;
 }
 
-/* Bytes of repair and of other packets for each byte of media: of repair at least as many as are about to be sent in
+/* Bytes of repair and of other packets for each byte of media. Of repair at least as many as are about to be sent in
  * advance. */
 static double part_beside(const struct dispatch *dispatch, int64_t now) {
     return past_part(dispatch, dispatch->repair_share, ratio_in_advance(dispatch, now) * LONGER) +
            past_part(dispatch, dispatch->other_share, dispatch->settings.others);
 }
 
-/* Repair, or a packet of the last frame, cannot be paid for within half a frame interval: another frame would add to
- * what is missing, and be late. */
+/* Whether the budget cannot pay for repair, or for a packet of the last frame, within half a frame interval: another
+ * frame would be late. */
 static bool is_behind(struct dispatch *dispatch, int64_t now) {
     int64_t late = dispatch->settings.interval / 2;
     uint32_t first;
@@ -283,8 +283,9 @@ static bool is_behind(struct dispatch *dispatch, int64_t now) {
 }
 
 /*
- * Of the rate, for a frame while losses come in runs. What repair took in the last seconds says little about the next
- * run, but made frames small when the run was over, and the bucket full again. So the bucket alone decides, gradually.
+ * The part of the rate for a frame while losses come in runs. The recent use by repair says little about the next run,
+ * and would make frames small when the run is over and the bucket full again. So only the bucket's fill level counts,
+ * gradually.
  */
 static double part_in_runs(struct dispatch *dispatch, int64_t now) {
     double filled = (double)budget_tokens(&dispatch->budget, now) / (double)budget_size(&dispatch->budget);

@@ -1,21 +1,21 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Which packet is sent when: packets of encoded frames, paced; repair packets in answer to reports, or in advance
- * where no reports come; everything within the budget. No sockets, no clock, no threads: the caller passes the time
+ * Decides which packet is sent when: packets of encoded frames, paced; repair packets in answer to reports, or in
+ * advance without reports; all of them within the budget. No sockets, no clock, no threads: the caller passes the time
  * (CLOCK_MONOTONIC, ns) and serialises the calls. Fixed memory. No call blocks; each one's work is bounded.
  *
- * Budget. Repair goes first: a picture with a gap is worth nothing, and neither are those after it. What repair took,
- * the next frame gets less (dispatch_allowance()), but not less than a part of the rate that a fair picture takes: with
- * several receivers, one of which always misses something, repair would take all. What the bucket cannot pay for then
- * waits, and frames are left out.
+ * Budget. Repair has priority: a picture with a gap is worth nothing, and neither are those after it. The next frame
+ * gets what repair leaves (dispatch_allowance()), but at least a part of the rate that a fair picture needs: with
+ * several receivers, of which one always misses something, repair would take everything. Packets that the bucket cannot
+ * pay for wait, and frames are left out.
  *
- * Pacing. The first three packets of a frame go at once: a frame of usual size waits for nothing. The others are at
- * most 1 ms apart, and go within half a frame interval.
+ * Pacing. The first three packets of a frame are sent at once, so a frame of usual size does not wait. The others are
+ * at most 1 ms apart, and are sent within half a frame interval.
  *
- * Without reports for a second, or from the start, repair packets follow each frame in advance. Their number suits the
- * loss of the last seconds that were reported, or is settings.ratio. Each third one covers the whole window and the
- * others ADVANCE_FRAMES only: a repair packet is as long as the longest packet that it covers, and a shorter window has
- * a shorter one. When reports have just stopped, the same in advance, at a reduced rate: the way may be congested.
+ * Without reports for a second, or from the start, repair packets follow each frame in advance. Their number depends on
+ * the last reported loss, or is settings.ratio. Each third one covers the whole window and the others ADVANCE_FRAMES
+ * only: a repair packet is as long as the longest packet that it covers, and a shorter window has a shorter one. When
+ * reports have just stopped, the rate is reduced as well: the link may be congested.
  */
 #ifndef DDXVIDEO_DISPATCH_H
 #define DDXVIDEO_DISPATCH_H
@@ -23,18 +23,18 @@
 #include "feedback.h"
 #include "repair.h"
 
-#define DISPATCH_QUEUE 256  /* media packets that wait for their time */
+#define DISPATCH_QUEUE 256  /* media packets that wait */
 #define DISPATCH_RATIO 2.3  /* of repair packets to media packets, for 30 % loss in bursts */
 
 enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
 
 enum dispatch_count {
-    DISPATCH_PACKETS, /* handed over = sent + dropped + those that wait */
+    DISPATCH_PACKETS, /* handed over = sent + dropped + waiting */
     DISPATCH_SENT,
-    DISPATCH_DROPPED, /* no room in the queue, or no RTP packet */
+    DISPATCH_DROPPED, /* no room in the queue, or not an RTP packet */
     DISPATCH_REPAIRS, /* repair packets sent */
     DISPATCH_BYTES,   /* of everything sent, IP and UDP headers included */
-    DISPATCH_OTHERS,  /* dispatch_other(): packets that may go, and those that the budget had nothing left for */
+    DISPATCH_OTHERS,  /* dispatch_other(): packets that may be sent, and packets that the budget could not pay for */
     DISPATCH_OTHERS_LOST,
     DISPATCH_COUNTS
 };
@@ -43,9 +43,9 @@ struct dispatch_settings {
     int64_t wire;     /* bit/s of everything sent to a receiver, 50,000 at least: the bucket must hold a packet */
     int64_t video;    /* bit/s of encoded frames, at most */
     int64_t interval; /* ns from frame to frame */
-    size_t header;    /* bytes around an RTP packet: IP and UDP headers, what encryption adds */
+    size_t header;    /* bytes added to an RTP packet: IP and UDP headers, encryption */
     bool repair;      /* repair packets are sent */
-    double ratio;     /* of repair packets to media packets where no receiver ever reported: DISPATCH_RATIO */
+    double ratio;     /* of repair packets to media packets while no receiver has reported: DISPATCH_RATIO */
     double others;    /* bytes of other packets for each byte of media, at least */
     uint32_t media_ssrc, repair_ssrc;
     uint16_t repair_sequence; /* of the first repair packet, at random */
@@ -68,15 +68,15 @@ struct dispatch {
     uint64_t count[DISPATCH_COUNTS];
     struct budget budget;
     struct feedback feedback;
-    int64_t next, gap;        /* when the next packet may go; ns between packets */
-    unsigned burst;           /* packets that go without a gap */
-    int64_t sent;             /* when the last one was */
+    int64_t next, gap;        /* earliest time of the next packet; ns between packets */
+    unsigned burst;           /* packets to send without a gap */
+    int64_t sent;             /* time of the last packet */
     bool begun;               /* a media packet was sent */
     uint32_t esi;             /* its extended sequence number */
     unsigned head, waiting;   /* of the queue */
     double owed;              /* repair packets to be sent in advance */
     unsigned advance;         /* that were sent in advance */
-    double media_share, repair_share, other_share; /* bytes sent, old ones fade */
+    double media_share, repair_share, other_share; /* bytes sent; older ones count less */
     bool refresh;
     int64_t refreshed;
     struct repair_window window;
@@ -85,33 +85,32 @@ struct dispatch {
 
 void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *settings, int64_t now);
 
-/* Bytes that the next frame may have; 0: there is no room for a frame, and it is to be dropped before it is encoded. */
+/* Bytes that the next frame may have; 0: there is no room for a frame. Drop it without encoding it. */
 size_t dispatch_allowance(struct dispatch *dispatch, int64_t now);
 
-/* Packets that dispatch_frame() takes now; those beyond are dropped. */
+/* Packets that dispatch_frame() accepts now; further ones are dropped. */
 unsigned dispatch_room(const struct dispatch *dispatch);
 
-/* An encoded frame, in packets whose sequence numbers follow each other; `frame`: its number, counted from frame to
- * frame. The packets are copied. */
+/* Add an encoded frame, in packets with consecutive sequence numbers; `frame`: its number, which rises by one. The
+ * packets are copied. */
 void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, const struct dispatch_packet *packets,
                     unsigned count);
 
-/* A datagram came on the port for reports. `address`: a hash of where it came from. */
+/* Use a datagram from the port for reports. `address`: a hash of its sender's address. */
 void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data, size_t size, uint64_t address);
 
-/* The next packet that is due: to[REPAIR_MAX], its size, and the port that it belongs to. False if none is due. To be
- * called until it returns false at dispatch_deadline(), and after each of the other calls. The packet counts as sent.
- * */
+/* Take the next packet that is due: to[REPAIR_MAX], its size and its port. False if none is due. Call it at
+ * dispatch_deadline(), and after each of the other calls, until it returns false. The packet counts as sent. */
 bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size, enum dispatch_port *port);
 
-/* When the next packet is due if nothing else happens; INT64_MAX if none is. */
+/* The time at which the next packet is due if nothing else happens; INT64_MAX: none. */
 int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now);
 
-/* Whether another packet (an announcement, one of another copy of the stream) may go now: `size` bytes on the wire. If
- * so, they are taken from the budget; if not, the packet counts as lost. */
+/* Whether another packet (an announcement, a packet of another copy of the stream) may be sent now: `size` bytes on the
+ * wire. If so, they are taken from the budget; if not, the packet counts as lost. */
 bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size);
 
-/* A receiver needs a whole picture; true at most once a second, and then the request is done with. */
+/* Whether a receiver needs a whole picture. True at most once a second; that ends the request. */
 bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now);
 
 #endif

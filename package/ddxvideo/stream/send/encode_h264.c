@@ -4,22 +4,22 @@
 #include <libavutil/error.h>
 #include <string.h>
 
-#define REFRESH 4    /* s from one renewal of the picture to the next: each second would cost 1.5 dB */
+#define REFRESH 4    /* s from one renewal of the picture to the next: renewal in each second would cost 1.5 dB */
 #define SETS_EVERY 1 /* s */
 #define PERIOD_LEAST 10 /* pictures, of both */
 
 /*
- * Sizes of frames. x264 has no rate of a single frame, but a buffer (VBV) that frames fill and the rate empties. With a
- * buffer of one frame no frame is larger than wanted, at a cost of half a dB; with one of 2.5 frames, several frames
- * are too large after a wish that fell. So the buffer is one frame when the wish falls, and grows from then on. Frames
- * stay below what the buffer would allow, hence MORE. Measured: docs/bench.md.
+ * Sizes of frames. x264 has no size for a single frame, but a buffer (VBV) that frames fill and the rate empties. With
+ * a buffer of one frame no frame is larger than wanted, at a cost of half a dB; with one of 2.5 frames, several frames
+ * are too large after the wanted size falls. So the buffer is one frame when it falls, and grows from then on. Frames
+ * are smaller than the buffer allows, hence MORE. Measured: docs/bench.md.
  */
 #define MORE 1.2
 #define BUFFER_LEAST 1.0
 #define BUFFER_MOST 2.5
 #define BUFFER_STEP 0.25
-#define FALL 0.85     /* fraction of the level below which a wish counts as lower */
-#define FORGET 0.3    /* of the distance from the level to a lower wish, a frame */
+#define FALL 0.85     /* of the level; a wanted size below this is a fall */
+#define FORGET 0.3    /* of the distance from the level to a lower wanted size, each frame */
 #define RATE_MAX 1e6  /* kbit/s */
 #define QP_STEP 20    /* from frame to frame; x264's 4 need several frames after a change */
 #define TOLERANCE 0.3 /* of the rate: x264's 1 lets it drift */
@@ -46,8 +46,8 @@ static int pictures_in(const struct encode_h264 *encoder, double seconds) {
 }
 
 /*
- * Without "psy", which spends bits on what looks sharp, and adaptive quantisation: the pictures are nearer to the
- * camera's. Without a second look at blocks that are nearly empty: it takes time.
+ * Without adaptive quantisation and "psy", which makes pictures look sharp: they are closer to the camera's. Without
+ * the second analysis of nearly empty blocks, which takes time.
  */
 static void set_quality(struct encode_h264 *encoder) {
     x264_param_t *param = &encoder->param;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* H.264 by x264, each frame one slice. Only the first frame is a key frame; then columns of macroblocks are renewed. */
+/* H.264 by x264, each frame one slice. Only the first frame is a key frame; later ones renew columns of macroblocks. */
 #ifndef DDXVIDEO_ENCODE_H264_H
 #define DDXVIDEO_ENCODE_H264_H
 
@@ -22,7 +22,7 @@ struct encode_h264 {
     double buffer; /* frames that the rate control may average over now */
     uint8_t sets[ENCODE_SETS_MAX];
     size_t sets_size;
-    int64_t sets_due;   /* number of the picture that brings the parameter sets along */
+    int64_t sets_due;   /* number of the next picture with the parameter sets */
     struct chunk chunk; /* a frame with parameter sets */
 };
 
@@ -31,7 +31,7 @@ int encode_h264_open(struct encode_h264 *encoder, const struct ddxvideo_geometry
                      long bitrate, bool fast);
 void encode_h264_close(struct encode_h264 *encoder);
 
-/* As encoder_encode(); `number`: of the picture, from 0. */
+/* Like encoder_encode(). `number`: of the picture, from 0. */
 int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_picture *picture, int64_t number,
                         size_t wanted, struct encoded *encoded);
 

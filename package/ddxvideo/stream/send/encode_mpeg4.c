@@ -11,9 +11,8 @@ static int within(int value, int least, int most) {
 }
 
 /*
- * Its encoder has no intra refresh, so there are key frames, and the rate is kept over half a second, or two frames if
- * they take longer. The encoder ends a video packet after the macroblock that goes beyond the given size, hence the
- * margin.
+ * The encoder has no intra refresh, so there are key frames, and the rate is kept over half a second, or two frames if
+ * that is longer. It ends a video packet after the macroblock that exceeds the given size, hence the margin.
  */
 static int set(AVCodecContext *context, const struct ddxvideo_geometry *geometry, AVRational rate, long bitrate) {
     context->width = geometry->width;
@@ -68,7 +67,7 @@ int encode_mpeg4_picture(struct encode_mpeg4 *encoder, const struct ddxvideo_pic
     frame->color_range = context->color_range;
     frame->pts = number;
     frame->pict_type = key ? AV_PICTURE_TYPE_I : AV_PICTURE_TYPE_NONE;
-    for (int i = 0; i < 3; i++) { /* without a buffer of its own: libavcodec copies what it keeps */
+    for (int i = 0; i < 3; i++) { /* no buffer is needed: libavcodec copies the data that it keeps */
         frame->data[i] = (uint8_t *)(uintptr_t)picture->plane[i];
         frame->linesize[i] = picture->stride[i];
     }

@@ -18,7 +18,7 @@ struct encoder {
     struct ddxvideo_geometry geometry; /* of the input pictures */
     /* private: */
     int64_t count; /* pictures so far */
-    bool key;      /* MPEG-4: the next frame is to be a key frame */
+    bool key;      /* MPEG-4: the next frame will be a key frame */
     struct encode_h264 h264;
     struct encode_mpeg4 mpeg4;
 };
@@ -30,17 +30,17 @@ void encoder_close(struct encoder *encoder);
 bool encoder_is_open(const struct encoder *encoder);
 
 /*
- * Encode a picture. `wanted`: bytes that the frame should have; 0: what the bitrate gives each frame. H.264's frames
- * are mostly within 30 % of it, and on average a little smaller; after the wish has risen, one more frame is as small
- * as before. MPEG-4's key frames are several times as large; there, the mean of half a second follows the wishes. The
- * encoded frame is the encoder's, until the next call. 0, or a negative AVERROR.
+ * Encode a picture. `wanted`: bytes that the frame should have; 0: by the bitrate. H.264's frames are mostly within 30
+ * % of it, and on average slightly smaller; after a rise of `wanted` one more frame is as small as before. MPEG-4's key
+ * frames are several times as large; there, the mean over half a second follows `wanted`. The encoded frame is valid
+ * until the next call. 0, or a negative AVERROR.
  */
 int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *picture, size_t wanted,
                    struct encoded *encoded);
 
 /*
- * Make it possible to begin with one of the next frames: H.264's next frames renew the picture column by column, or do
- * so after the renewal that is under way; MPEG-4's next frame is a key frame.
+ * Let receivers begin at one of the next frames: H.264's next frames renew the picture column by column (after the
+ * current renewal, if there is one); MPEG-4's next frame is a key frame.
  */
 void encoder_refresh(struct encoder *encoder);
 

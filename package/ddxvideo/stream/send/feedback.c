@@ -5,9 +5,9 @@
 
 #define SECOND INT64_C(1000000000)
 #define LOSS_MEMORY 10e9    /* ns */
-#define REPORTS 200         /* that are read of a reporter in a second */
+#define REPORTS 200         /* read from a reporter in a second */
 #define CLAIMS_DEPTH (2 * SECOND)
-#define CLAIMS_ALL 0.5 /* parts of the rate: what the least frames and their headers leave */
+#define CLAIMS_ALL 0.5 /* parts of the rate: what the smallest frames and their headers leave */
 #define CLAIMS_EACH 0.4
 #define CLAIMS_HOPELESS 0.25
 #define CLAIM 1400 /* bytes that must be left: more than any repair packet */
@@ -78,7 +78,7 @@ static enum feedback_count verdict(int error) {
     return !error ? FEEDBACK_USED : error == -ESTALE ? FEEDBACK_STALE : FEEDBACK_GARBAGE;
 }
 
-/* A new reporter gets its place only with a report that can be true. */
+/* A new reporter gets a place only if its report is possible. */
 static enum feedback_count first_report(struct feedback *feedback, int64_t now, const struct report *report,
                                         uint64_t address) {
     struct deficit deficit = {0};
@@ -141,7 +141,7 @@ bool feedback_is_single(const struct feedback *feedback, int64_t now) {
     return count == 1;
 }
 
-/* A report came. */
+/* Uses a report. */
 static void learn_loss(struct feedback *feedback, int64_t now) {
     double worst = worst_loss(feedback, now), part = (double)feedback_silence(feedback, now) / LOSS_MEMORY;
 
@@ -166,13 +166,13 @@ bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data
     return report.refresh;
 }
 
-/* ---- What is wanted ---- */
+/* ---- Wanted repair packets ---- */
 
 static struct budget *purse(struct feedback_reporter *reporter) {
     return reporter->deficit.loss > FEEDBACK_HOPELESS ? &reporter->hopeless : &reporter->claims;
 }
 
-/* Whether it may cause another repair packet. When all together have claimed enough, those that claimed little still
+/* Whether it may cause another repair packet. After all together have claimed enough, those that claimed little still
  * may. */
 static bool may_claim(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
     struct budget *own = purse(reporter);

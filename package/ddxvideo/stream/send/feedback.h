@@ -1,13 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The receivers that report, and how many repair packets they need together: the one that needs most decides, since
+ * Keeps the receivers that report, and the number of repair packets that they need: the highest of their numbers, since
  * each repair packet serves all. No sockets, no clock.
  *
- * Nothing here is trusted. A report changes how the budget is used, never its size. At most FEEDBACK_REPORTERS
- * reporters are known; one that has an address to itself takes the place of one that shares an address with others,
- * so that a single host cannot fill the table. Each reporter, and all together, have a bucket of their own for the
- * repair packets that they cause: a receiver that loses almost everything, or claims to, leaves enough for the
- * pictures and for the others.
+ * Reports are not trusted. They change the use of the budget, never its size. At most FEEDBACK_REPORTERS reporters are
+ * kept; a reporter with an address of its own takes the place of one that shares its address, so that a single host
+ * cannot fill the table. Each reporter, and all together, have a bucket for the repair packets that they cause: a
+ * receiver that loses almost everything, or claims to, leaves enough for the pictures and for the others.
  */
 #ifndef DDXVIDEO_FEEDBACK_H
 #define DDXVIDEO_FEEDBACK_H
@@ -23,8 +22,8 @@
 enum feedback_count {
     FEEDBACK_RECEIVED,
     FEEDBACK_USED,
-    FEEDBACK_GARBAGE, /* no report, about another stream, or about packets that were never sent */
-    FEEDBACK_STALE,   /* older than one that was used, or about packets that are forgotten */
+    FEEDBACK_GARBAGE, /* not a report, about another stream, or about packets that were never sent */
+    FEEDBACK_STALE,   /* older than a used report, or about forgotten packets */
     FEEDBACK_FLOOD,   /* more than a receiver sends, or no room for this reporter */
     FEEDBACK_COUNTS
 };
@@ -34,7 +33,7 @@ struct feedback_reporter {
     uint32_t ssrc;
     uint64_t address; /* a hash */
     struct deficit deficit;
-    struct budget reports; /* a token for each report that is read */
+    struct budget reports; /* a token for each report to read */
     struct budget claims;  /* bytes of repair packets that it may cause */
     struct budget hopeless; /* the same, when it loses almost everything */
 };
@@ -42,10 +41,10 @@ struct feedback_reporter {
 struct feedback {
     uint32_t media; /* SSRC */
     int64_t rate;   /* bit/s of the stream */
-    double loss;    /* the worst of the receivers that reported: the last one or mean_loss, whichever is higher */
-    double mean_loss; /* of the last ten seconds: in bursts, the loss of two seconds is anything from 0 to 50 % */
-    bool in_runs;   /* one of these has losses that come in runs */
-    int64_t heard;  /* when the last report came; INT64_MIN if none did */
+    double loss;    /* of the worst receiver: the last reported one or mean_loss, the higher one */
+    double mean_loss; /* of the last ten seconds: in bursts, that of two seconds varies from 0 to 50 % */
+    bool in_runs;   /* losses of one of these come in runs */
+    int64_t heard;  /* time of the last report; INT64_MIN: none yet */
     uint64_t count[FEEDBACK_COUNTS];
     struct budget claims; /* of all together */
     struct history sent, repairs;
@@ -54,22 +53,22 @@ struct feedback {
 
 void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int64_t now);
 
-/* A datagram came from an address (its hash). True if it asks for a refresh of the picture. */
+/* Use a datagram from this address (a hash). True if it requests a refresh of the picture. */
 bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data, size_t size, uint64_t address);
 
-/* ns since the last report that was used; INT64_MAX if there was none. */
+/* ns since the last used report; INT64_MAX: none yet. */
 int64_t feedback_silence(const struct feedback *feedback, int64_t now);
 
-/* How many repair packets are wanted now, and the oldest media packet that they have to cover. */
+/* Number of repair packets that are wanted now; *first: the oldest media packet that they must cover. */
 unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first);
 
-/* Whether losses of a receiver come in runs. */
+/* Whether a receiver's losses come in runs. */
 bool feedback_has_runs(const struct feedback *feedback, int64_t now);
 
 /* Whether exactly one receiver reports. */
 bool feedback_is_single(const struct feedback *feedback, int64_t now);
 
-/* A repair packet of that many bytes was sent because of feedback_wanted(). */
+/* Count a repair packet of `bytes` bytes that was sent because of feedback_wanted(). */
 void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes);
 
 #endif

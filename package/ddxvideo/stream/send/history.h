@@ -9,10 +9,10 @@
 #define HISTORY_PACKETS 256
 
 struct history {
-    unsigned count;  /* packets that are remembered */
+    unsigned count;  /* remembered packets */
     uint32_t newest; /* number of the last one */
     int64_t sent[HISTORY_PACKETS];
-    int64_t written[HISTORY_PACKETS]; /* when the frame of the packet was handed over */
+    int64_t written[HISTORY_PACKETS]; /* time at which the packet's frame was handed over */
 };
 
 static inline bool history_has(const struct history *history, uint32_t number) {
@@ -27,7 +27,7 @@ static inline int64_t history_written(const struct history *history, uint32_t nu
     return history->written[number % HISTORY_PACKETS];
 }
 
-/* A packet is sent. If its number does not follow the last one, the packets before it are forgotten. */
+/* Add a sent packet. If its number does not follow the last one, former packets are forgotten. */
 static inline void history_add(struct history *history, uint32_t number, int64_t sent, int64_t written) {
     if (number != history->newest + 1)
         history->count = 0;
@@ -37,12 +37,12 @@ static inline void history_add(struct history *history, uint32_t number, int64_t
     history->count += history->count < HISTORY_PACKETS;
 }
 
-/* The newest packet that has this sequence number, as far as it was ever sent. */
+/* The newest packet with this sequence number, if it was ever sent. */
 static inline uint32_t history_find(const struct history *history, uint16_t sequence) {
     return history->newest - (uint16_t)(history->newest - sequence);
 }
 
-/* How many packets after `number` were sent, until this time. */
+/* Number of packets after `number` that were sent until this time. */
 static inline unsigned history_until(const struct history *history, uint32_t number, int64_t time) {
     unsigned count = 0;
 

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* An encoded frame as RTP packets, ready to be handed over. */
+/* Splits an encoded frame into RTP packets. */
 #ifndef DDXVIDEO_PACKETS_H
 #define DDXVIDEO_PACKETS_H
 

@@ -37,8 +37,8 @@ struct post {
 
 /*
  * Start the thread. Unless `secure` is NULL, each packet is encrypted once for all receivers, and reports are
- * decrypted; settings->header includes what that adds. The open outlet and `secure` stay the caller's, and must be
- * there until post_stop() returns. 0 or -errno.
+ * decrypted; settings->header includes the bytes that this adds. The open outlet and `secure` stay the caller's, and
+ * must be there until post_stop() returns. 0 or -errno.
  */
 int post_start(struct post *post, struct outlet *outlet, struct secure *secure,
                const struct dispatch_settings *settings);
@@ -49,7 +49,7 @@ void post_set_interval(struct post *post, int64_t interval);
 /* Bytes that the next frame may have; 0: skip it, since former frames are not sent yet. */
 size_t post_allowance(struct post *post);
 
-/* A receiver needs a picture to begin with. At most once a second. */
+/* Whether a receiver needs a picture to begin with. True at most once a second. */
 bool post_wants_refresh(struct post *post);
 
 /*

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The encoded frames as MPEG-TS over RTP (payload type 33, RFC 2250) as well, for players that know nothing else; the
- * same bits, not encoded again. It goes to the stream's receivers at a port of its own, with its own SSRC and sequence,
- * and takes its bytes from the stream's budget.
+ * Sends the encoded frames as MPEG-TS over RTP (payload type 33, RFC 2250) as well, for players that support nothing
+ * else; they are not encoded again. The packets go to the stream's receivers, to a separate port, with their own SSRC
+ * and sequence; their bytes are taken from the stream's budget.
  */
 #ifndef DDXVIDEO_TS_H
 #define DDXVIDEO_TS_H
@@ -27,7 +27,7 @@ struct ts {
     struct AVPacket *packet;
     int64_t first, last; /* time of the first frame, ns; of the last one, 90 kHz */
     uint32_t time;       /* RTP's, of the frame */
-    uint64_t lost;       /* packets that a receiver was not sent: the kernel or the budget refused them */
+    uint64_t lost;       /* packets that the kernel or the budget refused for a receiver */
 };
 
 /* Whether this program and its FFmpeg support MPEG-TS. */
