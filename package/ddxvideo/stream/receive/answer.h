@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Reports to the sender of the source that is followed: to the address from which its media packets come, so that they
- * pass a router with address translation. Nothing here waits.
+ * Sends reports on the followed source to the address from which its media packets come, so that they pass a router
+ * with address translation. Nothing waits.
  */
 #ifndef DDXVIDEO_ANSWER_H
 #define DDXVIDEO_ANSWER_H
@@ -20,22 +20,22 @@ struct answer {
     struct secure *secure; /* NULL: reports are not encrypted */
     uint64_t count[ANSWER_COUNTS];
     /* state: */
-    bool known; /* the source is one of ours, and sends from this address: */
+    bool known; /* the source is our sender's, and has this address: */
     struct sockaddr_storage to;
     struct reporter reporter; /* of the source with this SSRC */
 };
 
-/* A media packet of the followed source came, neither late nor a duplicate. */
+/* Note a media packet of the followed source that is neither late nor a duplicate. */
 void answer_media(struct answer *answer, const uint8_t *data, size_t size, const struct sockaddr_storage *from,
                   int64_t now);
 
-/* One of its repair packets came. */
+/* Note one of its repair packets. */
 void answer_repair(struct answer *answer, const uint8_t *data, size_t size, int64_t now);
 
-/* Send the report that is due, if one is, through this socket. `refresh`: ask for a renewal of the picture with it. */
+/* Send a report, if one is due, through this socket. `refresh`: also request a renewal of the picture. */
 void answer_send(struct answer *answer, int fd, const struct restore *restore, bool refresh, int64_t now);
 
-/* When a report is due without a new packet; INT64_MAX if never. */
+/* The time at which a report is due without a new packet; INT64_MAX: never. */
 int64_t answer_deadline(const struct answer *answer, const struct restore *restore);
 
 #endif

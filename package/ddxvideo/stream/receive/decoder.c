@@ -14,7 +14,7 @@ _Static_assert(CHUNK_PADDING >= AV_INPUT_BUFFER_PADDING_SIZE, "libavcodec reads 
 #define PICTURES 8
 #define PICTURES_LEAST (INT64_C(32) << 20)
 #define PICTURES_BESIDE 5 /* pictures in use, in addition to the reference frames */
-/* Frames that a renewal may take; after that, another one is asked for. */
+/* Frames that a renewal may take; after that, another one is requested. */
 #define RENEWAL 50
 #define SEI 6            /* NAL unit type */
 #define RECOVERY_POINT 6 /* first byte of such a NAL unit: the type of the message in it */

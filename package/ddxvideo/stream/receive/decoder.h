@@ -30,7 +30,7 @@ struct decoder {
     AVPacket *packet;
     struct frame_420 converted;
     enum rtp_type type;
-    bool joined;     /* it has begun at a point where a decoder can begin */
+    bool joined;     /* it has begun to decode */
     bool recovering; /* no whole picture since decoder_open() or decoder_lose() */
     bool wanting;    /* the sender should renew the picture */
     unsigned frames; /* while it recovers, since a renewal began */
@@ -45,16 +45,16 @@ void decoder_close(struct decoder *decoder);
 
 /*
  * The picture of a frame in 8-bit 4:2:0, until the next call; NULL if it gives none. CHUNK_PADDING readable bytes are
- * after the data. A picture with missing parts is patched up from the ones before; *damaged says so. A stream that
- * cannot be shown gives no picture, and decoder->refusal says why, until it, or another one from the same source, can
- * be shown.
+ * after the data. Missing parts of a picture are filled from former pictures; then *damaged is true. A stream that
+ * cannot be shown gives no picture, and decoder->refusal has the reason, until it, or another stream of the same
+ * source, can be shown.
  */
 const AVFrame *decoder_decode(struct decoder *decoder, const uint8_t *data, size_t size, bool *damaged);
 
 /*
- * Frames before the next one are missing, and pictures that refer to them are not wanted. No picture is given until one
- * is whole again: with H.264 at the end of a renewal (a recovery point) or at an IDR picture, with MPEG-4 at the next
- * key frame. The sender is to be asked for a renewal as long as decoder_wants_renewal() is true.
+ * Call it if frames before the next one are missing, and pictures that refer to them are not wanted. No picture is
+ * given until one is whole again: with H.264 at the end of a renewal (a recovery point) or at an IDR picture, with
+ * MPEG-4 at the next key frame. Request a renewal from the sender as long as decoder_wants_renewal() is true.
  */
 void decoder_lose(struct decoder *decoder);
 bool decoder_wants_renewal(const struct decoder *decoder);

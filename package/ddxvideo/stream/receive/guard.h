@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * Passes datagrams on to the intake. With a key: packets that the key authenticates, decrypted. Without a key: packets
- * that are not encrypted (rtp.h, frame.encrypted), because an encrypted payload would only be garbage for the decoder.
- * All others are refused and counted, and one line for each source has the reason. A stream on display keeps its repair
- * packets, whatever forged packets with its SSRC claim.
+ * that are not encrypted (rtp.h, frame.encrypted), because a decoder cannot use an encrypted payload. All others are
+ * refused and counted, and a line for each source has the reason. Forged packets with the SSRC of a stream on display
+ * do not stop its repair packets.
  *
  * No sockets, no clock. Nothing blocks. Fixed memory.
  */
@@ -31,7 +31,7 @@ enum guard_count {
 
 struct guard_source {
     uint32_t ssrc;
-    uint64_t used; /* when, by the count of `struct guard`; 0: free */
+    uint64_t used; /* time of the last use, by `used` of struct guard; 0: free */
     bool good;     /* the key fits this source */
     bool encrypted; /* by its newest refused packet */
     bool said;
@@ -55,15 +55,15 @@ struct guard {
 void guard_show(struct guard *guard, uint32_t ssrc);
 
 /*
- * A datagram of the port of media packets, or of repair packets: whether it is let through. It is decrypted in place;
+ * Whether a datagram of the port for media packets, or for repair packets, passes. It is decrypted in place;
  * data[SECURE_PACKET_MAX + SECURE_ROOM] is aligned to 4 bytes, `size` is the old and the new size and may be more than
  * SECURE_PACKET_MAX for a datagram that was cut off.
  */
 bool guard_media(struct guard *guard, uint8_t *data, size_t *size);
 bool guard_repair(struct guard *guard, uint8_t *data, size_t *size);
 
-/* A line into text[GUARD_TEXT_MAX] about a source that is refused. False if there is none, or the last one was given
- * less than GUARD_QUIET ago. */
+/* Write a line about a refused source to text[GUARD_TEXT_MAX]. False: there is none, or the last one was less than
+ * GUARD_QUIET ago. */
 bool guard_says(struct guard *guard, int64_t now, char *text);
 
 #endif

@@ -86,7 +86,7 @@ static void print(struct list *list) {
         say("no stream is announced here; a sender to single receivers, or with -sap no, announces none");
 }
 
-/* Printed at once: a person sees that the program works, a program that no announcement is missed from now on. */
+/* Printed at once: users see that the program works, and scripts that no announcement is missed from now on. */
 static void print_head(void) {
     printf("%-24s %5s  %-8s %5s  %s\n", "address", "port", "codec", "age", "name");
     fflush(stdout);
@@ -122,7 +122,7 @@ int list_run(const char *interface) {
         poll(&wanted, 1, LOOK_UP);
         read_all(&list, wanted.fd);
     }
-    read_all(&list, wanted.fd); /* what was there before the signal */
+    read_all(&list, wanted.fd); /* datagrams from before the signal */
     close(wanted.fd);
     print(&list);
     return EXIT_OK;

@@ -25,7 +25,7 @@ static int bind_both(int fd, uint16_t port) {
     const struct sockaddr_in6 any = {.sin6_family = AF_INET6, .sin6_port = htons(port)};
 
     set(fd, IPPROTO_IPV6, IPV6_V6ONLY, 0);
-    set(fd, IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0); /* no groups that only other programs have joined */
+    set(fd, IPPROTO_IPV6, IPV6_MULTICAST_ALL, 0); /* no packets of groups that only other programs have joined */
     return bind(fd, (const struct sockaddr *)&any, sizeof any);
 }
 

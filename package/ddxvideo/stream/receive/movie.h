@@ -25,7 +25,7 @@ bool movie_is_possible(const char *path);
 
 /*
  * Add a frame; the file begins with the first one that a player can begin with. `time`: ns, of any clock. `decoder`:
- * has decoded the frame, and knows size and rate. 0, or a negative AVERROR, once; then the file has ended.
+ * has decoded the frame, and knows size and rate. 0, or a negative AVERROR, only once: then the file has ended.
  */
 int movie_add(struct movie *movie, const struct assembly_frame *frame, int64_t time, const AVCodecContext *decoder);
 

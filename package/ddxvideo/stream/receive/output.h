@@ -11,7 +11,7 @@ struct output_item {
     const char *name; /* NULL: none */
     DDX_STORE_ITEM *item;
     struct ddxvideo_geometry geometry; /* of the item */
-    int64_t create;                    /* not before this */
+    int64_t create;                    /* earliest time of the next attempt */
     int error;                         /* why the last attempt failed */
 };
 

@@ -49,8 +49,8 @@ static void arrive(struct reporter *reporter, struct reporter_stream *stream, in
     reporter->fresh = true;
 }
 
-/* When a frame comes; each of its packets after the first has the same time stamp and is ignored. The offset follows
- * early arrivals at once and late ones slowly, the interval the same: a loss shows a longer one. */
+/* Learns the arrival times of frames; only the first packet of each has a new time stamp. The offset follows early
+ * arrivals at once and late ones slowly. So does the interval: after a loss it appears longer. */
 static void learn_frame(struct reporter *reporter, int64_t now, uint32_t time) {
     int64_t step = (int64_t)(int32_t)(time - reporter->time) * 100000 / 9;
     int64_t offset = now - reporter->stamp - step;

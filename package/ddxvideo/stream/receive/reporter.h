@@ -1,11 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Decides when a receiver reports to the sender, and makes the reports. No sockets, no clock: time is a parameter
+ * Decides when a receiver reports to the sender, and writes the reports. No sockets, no clock: time is a parameter
  * (CLOCK_MONOTONIC, ns).
  *
  * - After packets came; once for all that come together.
- * - Once again REPORTER_REPEAT after that, as far as reports are left: without it a lost report looks like a lost
- *   frame.
+ * - Again after REPORTER_REPEAT, if enough reports are left: otherwise a lost report looks like a lost frame.
  * - Every REPORTER_REPEAT while something is missing, or while a packet is due and has not come: the rest of a frame
  *   whose last packet (marker) is not there, or the next frame, whose time follows from RTP time stamps. So the loss
  *   of the last packet is reported without waiting for the packet after it.
@@ -25,7 +24,7 @@
 #define REPORTER_QUIET INT64_C(500000000) /* ns */
 #define REPORTER_SLOTS 4                  /* of 0.5 s, in which losses are counted */
 
-/* One of the two streams that come: media and repair. */
+/* One of the two received streams: media and repair. */
 struct reporter_stream {
     bool begun;
     uint16_t highest;
@@ -37,7 +36,7 @@ struct reporter {
     bool refresh; /* may be set by the caller: a picture loss indication goes with each report until it is cleared */
     struct budget budget;
     struct reporter_stream media, repair;
-    int64_t arrived;  /* when the newest packet came */
+    int64_t arrived;  /* time of the newest packet */
     int64_t reported; /* time of the last report */
     bool fresh;       /* packets came since then */
     bool again;       /* repeat that report once */
@@ -57,15 +56,15 @@ struct reporter {
 void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header,
                    int64_t now);
 
-/* A media packet came (no restored one) that restore_source() did not refuse; a repair packet that restore_repair()
- * did not refuse, with its own sequence number. */
+/* Note a media packet (not a restored one) that restore_source() did not refuse, or a repair packet that
+ * restore_repair() did not refuse, with its own sequence number. */
 void reporter_media(struct reporter *reporter, int64_t now, uint16_t sequence, uint32_t time, bool marker);
 void reporter_repair(struct reporter *reporter, int64_t now, uint16_t sequence);
 
-/* The report that is due: to[REPORT_MAX], its size; 0 if none is. */
+/* Write the report that is due to to[REPORT_MAX]. Returns its size; 0: none is due. */
 size_t reporter_next(struct reporter *reporter, int64_t now, const struct restore *restore, uint8_t *to);
 
-/* When the next report is due if no packet comes; INT64_MAX: never. */
+/* The time at which the next report is due if no packet comes; INT64_MAX: never. */
 int64_t reporter_deadline(const struct reporter *reporter, const struct restore *restore);
 
 #endif

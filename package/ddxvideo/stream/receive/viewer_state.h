@@ -44,7 +44,7 @@ struct viewer {
     /* settings: */
     struct program program;
     struct inlet inlet;
-    long patience; /* ms that a packet waits for one before it */
+    long patience; /* ms that a packet waits for a missing one before it */
     bool headless, print;
     struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
     bool conceal; /* show damaged pictures */
@@ -54,20 +54,20 @@ struct viewer {
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;
-    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS]; /* what the counters show */
+    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS]; /* values of the counters */
     struct intake intake;
     struct answer answer;
     struct decoder decoder;
     struct display *display; /* NULL: no window */
     struct newest newest;
     struct movie movie;
-    int64_t counted; /* when packets that gave no frame were counted last */
-    bool shown;      /* a picture of the present source was */
-    int64_t joining; /* when to try to join the group again */
+    int64_t counted; /* time of the last count of packets that gave no frame */
+    bool shown;      /* a picture of the current source was shown */
+    int64_t joining; /* time of the next attempt to join the group */
     struct decoder_limits limits;
     bool said_store;
     bool said_join;
-    unsigned said; /* of the present source: bits of enum decoder_refusal; SAID_STORE */
+    unsigned said; /* reported of the current source: bits of enum decoder_refusal; SAID_STORE */
     int status;
     atomic_bool done; /* may be set by another thread: stop */
 };
