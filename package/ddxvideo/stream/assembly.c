@@ -37,8 +37,8 @@ static void open_frame(struct assembly *assembly, const struct rtp_packet *packe
 }
 
 /*
- * The first packet of the frame is missing. RTP's clock is the capture's, so the time is right to a unit of that clock.
- * The numbers are right if the sender has left out no frame of its source since the last frame whose numbers are known.
+ * The first packet of the frame is missing. RTP times are capture times, so the time is exact to a unit of RTP's clock.
+ * The numbers are correct if the sender has left out no frame since the last one with known numbers.
  */
 static void derive(struct assembly *assembly, struct assembly_frame *frame) {
     int64_t ticks = (int32_t)(frame->time - assembly->known.time);

@@ -12,13 +12,13 @@ struct assembly_frame {
     size_t size;
     enum rtp_type type;
     bool first;      /* of its source */
-    bool incomplete; /* packets are missing in it */
+    bool incomplete; /* some of its packets are missing */
     bool damaged;    /* incomplete, or packets or frames just before it are missing */
     uint32_t time;   /* RTP's */
     int64_t arrival; /* of its last packet */
     bool has_count;  /* frame.count and .window: the sender is one of ours */
     bool has_source; /* frame.capture, .sequence and .number as well */
-    bool derived;    /* these are not from the frame's first packet, which is missing; see derive() */
+    bool derived;    /* the first packet, which has these, is missing; they are from derive() */
     struct rtp_frame frame;
     unsigned missing; /* whole frames that were lost between the previous frame and this one */
 };
@@ -48,10 +48,10 @@ bool assembly_is_next(const struct assembly *assembly, const struct rtp_packet *
 /* Add a packet to the frame; `lost`: packets that are missing before it. False if its payload is malformed. */
 bool assembly_add(struct assembly *assembly, const struct rtp_packet *packet, unsigned lost, int64_t arrival);
 
-/* Finish the frame, which is whole, or with `cut` lacks its last packet. False if none is open. */
+/* Finish the frame. With `cut` it lacks its last packet, otherwise it is whole. False if none is open. */
 bool assembly_close(struct assembly *assembly, bool cut, struct assembly_frame *frame);
 
-/* The least number of the next packet's frame, for senders that count their frames. */
+/* The lowest number that the next packet's frame can have, for senders that count their frames. */
 uint16_t assembly_due(const struct assembly *assembly);
 
 #endif

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Bytes that grow: an encoded frame while it is put together from packets. */
+/* A growing buffer: an encoded frame while it is put together from packets. */
 #ifndef DDXVIDEO_CHUNK_H
 #define DDXVIDEO_CHUNK_H
 

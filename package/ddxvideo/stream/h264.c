@@ -56,13 +56,13 @@ static size_t pack_fragment(struct h264_packer *packer, uint8_t *to) {
 
     if (!packer->fragmented) {
         packer->fragmented = packer->nal.data[0];
-        packer->nal.data++; /* its first byte travels in the FU's two */
+        packer->nal.data++; /* its first byte is sent in the FU's two */
         packer->nal.size--;
         packer->parts = (unsigned)((packer->nal.size + packer->less + FU_ROOM - 1) / FU_ROOM);
         packer->parts = packer->parts < 2 ? 2 : packer->parts; /* a single one is no fragment */
         position = FU_START;
     }
-    size_t all = packer->nal.size + packer->less; /* as if the header's share were the payload's */
+    size_t all = packer->nal.size + packer->less; /* with the larger header's bytes as payload */
     size_t size = (all + packer->parts - 1) / packer->parts - packer->less;
     if (!--packer->parts)
         position |= FU_END;

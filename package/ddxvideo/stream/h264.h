@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * H.264 in RTP (RFC 6184, packetization mode 1). A frame of up to RTP_WHOLE bytes is one packet: a NAL unit, or a
- * STAP-A. Of a larger frame, each NAL unit of more than RTP_WHOLE bytes is split into FU-As whose packets are equal in
- * size, to a byte; the smaller ones before it, which are parameter sets, share a packet of their own.
+ * STAP-A. Of a larger frame, each NAL unit of more than RTP_WHOLE bytes is split into FU-As whose packets differ in
+ * size by at most a byte; the smaller units before it, which are parameter sets, share one packet.
  */
 #ifndef DDXVIDEO_H264_H
 #define DDXVIDEO_H264_H
@@ -45,8 +45,8 @@ struct h264_unpacker {
 };
 
 /*
- * Append a payload to the frame. `gap`: packets before it are missing; NAL units that are not whole are left out.
- * False if the payload is malformed; the frame is as it was, or holds what was whole of it.
+ * Append a payload to the frame. `gap`: packets before it are missing; NAL units that are not whole are left out. False
+ * if the payload is malformed; then none or a part of it was added, in whole NAL units.
  */
 bool h264_unpack(struct h264_unpacker *unpacker, struct chunk *frame, const uint8_t *payload, size_t size, bool gap);
 

@@ -32,7 +32,7 @@ static void count_repair(struct intake *intake) {
     intake->count[INTAKE_REPAIR_WRONG] = intake->wrong + intake->restore.wrong;
 }
 
-/* Another source, or a jump in this one's count: equations that wait belong to other packets. */
+/* Another source, or a jump in the sequence numbers: waiting equations are about other packets. */
 static void begin_repair(struct intake *intake) {
     intake->restore.count[RESTORE_EXPIRED] += intake->restore.rows;
     for (unsigned i = 0; i < RESTORE_COUNTS; i++)
@@ -63,7 +63,7 @@ static void tell_restore(struct intake *intake, const struct rtp_packet *packet,
     count_repair(intake);
 }
 
-/* ---- Which source ---- */
+/* ---- Choice of the source ---- */
 
 static void follow(struct intake *intake, const struct rtp_packet *packet, int64_t now) {
     intake->followed = true;
@@ -80,7 +80,7 @@ static void follow(struct intake *intake, const struct rtp_packet *packet, int64
     begin_repair(intake);
 }
 
-/* A packet of another source, which is followed from now on if the conditions hold. */
+/* Keeps a packet of another source, and follows that source if the conditions hold. */
 static void hear_other(struct intake *intake, const struct rtp_packet *packet, const uint8_t *data, size_t size,
                        int64_t now) {
     bool known = intake->queued && intake->other == packet->ssrc;
@@ -88,7 +88,7 @@ static void hear_other(struct intake *intake, const struct rtp_packet *packet, c
     intake->count[INTAKE_FOREIGN]++;
     if (!known) {
         if (intake->queued && intake->in_sequence && now - intake->other_heard < INTAKE_SILENCE)
-            return; /* a source that still sends is not replaced because of a stray packet */
+            return; /* a stray packet does not replace a source that still sends */
         intake->queued = 0;
         intake->in_sequence = false;
         intake->other = packet->ssrc;
@@ -182,7 +182,7 @@ static void switch_over(struct intake *intake) {
     follow(intake, &packet, intake->queue[queued - 1].arrival);
     intake->confirmed = true;
     intake->switching = false;
-    intake->count[INTAKE_FOREIGN] -= queued; /* they were not, after all */
+    intake->count[INTAKE_FOREIGN] -= queued; /* the queued packets are of the new source */
     intake->queued = queued;
     intake->taken = 0;
     intake->replaying = true;

@@ -1,15 +1,15 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Datagrams to encoded frames: which source is followed, its packets in order, missing packets restored from repair
- * packets. No sockets, no codec, no clock. Nothing that comes in is trusted.
+ * Makes encoded frames from datagrams: follows one source, puts its packets in order, and restores missing packets from
+ * repair packets. No sockets, no codec, no clock. The input is not trusted.
  *
- * Packets after a missing one wait for it. While the sender sends repair packets, they wait as long as the missing one
- * can be restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for
- * INTAKE_REPAIR. Without repair they wait for the patience given. Then the missing packet is given up: it is lost.
+ * Packets after a missing packet wait for it. While the sender sends repair packets, they wait as long as it can be
+ * restored: until it is further back than the sender's window of frames or than REORDER_PACKETS, or for INTAKE_REPAIR.
+ * Without repair they wait for `patience`. Then the missing packet is given up, and counts as lost.
  *
- * The source (SSRC) heard first is followed. Another one takes its place when it was silent for INTAKE_SILENCE, or had
- * sent a single packet only, and the new one sent two packets that follow each other: a restarted sender is followed,
- * from its first packet on, a second stream on the same port never takes over.
+ * The source (SSRC) heard first is followed. Another source takes its place if the first one was silent for
+ * INTAKE_SILENCE or has sent only one packet, and the new one has sent two consecutive packets. So a restarted sender
+ * is followed from its first packet on, and a second stream on the same port never takes over.
  */
 #ifndef DDXVIDEO_INTAKE_H
 #define DDXVIDEO_INTAKE_H
@@ -23,16 +23,16 @@
 #define INTAKE_QUEUE 64                   /* kept packets of a possible successor */
 
 /*
- * What happened to the datagrams: received + restored = used + late + duplicate + foreign + garbage (+ those that still
- * wait). Repair packets: repair_received = restored + repair_refused + repair_useless + repair_expired + repair_corrupt
- * (+ those that still wait); see restore.h.
+ * Counts of datagrams: received + restored = used + late + duplicate + foreign + garbage (+ those that still wait).
+ * Repair packets: repair_received = restored + repair_refused + repair_useless + repair_expired + repair_corrupt (+
+ * those that still wait); see restore.h.
  */
 enum intake_count {
     INTAKE_RECEIVED,
     INTAKE_BYTES,
     INTAKE_USED,      /* went into a frame */
     INTAKE_LOST,      /* numbers missing in the count: lost or too late */
-    INTAKE_LATE,      /* came after they were given up; they stay counted as lost */
+    INTAKE_LATE,      /* came after they were given up; still counted as lost */
     INTAKE_DUPLICATE, /* came twice */
     INTAKE_REORDERED, /* came after a later packet, but in time; they were used */
     INTAKE_FOREIGN,   /* other payload types, other sources */
@@ -55,21 +55,21 @@ enum intake_count {
 struct intake {
     uint64_t count[INTAKE_COUNTS];
     int64_t patience;
-    bool repairs; /* a missing packet is waited for as long as it can be restored */
-    /* the source that is followed */
+    bool repairs; /* wait for a missing packet as long as it can be restored */
+    /* the source that is followed: */
     bool followed, confirmed;
     uint32_t ssrc;
     uint8_t type;
-    uint8_t window;  /* frames that its repair packets reach back, 0: it sends none; and its newest frame: */
+    uint8_t window;  /* frames that its repair packets reach back, 0: it sends none; its newest frame: */
     uint16_t newest;
-    int64_t heard; /* when it was heard last */
+    int64_t heard; /* time of its last packet */
     /* a possible successor: its packets since the followed source was heard last */
     uint32_t other;
-    bool in_sequence; /* two of its packets follow each other */
+    bool in_sequence; /* two of its packets were consecutive */
     uint16_t other_sequence;
     int64_t other_heard;
     unsigned queued, taken;
-    bool replaying; /* after the switch: they are taken one by one */
+    bool replaying; /* after the switch: its packets are taken one by one */
     /* a datagram that waits until the earlier packets are taken out */
     struct reorder_slot held;
     bool held_restored; /* it was restored */
@@ -82,26 +82,27 @@ struct intake {
     struct reorder_slot queue[INTAKE_QUEUE];
 };
 
-/* `patience`: ns that a packet may wait for one before it; `repairs`: longer, if the missing one may be restored. */
+/* `patience`: ns that a packet waits for a missing one before it; `repairs`: longer if that one may be restored. */
 void intake_init(struct intake *intake, int64_t patience, bool repairs);
 void intake_free(struct intake *intake);
 
 /*
- * A datagram came. Take all frames out before the next one. True if it is a packet of the source that is followed, and
- * neither late nor a duplicate.
+ * Add a datagram; then take all frames before the next call. True if it is a packet of the followed source, and neither
+ * late nor a duplicate.
  */
 bool intake_put(struct intake *intake, const uint8_t *data, size_t size, int64_t now);
 
-/* A datagram came to the port of repair packets. Likewise. True if it is a repair packet of the source followed. */
+/* The same for a datagram of the port for repair packets. True if it is a repair packet of the followed source. */
 bool intake_put_repair(struct intake *intake, const uint8_t *data, size_t size);
 
 /* The next frame, if there is one. */
 bool intake_take(struct intake *intake, int64_t now, struct assembly_frame *frame);
 
-/* Like intake_take(), at the end: waits for no datagram, and also returns a frame without its last packet. */
+/* Like intake_take(), at the end: does not wait for missing packets, and returns a frame without its last packet as
+ * well. */
 bool intake_take_last(struct intake *intake, struct assembly_frame *frame);
 
-/* When intake_take() can return a frame without a new datagram; INT64_MAX if never. */
+/* The time at which intake_take() can return a frame without a new datagram; INT64_MAX: never. */
 int64_t intake_deadline(const struct intake *intake);
 
 #endif

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The file with the key of an encrypted stream. One line: master key (16 bytes) and master salt (14 bytes) of
- * AES_CM_128_HMAC_SHA1_80 (RFC 3711), as 40 digits of base64 (the form of RFC 4568) or 60 hexadecimal digits. To make
- * one:
+ * AES_CM_128_HMAC_SHA1_80 (RFC 3711), as 40 digits of base64 (as in RFC 4568) or 60 hexadecimal digits. To create one:
  *
  *     (umask 077 && head -c 30 /dev/urandom | base64 > FILE)
  *
@@ -18,7 +17,7 @@
 #define KEY_FILE_TEXT 40 /* digits of base64 */
 #define KEY_FILE_ERROR_MAX 500
 
-/* The key in a file. False, with one line about the file in error[KEY_FILE_ERROR_MAX], if there is none. */
+/* Read the key of a file. False, with one line about the file in error[KEY_FILE_ERROR_MAX], if it has none. */
 bool key_file_read(const char *path, uint8_t key[KEY_FILE_BYTES], char *error);
 
 /* The key in base64. */

@@ -117,8 +117,8 @@ void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size) 
 }
 
 /*
- * Where a payload of at most `room` bytes ends, and one as large as those after it, `share`, would: at the first start
- * of a video packet from there on, else at the last one before it, else right there.
+ * The end of a payload of about `share` bytes, at most `room`: the first start of a video packet from `share` on,
+ * otherwise the last start before it, otherwise `share` itself.
  */
 static const uint8_t *choose_cut(const struct mpeg4_packer *packer, size_t share, size_t room) {
     const uint8_t *best = packer->at + share;

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * MPEG-4 part 2 in RTP (RFC 6416). Every packet begins at a header or at a video packet (its resync marker), so that
- * what arrives can be decoded without what does not; only a video packet too large for one packet is fragmented. The
- * packets of a frame are as equal in size as that allows.
+ * MPEG-4 part 2 in RTP (RFC 6416). Every packet begins at a header or at a video packet (its resync marker), so each
+ * one that arrives can be decoded even if others are lost; only a video packet too large for one packet is fragmented.
+ * Within this limit, the packets of a frame are about equal in size.
  */
 #ifndef DDXVIDEO_MPEG4_H
 #define DDXVIDEO_MPEG4_H
@@ -19,10 +19,10 @@ struct mpeg4_packer {
 /* Begin with an encoded frame. The packer must have seen the stream's frames from the first one on, or start as 0. */
 void mpeg4_pack(struct mpeg4_packer *packer, const uint8_t *frame, size_t size);
 
-/* As h264_pack_next(). */
+/* Like h264_pack_next(). */
 size_t mpeg4_pack_next(struct mpeg4_packer *packer, uint8_t *to, bool *last);
 
-/* A stream's data on its pictures, readable before one is decoded. */
+/* Properties of a stream's pictures, known before one is decoded. */
 struct mpeg4_vol {
     unsigned width, height; /* 0: no rectangle */
     unsigned time_bits;     /* of vop_time_increment */
@@ -44,7 +44,7 @@ struct mpeg4_unpacker {
     bool skipping; /* up to the next start */
 };
 
-/* As h264_unpack(): after a gap, and in a new frame, nothing is taken up to the next start. */
+/* Like h264_unpack(). After a gap, and in a new frame, everything up to the next start is skipped. */
 bool mpeg4_unpack(struct mpeg4_unpacker *unpacker, struct chunk *frame, const uint8_t *payload, size_t size, bool gap);
 
 #endif

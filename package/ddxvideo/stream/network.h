@@ -31,10 +31,10 @@ struct network_address {
 };
 
 /*
- * Reads "10.0.0.2", "10.0.0.2:9000", "fd00::2", "[fd00::2]:9000", "fe80::2%eth0" or "[fe80::2%eth0]:9000"; `port`
- * counts where the text has none. Numbers only, so that nothing waits for a name server. False for anything else, for
- * IPv4 addresses written as IPv6 (::ffff:10.0.0.2), and for a link-local host without an interface. The interface need
- * not exist yet: network_find_zone().
+ * Reads "10.0.0.2", "10.0.0.2:9000", "fd00::2", "[fd00::2]:9000", "fe80::2%eth0" or "[fe80::2%eth0]:9000"; `port` is
+ * used if the text has none. Numbers only, so no name server is needed. False for anything else, for IPv4 addresses
+ * written as IPv6 (::ffff:10.0.0.2), and for a link-local host without an interface. The interface need not exist yet:
+ * network_find_zone().
  */
 bool network_parse(const char *text, long port, struct network_address *address);
 

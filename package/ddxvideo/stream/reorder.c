@@ -5,7 +5,7 @@
 
 #if defined(__has_feature)
 #if __has_feature(address_sanitizer)
-#define __SANITIZE_ADDRESS__ 1 /* as gcc says it */
+#define __SANITIZE_ADDRESS__ 1 /* like gcc */
 #endif
 #endif
 #ifdef __SANITIZE_ADDRESS__
@@ -53,7 +53,7 @@ void reorder_init(struct reorder *reorder) {
         reorder->slot[i].used = false;
 }
 
-/* The count went back: begin again. No loss is known. */
+/* The sequence numbers jumped: begin again, without counting a loss. */
 static void begin_at(struct reorder *reorder, uint16_t sequence) {
     memset(reorder->seen, 0, sizeof reorder->seen);
     reorder->next = sequence;
@@ -70,7 +70,7 @@ enum reorder_result reorder_put(struct reorder *reorder, uint16_t sequence, cons
         return REORDER_LATE;
     if ((far || distance >= REORDER_PACKETS) && reorder->waiting) {
         if (far)
-            reorder->stranger.next = sequence; /* ask again */
+            reorder->stranger.next = sequence; /* the next attempt must be accepted */
         return REORDER_FULL;
     }
     reorder->stranger.there = false;

@@ -10,15 +10,15 @@
  *    8   SSRC of the media
  *   12   'D' 'D' 'X' '1'
  *   16   highest: sequence number of the newest media packet that the receiver knows of, received or restored
- *   18   base: all packets before it are there or given up
- *   20   missing: repair packets still needed for base to highest, those that wait at the receiver taken off
+ *   18   base: all packets before it have come or are given up
+ *   20   missing: repair packets still needed for base to highest, less those that wait at the receiver
  *   22   loss of the last 2 s, media and repair packets, in 1/256
  *   23   flags: 1 = "highest repair" is valid
  *   24   highest repair: sequence number of the newest repair packet received
- *   26   age, in 0.25 ms: how long ago the newest of these packets arrived; 65535 = that or longer
+ *   26   age, in 0.25 ms: time since the newest of these packets arrived; 65535 = at least that
  *   28   reserved, 0: 4 bytes, which the sender ignores
  *
- * A report describes the whole state. So a report that is lost costs nothing but time, and an old report is harmless.
+ * A report describes the whole state. So a lost report only costs time, and an old report is harmless.
  *
  * A picture loss indication (payload type 206, format 1) may come with it, or alone. Other RTCP packets are skipped:
  * players send them.
@@ -34,7 +34,7 @@
 #define REPORT_SIZE 32                       /* bytes of a report */
 #define REPORT_MAX (REPORT_SIZE + 12)        /* bytes of what report_write() writes */
 #define REPORT_TICK INT64_C(250000)          /* ns, unit of the age */
-#define REPORT_OLDEST (65535 * REPORT_TICK)  /* ns, the age that may be any longer one */
+#define REPORT_OLDEST (65535 * REPORT_TICK)  /* ns; this age means at least this */
 
 struct report {
     uint32_t reporter, media; /* SSRCs */
@@ -47,13 +47,13 @@ struct report {
     bool refresh;  /* there is a picture loss indication */
 };
 
-/* Write the report (if has_state) and the indication (if refresh) to to[REPORT_MAX]; the number of bytes. */
+/* Write the report (if has_state) and the indication (if refresh) to to[REPORT_MAX]. Returns the number of bytes. */
 size_t report_write(uint8_t *to, const struct report *report);
 
 /*
  * 0; -EBADMSG if the datagram is not RTCP, or if the report cannot be true: base after highest or more than a window
- * before it, more missing than there is from base to highest, two reports, two reporters; -ENOMSG if it is RTCP without
- * a report or an indication.
+ * before it, more missing than from base to highest, two reports, two reporters; -ENOMSG if it is RTCP without a report
+ * or an indication.
  */
 int report_parse(const uint8_t *data, size_t size, struct report *report);
 

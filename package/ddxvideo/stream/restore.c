@@ -7,7 +7,7 @@
  *     So a row whose other factors are all 0 has become its packet, and no missing packet that could be computed from
  *     the rows is left.
  *   - Since the pivot is the oldest packet of a row, and packets are given up from the oldest on, a row that contains a
- *     packet that is given up has been dropped before, with its pivot. What the other rows say stays true.
+ *     packet that is given up has been dropped before, with its pivot. The other rows remain correct.
  */
 #include "restore.h"
 
@@ -35,7 +35,7 @@ static void add_row(struct restore_slot *to, const struct restore_slot *from, ui
     gf256_add(to->factor, from->factor, factor, REPAIR_PACKETS);
 }
 
-/* The row of this slot, if there is one, is dropped for this reason. */
+/* Drops the row of this slot, if there is one, and counts the reason. */
 static void drop_row(struct restore *restore, unsigned slot, enum restore_count why) {
     if (restore->state[slot] != RESTORE_ROW)
         return;
@@ -44,7 +44,7 @@ static void drop_row(struct restore *restore, unsigned slot, enum restore_count 
     restore->count[why]++;
 }
 
-/* All of them: after a contradiction nothing shows which of them are right. */
+/* Drops all rows: after a contradiction nothing shows which of them are correct. */
 static void drop_rows(struct restore *restore, enum restore_count why) {
     for (unsigned slot = 0; slot < REPAIR_PACKETS; slot++)
         drop_row(restore, slot, why);
@@ -67,7 +67,7 @@ static bool is_solved(const struct restore_slot *row, unsigned pivot) {
     return gf256_is_zero(row->factor, pivot) && gf256_is_zero(row->factor + pivot + 1, REPAIR_PACKETS - 1 - pivot);
 }
 
-/* Rows that have become packets. */
+/* Turns solved rows into packets. */
 static void settle(struct restore *restore) {
     for (uint16_t sequence = restore->floor; restore->rows && sequence != (uint16_t)(restore->newest + 1); sequence++) {
         unsigned slot = slot_of(sequence);
@@ -129,7 +129,7 @@ static bool insert(struct restore *restore) {
     return true;
 }
 
-/* Nothing is known of any packet. */
+/* Forgets all packets. */
 static void forget(struct restore *restore) {
     drop_rows(restore, RESTORE_EXPIRED);
     memset(restore->state, RESTORE_MISSING, sizeof restore->state);
@@ -142,7 +142,7 @@ void restore_init(struct restore *restore, uint32_t media_ssrc) {
     restore->newest = (uint16_t)(restore->floor - 1);
 }
 
-/* Packets up to `sequence`, after the newest one so far, are known to have been sent. */
+/* Notes that packets up to `sequence`, which is after the newest one so far, were sent. */
 static void advance(struct restore *restore, uint16_t sequence) {
     if ((uint16_t)(sequence - restore->newest) >= REPAIR_PACKETS) {
         forget(restore);
@@ -165,7 +165,7 @@ static void begin_at(struct restore *restore, uint16_t sequence) {
     restore->newest = restore->floor = restore->came = sequence;
 }
 
-/* Make sure that a media packet that came has a slot. */
+/* Makes sure that a media packet that came has a slot. */
 static bool make_room(struct restore *restore, uint16_t sequence) {
     int distance = (int16_t)(sequence - restore->newest);
 
@@ -184,7 +184,7 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
     return true;
 }
 
-/* A restored packet arrived: it is the same, or the restored one was forged. */
+/* For a packet that arrives after it was restored: if they differ, the restored one was forged. */
 static void compare(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
     struct symbol *symbol = &restore->slot[slot].symbol;
 
@@ -197,7 +197,7 @@ static void compare(struct restore *restore, unsigned slot, const uint8_t *packe
     restore->state[slot] = RESTORE_CAME;
 }
 
-/* A missing packet that had a row came: the row is now about others. */
+/* For a missing packet that came and had a row: the row is now about others. */
 static void replace_row(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
     restore->row = restore->slot[slot];
     restore->rows--;
@@ -207,7 +207,7 @@ static void replace_row(struct restore *restore, unsigned slot, const uint8_t *p
     insert(restore);
 }
 
-/* A missing packet that had no row came: it is taken out of all rows. */
+/* For a missing packet that came and had no row: takes it out of all rows. */
 static void learn(struct restore *restore, unsigned slot, const uint8_t *packet, size_t size) {
     struct symbol *symbol = &restore->slot[slot].symbol;
 

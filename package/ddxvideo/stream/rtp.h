@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * RTP packets (RFC 3550). Ours have data on their frame in a header extension (RFC 8285, one-byte form), which other
- * players ignore. All numbers are big endian.
+ * RTP packets (RFC 3550). The packets of our sender describe their frame in a header extension (RFC 8285, one-byte
+ * form), which other players ignore. All numbers are big endian.
  *
  *   id 2, 3 bytes  urn:ddxvideo:frame: number of the frame in this stream (16 bits), from 0; whether the stream is
  *                  encrypted (1 bit); how many frames back the repair packets of this sender reach (7 bits), 0 if it
  *                  sends none
- *   id 1, 8 bytes  http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time: when the frame was captured, NTP
+ *   id 1, 8 bytes  http://www.webrtc.org/experiments/rtp-hdrext/abs-capture-time: capture time of the frame, NTP
  *   id 3, 8 bytes  urn:ddxvideo:source: number of the write in the store (32 bits), number of the frame in its source's
  *                  count (32 bits)
  *
@@ -20,14 +20,14 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define RTP_PACKET_MAX 1200   /* bytes of a packet of ours, header included */
+#define RTP_PACKET_MAX 1200   /* bytes of a packet that we send, with its header */
 #define RTP_DATAGRAM_MAX 2048 /* bytes that we accept */
 #define RTP_HEADER_MAX 40     /* bytes of the header that we write: of a frame's first packet, */
 #define RTP_HEADER_NEXT 20    /* and of its other packets */
 #define RTP_WHOLE 800         /* bytes of an encoded frame, up to which it is one packet */
 #define RTP_CLOCK 90000       /* Hz, of time stamps of both codecs */
 
-/* Payload of our packets, and how much smaller the first packet's is, so that all packets have the same size. */
+/* Payload of our packets, and by how much that of the first one is smaller, so that all packets have the same size. */
 #define RTP_ROOM (RTP_PACKET_MAX - RTP_HEADER_NEXT)
 #define RTP_FIRST_LESS (RTP_HEADER_MAX - RTP_HEADER_NEXT)
 
@@ -35,7 +35,7 @@
 #define RTP_FRAME_URI "urn:ddxvideo:frame"
 #define RTP_SOURCE_URI "urn:ddxvideo:source"
 
-/* Payload types, which also stand for the codec. */
+/* Payload types; they also identify the codec. */
 enum rtp_type { RTP_H264 = 96, RTP_MPEG4 = 97 };
 #define RTP_TS 33 /* MPEG-TS, RFC 2250: for other players */
 
@@ -45,7 +45,7 @@ struct rtp_frame {
     uint8_t window; /* frames that repair packets reach back, 127 at most; 0: there are none */
     /* in a frame's first packet: */
     int64_t capture;   /* CLOCK_REALTIME, ns */
-    uint32_t sequence; /* the low bits of the number of the write */
+    uint32_t sequence; /* the low bits of the sequence in the store */
     uint32_t number;
 };
 
@@ -82,18 +82,18 @@ static inline bool rtp_is_confirmed(struct rtp_stranger *stranger, uint16_t sequ
     return confirmed;
 }
 
-/* A time on RTP's clock. */
+/* A time in units of RTP's clock. */
 static inline uint32_t rtp_time(int64_t ns) {
     return (uint32_t)(uint64_t)(ns / 100000 * 9 + ns % 100000 * 9 / 100000);
 }
 
 /*
- * The header; returns its length: RTP_HEADER_MAX with has_source (and has_count, without which it has no meaning),
- * RTP_HEADER_NEXT with has_count alone, 12 bytes without an extension.
+ * Write the header. Returns its length: RTP_HEADER_MAX with has_source (and has_count, without which it has no
+ * meaning), RTP_HEADER_NEXT with has_count alone, 12 bytes without an extension.
  */
 size_t rtp_write(uint8_t *to, const struct rtp_packet *packet);
 
-/* False if this is no RTP packet with a payload. packet->payload points into the data. */
+/* False if this is not an RTP packet with a payload. packet->payload points into the data. */
 bool rtp_parse(const uint8_t *data, size_t size, struct rtp_packet *packet);
 
 #endif

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Announcements of streams (SAP, RFC 2974): messages with a stream's description (SDP), sent to a multicast group of
- * their own. No sockets, no clock. What comes in is not trusted.
+ * Announcements of streams (SAP, RFC 2974): messages with a stream's description (SDP), sent to separate multicast
+ * groups. No sockets, no clock. The input is not trusted.
  */
 #ifndef DDXVIDEO_SAP_H
 #define DDXVIDEO_SAP_H
@@ -13,19 +13,19 @@
 
 struct sap {
     bool deletion;
-    uint16_t hash;                 /* with the origin, the name of this version of the announcement */
+    uint16_t hash;                 /* identifies, with the origin, this version of the announcement */
     struct network_address origin; /* the announcing machine; its port has no meaning */
     const uint8_t *text;           /* SDP, not terminated; of a deletion, its o= line, or nothing */
     size_t size;
 };
 
-/* A message into to[SAP_MAX]: its size; 0 if it is larger than that. */
+/* Write a message to to[SAP_MAX]. Returns its size; 0: too large. */
 size_t sap_write(const struct sap *sap, uint8_t *to);
 
 /*
- * Reads a message; sap->text points into the data. False for what is no announcement of a description that can be read:
- * another version, encrypted or compressed, another type than application/sdp, an announcement without a text, zero
- * bytes in the text, no origin (0.0.0.0). The authentication is skipped, not checked.
+ * Reads a message; sap->text points into the data. False if there is no description to read: another version,
+ * encryption or compression, a type other than application/sdp, an announcement without text, zero bytes in the text,
+ * no origin (0.0.0.0). The authentication is skipped, not checked.
  */
 bool sap_parse(const uint8_t *data, size_t size, struct sap *sap);
 

@@ -59,7 +59,7 @@ static bool add_h264(struct text *text, const struct sdp *sdp) {
     return true;
 }
 
-/* RFC 6416, 7.1: all that stands before the first picture. */
+/* RFC 6416, 7.1: everything before the first picture. */
 static bool add_mpeg4(struct text *text, const struct sdp *sdp) {
     size_t size = mpeg4_headers(sdp->frame, sdp->size);
 

@@ -12,9 +12,9 @@
 struct sdp {
     const char *name; /* of the session */
     struct network_address address;
-    int ttl; /* IPv4 groups; IPv6 has none in a description */
-    int type; /* enum rtp_type, or RTP_TS, which needs no frame */
-    const uint8_t *frame; /* the stream's first one, with its parameter sets or headers */
+    int ttl; /* for IPv4 groups; an IPv6 description has none */
+    int type; /* enum rtp_type, or RTP_TS, for which `frame` is not needed */
+    const uint8_t *frame; /* the stream's first frame, with its parameter sets or headers */
     size_t size;
     double rate; /* frames per second */
     const char *crypto; /* lines with the key of an encrypted stream, or NULL */
@@ -22,10 +22,11 @@ struct sdp {
 
 #define SDP_MAX 4096
 
-/* The text into text[SDP_MAX]; its length, 0 if the frame has no parameters. */
+/* Write the text to text[SDP_MAX]. Returns its length; 0 if the frame has no parameters. */
 size_t sdp_write(const struct sdp *sdp, char *text);
 
-/* The same into a file, which is always whole; with a key it has mode 600. 0 or -errno (-EBADMSG: no parameters). */
+/* The same, into a file, which is replaced as a whole. With a key it has mode 600. 0 or -errno (-EBADMSG: no
+ * parameters). */
 int sdp_save(const struct sdp *sdp, const char *path);
 
 #endif

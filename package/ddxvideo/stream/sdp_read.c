@@ -6,10 +6,10 @@
 
 #define LINE_ROOM 256 /* bytes of a line that are read */
 
-/* What has been read so far. */
+/* Progress of the reading. */
 struct reader {
     struct sdp_stream *stream;
-    bool has_address, in_video, done; /* done: the video stream's lines are over */
+    bool has_address, in_video, done; /* done: after the video stream's last line */
     int type;
     uint16_t port;
 };

@@ -10,7 +10,7 @@
 
 #include "bits.h"
 
-#define RTP_HEADER 12 /* bytes that each packet has, at least */
+#define RTP_HEADER 12 /* bytes of each packet, at least */
 #define RTCP_HEADER 8
 #define RTP_SSRC 8 /* where it is */
 #define RTCP_SSRC 4
@@ -22,7 +22,7 @@ typedef srtp_err_status_t transform(srtp_t session, void *packet, int *size);
 struct peer {
     uint32_t ssrc;
     srtp_t session; /* NULL: free */
-    uint64_t index; /* the highest extended sequence number that was authenticated */
+    uint64_t index; /* the highest authenticated extended sequence number */
     uint64_t used;  /* when, by the count of `struct side` */
 };
 
@@ -44,7 +44,7 @@ struct incoming {
     size_t size;
     uint32_t ssrc;
     uint16_t sequence;
-    bool told; /* it has the counter: */
+    bool told; /* the packet has the counter: */
     uint32_t counter;
     transform *unprotect;
 };
@@ -56,7 +56,7 @@ static struct peer *find(struct side *side, uint32_t ssrc) {
     return NULL;
 }
 
-/* A free one, else the one that was used least recently. */
+/* A free peer, otherwise the least recently used one. */
 static struct peer *oldest(struct side *side) {
     struct peer *oldest = side->peers;
 
@@ -103,7 +103,7 @@ static int error_of(srtp_err_status_t status, int other) {
     return repeated ? -EALREADY : other;
 }
 
-/* Once in a process: libsrtp2 refuses a second time. */
+/* Called once in a process: libsrtp2 refuses a second call. */
 static bool started(void) {
     static bool done;
 
@@ -199,7 +199,7 @@ static srtp_err_status_t apply(struct incoming *packet, srtp_t session) {
     return status;
 }
 
-/* Whether the counter in a refused packet of a known source makes it possible that the packet is genuine. */
+/* Whether a refused packet of a known source may be genuine, by its counter. */
 static bool leads_forward(const struct incoming *packet, const struct peer *peer) {
     uint64_t index = (uint64_t)packet->counter << 16 | packet->sequence;
 

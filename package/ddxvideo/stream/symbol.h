@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Symbols: what repair adds up over GF(256). The source symbol of a media packet (ADUI, RFC 8681, section 3.2) is the
- * number of its flow, 0 (1 byte), the length of the packet (2 bytes, big endian), and the whole RTP packet. Symbols of
- * different sizes are added as if zeros followed the shorter one.
+ * Symbols: the numbers with which repair computes, over GF(256). The source symbol of a media packet (ADUI, RFC 8681,
+ * section 3.2) is the number of its flow, 0 (1 byte), the length of the packet (2 bytes, big endian), and the whole RTP
+ * packet. Symbols of different sizes are added as if zeros followed the shorter one.
  */
 #ifndef DDXVIDEO_SYMBOL_H
 #define DDXVIDEO_SYMBOL_H
@@ -20,15 +20,15 @@ struct symbol {
 /* The source symbol of a packet of at most RTP_PACKET_MAX bytes. */
 void symbol_set(struct symbol *symbol, const uint8_t *packet, size_t size);
 
-/* Whether this is the source symbol of this packet, perhaps with zeros after it. */
+/* Whether this is the source symbol of this packet; zeros may follow. */
 bool symbol_is(const struct symbol *symbol, const uint8_t *packet, size_t size);
 
 /* to += factor * from */
 void symbol_add(struct symbol *to, const struct symbol *from, uint8_t factor);
 
 /*
- * The packet of a source symbol, perhaps with zeros after it; false if it is none. Nothing is known of the packet but
- * its size, which fits in the symbol.
+ * The packet of a source symbol, which zeros may follow; false if it is not one. Only the packet's size is checked: it
+ * fits in the symbol.
  */
 bool symbol_get(const struct symbol *symbol, const uint8_t **packet, size_t *size);
 
