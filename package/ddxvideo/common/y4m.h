@@ -18,10 +18,10 @@
 
 #define Y4M_MAGIC "YUV4MPEG2"
 #define Y4M_LINE_PLAYED 80        /* every player reads shorter lines, line feed included */
-#define Y4M_HEADER_MAX 1024       /* bytes of the first line that we accept */
-#define Y4M_FRAME_LINE_MAX 256    /* bytes of a FRAME line that we accept; we write less than 80 */
-#define Y4M_HEADER_WRITTEN 97     /* room for a header line of ours, also with a frame rate of 20 digits */
-#define Y4M_FRAME_LINE_WRITTEN 80 /* room for a FRAME line of ours, with its line feed */
+#define Y4M_HEADER_MAX 1024       /* bytes of the first line, at most */
+#define Y4M_FRAME_LINE_MAX 256    /* bytes of a FRAME line, at most */
+#define Y4M_HEADER_WRITTEN 97     /* room to write a header line, even with a frame rate of 20 digits */
+#define Y4M_FRAME_LINE_WRITTEN 80 /* room to write a FRAME line, with its line feed */
 #define Y4M_ERROR_MAX 200
 #define Y4M_TIME_MAX INT64_C(1000000000000000000)
 
@@ -50,7 +50,7 @@ bool y4m_has(int format);
 /* Bytes of plane 0 to 3 in the file, 0 for a plane that the layout does not have. */
 size_t y4m_plane_bytes(const struct y4m_header *header, int plane);
 
-#define Y4M_SAME -1 /* in the layout of the file, if the store has it, else in 4:2:0 */
+#define Y4M_SAME -1 /* in the layout of the file if the store has it, otherwise in 4:2:0 */
 
 /*
  * Parse a header line without its line feed; an impossible frame rate becomes 0/0, unknown. `format`: enum

@@ -21,7 +21,7 @@ struct kms {
     int card; /* file descriptor; -1: closed */
     uint32_t connector, crtc;
     drmModeModeInfo mode;
-    drmModeCrtc *before; /* the mode before ours; NULL: not known */
+    drmModeCrtc *before; /* the mode before kms_open(); NULL: not known */
     struct kms_buffer buffer[2];
     int hidden;    /* the buffer that is not shown */
     bool lit;      /* the mode is set, and one buffer is shown */

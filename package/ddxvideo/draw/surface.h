@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Programs draw on a surface: a window (window.h) or, without X, a whole screen. Each back end has a struct of its own
- * that begins with a struct surface.
+ * Programs draw on a surface: a window (window.h) or, without X, a whole screen. Each back end has its own struct that
+ * begins with a struct surface.
  *
  * A surface belongs to one thread; only surface_wake() may be called from any thread. Two functions wait:
  * surface_event() for at most the given time, and surface_lock() of a screen for at most one refresh.
@@ -22,7 +22,7 @@ struct canvas {
 enum surface_event_kind {
     SURFACE_KEY,     /* key */
     SURFACE_POINTER, /* x, y; held: a button is down */
-    SURFACE_BUTTON,  /* x, y; held: it went down, else up */
+    SURFACE_BUTTON,  /* x, y; held: pressed, otherwise released */
     SURFACE_WHEEL,   /* x, y; steps: above 0 away from the user */
     SURFACE_RESIZE,  /* the size has changed, or the content was lost: draw again */
     SURFACE_WAKE,    /* surface_wake() was called */
@@ -89,13 +89,13 @@ static inline void surface_wake(struct surface *surface) {
     surface->wake(surface);
 }
 
-/* Request this size, and show a window that is still hidden. A screen stays as it is. */
+/* Request this size, and show a window that is still hidden. A screen does not change. */
 static inline void surface_resize(struct surface *surface, int width, int height) {
     if (surface->resize)
         surface->resize(surface, width, height);
 }
 
-/* Give a window the full screen, or end that. A screen stays as it is. */
+/* Enter or leave full screen. A screen does not change. */
 static inline void surface_full(struct surface *surface, bool full) {
     if (surface->full)
         surface->full(surface, full);

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* Text on a canvas, in a small bitmap font of our own: ASCII, each character in a cell of the same size. */
+/* Text on a canvas, in a small bitmap font: ASCII, each character in a cell of the same size. */
 #ifndef DDXVIDEO_TEXT_H
 #define DDXVIDEO_TEXT_H
 

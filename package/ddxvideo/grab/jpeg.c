@@ -27,7 +27,7 @@ struct jpeg *jpeg_open(void) {
     jpeg->frame = av_frame_alloc();
     if (jpeg->context) {
         jpeg->context->thread_count = 1; /* each further thread would delay a frame */
-        jpeg->context->max_pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE; /* whatever size the picture claims */
+        jpeg->context->max_pixels = (int64_t)DDX_VIDEO_SIDE * DDX_VIDEO_SIDE; /* for any size that the picture claims */
         if (jpeg->packet && jpeg->frame && !avcodec_open2(jpeg->context, codec, NULL))
             return jpeg;
     }

@@ -44,7 +44,7 @@ static int follow_clock(struct player *player) {
     int64_t since = ddx_time_now();
 
     if (player->file.start < 0) {
-        say("%s: does not say when it was recorded (XDDX_START); it cannot follow -clock", player->program.argument);
+        say("%s: has no time of recording (XDDX_START), so it cannot follow -clock", player->program.argument);
         return EXIT_USAGE;
     }
     DDX_STORE_ITEM *item = program_find(player->id, player->clock, player->book);
@@ -60,7 +60,7 @@ static int follow_clock(struct player *player) {
     if (program_stopping())
         return EXIT_OK;
     if (error || !clock.num || !clock.den) {
-        say("-clock %s: %s", player->clock, error ? ddx_error_text(error) : "is no clock of a replay");
+        say("-clock %s: %s", player->clock, error ? ddx_error_text(error) : "not the clock of a replay");
         return EXIT_FAILED;
     }
     int64_t ahead = player->file.start - clock.recorded;
@@ -179,7 +179,7 @@ static int play(struct player *player) {
     const struct ddxvideo_geometry *geometry = &player->file.header.geometry;
 
     if (!geometry->rate_num)
-        say("%s: no usable frame rate in the header, 25 is taken", player->program.argument);
+        say("%s: no usable frame rate in the header, using 25", player->program.argument);
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
                   geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
     player->patient = !player->speed.num && player->readers;
@@ -194,7 +194,7 @@ static int play(struct player *player) {
         schedule_loop(&player->schedule);
     }
     if (!status && !player->frame && !program_stopping()) {
-        say("%s: holds no frame; record or copy it again", player->program.argument);
+        say("%s: has no frame; record or copy it again", player->program.argument);
         status = EXIT_USAGE;
     }
     return status;

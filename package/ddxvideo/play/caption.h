@@ -22,7 +22,7 @@ struct caption {
     char line[2][128]; /* an empty line is left out */
 };
 
-/* Write the lines. `wanted`: the first one, too. The second one is written whenever something is missing. */
+/* Write the lines. `wanted`: with the first one. The second one is written whenever something is missing. */
 struct caption caption_make(const struct caption_facts *facts, bool wanted);
 
 void caption_draw(const struct caption *caption, const struct canvas *canvas);

@@ -61,7 +61,7 @@ static int export(const struct folder *folder, bool *chosen, const char *to) {
         any |= chosen[i];
     }
     if (!any) {
-        say("there is nothing finished to export");
+        say("no finished recording to export");
         return EXIT_FAILED;
     }
     return export_files(folder, chosen, to);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Which frames are recorded if not all are: the item's first one, and from there on `take` of every `of` frames,
- * evenly, by their numbers in the store. So it is known of a lost frame, too, whether it was wanted, and a recorder
- * that is started again continues in step with the previous one.
+ * Selects the frames to record if not all are: the item's first one, and from there on `take` of every `of` frames,
+ * evenly, by their numbers in the store. So it is known whether a lost frame was wanted, and a restarted recorder
+ * continues in step with the previous one.
  */
 #ifndef DDXVIDEO_DECIMATE_H
 #define DDXVIDEO_DECIMATE_H

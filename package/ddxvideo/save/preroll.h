@@ -19,13 +19,13 @@ struct preroll {
 };
 
 /*
- * How many seconds of such pictures fit: three quarters of a queue of that number of frames, into which they go.
+ * Seconds of such pictures that fit: they take three quarters of a queue of that number of frames.
  */
 int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned queue_frames);
 
 /*
- * Keep a copy of a picture, and drop those that are too old by now; drop all if they had another geometry. Returns how
- * many frames were dropped, those that were missed before them included; also this one if there is no memory for it.
+ * Keep a copy of a picture, and drop pictures that have become too old; drop all if they had another geometry. Returns
+ * the number of dropped frames, with the frames missed before them, and with this one if there is no memory for it.
  */
 uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struct ddxvideo_picture *view,
                      const struct recording_frame *frame);

@@ -77,7 +77,7 @@ static bool take_frame(struct recorder *recorder, double timeout, int64_t not_af
     return wanted;
 }
 
-/* Reports once that there is no such item, if that lasts. */
+/* Reports once, after a while, that the item does not exist. */
 static void tell_waiting(struct recorder *recorder) {
     if (recorder->seen || recorder->said_waiting || ddx_time_now() - recorder->begin < WAITING_NS)
         return;

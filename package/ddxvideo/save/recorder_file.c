@@ -115,7 +115,7 @@ bool recorder_choose_file(struct recorder *recorder, const struct ddxvideo_pictu
     }
     const struct ddxvideo_geometry *now = recording_geometry(recorder->recording);
     if (!ddxvideo_same_layout(now, &view->geometry)) {
-        say("%s: recording stopped, the picture changed from %dx%d to %dx%d and a file holds one kind; give -output "
+        say("%s: recording stopped, the picture changed from %dx%d to %dx%d, and a file holds one kind; give -output "
             "a folder",
             recorder->place, now->width, now->height, view->geometry.width, view->geometry.height);
         recorder->status = EXIT_FAILED;

@@ -11,8 +11,8 @@
 struct recording;
 
 /*
- * Size of the queue for such pictures, in frames: 2.5 s, at least 64 frames, and at most recording_queue_bytes_max();
- * or `asked` frames, if that is not 0, in at most a quarter of the machine's memory. Never fewer than 8, or `asked`.
+ * Size of the queue for such pictures, in frames: 2.5 s, at least 64 frames, and at most recording_queue_bytes_max().
+ * If `asked` is not 0: that many, in at most a quarter of the machine's memory. Never fewer than 8, or `asked`.
  */
 unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsigned asked);
 

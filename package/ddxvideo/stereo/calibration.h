@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * The calibration of a stereo pair: OpenCV's YAML with the matrices M1 D1 M2 D2 R1 R2 P1 P2, as cv2.FileStorage writes
- * it. M is a camera's matrix, D its distortion, R and P are what cv2.stereoRectify() made of both.
+ * The calibration of a stereo pair: OpenCV's YAML with the matrices M1 D1 M2 D2 R1 R2 P1 P2, as written by
+ * cv2.FileStorage. M is a camera's matrix, D its distortion; R and P are results of cv2.stereoRectify().
  */
 #ifndef DDXVIDEO_STEREO_CALIBRATION_H
 #define DDXVIDEO_STEREO_CALIBRATION_H

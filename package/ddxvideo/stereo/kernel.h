@@ -29,7 +29,7 @@ struct kernel_row {
     int width, lanes;
     const uint8_t *left[KERNEL_PLANES];  /* census of the left row */
     const uint8_t *right[KERNEL_PLANES]; /* of the right row, after lanes - 1 bytes for pixels outside the picture */
-    const uint8_t *unused;               /* of the first lanes: KERNEL_UNUSED where there is no disparity, else 0 */
+    const uint8_t *unused;               /* of the first lanes: KERNEL_UNUSED without a disparity, otherwise 0 */
     uint8_t *cost;                       /* scratch: width * lanes */
     uint8_t *vertical, *least;           /* the vertical path: width * lanes, and each pixel's least cost */
     uint8_t *sum;                        /* sum of this row's paths so far: width * lanes */

@@ -16,7 +16,7 @@ struct assembly_frame {
     bool damaged;    /* incomplete, or packets or frames just before it are missing */
     uint32_t time;   /* RTP's */
     int64_t arrival; /* of its last packet */
-    bool has_count;  /* frame.count and .window: the sender is one of ours */
+    bool has_count;  /* frame.count and .window, which only our sender writes */
     bool has_source; /* frame.capture, .sequence and .number as well */
     bool derived;    /* the first packet, which has these, is missing; they are from derive() */
     struct rtp_frame frame;

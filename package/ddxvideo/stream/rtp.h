@@ -55,7 +55,7 @@ struct rtp_packet {
     uint16_t sequence;
     uint32_t time;
     uint32_t ssrc;
-    bool has_count;  /* frame.count, .encrypted and .window: the sender is one of ours */
+    bool has_count;  /* frame.count, .encrypted and .window, which only our sender writes */
     bool has_source; /* frame.capture, .sequence and .number as well: the first packet of a frame */
     struct rtp_frame frame;
     const uint8_t *payload; /* rtp_parse() only */

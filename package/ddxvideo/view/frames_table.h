@@ -8,7 +8,7 @@
 
 struct frames_entry {
     uint64_t offset; /* of its FRAME line */
-    int64_t time;    /* ns: of the capture if that is known, else since the first frame */
+    int64_t time;    /* ns: of the capture if known, otherwise since the first frame */
     uint32_t bytes;  /* line and picture */
     uint32_t part;
     uint32_t missing; /* frames before it */

@@ -40,7 +40,7 @@ static bool parse_memory(const char *text, uint64_t *bytes) {
     return false;
 }
 
-/* A window where there is a display; else the screen of this machine, with the keys of the terminal. */
+/* A window if there is a display, otherwise the screen of this machine, with the keys of the terminal. */
 static struct surface *open_surface(const char *title) {
     const char *wrong;
     bool display = getenv("DISPLAY") || getenv("WAYLAND_DISPLAY") || getenv("SDL_VIDEODRIVER");

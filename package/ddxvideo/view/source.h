@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * A source gives pictures: a video item, a stream, a file. Each kind has a struct of its own that begins with a struct
+ * A source gives pictures: a video item, a stream, a file. Each kind has its own struct, which begins with a struct
  * source. Pictures have positions that rise by one. All functions are for the main thread, and none of them waits,
  * except for a read of the disk.
  */
@@ -50,7 +50,7 @@ struct source_stream {
     int store; /* port */
 };
 
-/* NULL, after a line: a setting is wrong. With `check`, settings are only checked, and the result is NULL, too. */
+/* NULL, after a line: a setting is wrong. With `check`, settings are only checked, and the result is NULL as well. */
 struct source *source_stream(const struct source_stream *settings, bool check, const struct source_limits *limits,
                              struct surface *surface, int *status);
 

@@ -66,7 +66,7 @@ static bool is_video(const char *type) {
     return !*type || !strcmp(type, "DDX_VIDEO");
 }
 
-/* Opens a handle on the item, which need not exist yet: then its first frame is received, too. */
+/* Opens a handle on the item, which need not exist yet: then its first frame is received as well. */
 static bool find(struct item_source *from) {
     struct ddx_item_info info;
 

@@ -2,7 +2,7 @@
 /*
  * Frames in the order of the driver's numbers. uvcvideo lets several threads fill its buffers, so that of two frames
  * which come close together the later one may be there first. It then waits for the earlier one for a limited time. A
- * frame that comes too late has been counted as lost, and stays so.
+ * frame that comes too late remains counted as lost.
  */
 #ifndef DDXVIDEO_ORDER_H
 #define DDXVIDEO_ORDER_H

@@ -30,7 +30,7 @@ static int set(int fd, int how, short type, long byte) {
     return failed ? -errno : 0;
 }
 
-/* Does not wait, whatever lies there. */
+/* Does not wait, even if the name belongs to a pipe. */
 static int open_lock(int folder, int flags) {
     return openat(folder, LOCK, flags | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK, 0600);
 }

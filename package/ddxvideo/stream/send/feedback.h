@@ -4,9 +4,9 @@
  * each repair packet serves all. No sockets, no clock.
  *
  * Reports are not trusted. They change the use of the budget, never its size. At most FEEDBACK_REPORTERS reporters are
- * kept; a reporter with an address of its own takes the place of one that shares its address, so that a single host
- * cannot fill the table. Each reporter, and all together, have a bucket for the repair packets that they cause: a
- * receiver that loses almost everything, or claims to, leaves enough for the pictures and for the others.
+ * kept; a reporter with an address of its own takes the place of one that shares an address with others, so that a
+ * single host cannot fill the table. Each reporter, and all together, have a bucket for the repair packets that they
+ * cause: a receiver that loses almost everything, or claims to, leaves enough for the pictures and for the others.
  */
 #ifndef DDXVIDEO_FEEDBACK_H
 #define DDXVIDEO_FEEDBACK_H

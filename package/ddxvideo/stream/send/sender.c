@@ -95,7 +95,7 @@ static void tell_network(struct sender *sender, bool good) {
     char text[NETWORK_ERROR_MAX];
 
     if (!good && !sender->failing)
-        say("packets to %s do not go out: %s", network_text(&sender->sent.receiver[0], text),
+        say("packets to %s are not sent: %s", network_text(&sender->sent.receiver[0], text),
             strerror(sender->sent.error));
     sender->failing = !good;
 }
@@ -150,7 +150,7 @@ static void begin_ts(struct sender *sender) {
     int error = ts_open(&sender->ts, &sender->post, sender->type, sender->program.instance);
 
     if (error) {
-        say("-ts %ld: %s; the stream goes on without it", sender->ts.port, av_err2str(error));
+        say("-ts %ld: %s; the stream continues without it", sender->ts.port, av_err2str(error));
         ts_close(&sender->ts);
     }
 }
@@ -172,7 +172,7 @@ static void follow(struct sender *sender, const struct ddx_frame *frame) {
     }
 }
 
-/* Reports once that there is no such item, if that lasts. */
+/* Reports once, after a while, that the item does not exist. */
 static void tell_waiting(struct sender *sender) {
     if (sender->said_waiting || encoder_is_open(&sender->encoder) || ddx_time_now() - sender->begin < WAITING)
         return;
@@ -182,7 +182,8 @@ static void tell_waiting(struct sender *sender) {
 
 /* A new start would fail again: the exit status is that of bad input. */
 static void refuse_size(struct sender *sender, const struct ddxvideo_geometry *geometry) {
-    say("%s: pictures of %dx%d cannot be sent; 2x2 is the least", sender->name, geometry->width, geometry->height);
+    say("%s: pictures of %dx%d cannot be sent; the smallest size is 2x2", sender->name, geometry->width,
+        geometry->height);
     sender->status = EXIT_USAGE;
     sender->done = true;
 }
