@@ -118,7 +118,7 @@ def booted(boot: qemu.Boot, work: pathlib.Path, board: Machine, name: str,
 
 
 def end(guest: Guest, file: str) -> None:
-    """Kill the process whose number is in the file. Each check is a command of its own, so that the shell reaps it."""
+    """Kill the process whose number is in the file. Each check is a separate command, so that the shell reaps it."""
     pid = guest.sh(f"read -r pid < {file}; kill $pid; echo $pid")
     guest.wait_until(f"! [ -d /proc/{pid} ]", pause=0.05)
 
@@ -145,7 +145,7 @@ class Camera:
                       f"{self.options} <> /tmp/words{self.port} > /tmp/iidc{self.port} 2>&1 & "
                       f"echo $! > /tmp/iidc{self.port}.pid")
 
-    def tell(self, word: str, times: int = 1) -> None:
+    def command(self, word: str, times: int = 1) -> None:
         """Send the word that number of times; wait each time until the camera has obeyed."""
         for _ in range(times):
             before = self.guest.sh(f"grep -cx 'done {word}' /tmp/iidc{self.port} || :")

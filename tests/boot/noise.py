@@ -32,9 +32,9 @@ class Noise:
         self.from_power_on = firmware == "bios"
         self.sent = 0  # messages
         self.before = 0  # messages before userspace
-        self._heard = b""
+        self._received = b""
         self._end = threading.Event()
-        self._thread = threading.Thread(target=self._speak, daemon=True)
+        self._thread = threading.Thread(target=self._run, daemon=True)
         self._thread.start()
 
     def close(self) -> None:
@@ -42,15 +42,15 @@ class Noise:
         self._thread.join()
 
     def _message(self, chance: random.Random) -> bytes:
-        if USERSPACE not in self._heard:
+        if USERSPACE not in self._received:
             if not self.from_power_on:
                 return b""
             self.before += 1
             return (POSITION + bytes(94)) * 20
         return SENTENCE + POSITION + chance.randbytes(94) + KEYS + chance.randbytes(BURST) + LOGIN
 
-    def _speak(self) -> None:
-        with contextlib.suppress(PermissionError):  # run before QEMU on a busy host, see _hear()
+    def _run(self) -> None:
+        with contextlib.suppress(PermissionError):  # run before QEMU on a busy host, see _read()
             os.sched_setscheduler(threading.get_native_id(), os.SCHED_RR, os.sched_param(1))
         chance = random.Random(1)
         while not self._end.is_set():
@@ -62,11 +62,11 @@ class Noise:
                     with contextlib.suppress(BlockingIOError):
                         line.send(self._message(chance))
                         self.sent += 1
-                    if not self._hear(line):
+                    if not self._read(line):
                         break
             self._end.wait(PAUSE)
 
-    def _hear(self, line: socket.socket) -> bool:
+    def _read(self, line: socket.socket) -> bool:
         """Read for PAUSE seconds; false: disconnected. Reads at once: QEMU sends single bytes, about 270 of them fill
         the socket, and its serial line then loses some bytes and repeats others."""
         end = time.monotonic() + PAUSE
@@ -75,8 +75,8 @@ class Noise:
                 data = line.recv(65536)
                 if not data:
                     return False
-                if USERSPACE not in self._heard:
-                    self._heard += data
+                if USERSPACE not in self._received:
+                    self._received += data
         return True
 
 

@@ -21,14 +21,14 @@ class Scan:
         self.open: set[int] = set()     # accepted the connection, or sent an answer
 
     @property
-    def _us(self) -> bytes:
+    def _our_address(self) -> bytes:
         return IPV4 if len(self.address) == 4 else IPV6
 
     def _packet(self, content: bytes) -> None:
-        packet = ip(self._us, self.address, self.protocol, content)
+        packet = ip(self._our_address, self.address, self.protocol, content)
         self.outsider.send(ethernet(GUEST_MAC, IP4 if len(self.address) == 4 else IP6, packet))
 
-    def _ask(self, port: int) -> None:
+    def _probe(self, port: int) -> None:
         if self.protocol == TCP:
             self._tcp(port, 1000, SYN)
         else:
@@ -37,7 +37,7 @@ class Scan:
     def _tcp(self, port: int, sequence: int, flags: int) -> None:
         self._packet(struct.pack("!HHIIBBHHH", OUR_PORT, port, sequence, 0, 5 << 4, flags, 1024, 0, 0))
 
-    def _hear(self, frame: bytes) -> None:
+    def _handle(self, frame: bytes) -> None:
         at = 34 if len(self.address) == 4 else 54
         if frame[26:30] != self.address if at == 34 else frame[22:38] != self.address:
             return
@@ -60,14 +60,14 @@ class Scan:
         for _ in range(ROUNDS):
             left = [port for port in self.ports if port not in self.closed and port not in self.open]
             for port in left:
-                self._ask(port)
+                self._probe(port)
                 for frame in self.outsider.receive(0):
-                    self._hear(frame)
+                    self._handle(frame)
             known = -1
             while known != len(self.closed | self.open):
                 known = len(self.closed | self.open)
                 for frame in self.outsider.receive(PATIENCE):
-                    self._hear(frame)
+                    self._handle(frame)
             if known == len(self.ports):
                 break
         return set(self.ports) - self.closed

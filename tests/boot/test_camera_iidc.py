@@ -48,8 +48,8 @@ def test_missing_and_damaged_frames_are_counted(guest: Guest, plugged: Camera) -
     """Two short frames, and three times three that were never sent: counted exactly, by the camera's counter."""
     grabber = Grabber(guest, "-format MONO8", "faults")
     grabber.wait(FRAMES)
-    plugged.tell("short", 2)
-    plugged.tell("skip", 3)
+    plugged.command("short", 2)
+    plugged.command("skip", 3)
     grabber.wait_for_more()
     run = grabber.stop()
     assert wrong(run, expected("MONO8", True)) == []
@@ -63,7 +63,7 @@ def test_a_stall_and_a_replug(guest: Guest, plugged: Camera) -> None:
     grabber = Grabber(guest, "-format MONO8", "again")
     grabber.wait(FRAMES)
     guest.sh("ddxctl set again brightness=42 white_balance_red=17")
-    plugged.tell("stall")
+    plugged.command("stall")
     grabber.wait_said("starting it again")
     grabber.wait_for_more()
     assert plugged.unplug().endswith("brightness 42")
@@ -103,10 +103,10 @@ def states(run: iidc.Run) -> list[str]:
 
 def test_a_camera_that_never_answers(guest: Guest, plugged: Camera) -> None:
     """The program keeps looking, and takes a camera once it answers. Each state is reported in one line."""
-    plugged.tell("silent")
+    plugged.command("silent")
     grabber = Grabber(guest, "-format MONO8", "silent")
     grabber.wait_said("does not answer")
-    plugged.tell("answer")
+    plugged.command("answer")
     grabber.wait(FRAMES)
     run = grabber.stop()
     assert wrong(run, expected("MONO8", True)) == []
@@ -116,10 +116,10 @@ def test_a_camera_that_never_answers(guest: Guest, plugged: Camera) -> None:
 def test_a_silent_camera_is_not_called_unplugged(guest: Guest, plugged: Camera) -> None:
     grabber = Grabber(guest, "-format MONO8", "mute")
     grabber.wait(FRAMES)
-    plugged.tell("silent")
-    plugged.tell("stall")
+    plugged.command("silent")
+    plugged.command("stall")
     grabber.wait_said("does not answer")
-    plugged.tell("answer")
+    plugged.command("answer")
     grabber.wait_for_more()
     run = grabber.stop()
     assert wrong(run, expected("MONO8", True)) == []

@@ -48,12 +48,12 @@ def restarts(guest: Guest) -> dict[str, object]:
     return {name: one["restarts"] for name, one in services(guest).items() if name in SERVICES}
 
 
-def once_more(before: dict[str, object], name: str, times: int = 1) -> dict[str, object]:
+def plus(before: dict[str, object], name: str, times: int = 1) -> dict[str, object]:
     """The restart counts `before`, plus `times` for one service."""
     return {**before, name: int(str(before[name])) + times}
 
 
-def flows(guest: Guest) -> None:
+def wait_until_frames_flow(guest: Guest) -> None:
     """Wait until new frames reach the end of the chain."""
     for name in (SAVE, stream.DECODE):
         camera.wait_for_frames(guest, 10, name)
@@ -68,8 +68,8 @@ def test_killed(guest: Guest, record_property: Figure, name: str) -> None:
     guest.sh(f"kill -9 {pid}; until read -r now < {supervise} && [ $now != {pid} ]; do sleep 0.05; done")
     record_property("seconds_until_back", round(uptime(guest) - begin, 2))
     runs(guest, name)
-    flows(guest)
-    assert restarts(guest) == once_more(before, name)
+    wait_until_frames_flow(guest)
+    assert restarts(guest) == plus(before, name)
 
 
 @pytest.mark.parametrize("signal", ["KILL", "STOP"])
@@ -80,7 +80,7 @@ def test_a_worker_of_the_store_is_replaced(guest: Guest, record_property: Figure
     guest.sh(f"(kill -{signal} {worker}; until now=$(pgrep -P {pid}) && [ $now != {worker} ]; "
              f"do kill -0 {pid} || exit 1; sleep 0.05; done)")
     record_property("seconds_until_replaced", round(uptime(guest) - begin, 2))
-    flows(guest)
+    wait_until_frames_flow(guest)
     assert restarts(guest) == before
 
 
@@ -88,8 +88,8 @@ def test_a_worker_of_the_store_is_replaced(guest: Guest, record_property: Figure
 def test_hung(guest: Guest, record_property: Figure, name: str) -> None:
     before = restarts(guest)
     record_property("seconds_until_replaced", round(hang(guest, name), 1))
-    flows(guest)
-    assert restarts(guest) == once_more(before, name)
+    wait_until_frames_flow(guest)
+    assert restarts(guest) == plus(before, name)
 
 
 @pytest.mark.parametrize("name", SERVICES)
@@ -101,8 +101,8 @@ def test_dies_repeatedly(guest: Guest, record_property: Figure, name: str) -> No
     record_property("seconds_between", pauses)
     assert len(pauses) == len(crash_loop.PAUSES) and crash_loop.too_soon(pauses) == []
     assert "state=died" in guest.sh(crash_loop.status(name))
-    after = once_more(before, name, crash_loop.KILLS)
+    after = plus(before, name, crash_loop.KILLS)
     assert f"! service    {name} had to be started again, {after[name]} times; ddxctl logs {name}" in screen
     runs(guest, name)
-    flows(guest)
+    wait_until_frames_flow(guest)
     assert restarts(guest) == after

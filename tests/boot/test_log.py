@@ -33,7 +33,7 @@ def test_a_clip_is_logged(guest: qemu.Guest, recorded: session.Result, work: pat
     frames = [one.value.value for one in log.values["second.frame"]]
     assert '"write":0' in stats and '"queue":0' in stats
     assert frames[-1] == FRAMES - 1 and frames == sorted(set(frames))
-    told = [one.value for one in log.values["ddxlog/lost"] if one.value["item"] == "second.frame"][-1]
-    assert told["in"] == FRAMES == told["out"] + sum(told["lost"].values()) and told["out"] == len(frames)
+    record = [one.value for one in log.values["ddxlog/lost"] if one.value["item"] == "second.frame"][-1]
+    assert record["in"] == FRAMES == record["out"] + sum(record["lost"].values()) and record["out"] == len(frames)
     assert [one.value.value for one in log.values["video.frame"]] == [FRAMES - 1, 777]
     assert "second" not in log.values and "second.parameters" in log.values  # pictures are not logged

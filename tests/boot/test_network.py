@@ -33,59 +33,59 @@ def cards(*numbers: int) -> tuple[str, ...]:
 
 
 @pytest.fixture(scope="module")
-def told(boot: Boot) -> Iterator[Guest]:
+def provisioned(boot: Boot) -> Iterator[Guest]:
     with boot("network", provision=PROVISION, extra=cards(0, 1, 2)) as guest:
         guest.shell()
         yield guest
 
 
-def test_interfaces_are_as_provisioned(told: Guest) -> None:
-    told.wait_until("ip -o addr show eth0 | grep -q 10.0.2.15/24")
-    told.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
-    assert told.sh("hostname") == "robot1"
-    told.wait_until("grep -q 10.0.2.3 /etc/resolv.conf")
-    assert "via 10.0.2.2 dev eth0" in told.sh("ip route show default")
-    assert told.sh("cat /sys/class/net/eth2/flags") == "0x1002"  # down, because its line was wrong
+def test_interfaces_are_as_provisioned(provisioned: Guest) -> None:
+    provisioned.wait_until("ip -o addr show eth0 | grep -q 10.0.2.15/24")
+    provisioned.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
+    assert provisioned.sh("hostname") == "robot1"
+    provisioned.wait_until("grep -q 10.0.2.3 /etc/resolv.conf")
+    assert "via 10.0.2.2 dev eth0" in provisioned.sh("ip route show default")
+    assert provisioned.sh("cat /sys/class/net/eth2/flags") == "0x1002"  # down, because its line was wrong
 
 
-def test_a_wrong_line_is_reported(told: Guest) -> None:
+def test_a_wrong_line_is_reported(provisioned: Guest) -> None:
     text = f"ddx.txt, line {WRONG_LINE}: network=eth2 192.168.8.300/24: dhcp is needed, or an address"
-    told.wait_for_log(text.encode())
-    status, screen = run(told, "ddxctl health")
+    provisioned.wait_for_log(text.encode())
+    status, screen = run(provisioned, "ddxctl health")
     assert status == 1 and f"! ddx.txt    line {WRONG_LINE}: " in screen
 
 
-def test_an_interface_that_comes_back_is_set_up_again(told: Guest) -> None:
+def test_an_interface_that_comes_back_is_set_up_again(provisioned: Guest) -> None:
     """Also when it is back before its supervisor saw that it was gone."""
-    told.sh("sv pause /run/service/network.eth1")
-    told.sh("echo 1 > /sys/class/net/eth1/device/../remove")
-    told.wait_until("! test -d /sys/class/net/eth1")
-    told.sh("echo 1 > /sys/bus/pci/rescan")
-    told.wait_until("test -d /sys/class/net/eth1")
-    told.sh("sv cont /run/service/network.eth1")
-    told.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
+    provisioned.sh("sv pause /run/service/network.eth1")
+    provisioned.sh("echo 1 > /sys/class/net/eth1/device/../remove")
+    provisioned.wait_until("! test -d /sys/class/net/eth1")
+    provisioned.sh("echo 1 > /sys/bus/pci/rescan")
+    provisioned.wait_until("test -d /sys/class/net/eth1")
+    provisioned.sh("sv cont /run/service/network.eth1")
+    provisioned.wait_until("ip -o addr show eth1 | grep -q 192.168.7.2/24")
 
 
-def test_a_lease_is_renewed_when_the_cable_is_back(told: Guest) -> None:
+def test_a_lease_is_renewed_when_the_cable_is_back(provisioned: Guest) -> None:
     asked = "grep -c 'renew' /run/log/network.eth0/current"
-    before = int(told.sh(f"{asked} || true"))
+    before = int(provisioned.sh(f"{asked} || true"))
     for up in (False, True):
-        told.monitor("set_link", name="card0", up=up)
-        told.wait_until(f"grep -q {int(up)} /sys/class/net/eth0/carrier")
+        provisioned.monitor("set_link", name="card0", up=up)
+        provisioned.wait_until(f"grep -q {int(up)} /sys/class/net/eth0/carrier")
         time.sleep(3)  # the carrier is polled every 2 s
-    told.wait_until(f"test $({asked}) -gt {before}")
+    provisioned.wait_until(f"test $({asked}) -gt {before}")
 
 
-def test_services_are_as_provisioned_until_ddxctl_changes_them(told: Guest) -> None:
-    runs(told, "ddxvideosend")
-    assert services(told)["ddxvideosave"]["enabled"] is False
-    told.sh("ddxctl enable ddxvideosave")
-    runs(told, "ddxvideosave")
+def test_services_are_as_provisioned_until_ddxctl_changes_them(provisioned: Guest) -> None:
+    runs(provisioned, "ddxvideosend")
+    assert services(provisioned)["ddxvideosave"]["enabled"] is False
+    provisioned.sh("ddxctl enable ddxvideosave")
+    runs(provisioned, "ddxvideosave")
 
 
-def test_root_s_programs_have_only_the_capabilities_they_need(told: Guest) -> None:
-    told.wait_until("pidof ntpd udhcpc | grep -q ' '")
-    assert unconfined(told) == ({"network", "udhcpc", "ntpd"}, [])
+def test_root_s_programs_have_only_the_capabilities_they_need(provisioned: Guest) -> None:
+    provisioned.wait_until("pidof ntpd udhcpc | grep -q ' '")
+    assert unconfined(provisioned) == ({"network", "udhcpc", "ntpd"}, [])
 
 
 @pytest.mark.long

@@ -47,7 +47,7 @@ def ctl(guest: Guest, words: str, seconds: float = PATIENCE) -> tuple[int, str]:
     return status, text.strip()
 
 
-def book(guest: Guest) -> counters.Counters:
+def save_counters(guest: Guest) -> counters.Counters:
     """The recorder's counters."""
     return counters.of(SAVE, guest.sh("ddxctl stats --json"))[0]
 
@@ -66,13 +66,13 @@ def test_a_running_recording_is_listed_as_one(recorder: Guest) -> None:
 
 
 def test_an_export_while_recording(recorder: Guest, stick: pathlib.Path, work: pathlib.Path) -> None:
-    before = book(recorder)
+    before = save_counters(recorder)
     begin = time.monotonic()
     status, text = ctl(recorder, "export all usb")
     print(f"export took {time.monotonic() - begin:.1f} s")
     assert status == 0, text
     assert text.splitlines()[-1] == "/dev/sda: may be removed"
-    after = book(recorder)
+    after = save_counters(recorder)
     assert after.lost_total == before.lost_total and after.out > before.out + 25
     assert recorder.shell().run("grep -q export /proc/mounts")[0] == 1
     names = on_stick(stick)
@@ -112,7 +112,7 @@ def test_a_full_stick_is_refused_before_copying(recorder: Guest, stick: pathlib.
 
 def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
     """In a frame of a recording on the machine."""
-    before = book(recorder)
+    before = save_counters(recorder)
     name = listed(recorder)[0]["files"][0]
     assert ctl(recorder, f"verify {name}")[0] == 0
     recorder.sh("sync")
@@ -130,7 +130,7 @@ def test_a_flipped_bit_is_found(recorder: Guest, work: pathlib.Path) -> None:
     back = data[at - 1]
     recorder.sh(f"printf '\\{back:03o}' | dd of=/rec/{name} bs=1 seek={at - 1} conv=notrunc 2> /dev/null; sync")
     assert ctl(recorder, f"verify {name}")[0] == 0
-    assert book(recorder).lost_total == before.lost_total
+    assert save_counters(recorder).lost_total == before.lost_total
 
 
 def test_a_stick_that_is_pulled_out_is_reported(recorder: Guest, stick: pathlib.Path) -> None:
@@ -140,7 +140,7 @@ def test_a_stick_that_is_pulled_out_is_reported(recorder: Guest, stick: pathlib.
     recorder.sh(f"(ddxctl recordings export {' '.join(newest)} usb; echo status $?) > /run/said 2>&1 &")
     recorder.wait_until(f"grep -q {newest[0]}: /run/said")
     time.sleep(1)
-    before = book(recorder)
+    before = save_counters(recorder)
     recorder.monitor("device_del", id="stick")
     recorder.wait_until("grep -q status /run/said")
     said = recorder.sh("cat /run/said").splitlines()
@@ -156,5 +156,5 @@ def test_a_stick_that_is_pulled_out_is_reported(recorder: Guest, stick: pathlib.
         copy = subprocess.run(["mtype", "-i", stick, f"::/{name}"], capture_output=True, check=True).stdout
         assert len(copy) == int(recorder.sh(f"stat -c %s /rec/{name}"))
     time.sleep(2)
-    after = book(recorder)
+    after = save_counters(recorder)
     assert after.lost_total == before.lost_total and after.out > before.out

@@ -22,7 +22,7 @@ SETTINGS, RECORDINGS = 5, 6
 FORMAT = "mke2fs -q -t ext4 -O ^has_journal -m 0 -i 1048576 -L DDXREC $(/usr/libexec/ddx/own-partition 6)"
 
 
-def told(guest: Guest) -> str:
+def disk_report(guest: Guest) -> str:
     return guest.sh("tail -n 1 /run/log/recordings-disk")
 
 
@@ -70,7 +70,7 @@ def test_a_check_that_takes_long(boot: Boot, image: pathlib.Path, work: pathlib.
     with boot("long-check", test_disk=test, prepare=lambda disk: disk.write(part.begin, large.read_bytes())) as guest:
         guest.shell()
         seen = session.follow(guest, 0)
-        assert LOAD in seen and SAVE not in seen and told(guest).endswith("is being checked")
+        assert LOAD in seen and SAVE not in seen and disk_report(guest).endswith("is being checked")
         frames_flow(guest)
         record_property("frames_in_the_store_meanwhile", session.follow(guest, 0)[LOAD].out)
         guest.wait_until("mountpoint -q /rec")

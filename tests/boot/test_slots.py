@@ -77,9 +77,9 @@ def test_a_boot_that_was_not_counted_is_reported(damaged: Guest) -> None:
 def test_file_systems_without_a_superblock_are_repaired(damaged: Guest) -> None:
     damaged.wait_until("mountpoint -q /rec")
     device = damaged.sh("/usr/libexec/ddx/own-partition 6")
-    told = f"{device} is there, after a repair that may have cost recordings; see /run/log/check.DDXREC"
-    assert damaged.sh("cat /run/log/recordings-disk").splitlines()[-1] == told
-    damaged.wait_for_log(f"DDXVIDEO: {told}".encode())
+    report = f"{device} is there, after a repair that may have cost recordings; see /run/log/check.DDXREC"
+    assert damaged.sh("cat /run/log/recordings-disk").splitlines()[-1] == report
+    damaged.wait_for_log(f"DDXVIDEO: {report}".encode())
     damaged.wait_until("ddxctl status ddxvideosave | grep -q state=running")
     health = damaged.sh("ddxctl health || true")
     assert health.count("! slot") == 1

@@ -38,9 +38,9 @@ def test_stream(boot: qemu.Boot, work: pathlib.Path) -> None:
         result = session.collect(guest, clip, work / "stream-recorded.y4m")
     assert result.good, result.disagreements  # the recording is not affected
     *lines, packets, frames = shown.splitlines()
-    counters, book = json.loads(packets), json.loads(frames)
+    counters, frame_counters = json.loads(packets), json.loads(frames)
     numbers = [int(match[1]) for line in lines if (match := re.match(r"frame (\d+) ", line))]
     assert numbers and numbers == sorted(set(numbers)), said
     assert counters["lost"] == counters["garbage"] == 0
-    assert book["in"] == book["out"] + sum(book["lost"].values())
-    print(f"{len(numbers)} of {FRAMES} frames shown, {book}")
+    assert frame_counters["in"] == frame_counters["out"] + sum(frame_counters["lost"].values())
+    print(f"{len(numbers)} of {FRAMES} frames shown, {frame_counters}")

@@ -63,13 +63,13 @@ def point(robot: Guest) -> AccessPoint:
     return one
 
 
-def is_in(robot: Guest) -> None:
+def wait_until_joined(robot: Guest) -> None:
     """Wait until data arrives by radio."""
     robot.wait_until("ip -o addr show wlan0 | grep -q 10.0.2.15/24")
     robot.wait_until("ping -c 1 -W 2 10.0.2.2 > /dev/null")
 
 
-def complains(robot: Guest, text: str, seconds: float = PATIENCE) -> str:
+def health_with(robot: Guest, text: str, seconds: float = PATIENCE) -> str:
     deadline = time.monotonic() + seconds
     while text not in (screen := run(robot, "ddxctl health")[1]) and time.monotonic() < deadline:
         time.sleep(1)
@@ -78,7 +78,7 @@ def complains(robot: Guest, text: str, seconds: float = PATIENCE) -> str:
 
 
 def test_joins_a_network_and_gets_a_lease(robot: Guest, point: AccessPoint) -> None:
-    is_in(robot)
+    wait_until_joined(robot)
     before = int(robot.sh("cat /sys/class/net/wlan0/statistics/rx_bytes"))
     robot.sh("ping -c 3 -s 1000 10.0.2.2")
     assert int(robot.sh("cat /sys/class/net/wlan0/statistics/rx_bytes")) > before + 3000
@@ -93,26 +93,26 @@ def test_the_passphrase_is_in_two_files_for_root_and_nowhere_else(robot: Guest, 
     files = set(robot.sh(f"{search} || true").split())
     assert files == {"/run/provision", "/run/wifi/config"}
     assert set(robot.sh(f"stat -c %a {' '.join(files)}").split()) == {"600"}
-    told = robot.sh("cat /proc/[0-9]*/cmdline /proc/[0-9]*/environ | tr '\\0' ' '; dmesg; ddxctl health; true")
-    assert "wpa_supplicant" in told and "orse" not in told
+    visible = robot.sh("cat /proc/[0-9]*/cmdline /proc/[0-9]*/environ | tr '\\0' ' '; dmesg; ddxctl health; true")
+    assert "wpa_supplicant" in visible and "orse" not in visible
     assert b"orse" not in robot.log.read_bytes()
 
 
 def test_an_access_point_that_comes_back_is_joined_again(robot: Guest, point: AccessPoint) -> None:
-    is_in(robot)
+    wait_until_joined(robot)
     point.off()
-    complains(robot, "! network    wlan0: in no wireless network\n")
+    health_with(robot, "! network    wlan0: in no wireless network\n")
     assert run(robot, "ping -c 1 -W 2 10.0.2.2")[0] != 0  # there is no other path
     point.on(PHRASE)
-    is_in(robot)
+    wait_until_joined(robot)
 
 
 def test_a_wrong_passphrase_is_reported_and_harms_nothing_else(robot: Guest, point: AccessPoint) -> None:
     point.off()
     point.on(OTHER)
-    screen = complains(robot, f"! network    wlan0: in no wireless network; is the passphrase of {NAME} right?")
+    screen = health_with(robot, f"! network    wlan0: in no wireless network; is the passphrase of {NAME} right?")
     assert "reason=WRONG_KEY" in robot.sh("cat /run/log/wifi.wlan0/current")
     assert [line[:12] for line in screen.splitlines() if line.startswith("!")] == ["! network   "]
     point.off()
     point.on(PHRASE)
-    is_in(robot)
+    wait_until_joined(robot)

@@ -84,14 +84,14 @@ class Script:
     def note(self, text: str) -> None:
         self.log.append(f"{self.desk.sequence('video')}: {text}")
 
-    def book(self, instance: str) -> dict[str, Any]:
+    def counters(self, instance: str) -> dict[str, Any]:
         shown = self.desk.run("ddxctl", "show", f"{instance}.stats", "--json").stdout
         return dict(json.loads(shown)["value"]) if shown else {}
 
     def alive(self, process: Process | None) -> bool:
         return process is not None and process.poll() is None
 
-    def let_run(self, frames: int) -> None:
+    def wait_for_frames(self, frames: int) -> None:
         """Wait until that many frames are written, if there is a writer."""
         begin = self.desk.sequence("video")
         if self.writer is not None and self.alive(self.writer) and self.writer.pid not in self.frozen:
@@ -134,13 +134,13 @@ class Script:
     def start_recorder(self) -> None:
         if self.alive(self.recorder):
             return
-        starts = int(self.book("ddxvideosave").get("starts", 0))
+        starts = int(self.counters("ddxvideosave").get("starts", 0))
         self.recorder = self.desk.start("ddxvideosave", "-output", self.output, "-keep", self.random.choice((4, 32)))
         wait_until(lambda: not self.alive(self.recorder) or self.follows(starts))
 
     def follows(self, starts: int) -> bool:
-        book = self.book("ddxvideosave")
-        return bool(book and book["starts"] > starts and book["running"] and book.get("follows", 1))
+        found = self.counters("ddxvideosave")
+        return bool(found and found["starts"] > starts and found["running"] and found.get("follows", 1))
 
     def stop_recorder(self) -> None:
         """Stop the recorder on request: frames written until its next start need not be counted."""
@@ -152,10 +152,10 @@ class Script:
         status = self.recorder.wait(60)
         before = self.desk.sequence("video")
         if not self.output.is_dir():
-            self.bring_home(set())  # a named file is overwritten by a new recording
+            self.save_files(set())  # a named file is overwritten by a new recording
         if status == 0 and self.random.random() < 0.5:
             self.thaw(self.writer)
-            self.let_run(5)
+            self.wait_for_frames(5)
             self.freeze(self.writer)
             self.unwanted += self.desk.sequence("video") - before
         self.start_recorder()
@@ -174,7 +174,7 @@ class Script:
     def free(self) -> None:
         self.filler.unlink(missing_ok=True)
 
-    def bring_home(self, but: set[str]) -> None:
+    def save_files(self, but: set[str]) -> None:
         for file in sorted(self.folder.glob("*.y4m")):
             if str(file) not in but:
                 shutil.move(file, self.kept / f"{len(list(self.kept.iterdir()))}.y4m")
@@ -184,7 +184,7 @@ class Script:
         self.start_recorder()  # completes the files of a killed recorder while they exist
         self.freeze(self.recorder)
         open_now = opened(self.recorder.pid) if self.recorder is not None and self.alive(self.recorder) else set()
-        self.bring_home(open_now)
+        self.save_files(open_now)
         shutil.rmtree(self.folder)
         self.folder.mkdir()
         self.thaw(self.recorder)
@@ -214,7 +214,7 @@ class Script:
             name = self.random.choice(list(events))
             self.note(name)
             events[name]()
-            self.let_run(self.random.choice((0, 1, 3, 10, 30)))
+            self.wait_for_frames(self.random.choice((0, 1, 3, 10, 30)))
         self.finish()
 
     def finish(self) -> None:
@@ -226,7 +226,7 @@ class Script:
         self.thaw(self.writer)
         for _ in range(3):  # one may be about to notice a full or removed disk
             self.start_recorder()
-            self.let_run(3)
+            self.wait_for_frames(3)
         self.stop_writer()
         written = self.desk.sequence("video")
         wait_until(lambda: self.caught_up(written))
@@ -237,7 +237,7 @@ class Script:
     def caught_up(self, written: int) -> bool:
         """Whether the recorder has counted all frames; false if it failed again: the next one counts them."""
         self.start_recorder()
-        return int(self.book("ddxvideosave")["sequence"]) >= written
+        return int(self.counters("ddxvideosave")["sequence"]) >= written
 
     # ---- The sums ----
 

@@ -137,8 +137,8 @@ def start_recorder(desk: Desk, *options: object, wrapper: tuple[str, ...] = ()) 
 def wait_for_recorder(desk: Desk, instance: str = "ddxvideosave") -> None:
     """Wait until it accounts for each frame written from now on, also of an item that does not exist yet."""
     def follows() -> bool:
-        book = desk.run("ddxctl", "show", f"{instance}.stats", "--json").stdout
-        return '"running":1' in book and '"follows":1' in book
+        text = desk.run("ddxctl", "show", f"{instance}.stats", "--json").stdout
+        return '"running":1' in text and '"follows":1' in text
 
     wait_until(follows)
 

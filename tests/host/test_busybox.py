@@ -59,8 +59,8 @@ def test_each_listed_option_changes_the_configuration(source: pathlib.Path, tmp_
     wanted = entries(busybox.CONFIG)
     assert len(wanted) == len({line.split("=")[0] for line in wanted})
     spoil("CONFIG", "CONFIG_FEATURE_LS_COLOURS=y\nCONFIG_NC_SERVER=y\n", tmp_path, monkeypatch)
-    with pytest.raises(Failed) as told:
+    with pytest.raises(Failed) as error:
         busybox.configure(source, ["make"])
-    assert str(told.value).split()[3:] == [f"CONFIG_{name}=y" for name in
+    assert str(error.value).split()[3:] == [f"CONFIG_{name}=y" for name in
                                            ("FEATURE_LS_COLOURS", "NC_SERVER", "NOLOGIN", "PING6")]
     assert set(wanted) & set((source / ".config").read_text().splitlines()) == set()

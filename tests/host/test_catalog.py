@@ -351,7 +351,7 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
     assert lost(laptop.counters()) == lost(robot.counters()) == 0
 
 
-@pytest.mark.parametrize("text,told", [
+@pytest.mark.parametrize("text,message", [
     ("items imu\n", "exports.conf:1: items: a line begins with item, except, accept, interface, peer, domain"),
     ("item\n", "exports.conf:1: after item, one word is needed"),
     ("# fine\nitem imu rate=fast\n", "exports.conf:2: rate=fast: a number above 0, up to 1000"),
@@ -379,9 +379,9 @@ def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], lin
      "item a rate=0.5 latched\nexcept b\nitem *\n"
      "accept /c as c type=std_msgs/msg/Int8\npeer 10.0.0.1\nmulticast no\n", None),
 ])
-def test_rules_are_checked(tmp_path: pathlib.Path, text: str, told: str | None) -> None:
+def test_rules_are_checked(tmp_path: pathlib.Path, text: str, message: str | None) -> None:
     (tmp_path / "exports.conf").write_text(text)
     done = subprocess.run([ROOT / "bin/catalog", "-c", "exports.conf", "-check"], cwd=tmp_path, capture_output=True,
                           text=True, timeout=60, env={"LD_LIBRARY_PATH": str(library_folder())})
-    assert done.returncode == (2 if told else 0) and "\x1b" not in done.stderr
-    assert done.stderr.startswith(f"catalog: {told}" if told else "") and done.stderr.count("\n") == bool(told)
+    assert done.returncode == (2 if message else 0) and "\x1b" not in done.stderr
+    assert done.stderr.startswith(f"catalog: {message}" if message else "") and done.stderr.count("\n") == bool(message)

@@ -37,5 +37,5 @@ def test_faults_are_found(tmp_path: pathlib.Path, capfd: pytest.CaptureFixture[s
         (tmp_path / name).write_text(text.replace(good, bad, 1))
     with pytest.raises(Failed):
         buildroot.check([tmp_path / name for name in FAULTS])
-    told = capfd.readouterr().out
-    assert [name for name in FAULTS if f"{tmp_path / name}:" not in told] == []
+    report = capfd.readouterr().out
+    assert [name for name in FAULTS if f"{tmp_path / name}:" not in report] == []

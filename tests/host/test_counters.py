@@ -266,16 +266,16 @@ def test_frames_that_only_the_index_has(desk: Desk, clip: pathlib.Path, last_act
 
 
 def test_nothing_but_the_clip_on_standard_output(desk: Desk, clip: pathlib.Path) -> None:
-    with (desk.folder / "out.y4m").open("wb") as out, (desk.folder / "told").open("w+") as told:
+    with (desk.folder / "out.y4m").open("wb") as out, (desk.folder / "messages").open("w+") as messages:
         saver = subprocess.Popen([*MORTAL, ROOT / "bin/ddxvideosave", "-output", "-"], env=desk.environment,
-                                 cwd=desk.folder, stdout=subprocess.PIPE, stderr=told)
+                                 cwd=desk.folder, stdout=subprocess.PIPE, stderr=messages)
         cat = subprocess.Popen(["cat"], stdin=saver.stdout, stdout=out)
         source = subprocess.run([*MORTAL, ROOT / "bin/ddxvideoload", "-", "-readers", "1"], env=desk.environment,
                                 cwd=desk.folder, input=clip.read_bytes(), capture_output=True, timeout=60)
         saver.terminate()
         assert source.returncode == saver.wait(60) == cat.wait(60) == 0
-        told.seek(0)
-        saved = json.loads(told.read().splitlines()[-1])
+        messages.seek(0)
+        saved = json.loads(messages.read().splitlines()[-1])
     assert saved["out"] == saved["in"] == 50 and pictures(desk.folder / "out.y4m") == pictures(clip)
     assert not (desk.folder / "-").exists()
 

@@ -44,7 +44,7 @@ class Robot(Appliance):
         assert self.run("mount --bind /run/console /dev/console")[0] == 0
         with (self.root / "etc/passwd").open("a") as users:
             users.write("ddxsave:x:903:900::/:/bin/sh\nddxlogger:x:909:900::/:/bin/sh\n")
-        self.bring("e2fsck")
+        self.install_program("e2fsck")
         self.add("usr/libexec/ddx/serial", "#!/bin/sh\nexec cat\n")
         self.add("usr/libexec/ddx/grow", "#!/bin/sh\necho 'ddxgrow: done'\n")
         for label in SIZES:
@@ -52,7 +52,7 @@ class Robot(Appliance):
         self.add("usr/libexec/ddx/own-partition", "#!/bin/sh\ncase $1 in\n5) echo {DDXDATA} ;;\n6) echo {DDXREC} ;;\n"
                                                   "esac\n".format(**self.devices))
 
-    def bring(self, program: str) -> None:
+    def install_program(self, program: str) -> None:
         """Copy a program of the desk with its libraries."""
         found = shutil.which(program, path=SBIN["PATH"])
         assert found
@@ -80,11 +80,11 @@ class Robot(Appliance):
     def boot(self) -> tuple[int, str]:
         return self.run("/etc/init.d/S15storage start")
 
-    def see_to_recordings(self) -> None:
+    def handle_recordings(self) -> None:
         """Run the job that init runs for the recordings' disk."""
         self.start("exec /usr/libexec/ddx/recordings-disk")
 
-    def told(self) -> str:
+    def disk_report(self) -> str:
         log = self.root / "run/log/recordings-disk"
         return (log.read_text().splitlines() or [""])[-1] if log.exists() else ""
 
@@ -116,7 +116,7 @@ def robot(tmp_path: pathlib.Path) -> Iterator[Robot]:
 def test_both_disks_are_mounted_with_the_right_owners(robot: Robot) -> None:
     assert robot.boot() == (0, "Starting storage: OK\n")
     wait_until(lambda: robot.run("cat /run/log/ddxgrow")[1] == "ddxgrow: done\n")  # the last step
-    assert robot.told() == f"{robot.devices['DDXREC']} is there"
+    assert robot.disk_report() == f"{robot.devices['DDXREC']} is there"
     assert robot.run("cat /data/kept /rec/kept; stat -c '%U %a' /rec /rec/log") == (
         0, "kept\nkept\nddxsave 2755\nddxlogger 2755\n")
     assert robot.run("grep -c errors=remount-ro /proc/mounts")[1] == "2\n"
@@ -127,26 +127,26 @@ def test_both_disks_are_mounted_with_the_right_owners(robot: Robot) -> None:
 def test_damaged_recordings_are_repaired_and_reported(robot: Robot, begin: int, length: int, kept: bool) -> None:
     robot.spoil("DDXREC", begin, length)
     assert robot.boot() == (0, "Starting storage: OK\n")
-    told = (f"{robot.devices['DDXREC']} is there, after a repair that may have cost recordings; "
+    report = (f"{robot.devices['DDXREC']} is there, after a repair that may have cost recordings; "
             "see /run/log/check.DDXREC")
-    wait_until(lambda: robot.told() == told)
+    wait_until(lambda: robot.disk_report() == report)
     assert robot.mounted("/rec") and (robot.run("cat /rec/kept")[1] == "kept\n") == kept
-    wait_until(lambda: (robot.root / "run/console").read_text() == f"DDXVIDEO: {told}\n")
+    wait_until(lambda: (robot.root / "run/console").read_text() == f"DDXVIDEO: {report}\n")
 
 
 def test_unrepairable_recordings_are_reported_once_and_another_disk_is_used(robot: Robot) -> None:
     robot.spoil("DDXREC", 0, 160 * MIB)
     assert robot.boot() == (0, "Starting storage: OK\n")
-    robot.see_to_recordings()
+    robot.handle_recordings()
     broken = robot.devices["DDXREC"]
-    told = f"{broken}, the recordings' disk, cannot be used: nothing is recorded; see /run/log/check.DDXREC"
+    report = f"{broken}, the recordings' disk, cannot be used: nothing is recorded; see /run/log/check.DDXREC"
     log = robot.root / "run/log/recordings-disk"
-    wait_until(lambda: log.exists() and log.read_text().count(told) == 2)  # by the boot, and by the job afterwards
+    wait_until(lambda: log.exists() and log.read_text().count(report) == 2)  # by the boot, and by the job afterwards
     assert not robot.mounted("/rec")
     robot.devices["other"] = robot.disk("DDXREC", "other")
     name = robot.devices["other"].removeprefix("/dev/")
     robot.run(f"ACTION=add MDEV={name} /usr/libexec/ddx/disk")
-    wait_until(lambda: robot.told() == f"/dev/{name} is there")
+    wait_until(lambda: robot.disk_report() == f"/dev/{name} is there")
     assert robot.run("cat /rec/kept")[1] == "kept\n"
     robot.run(f"ACTION=remove MDEV={name} /usr/libexec/ddx/disk")
     assert not robot.mounted("/rec")
@@ -157,7 +157,7 @@ def test_unrepairable_recordings_are_reported_once_and_another_disk_is_used(robo
 def test_other_disks_are_left_alone(robot: Robot) -> None:
     robot.spoil("DDXREC", 0, 160 * MIB)
     robot.boot()
-    robot.see_to_recordings()
+    robot.handle_recordings()
     for name in (robot.devices["DDXDATA"], "/dev/loop-there-is-none", "/dev/null"):
         robot.run(f"ACTION=add MDEV={name.removeprefix('/dev/')} /usr/libexec/ddx/disk")
     robot.devices["other"] = robot.disk("DDXREC", "other")
@@ -182,7 +182,7 @@ def test_only_the_recorder_waits_for_a_long_check(robot: Robot) -> None:
     def state() -> str:
         return robot.run("/usr/libexec/ddx/service thing status")[1].split()[2]
     wait_until(lambda: state() == "state=waiting")
-    assert robot.told() == f"{robot.devices['DDXREC']} is being checked" and not robot.mounted("/rec")
+    assert robot.disk_report() == f"{robot.devices['DDXREC']} is being checked" and not robot.mounted("/rec")
     with (robot.root / "run/patience").open("w"):
         pass
     wait_until(lambda: state() == "state=running")
@@ -215,7 +215,7 @@ def test_settings_made_without_their_disk_are_kept(robot: Robot) -> None:
     """They are saved in the copy, which the next boot uses."""
     robot.spoil("DDXDATA", 0, 32 * MIB)
     robot.boot()
-    wait_until(lambda: robot.told().endswith("is there"))
+    wait_until(lambda: robot.disk_report().endswith("is there"))
     robot.run("echo enabled=no > /data/ddx/thing.conf && /usr/libexec/ddx/settings-copy save")
     assert robot.run("/etc/init.d/S15storage stop")[1] == "Stopping storage: OK\n"
     robot.boot()
@@ -235,7 +235,7 @@ def test_after_a_repair_the_settings_come_from_the_copy(robot: Robot) -> None:
 
 def test_programs_that_use_a_disk_are_killed_before_it_is_unmounted(robot: Robot) -> None:
     robot.boot()
-    wait_until(lambda: robot.told().endswith("is there"))
+    wait_until(lambda: robot.disk_report().endswith("is there"))
     holders = [robot.start("cd /rec && exec sleep 1000"),
                robot.start("cd /data && trap '' TERM; echo ready > /data/ready; while :; do sleep 1; done")]
     wait_until(lambda: robot.run("[ -e /data/ready ] && fuser -m /rec")[0] == 0)

@@ -39,14 +39,14 @@ def robot(root: pathlib.Path, tmp_path: pathlib.Path) -> Iterator[NativeMachine]
         yield machine
 
 
-def books(robot: NativeMachine, name: str) -> list[counters.Counters]:
+def counters_of(robot: NativeMachine, name: str) -> list[counters.Counters]:
     """The service's counters in the store, if any."""
     return counters.of(name, robot.run("ddxctl stats --json")[1])
 
 
 def frames(robot: NativeMachine, name: str) -> int:
     """The number of frames that it put out."""
-    return sum(one.out for one in books(robot, name))
+    return sum(one.out for one in counters_of(robot, name))
 
 
 def restarts(robot: NativeMachine) -> dict[str, int]:
@@ -109,4 +109,4 @@ def test_a_worker_of_the_store_that_hangs_is_replaced(robot: NativeMachine) -> N
         wait_until(lambda: frames(robot, name) > before)
     wanted = dict.fromkeys(SERVICES, 0)
     assert restarts(robot) == wanted, logs(robot, wanted)
-    assert [one.lost_total for one in books(robot, SAVE)] == [0]
+    assert [one.lost_total for one in counters_of(robot, SAVE)] == [0]

@@ -544,9 +544,9 @@ def test_writes_the_machine_s_name_and_keys(image: pathlib.Path, loop: Loop, tmp
                         "SERIAL=on", f"SSH_KEY={file}")
     assert status == 0, text
     boot = f"{loop.file}@@{mbr.partition(image, 1).begin}"
-    told = run(["mtype", "-i", boot, "::ddx.txt"])
+    settings = run(["mtype", "-i", boot, "::ddx.txt"])
     shipped = (TOP / "board/common/ddx.txt").read_text()
-    assert told == shipped + "hostname=robot-7\nconsole=open\n" + "".join(f"ssh_key={key}\n" for key in keys)
+    assert settings == shipped + "hostname=robot-7\nconsole=open\n" + "".join(f"ssh_key={key}\n" for key in keys)
     names = run(["mdir", "-b", "-i", boot, "::"]).split()
     assert "::/serial-on.txt" in names and "::/serial-off.txt" not in names
     assert hashlib.sha256(image.read_bytes()).digest() == before

@@ -52,15 +52,15 @@ def test_a_warning_about_ours_fails(folder: pathlib.Path) -> None:
 def test_a_warning_about_others_is_shown(folder: pathlib.Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "README").write_text(README + OTHER + "WARNING: something in general\n")
     assert legal.judge(folder, ["ddx"]) == []
-    told = capsys.readouterr().out
-    assert "warning: xz-custom: cannot save" in told and "warning: Buildroot: something in general" in told
+    report = capsys.readouterr().out
+    assert "warning: xz-custom: cannot save" in report and "warning: Buildroot: something in general" in report
 
 
-@pytest.mark.parametrize("gone, told", [("licenses/ddx-0.1.0/LICENSE.GPL", "licence texts missing"),
-                                        ("sources/ddx-0.1.0/ddx-0.1.0.tar.gz", "source missing")])
-def test_a_file_that_is_missing(folder: pathlib.Path, gone: str, told: str) -> None:
+@pytest.mark.parametrize("gone, complaint", [("licenses/ddx-0.1.0/LICENSE.GPL", "licence texts missing"),
+                                             ("sources/ddx-0.1.0/ddx-0.1.0.tar.gz", "source missing")])
+def test_a_file_that_is_missing(folder: pathlib.Path, gone: str, complaint: str) -> None:
     (folder / gone).unlink()
-    assert [told in text for text in legal.judge(folder, ["ddx"])] == [True]
+    assert [complaint in text for text in legal.judge(folder, ["ddx"])] == [True]
 
 
 def test_a_package_without_licence(folder: pathlib.Path) -> None:

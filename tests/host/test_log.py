@@ -172,8 +172,8 @@ def test_losses_are_exact(desk: Desk, compile_client: Compiler) -> None:
     assert 100 < len(missing) < 2900 and found == sorted(set(found))
     assert counters["in"] == 3000 == counters["out"] + lost(counters)
     assert counters["lost"]["store"] == lost(counters) == len(missing) and counters["out"] == len(found)
-    told = losses(log, "imu")
-    assert (told["in"], told["out"], told["lost"]["store"]) == (3000, len(found), len(missing))
+    counted = losses(log, "imu")
+    assert (counted["in"], counted["out"], counted["lost"]["store"]) == (3000, len(found), len(missing))
     times = dict(expected)
     assert log.monotonic("imu") == [times[number] for number in found]
 
@@ -259,7 +259,7 @@ def test_the_newest_files_are_kept(desk: Desk, compile_client: Compiler) -> None
     assert 1 << 20 < sum(path.stat().st_size for path in kept) < (5 << 20) + max(path.stat().st_size for path in kept)
 
 
-@pytest.mark.parametrize("text,told", [
+@pytest.mark.parametrize("text,message", [
     ("", "logger.conf:1: no line says what to log: item NAME"),
     ("item\n", "logger.conf:1: item needs the name of an item"),
     ("# fine\nitem imu rate=fast\n", "logger.conf:2: rate=fast: a number above 0, up to 1000"),
@@ -282,13 +282,13 @@ def test_the_newest_files_are_kept(desk: Desk, compile_client: Compiler) -> None
     ("\x1b]0;x\x07\n", "logger.conf:1: ?]0;x?: a line begins with"),
 ])
 @pytest.mark.parametrize("check", [[], ["-check"]])
-def test_wrong_configuration(tmp_path: pathlib.Path, text: str, told: str, check: list[str]) -> None:
+def test_wrong_configuration(tmp_path: pathlib.Path, text: str, message: str, check: list[str]) -> None:
     (tmp_path / "logger.conf").write_text(text)
     done = subprocess.run([ROOT / "bin/ddxlog", "-c", "logger.conf", *check], cwd=tmp_path, capture_output=True,
                           text=True, timeout=60, env={**os.environ, "DDX_DIR": "/nonexistent",
                                                       "LD_LIBRARY_PATH": str(library_folder())})
     assert done.returncode == 2 and done.stderr.count("\n") == 1 and "\x1b" not in done.stderr
-    assert done.stderr.startswith("ddxlog: " + told), done.stderr
+    assert done.stderr.startswith("ddxlog: " + message), done.stderr
 
 
 def test_good_configuration(tmp_path: pathlib.Path) -> None:

@@ -124,7 +124,7 @@ def test_a_truncated_log_is_replayed(desk: Desk, first: pathlib.Path) -> None:
     assert counters["out"] == 270  # only the end record is missing
 
 
-@pytest.mark.parametrize("options,told", [
+@pytest.mark.parametrize("options,message", [
     ([], "one of -c, -replay, -export and -recover"),
     (["-replay", "x", "-c", "y"], "one of -c, -replay"),
     (["-replay", "x", "-rate", "fast"], "-rate fast: a number"),
@@ -135,9 +135,9 @@ def test_a_truncated_log_is_replayed(desk: Desk, first: pathlib.Path) -> None:
     (["-export", "x"], "FILE is missing"),
     (["-replay", "x", "y"], "unexpected argument y"),
 ])
-def test_bad_usage(desk: Desk, options: list[str], told: str) -> None:
+def test_bad_usage(desk: Desk, options: list[str], message: str) -> None:
     done = desk.run("ddxlog", *options)
-    assert done.returncode == 2 and told in done.stderr and done.stderr.count("\n") == 1
+    assert done.returncode == 2 and message in done.stderr and done.stderr.count("\n") == 1
 
 
 # ---- Together with a recording ----

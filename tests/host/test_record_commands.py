@@ -86,7 +86,7 @@ def test_stop_and_start(desk: Desk, clip: pathlib.Path) -> None:
 
 def test_the_state_of_the_disk_is_reported(desk: Desk, clip: pathlib.Path) -> None:
     """Compared with the file system, the pool and the clip's rate."""
-    def told() -> dict[str, int]:
+    def report() -> dict[str, int]:
         shown = desk.run("ddxctl", "show", "ddxvideosave.disk", "--json").stdout
         found: dict[str, int] = json.loads(shown)["value"] if shown else {"ready": 0, "rate": 0}
         return found
@@ -94,14 +94,14 @@ def test_the_state_of_the_disk_is_reported(desk: Desk, clip: pathlib.Path) -> No
     saver = start(desk)
     loader = desk.start("ddxvideoload", clip, "-loop", "-readers", "1")
     # The first report was made before there was a recording.
-    wait_until(lambda: told()["ready"] >= 2 and abs(told()["rate"] - 25 * PICTURE) < 5 * PICTURE)
-    now, disk = told(), os.statvfs(desk.folder / "rec")
+    wait_until(lambda: report()["ready"] >= 2 and abs(report()["rate"] - 25 * PICTURE) < 5 * PICTURE)
+    now, disk = report(), os.statvfs(desk.folder / "rec")
     assert now["recording"] == 1
     assert abs(now["free"] - disk.f_bavail * disk.f_frsize) < 1 << 30
     assert abs(now["usable"] - now["free"]) < 64 << 20
     assert abs(now["seconds_left"] - now["usable"] // now["rate"]) <= 1
     command(desk, "stop")
-    wait_until(lambda: told()["recording"] == 0 and told()["rate"] == 0 and told()["seconds_left"] == -1)
+    wait_until(lambda: report()["recording"] == 0 and report()["rate"] == 0 and report()["seconds_left"] == -1)
     stop(loader)
     stop(saver)
 

@@ -57,8 +57,8 @@ def test_only_chosen_frames_count_as_lost(desk: Desk, clip: pathlib.Path) -> Non
     assert (saved["in"], saved["out"], lost(saved)) == (wanted, len(found), wanted - len(found))
     assert saved["lost"]["store"] >= 10 and saved["lost"]["restart"] >= 8
     assert saved["skipped"] == loaded["out"] - wanted
-    told = [entry[8] for file in recordings(desk) for entry in index_of(file).entries]
-    assert sum(told) == saved["lost"]["store"]
+    indexed = [entry[8] for file in recordings(desk) for entry in index_of(file).entries]
+    assert sum(indexed) == saved["lost"]["store"]
 
 
 def test_the_pre_roll_has_only_chosen_frames(desk: Desk, clip: pathlib.Path) -> None:

@@ -25,10 +25,10 @@ def test_gaps_are_found() -> None:
     changes: list[tuple[sbom.Sbom, str]] = [
         ({"version": ""}, "ddx: no version"), ({"licenses": []}, "ddx: no licence"),
         ({"licenses": [{"license": {"name": "unknown"}}]}, "ddx: no licence")]
-    for change, told in changes:
+    for change, gap in changes:
         bad = copy.deepcopy(good)
         bad["components"][0] |= change
-        assert sbom.gaps(bad, ["ddx", "ddxvideo"]) == [told]
+        assert sbom.gaps(bad, ["ddx", "ddxvideo"]) == [gap]
 
 
 def test_code_of_unknown_origin_is_found(tmp_path: pathlib.Path) -> None:

@@ -31,20 +31,20 @@ def service(appliance: Appliance) -> Appliance:
     appliance.install_service()
     appliance.add("usr/bin/thing", "#!/bin/sh\nexec sleep 1000\n")
     (appliance.root / "etc/default/thing").write_text("user=root\n")
-    assert told(appliance, "start") == "Starting thing: OK\n"
+    assert run_action(appliance, "start") == "Starting thing: OK\n"
     return appliance
 
 
-def told(appliance: Appliance, action: str) -> str:
+def run_action(appliance: Appliance, action: str) -> str:
     return appliance.run(f"/usr/libexec/ddx/service thing {action}")[1]
 
 
 def state(appliance: Appliance) -> str:
-    return dict(word.split("=") for word in told(appliance, "status").split()[1:])["state"]
+    return dict(word.split("=") for word in run_action(appliance, "status").split()[1:])["state"]
 
 
 @contextmanager
-def runsv_without_ears(service: Appliance) -> Iterator[None]:
+def starting_runsv(service: Appliance) -> Iterator[None]:
     """A runsv that has read `down` and waits for its logger's lock; at the end it reads commands."""
     folder = service.root / THING / "log/supervise"
     folder.mkdir()
@@ -57,7 +57,7 @@ def runsv_without_ears(service: Appliance) -> Iterator[None]:
 
 
 def test_a_stop_reaches_a_runsv_that_is_starting(service: Appliance) -> None:
-    with runsv_without_ears(service):
+    with starting_runsv(service):
         stop = service.start("/usr/libexec/ddx/service thing stop")
         wait_until((service.root / THING / "down").exists)
     assert stop.communicate(timeout=30)[0] == "Stopping thing: OK\n"
@@ -65,8 +65,8 @@ def test_a_stop_reaches_a_runsv_that_is_starting(service: Appliance) -> None:
 
 
 def test_a_start_reaches_a_runsv_that_is_starting(service: Appliance) -> None:
-    told(service, "stop")
-    with runsv_without_ears(service):
+    run_action(service, "stop")
+    with starting_runsv(service):
         start = service.start("/usr/libexec/ddx/service thing start")
         wait_until(lambda: not (service.root / THING / "down").exists())
     assert start.communicate(timeout=30)[0] == "Starting thing: OK\n"
@@ -74,8 +74,8 @@ def test_a_start_reaches_a_runsv_that_is_starting(service: Appliance) -> None:
 
 
 def test_without_a_runsv_nothing_is_waited_for(service: Appliance) -> None:
-    assert told(service, "stop") == "Stopping thing: OK\n" and state(service) == "stopped"
-    assert told(service, "start") == "Starting thing: OK\n" and state(service) == "starting"
+    assert run_action(service, "stop") == "Stopping thing: OK\n" and state(service) == "stopped"
+    assert run_action(service, "start") == "Starting thing: OK\n" and state(service) == "starting"
 
 
 @pytest.mark.parametrize("begin", ["", "\n", "soon 1.0\n", None])
@@ -131,7 +131,7 @@ def supervise(service: Appliance) -> None:
     wait_until(lambda: service.run("sv status /run/service/thing")[0] == 0)
 
 
-def be(service: Appliance, text: str) -> None:
+def set_program(service: Appliance, text: str) -> None:
     """Replace the service's program from its next start on; each start adds a line to /run/starts."""
     new = service.root / "usr/bin/thing.new"
     new.write_text(f"#!/bin/sh\necho >> /run/starts\n{text}\n")
@@ -144,14 +144,14 @@ def starts(service: Appliance) -> int:
     return len(file.read_text().splitlines()) if file.exists() else 0
 
 
-def die(service: Appliance) -> None:
+def kill_program(service: Appliance) -> None:
     """Kill the service's program, which may not have executed `sleep` yet."""
     wait_until(lambda: service.run("killall sleep")[0] == 0)
 
 
 @pytest.fixture
 def supervised(service: Appliance) -> Appliance:
-    be(service, "exec sleep 1000")
+    set_program(service, "exec sleep 1000")
     supervise(service)
     wait_until(lambda: starts(service) == 1)
     return service
@@ -159,26 +159,26 @@ def supervised(service: Appliance) -> Appliance:
 
 def test_toggles_within_a_second_take_effect_in_order(supervised: Appliance) -> None:
     """After a program that ran for less than a second, runsv sleeps for a second."""
-    told(supervised, "stop")
+    run_action(supervised, "stop")
     for _ in range(4):
         before = starts(supervised)
-        told(supervised, "start")
-        told(supervised, "stop")
+        run_action(supervised, "start")
+        run_action(supervised, "stop")
         assert supervised.run("pidof sleep")[0] != 0
         assert starts(supervised) <= before + 1  # no start after its own stop
-    told(supervised, "start")
+    run_action(supervised, "start")
     wait_until(lambda: state(supervised) == "running")
     assert (supervised.root / THING / "restarts").read_text() == "0\n"  # nothing died
 
 
 def test_a_restart_of_a_service_that_dies_at_once_starts_it(supervised: Appliance) -> None:
     """Requested while its runsv sleeps before the next start."""
-    be(supervised, "exit 1")
-    die(supervised)
+    set_program(supervised, "exit 1")
+    kill_program(supervised)
     runsv = supervised.run("pidof runsv")[1].strip()
     wait_until(lambda: (supervised.root / THING / "supervise/stat").read_text() == "down\n")
     supervised.run(f"kill -STOP {runsv}")
-    be(supervised, "exec sleep 1000")
+    set_program(supervised, "exec sleep 1000")
     restart = supervised.start("/usr/libexec/ddx/service thing restart")
     wait_until(lambda: restart.poll() is not None or (supervised.root / THING / "down").exists())
     time.sleep(0.3)  # a script that did not wait would be done
@@ -190,12 +190,12 @@ def test_a_restart_of_a_service_that_dies_at_once_starts_it(supervised: Applianc
 def test_nothing_waits_for_a_back_off(supervised: Appliance) -> None:
     """Neither a stop nor a start after a correction waits the eight seconds."""
     for action, result in (("stop", "stopped"), ("start", "running")):
-        told(supervised, "start")
+        run_action(supervised, "start")
         wait_until(lambda: state(supervised) == "running")
         (supervised.root / THING / "delay").write_text("4\n")
-        die(supervised)
+        kill_program(supervised)
         wait_until(lambda: (supervised.root / THING / "delay").read_text() == "8\n")
         begin = time.monotonic()
-        assert told(supervised, action).endswith(": OK\n")
+        assert run_action(supervised, action).endswith(": OK\n")
         wait_until(lambda: state(supervised) == result)
         assert time.monotonic() - begin < 4
