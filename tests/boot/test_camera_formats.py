@@ -85,7 +85,7 @@ def test_a_layout_of_the_same_samples_is_bit_exact(guest: Guest, pictures: list[
 
 @pytest.mark.parametrize("layout, number, taken", [
     ("YUV422P", 16, "YUYV"), ("GREY8", 18, "GREY"), ("GREY16", 19, "Y16"), ("RGB24", 20, "RGB24")])
-def test_the_camera_s_format_needs_the_least_conversion(guest: Guest, layout: str, number: int, taken: str) -> None:
+def test_a_camera_format_without_conversion_is_preferred(guest: Guest, layout: str, number: int, taken: str) -> None:
     camera.configure(guest, f"input=Webcam size=320x180 layout={layout}")
     camera.wait_for_frames(guest, 3)
     assert camera.value(guest, "video")["format"] == number

@@ -299,7 +299,7 @@ def test_times_of_a_mirror_are_in_the_reader_s_clock(begin: Begin) -> None:
 
 
 def test_values_not_sent_are_counted_once(begin: Begin) -> None:
-    """The sending end counts values left out by its rules; the other end counts values lost on the network."""
+    """The end that leaves them out counts them; the other end counts the values that were sent."""
     robot, laptop = begin("robot", "laptop", rules="bandwidth 8K\nitem slow rate=2\nitem *\n")
     writers = [robot.start("write", name) for name in ("sensor", "slow")]
     readers = [laptop.start("read", "robot", name) for name in ("sensor", "slow")]
