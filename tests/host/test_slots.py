@@ -22,7 +22,7 @@ LOST = ", so a slot that cannot be booted may stay the chosen one; flash another
 def menu(block: Block) -> tuple[Block, str, str]:
     """The block after GRUB's menu, the slot that it boots, and the count that it reports."""
     text = (TOP / "board/common/grub.cfg").read_text()
-    choice = text[text.index("set slot=A\n"):text.index("# A slot that cannot be read")]
+    choice = text[text.index("set slot=A\n"):text.index('if [ "$slot" = B ]; then set partition=')]
     known = "; ".join(f"{name}={value}" for name, value in block.items())
     script = (f"load_env() {{ :; {known}; }}\n" if known else "load_env() { :; }\n") + (
         'save_env() { for name; do eval "echo $name=\\${$name-}"; done; }\n'
