@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What every tool shares: where things are, running commands, progress lines, steps that are done only when needed."""
+"""Shared by all tools: paths, commands, progress lines, and steps that run only when needed."""
 import argparse
 import contextlib
 import fcntl
@@ -16,23 +16,22 @@ from typing import Any, NoReturn, Self
 TOP = pathlib.Path(__file__).resolve().parents[2]
 OUTPUT = TOP / "output"
 CACHE = OUTPUT / "cache"
-# Outside of the tree: what is the same for every clone on this machine.
+# Outside of the tree: shared by all clones on this machine.
 HOST_CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
 MEMORY = pathlib.Path("/dev/shm")
 SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on every user's path
 
-# s; for work of others, on a machine that may be busy: a guest, QEMU, a tool. No result depends on
-# it, it only ends a wait that would never end.
+# s for a guest, QEMU or a tool on a busy machine; no result depends on it, it only limits a wait that would never end.
 PATIENCE = 300.0
 
-# Before a command: it ends with its starter, however that ends.
+# Before a command: kills it when its parent exits.
 MORTAL = ("setpriv", "--pdeathsig", "KILL")
 
 Command = Sequence[str | os.PathLike[str]]
 
 
 class Failed(Exception):
-    """Something went wrong that is best told in one line."""
+    """An error that is reported in one line."""
     status = 1
 
 
@@ -60,7 +59,7 @@ def say(text: str) -> None:
 
 def run(command: Command, cwd: pathlib.Path | None = None, env: dict[str, str] | None = None,
         timeout: float | None = None) -> str:
-    """Run a command quietly; what it printed is the result, or shown when it failed."""
+    """Run a command, and return its output; if it fails, the output is printed."""
     try:
         done = subprocess.run(command, cwd=cwd, env={**os.environ, **SBIN, **(env or {})}, stdin=subprocess.DEVNULL,
                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="replace",
@@ -80,7 +79,7 @@ def output(command: Command, env: dict[str, str] | None = None) -> str:
 
 
 def wait_until(condition: Callable[[], bool], complaint: str, pause: float = 0.02, patience: float = PATIENCE) -> None:
-    """Look every `pause` seconds; the complaint is what is said when it is still not so after `patience` seconds."""
+    """Check the condition every `pause` seconds; fail with the complaint after `patience` seconds."""
     end = time.monotonic() + patience
     while not condition():
         if time.monotonic() > end:
@@ -89,8 +88,8 @@ def wait_until(condition: Callable[[], bool], complaint: str, pause: float = 0.0
 
 
 def commit() -> str:
-    """What is tested: the commit, and whether there is more than that in the tree; empty outside git. DDX_COMMIT is the
-    answer for a whole run, so that an edit in the middle of the run does not make another image."""
+    """The commit, with "-dirty" if the tree differs; empty outside git. DDX_COMMIT fixes the answer for a whole run, so
+    that an edit during the run does not make another image."""
     if given := os.environ.get("DDX_COMMIT"):
         return given
     words = ["git", "describe", "--always", "--dirty", "--abbrev=12"]
@@ -99,7 +98,7 @@ def commit() -> str:
 
 
 def copy(source: pathlib.Path, target: pathlib.Path) -> None:
-    """A file that may have holes, such as a disk, without filling them."""
+    """Copy a file that may have holes, such as a disk, without filling them."""
     run(["cp", "--reflink=auto", "--sparse=always", source, target])
 
 
@@ -112,7 +111,7 @@ def scratch(place: pathlib.Path | None = None) -> Iterator[pathlib.Path]:
 
 @contextlib.contextmanager
 def alone(name: str, lock: pathlib.Path) -> Iterator[None]:
-    """Not while another process is here with the same lock; says so when it has to wait. It ends with the process."""
+    """Hold a lock; if another process has it, print that and wait."""
     lock.parent.mkdir(parents=True, exist_ok=True)
     with lock.open("a+") as file:
         try:
@@ -137,7 +136,7 @@ def command_line(about: str | None, **defaults: Any) -> argparse.Namespace:
 
 
 def finish(name: str, main: Callable[[], int]) -> NoReturn:
-    """Run a tool's main() and exit with its status; a failure is one line and status 1, bad input status 2."""
+    """Run a tool's main() and exit with its status; a failure prints one line and gives status 1, bad input 2."""
     try:
         sys.exit(main())
     except Failed as error:
@@ -146,7 +145,7 @@ def finish(name: str, main: Callable[[], int]) -> NoReturn:
 
 
 def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
-    """A hash over files (folders: everything below) and words. Contents count, times do not, nor does the clone."""
+    """A hash over files (folders: everything below) and words, independent of times and of the clone's place."""
     digest = hashlib.sha256("\0".join(words).encode())
     for path in paths:
         below = path.rglob("*") if path.is_dir() else [path]
@@ -163,7 +162,7 @@ def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
 
 
 def step(title: str, stamp: pathlib.Path, key: str, action: Callable[[], object]) -> bool:
-    """Do the action unless the stamp says that it was done with the same key. True when it was done now."""
+    """Do the action unless the stamp has the same key; returns whether the action was done."""
     if stamp.exists() and stamp.read_text() == key:
         return False
     stamp.parent.mkdir(parents=True, exist_ok=True)

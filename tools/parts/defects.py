@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Ways to break the product: the patches in tests/defects, each with the tests that must turn red.
+"""The patches in tests/defects, which break the product, each with the tests that must fail.
 
-A patch begins with one sentence, and for each test with a line `Test:` and a line `Says:`, a pattern in what the test
-then prints. Most patches are former defects: tools/defects.py applies one at a time. Those with `ddx_broken("name")`,
-their own name, are in one copy of the packages together; the tests' programs are built from it, and DDX_BROKEN=name in
-their environment switches one on.
+A patch begins with one sentence, and has for each test a line `Test:` and a line `Says:`, a pattern in the test's
+output. Most patches are former defects: tools/defects.py applies one at a time. Patches with `ddx_broken("name")`,
+their own name, are all applied to one copy of the packages, from which test programs are built; DDX_BROKEN=name in the
+environment switches one on.
 """
 import dataclasses
 import pathlib
@@ -15,7 +15,7 @@ import subprocess
 from parts.common import OUTPUT, TOP, Failed, alone, fingerprint, run, scratch, step
 
 FOLDER = TOP / "tests/defects"
-COPY = OUTPUT / "broken"  # has `package` with all switches
+COPY = OUTPUT / "broken"  # with `package`, all switches included
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +42,7 @@ DEFECTS = [read(path) for path in sorted(FOLDER.glob("*.patch"))]
 
 
 def plant(defect: Defect, tree: pathlib.Path) -> None:
-    """Apply a patch to another copy of our tree; lines may have moved, but not changed."""
+    """Apply a patch to a copy of our tree; context lines may have moved, but not changed."""
     done = subprocess.run(["patch", "-p1", "--force", "--fuzz=0", "--no-backup-if-mismatch", "--reject-file=-",
                            f"--input={defect.path}"], cwd=tree, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           text=True, check=False)
@@ -51,7 +51,7 @@ def plant(defect: Defect, tree: pathlib.Path) -> None:
 
 
 def copy() -> None:
-    """Write COPY; a file whose content stays keeps its time, so little is built again."""
+    """Write COPY; unchanged files keep their times, so little is built again."""
     def write() -> None:
         with scratch() as folder:
             shutil.copytree(TOP / "package", folder / "package")

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Every write and flush of a guest, in the order in which they were finished, as QEMU's blklogwrites wrote them down
-(the format of Linux's dm-log-writes); and what a disk may hold after a power cut between two of them."""
+"""The log of a guest's finished writes and flushes, as QEMU's blklogwrites writes it (format of Linux's dm-log-writes),
+and the possible contents of a disk after a power cut between two of them."""
 import dataclasses
 import pathlib
 import random
@@ -13,12 +13,12 @@ SUPER = struct.Struct("<QQQI")
 HEAD = struct.Struct("<QQQQ")
 SECTOR = 512
 EMPTY = bytes(1 << 20)
-Writes = list[tuple[int, bytes]]  # where, and what
+Writes = list[tuple[int, bytes]]  # offset and data
 
 
 @dataclasses.dataclass(frozen=True)
 class Entry:
-    """A write, a flush, or both; where it begins, in bytes."""
+    """A write, a flush, or both, at an offset in bytes."""
     offset: int
     data: bytes
     flags: int
@@ -29,7 +29,7 @@ class Entry:
 
 
 def entries(log: pathlib.Path) -> Iterator[Entry]:
-    """All that were written down; QEMU has to have ended."""
+    """All entries of a log, after QEMU has exited."""
     with log.open("rb") as file:
         magic, version, count, sector = SUPER.unpack(file.read(SUPER.size))
         if (magic, version) != (MAGIC, VERSION):
@@ -44,14 +44,14 @@ def entries(log: pathlib.Path) -> Iterator[Entry]:
 
 
 class LoggedDisk:
-    """A piece of a disk, as the writes make it; and as a power cut may leave it."""
+    """A part of a disk with the logged writes, and its possible contents after a power cut."""
 
     def __init__(self, begin: int, content: bytes) -> None:
         self.begin, self.safe = begin, bytearray(content)
-        self._since: Writes = []  # what no flush has made safe yet
+        self._since: Writes = []  # not yet flushed
 
     def _part(self, entry: Entry) -> tuple[int, bytes] | None:
-        """What of a write lies in this piece."""
+        """The part of a write inside this part of the disk."""
         begin, end = max(entry.offset, self.begin), min(entry.offset + len(entry.data), self.begin + len(self.safe))
         return (begin - self.begin, entry.data[begin - entry.offset:end - entry.offset]) if begin < end else None
 
@@ -60,23 +60,23 @@ class LoggedDisk:
             self.safe[at:at + len(data)] = data
 
     def add(self, entry: Entry) -> bool:
-        """The next one; whether it changed anything here."""
+        """Apply the next entry; returns whether it changed anything here."""
         if entry.is_flush:
             self._put(self._since)
             self._since.clear()
         part = self._part(entry)
-        if part and entry.flags & FUA:  # safe by itself, whatever came before it
+        if part and entry.flags & FUA:  # durable without a flush
             self._put([part])
         if part:
             self._since.append(part)
         return part is not None or entry.is_flush
 
     def all_written(self) -> Writes:
-        """A power cut now, and of what was written since the last flush all that was finished is there."""
+        """A power cut now, after which all writes since the last flush are present."""
         return list(self._since)
 
     def some_written(self, chance: random.Random) -> Writes:
-        """Some of it is there, some is not, some in part."""
+        """A power cut now, after which some writes since the last flush are present, some in part."""
         found: Writes = []
         for at, data in self._since:
             whole = chance.random()
@@ -88,7 +88,7 @@ class LoggedDisk:
         return found
 
     def make(self, image: pathlib.Path, written: Writes) -> None:
-        """What such a power cut leaves, as a file with holes: most of a disk is empty, and thousands are made."""
+        """Write the disk after such a power cut as a sparse file: thousands of mostly empty disks are made."""
         with image.open("wb") as file:
             file.truncate(len(self.safe))
             for at in range(0, len(self.safe), len(EMPTY)):

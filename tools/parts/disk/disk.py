@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The disk of a guest: what the guest writes goes to a file of its own, the image below stays as it was flashed."""
+"""The disk of a guest: its writes go to an own file, the image itself stays unchanged."""
 import hashlib
 import json
 import pathlib
@@ -17,8 +17,8 @@ def digest(image: pathlib.Path) -> str:
 
 
 class Disk:
-    """A qcow2 file over an image, while no guest runs; the one in the folder, if there is one already. `size` (bytes)
-    is that of a larger card than the image needs."""
+    """A qcow2 file over an image, for use while no guest runs; an existing file in the folder is used again. `size`
+    (bytes) makes the disk larger than the image."""
 
     def __init__(self, image: pathlib.Path, folder: pathlib.Path, size: int = 0) -> None:
         self.path = folder / "disk.qcow2"
@@ -35,7 +35,7 @@ class Disk:
                 timeout=PATIENCE)
 
     def erase(self, offset: int, length: int) -> None:
-        """Nothing but zeros."""
+        """Fill with zeros."""
         run(["qemu-io", "-f", "qcow2", "-c", f"write -q -z {offset} {length}", self.path], timeout=PATIENCE)
 
     def read(self, offset: int, length: int) -> bytes:
@@ -47,7 +47,7 @@ class Disk:
             return file.read_bytes()
 
     def set_boot_files(self, files: dict[str, pathlib.Path]) -> None:
-        """Write files (name on the boot partition: contents) as a user with the card in a reader does."""
+        """Write files to the boot partition (name there: contents), as a user does with a card reader."""
         with scratch() as folder:
             partition = folder / "boot"
             partition.write_bytes(self.read(BOOT, BOOT_BYTES))

@@ -32,7 +32,7 @@ def table(disk: pathlib.Path) -> dict[str, Any]:
 
 
 def partitions(disk: pathlib.Path) -> list[Partition]:
-    """Those that hold something: without the extended one, which holds the logical ones (5 and up)."""
+    """All partitions except the extended one, which contains the logical ones (5 and up)."""
     found = table(disk)
     size = found["sectorsize"]
     return [Partition(one["number"], one["start"] * size, (one["start"] + one["size"]) * size)

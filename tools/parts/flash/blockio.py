@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Writing a disk and reading it back, past the page cache, and what is to be written."""
+"""Write a disk and read it back, without the page cache; and the image to write."""
 import errno
 import fcntl
 import mmap
@@ -15,7 +15,7 @@ BLKFLSBUF = 0x1261
 
 
 class Source:
-    """The image, with parts of it replaced; after its end there are zeros."""
+    """The image with replaced parts, followed by zeros."""
 
     def __init__(self, image: pathlib.Path) -> None:
         self._file = image.open("rb", buffering=0)
@@ -42,7 +42,7 @@ def _why(error: OSError) -> str:
 
 
 class Device:
-    """An open disk, held so that no other program mounts, formats or flashes it."""
+    """An open disk, locked so that no other program mounts, formats or flashes it."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.path = path
@@ -62,7 +62,7 @@ class Device:
                    errno.EROFS: "is read-only; does the card have a lock?",
                    errno.ENOMEDIUM: "is empty: no card in the reader?"}.get(error.errno or 0)
             raise Failed(f"{path} {why or 'cannot be opened: ' + _why(error)}") from None
-        try:  # udev does not look at a disk that is locked
+        try:  # udev does not probe a locked disk
             fcntl.flock(self._fd, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError:
             os.close(self._fd)
@@ -94,7 +94,7 @@ class Device:
         return self._buffer[:size]
 
     def settle(self) -> None:
-        """All is on the disk, and what is read from now on comes from there."""
+        """Wait until all data is on the disk, and drop caches, so that later reads come from the disk."""
         try:
             os.fsync(self._fd)
             if self.is_disk:
@@ -104,7 +104,7 @@ class Device:
             raise Failed(f"{self.path} does not finish writing: {_why(error)}") from None
 
     def reread_partitions(self) -> str:
-        """Tell the kernel; the result is why it would not listen."""
+        """Make the kernel read the partition table; the reason if it fails, else empty."""
         try:
             fcntl.ioctl(self._fd, BLKRRPART)
         except OSError as error:

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which parts of a disk image have to be written, zeros or not, so that the disk works whatever was on it before.
+"""The parts of a disk image that must be written, zeros or not, whatever the disk's former content.
 
-A hole in the image file is not the same as unused: genimage makes holes of zeros that a file system relies on, such as
-empty inode tables, the journal, and free entries of the FAT. So the map is made the other way round: everything is
-written, except what a partition's own file system calls free. And never left out are the ends of each partition and of
-the disk, where other systems keep signatures that would be found beside ours.
+A hole in the image file is not unused space: genimage makes holes of zeros that a file system relies on, such as empty
+inode tables, the journal, and free entries of the FAT. So everything is written except the space that a partition's
+file system calls free. The ends of each partition and of the disk are always written, since other systems keep
+signatures there that would be found beside ours.
 """
 import dataclasses
 import pathlib
@@ -15,8 +15,8 @@ from collections.abc import Iterable
 from parts.common import output
 from parts.disk import mbr
 
-BLOCK = 64 * 1024          # writing less than that at once is not faster
-HEAD = 4 * 2**20 + BLOCK   # of a partition: LUKS keeps a second header as far in as 4 MiB, all others are nearer
+BLOCK = 64 * 1024          # smaller writes are not faster
+HEAD = 4 * 2**20 + BLOCK   # of a partition: LUKS keeps a second header at up to 4 MiB, others are nearer
 TAIL = 2**20               # of a partition and of the disk: GPT's second header, md, ZFS
 
 
@@ -44,7 +44,7 @@ def _is_zero(image: pathlib.Path, begin: int, end: int) -> bool:
 
 
 def _free_in_ext4(image: pathlib.Path, begin: int) -> list[Range]:
-    """What the block bitmaps call free; nothing if there is any doubt about them."""
+    """Free space according to the block bitmaps; none if these are doubtful."""
     text = output(["dumpe2fs", f"{image}?offset={begin}"])
     head = dict(re.findall(r"^([A-Z][a-z ]+):\s+(.*)$", text, re.M))
     features = head.get("Filesystem features", "bigalloc").split()
@@ -66,14 +66,14 @@ def _free(image: pathlib.Path, partition: mbr.Partition) -> list[Range]:
     if head[1080:1082] == b"\x53\xef":
         return _free_in_ext4(image, partition.begin)
     begin = partition.begin
-    if head[:4] == b"hsqs":  # squashfs tells its length; after it, and in an empty slot, there is nothing
+    if head[:4] == b"hsqs":  # squashfs has its length in the header; the rest, and an empty slot, is zeros
         length: int = struct.unpack_from("<Q", head, 40)[0]
         begin += length
     return [Range(begin, partition.end)] if _is_zero(image, begin, partition.end) else []
 
 
 def used(image: pathlib.Path, disk_size: int) -> list[Range]:
-    """What has to be written on a disk of that size, in order. Beyond the image's end: zeros."""
+    """The ranges to write on a disk of that size, in order; zeros after the image's end."""
     holes = []
     for partition in mbr.partitions(image):
         for one in _free(image, partition):
@@ -82,7 +82,7 @@ def used(image: pathlib.Path, disk_size: int) -> list[Range]:
             holes.append(Range(-(-begin // BLOCK) * BLOCK, end // BLOCK * BLOCK))
     image_end = image.stat().st_size
     tail = max(image_end, (disk_size - TAIL) // BLOCK * BLOCK)
-    holes.append(Range(image_end, tail))  # the recordings will grow into it; growing writes what it needs
+    holes.append(Range(image_end, tail))  # for the recordings; growing their file system writes what it needs
     ranges = []
     position = 0
     for hole in sorted(holes, key=lambda one: one.begin):

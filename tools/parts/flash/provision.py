@@ -11,13 +11,13 @@ from parts.common import TOP, Failed, run, scratch
 from parts.disk import mbr
 
 FILE = "::ddx.txt"
-DEAF, HEARD = "::serial-off.txt", "::serial-on.txt"  # board/common/serial-off.txt tells more
-PARSER = TOP / "overlay/usr/libexec/ddx/provision.awk"  # the machine's own
-ENOUGH = 65536  # the machine reads no more of the file
+DEAF, HEARD = "::serial-off.txt", "::serial-on.txt"  # see board/common/serial-off.txt
+PARSER = TOP / "overlay/usr/libexec/ddx/provision.awk"  # the one in the image
+ENOUGH = 65536  # the machine reads only this many bytes of the file
 
 
 def _check(word: str, value: str, line: str) -> str:
-    """The line, if the machine will take it as it is."""
+    """The line, if the machine accepts it unchanged."""
     done = subprocess.run(["awk", "-f", PARSER], input=line, capture_output=True, text=True, check=True,
                           env={**os.environ, "LC_ALL": "C"})
     if "\n" in line or done.stdout != line + "\n":
@@ -27,7 +27,7 @@ def _check(word: str, value: str, line: str) -> str:
 
 
 def _key(line: str) -> bool:
-    """A public key's body names its type once more: a part of one, or another type's, admits no login."""
+    """Whether a public key's type is repeated in its body: an incomplete or wrong key would allow no login."""
     kind, _, rest = line.partition(" ")
     try:
         body = base64.b64decode(rest.partition(" ")[0], validate=True)
@@ -37,7 +37,7 @@ def _key(line: str) -> bool:
 
 
 def lines(ssh_key: str, host_name: str, console: str) -> list[str]:
-    """The lines for the file; an empty word is not mentioned."""
+    """The lines for the file; empty words are left out."""
     found = []
     if host_name:
         found.append(_check("HOSTNAME", host_name, f"hostname={host_name}"))
@@ -58,21 +58,21 @@ def lines(ssh_key: str, host_name: str, console: str) -> list[str]:
 
 
 def merge(text: str, new: list[str]) -> str:
-    """The file with the new lines, instead of what it had under the same keys."""
+    """The file's text with the new lines in place of those with the same keys."""
     keys = {line.split("=", 1)[0] for line in new}
     kept = [line for line in text.splitlines() if line.split("=", 1)[0] not in keys]
     return "\n".join([*kept, *new]) + "\n"
 
 
 def is_heard(serial: str) -> bool:
-    """Whether boot menu and shell listen on the serial line."""
+    """Whether boot menu and shell use the serial line."""
     if serial not in ("", "on"):
         raise Failed(f"SERIAL={serial}: the only thing to say is SERIAL=on")
     return serial == "on"
 
 
 def boot_partition(image: pathlib.Path, new: list[str], heard: bool) -> tuple[int, bytes]:
-    """Where the image's boot partition begins, and what it holds with the new lines in its ddx.txt."""
+    """Offset of the image's boot partition, and its content with the new lines in ddx.txt."""
     boot = mbr.partition(image, 1)
     with scratch() as folder:
         copy, file = pathlib.Path(folder, "boot"), pathlib.Path(folder, "ddx.txt")

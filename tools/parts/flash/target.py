@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A disk of this machine: what it is, what is on it, and why it must not be overwritten."""
+"""A disk of this machine: its description, its contents, and reasons not to overwrite it."""
 import dataclasses
 import os
 import pathlib
@@ -10,7 +10,7 @@ from parts.common import Failed, output
 
 SYS = pathlib.Path("/sys")
 PROC = pathlib.Path("/proc")
-SYSTEM = ("/", "/usr", "/boot", "/boot/efi", "/boot/firmware", "/run/live/medium", "/cdrom")  # what this system needs
+SYSTEM = ("/", "/usr", "/boot", "/boot/efi", "/boot/firmware", "/run/live/medium", "/cdrom")  # needed by this system
 
 
 def amount(size: int) -> str:
@@ -26,12 +26,12 @@ def _word(path: pathlib.Path) -> str:
 
 
 def _folder(number: str) -> pathlib.Path:
-    """What the kernel knows about a block device, by its number (8:0)."""
+    """The kernel's folder of a block device, by its number (8:0)."""
     return (SYS / "dev/block" / number).resolve()
 
 
 def _number(path: str | os.PathLike[str]) -> str:
-    """A block device's number; empty if it is none."""
+    """A block device's number; empty if this is no block device."""
     try:
         found = os.stat(path)
     except OSError:
@@ -59,7 +59,7 @@ def _mounts() -> list[Mount]:
 
 
 def _below(number: str, seen: set[str]) -> None:
-    """Collect the names of the device, its disk, and everything that these are made of."""
+    """Collect the names of the device, its disk, and all devices below them."""
     folder = _folder(number)
     if not (folder / "dev").exists() or folder.name in seen:
         return
@@ -77,7 +77,7 @@ def _below(number: str, seen: set[str]) -> None:
 
 
 def system_disks() -> set[str]:
-    """The names of all disks that this running system comes from."""
+    """The names of all disks that the running system uses."""
     seen: set[str] = set()
     for mount in _mounts():
         if mount.where in SYSTEM:
@@ -87,7 +87,7 @@ def system_disks() -> set[str]:
 
 
 def loops_on(path: pathlib.Path) -> list[str]:
-    """Loop devices whose contents this file or device is."""
+    """Loop devices on this file or device."""
     found = []
     for folder in sorted((SYS / "block").glob("loop*")):
         try:
@@ -99,7 +99,7 @@ def loops_on(path: pathlib.Path) -> list[str]:
 
 
 class TargetDisk:
-    """A whole disk; anything else is refused."""
+    """A whole disk; refuses anything else."""
 
     def __init__(self, path: pathlib.Path) -> None:
         if not path.exists():
@@ -107,7 +107,7 @@ class TargetDisk:
         number = _number(path)
         if not number:
             raise Failed(f"{path} is not a block device")
-        self.path = path = path.resolve()  # /dev/disk/by-id/... is a good name, but not its partitions' neighbour
+        self.path = path = path.resolve()  # partitions are beside this path, not beside /dev/disk/by-id/...
         self.folder = _folder(number)
         if (self.folder / "partition").exists():
             raise Failed(f"{path} is a partition; name the whole disk, {path.parent / self.folder.parent.name}")
@@ -120,7 +120,7 @@ class TargetDisk:
         return int(_word(self.folder / "size") or 0) * 512
 
     def _nodes(self) -> list[pathlib.Path]:
-        """The disk and its partitions, as far as the kernel knows them."""
+        """The disk and the partitions that the kernel knows."""
         return [self.folder, *sorted(file.parent for file in self.folder.glob("*/partition"))]
 
     def title(self) -> str:
@@ -136,7 +136,7 @@ class TargetDisk:
         text = output(["partx", "--raw", "--noheadings", "--output", "NR,START,SECTORS,TYPE", self.path])
         found = []
         for number, first, count, kind in [row.split() for row in text.splitlines() if len(row.split()) == 4]:
-            if kind in ("0x5", "0xf", "0x85"):  # extended: what is in it comes anyway
+            if kind in ("0x5", "0xf", "0x85"):  # extended: its partitions are listed themselves
                 continue
             what = self._file_system("--offset", str(int(first) * 512), "--size", str(int(count) * 512))
             found.append(f"partition {number}: {amount(int(count) * 512)}, {what or 'nothing that I know'}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The recording of a camera that a clip was shown to: every picture whole, and the one that was due."""
+"""Check the recording of a camera that was shown a clip: each picture is whole and was due at its time."""
 import bisect
 import hashlib
 import pathlib
@@ -11,16 +11,16 @@ from parts.media.recording import Comparison
 
 MS = 1_000_000       # ns
 PERIOD = 40_000_000  # ns, between two frames of the camera
-SLACK = 200_000_000  # ns: one picture of the far side's, source.SHOWN_MS
-EARLIER = 50         # frames that the grabber may have put into the store before the recorder had the item
+SLACK = 200_000_000  # ns: one picture of the clip, source.SHOWN_MS
+EARLIER = 50         # frames that the grabber may have written before the recorder read the item
 
 
 def compare(clip: pathlib.Path, recording: pathlib.Path, times: list[int]) -> tuple[Comparison, list[str]]:
-    """Frame n of the clip is due from times[n], in ms of the clock that the recording's times are of, as the far side
-    wrote them down; where the recording does not tell its clock (XDDX_START), 1 is due where it is first seen. The
-    pictures have to be the clip's, byte by byte, and due within SLACK of their time stamps: else they are in
-    the list, with both numbers. (In time, not in frames: a far side that was held up shows the next ones quickly.) How
-    many frames the camera gave is counted by these as well: a gap of two periods lacks one."""
+    """Frame n of the clip is due from times[n], in ms of the clock of the recording's times, as logged by the program
+    that shows the clip; without XDDX_START in the recording, frame 1 is due when it is first seen. Pictures must equal
+    the clip's byte for byte and be due within SLACK of their time stamps; the others are listed with both numbers.
+    (SLACK is a time, not frames: after a delay, that program shows the next pictures quickly.) The camera's frames are
+    counted by time stamps: in a gap of two periods one frame is missing."""
     numbers = {hashlib.blake2b(frame.data).digest(): number for number, frame in enumerate(y4m.read(clip)[1])}
     result = Comparison(numbered=True)
     begin: int | None = None
@@ -46,7 +46,7 @@ def compare(clip: pathlib.Path, recording: pathlib.Path, times: list[int]) -> tu
 
 
 def judge(clip: pathlib.Path, recording: pathlib.Path, grab: Counters, save: Counters, times: list[int]) -> Result:
-    """What was recorded against what the camera was shown; the programs' counters have to say the same."""
+    """Compare the recording with what the camera was shown, and with the programs' counters."""
     outside, wrong = compare(clip, recording, times)
     result = Result(grab, save, outside, [])
     agree(result.disagreements, "frames in the recording", outside.recorded, save.out)
@@ -55,7 +55,7 @@ def judge(clip: pathlib.Path, recording: pathlib.Path, grab: Counters, save: Cou
     if not 0 <= result.before <= EARLIER:
         result.disagreements.append(f"{grab.out} frames were published, {save.frames_in} received")
     gaps, lost = outside.clip - outside.recorded, grab.lost_total + save.lost_total
-    if abs(gaps - lost) > 1:  # the first and the last time stamp are as late as the driver was
+    if abs(gaps - lost) > 1:  # the driver may be late with the first and the last time stamp
         result.disagreements.append(f"frames missing by the time stamps: {gaps}, the programs say {lost}")
     else:
         outside.clip = outside.recorded + lost

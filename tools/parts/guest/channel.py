@@ -8,9 +8,8 @@ import time
 
 from parts.common import PATIENCE
 
-# The guest's side: reads a number and a line, runs the line, marks its end. The number says whose end it is: the answer
-# of a command that was given up may come while the next one's is awaited. The quotes keep an echo of this
-# line from looking like a mark.
+# The guest's side: reads a number and a line, runs the line, and prints an end mark with the number, since the answer
+# to an abandoned command may arrive during the next one. The quotes keep an echo of this line from being a mark.
 SERVER = ("stty -echo -onlcr; while read -r ddx_n ddx_c; do eval \"$ddx_c\" < /dev/null; "
           "printf '\\n@E''ND %s %d@\\n' \"$ddx_n\" $?; done")
 END = re.compile(rb"\n?@END (\d+) (\d+)@\r?\n")
@@ -32,8 +31,8 @@ class Channel:
         self._socket.close()
 
     def send(self, text: str) -> None:
-        """Unchanged, to the reader at the other end; a shell that serves commands needs begin() or run()."""
-        self._socket.settimeout(PATIENCE)  # not what was left for the last wait
+        """Send text unchanged; use begin() or run() with a shell that serves commands."""
+        self._socket.settimeout(PATIENCE)  # instead of the rest of the last wait
         try:
             self._socket.sendall(text.encode())
         except TimeoutError:
@@ -75,10 +74,10 @@ class Channel:
                 if time.monotonic() > deadline:
                     raise
         self.send(SERVER + "\n")
-        self.run(":", deadline - time.monotonic())  # leftovers of the knocking come before its answer
+        self.run(":", deadline - time.monotonic())  # answers to earlier probes come before this one's
 
     def begin(self, command: str) -> None:
-        """Start a command without waiting for its end, such as one that stops the machine."""
+        """Start a command without waiting for its end, for example one that stops the machine."""
         self._commands += 1
         self.send(f"{self._commands} " + command.replace("\n", " ") + "\n")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A clip that goes round and round in a guest, recorded on a slow disk, and what became of its frames."""
+"""A looped clip that a guest records on a slow disk, and the fate of its frames."""
 import dataclasses
 import pathlib
 
@@ -20,7 +20,7 @@ CLIP_SECONDS = 20
 FRAMES = CLIP_SECONDS * RATE
 PROGRAMS = ("naive", "neighbour")
 HERTZ = 20.0  # of the neighbour's fsync
-# In the provisioning file: nothing happens before the disk is there
+# In the provisioning file: no service starts before the disk is mounted
 QUIET = f"service={SAVE} off\nservice={LOAD} off\n"
 READY = 2  # files that the recorder prepares before it needs them
 NAIVE_FILE = "naive"
@@ -31,12 +31,12 @@ class Result:
     found: Found
     load: Counters
     save: Counters
-    stall_ms: float | None  # longest write of pictures; only the emulated machine's kernel is asked
-    neighbour: int   # how often the neighbour's writes were made safe
+    stall_ms: float | None  # longest write of pictures; measured in an emulated machine only
+    neighbour: int   # number of fsyncs of the neighbour
 
 
 def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
-    """tests/guest/naive and neighbour as static programs of the development image's processor."""
+    """Build tests/guest/naive and neighbour as static programs for the development image."""
     for name in PROGRAMS:
         run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", "-D_GNU_SOURCE",
              TOP / f"tests/guest/{name}/main.c", *(native.static_library() if name == "naive" else []),
@@ -45,7 +45,7 @@ def programs(folder: pathlib.Path) -> dict[str, pathlib.Path]:
 
 
 def content(work: pathlib.Path, settings: str = "") -> testdisk.Files:
-    """Beside the clip: the two programs and the recorder's settings."""
+    """Files for the test disk beside the clip: the two programs and the recorder's settings."""
     return {**programs(work), f"{LOAD}.conf": "loop=\n", f"{SAVE}.conf": settings}
 
 
@@ -68,7 +68,7 @@ def start_program(guest: Robot, name: str, arguments: str) -> None:
 
 
 def end_program(guest: Robot, name: str) -> list[int]:
-    """The numbers that it says at its end."""
+    """Stop a program; the numbers that it prints at its end."""
     pid = guest.sh(f"read -r pid < /tmp/{name}.pid && kill $pid && echo $pid")
     guest.wait_until(f"! [ -d /proc/{pid} ]")
     said = guest.sh(f"cat /tmp/{name}.said")
@@ -76,7 +76,7 @@ def end_program(guest: Robot, name: str) -> list[int]:
 
 
 def prepared(guest: Robot) -> None:
-    """Wait until the recorder has files ready, as on a machine that has been on for a while."""
+    """Wait until the recorder has prepared files, as on a machine that has run for some time."""
     ready = "for file in /rec/pool/*.index; do tail -c +9 $file | head -c 1; done | tr '\\001' R | grep -o R | wc -l"
     guest.sh(f"(for i in $(seq 400); do [ $({ready}) -lt {READY} ] || exit 0; sleep 0.5; done 2> /dev/null; "
              f"cat /run/log/{SAVE}/current; ls -la /rec/pool; exit 1)", 300)
@@ -84,7 +84,7 @@ def prepared(guest: Robot) -> None:
 
 def begin(guest: Guest, disk: SlowDisk, speed: Speed | None, naive: bool = False, cold: bool = False,
           hertz: float = HERTZ) -> None:
-    """Record: the clip begins when the recorder is there. `cold`: and has prepared nothing yet."""
+    """Record: the clip begins when the recorder runs. `cold`: before the recorder has prepared files."""
     if naive:
         start_program(guest, "naive", f"video /rec/{NAIVE_FILE}")
     else:
@@ -107,8 +107,8 @@ def begin_clip(guest: Robot, hertz: float = HERTZ) -> None:
 
 
 def end(guest: Robot, disk: SlowDisk | NativeDisk, naive: bool = False, frames: int = FRAMES) -> Result:
-    """The source first, so that all published frames arrive; then all programs, and the disk is checked. The clip has
-    `frames` frames."""
+    """Stop the source first, so that all published frames arrive, then the other programs, and check the disk. The clip
+    has `frames` frames."""
     guest.sh(f"/etc/init.d/S*{LOAD} stop")
     load = session.end_counters(guest, LOAD)
     save, counts = Counters(), []

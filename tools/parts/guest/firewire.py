@@ -10,13 +10,13 @@ from parts.image import dc1394, module, srtp
 SOURCES = TOP / "tests/guest/firewire"
 NAME = "vfirewire"
 CONTROL = f"/sys/module/{NAME}/parameters/do"
-PROGRAM = "/tmp/firewire"  # nothing runs from the test disk itself
+PROGRAM = "/tmp/firewire"  # programs do not run from the test disk
 GUID = "00b09d0100abcde{}"
 WIDTH, HEIGHT = 640, 480
 
 
 def files(work: pathlib.Path) -> dict[str, pathlib.Path | str]:
-    """For a test disk: the module, and the program, with the product's patches of libdc1394."""
+    """Files for a test disk: the module, and the program with the product's patched libdc1394."""
     program, library = work / "firewire", dc1394.dc1394()
     run(["gcc", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", f"-I{library}/usr/include",
          SOURCES / "capture.c", "-o", program, library / srtp.LIBRARIES / "libdc1394.a",
@@ -30,14 +30,14 @@ def _pixels(size: int) -> bytes:
 
 
 def picture(camera: int, number: int, size: int = WIDTH * HEIGHT) -> bytes:
-    """A frame of a camera, as module/iso.c makes it: the grey values."""
+    """The grey values of a camera's frame, as module/iso.c makes it."""
     more = number * 7 + camera * 31
     pixels = _pixels(size).translate(bytes(value + more & 0xff for value in range(256)))
     return number.to_bytes(4, "big") + pixels[4:]
 
 
 def load(guest: Guest, cameras: int) -> None:
-    """Until firewire-core has a device for each camera, and one for the card."""
+    """Load the module; wait until firewire-core has a device for each camera and one for the card."""
     guest.sh(f"cp /test/firewire {PROGRAM} && chmod 755 {PROGRAM}")
     guest.sh(f"modprobe firewire-core && insmod /test/{NAME}.ko cameras={cameras}")
     wait_for_devices(guest, cameras + 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A camera inside a guest: vivid, the kernel's camera for tests, and the programs of tests/guest at its far side."""
+"""A camera inside a guest: vivid, the kernel's test camera, and the programs of tests/guest that feed it."""
 import pathlib
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from parts.guest.qemu import Guest
 from parts.image import dc1394, native, srtp
 
 GRABBER = "ddxvideoV4L"
-FEED = "feed.y4m"   # on the test disk: a clip that is not replayed by itself
+FEED = "feed.y4m"   # on the test disk: a clip that no service replays
 INTERLACED = 4      # V4L2_FIELD_INTERLACED
 LOOPED = "input=S-Video\nstandard=PAL\nsize=CIF\nformat=YU12\n"  # settings of the grabber for loop()
 SOURCES = TOP / "tests/guest"
@@ -17,9 +17,9 @@ SANITIZE = ["-std=gnu11", "-g", "-O1", "-fsanitize=address,undefined", "-fno-omi
 
 
 def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
-    """tests/guest as static programs for the board's processor; `frames` has libddx in it."""
+    """Build tests/guest as static programs for the board's processor; `frames` contains libddx."""
     bits = ["-m32", "-D_FILE_OFFSET_BITS=64", "-D_TIME_BITS=64"] if "i386" in machine.meta(board)["qemu"] else []
-    # Where the type is declared, a lookup refuses items of other layouts than 4:2:0.
+    # With a declared type, a lookup would refuse items of other layouts than 4:2:0.
     more: dict[str, list[str]] = {"v4l": [], "frames": ["-DDDXVIDEO_UNDECLARED=", *native.static_library()]}
     for name in more:
         run(["gcc", "-static", "-std=gnu11", "-O2", "-Wall", "-Wextra", "-Werror", "-pthread", *bits,
@@ -28,8 +28,8 @@ def programs(work: pathlib.Path, board: str) -> dict[str, pathlib.Path]:
 
 
 def sanitized_1394(work: pathlib.Path) -> pathlib.Path:
-    """ddxvideo1394 and libdc1394 under AddressSanitizer, for the development image: one program from our sources, with
-    the sanitizers in it, and the image's own libusb and FFmpeg."""
+    """Build ddxvideo1394 and libdc1394 with AddressSanitizer for the development image: one program from our sources,
+    with static sanitizers, and with the image's libusb and FFmpeg."""
     program, library = work / "sanitized1394", dc1394.dc1394("-g -O1 -fsanitize=address -fno-omit-frame-pointer")
     ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
     folders = [ddx / "lib", ddx / "program", video / "common", video / "grab", video / "grab/iidc"]
@@ -45,7 +45,7 @@ def sanitized_1394(work: pathlib.Path) -> pathlib.Path:
 
 def disk(work: pathlib.Path, board: str, clip: pathlib.Path,
          more: Mapping[str, pathlib.Path | str] | None = None) -> pathlib.Path:
-    """A test disk with the far side of a camera, and other files, such as settings."""
+    """A test disk with the programs that feed a camera, and other files, such as settings."""
     files: dict[str, pathlib.Path | str] = {**programs(work, board), FEED: clip, **(more or {})}
     return testdisk.make(work / f"camera-{clip.stem}.img", None, files)
 
@@ -56,21 +56,21 @@ def prepare(guest: Guest) -> None:
 
 
 def vivid(guest: Guest, options: str = "") -> None:
-    """Load it; devices 0 and 1 of each instance give and show pictures."""
+    """Load vivid; devices 0 and 1 of each instance are its input and its output."""
     guest.sh(f"modprobe vivid no_error_inj=0 {options}")
     guest.wait_until("[ -c /dev/video0 ]")
 
 
 def control(guest: Guest, what: str, device: str = "/dev/video0") -> None:
-    """Set one of the driver's controls, past the program under test: "Brightness=100"."""
+    """Set one of the driver's controls, without the program under test: "Brightness=100"."""
     guest.sh(f"/tmp/v4l control {device} {what!r}")
 
 
 def loop(guest: Guest, milliseconds: int, fourcc: str = "YU12") -> None:
-    """Show the feed's first frame on vivid's output, and connect that with the S-Video input. The clip goes on when
-    there is /tmp/feed/go, each of its frames for so long; the last one stays until there is /tmp/feed/end."""
+    """Show the feed's first frame on vivid's output, connected to the S-Video input. The clip continues, with this time
+    for each frame, when /tmp/feed/go exists; the last frame stays until /tmp/feed/end exists."""
     control(guest, "OSD Text Mode=None")
-    control(guest, "Timestamp Source=Start of Exposure")  # else its times are in the future
+    control(guest, "Timestamp Source=Start of Exposure")  # its other times are in the future
     guest.sh("rm -f /tmp/feed/*; cd /; nohup /tmp/v4l feed /dev/video1 0 "
              f"{fourcc} {INTERLACED} {milliseconds} /test/{FEED} /tmp/feed > /tmp/feed/log 2>&1 & sleep 1")
     control(guest, "S-Video 000-0 Is Connected To=Output S-Video")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A laptop next to a guest: a home and a shell of its own, in which the guest's SSH is `root@robot1`.
+"""A laptop beside a guest: its own home and shell, for which the guest's SSH is `root@robot1`.
 
-Its home is mounted over root's, in a mount namespace: ssh takes the home from the list of users, not from $HOME.
+Its home is mounted over root's in a mount namespace, because ssh finds the home in /etc/passwd, not in $HOME.
 """
 import os
 import pathlib
@@ -13,7 +13,7 @@ import subprocess
 from parts.common import MORTAL, Failed
 
 SHELLS = ("sh", "zsh-static")  # of Linux and of macOS
-# ssh and ssh-keygen ask at a terminal only, and drop what was typed before they ask.
+# ssh and ssh-keygen ask on a terminal only, and drop input from before the question.
 SETUP = """\
 mount --bind "$1" /root && cd /root && export HOME=/root SHELL=/bin/sh LAPTOP_SHELL="$2" LAPTOP_COMMAND="$3" &&
 exec script -qec 'exec "$LAPTOP_SHELL" -c "$LAPTOP_COMMAND"' /dev/null
@@ -28,7 +28,7 @@ def free_port() -> int:
 
 
 def forward(port: int) -> tuple[str, ...]:
-    """For a guest: a network card, with the guest's SSH at this port."""
+    """QEMU's options for a network card, with the guest's SSH at this port."""
     return ("-netdev", f"user,id=net,hostfwd=tcp:127.0.0.1:{port}-:22", "-device", "virtio-net-pci,netdev=net")
 
 
@@ -41,7 +41,7 @@ class Laptop:
         (ssh / "config").write_text(f"Host robot1\n    HostName 127.0.0.1\n    Port {port}\n")
 
     def type(self, command: str) -> tuple[int, str]:
-        """Exit status, and what was shown. Questions get `yes` where that is a choice, else only Enter."""
+        """Exit status and output. Questions with the choice `yes` get that answer, others only Enter."""
         user = [] if os.geteuid() == 0 else ["--map-root-user"]
         words = [*MORTAL, "unshare", "--mount", *user, "sh", "-c", SETUP, "sh", str(self.home), self.shell, command]
         process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT)
@@ -57,7 +57,7 @@ class Laptop:
         return process.wait(), shown
 
     def sh(self, command: str) -> str:
-        """What is shown by a command, which has to succeed."""
+        """The output of a command that must succeed."""
         status, shown = self.type(command)
         if status:
             raise Failed(f"exit status {status}: {self.shell}: {command}: {shown}")

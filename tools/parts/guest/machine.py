@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What a board's image is booted in: board/<board>/meta says which machine, which processor, which firmware."""
+"""The machine that boots a board's image: board/<board>/meta names machine, processor and firmware."""
 import dataclasses
 import os
 import pathlib
@@ -8,9 +8,9 @@ import shutil
 from parts import trees
 from parts.common import OUTPUT, Failed, entries, fingerprint
 
-DEV = "dev"  # the development image; all others are built by Buildroot
+DEV = "dev"  # the development image; Buildroot builds all others
 OVMF = pathlib.Path("/usr/share/OVMF")
-# What a disk may hang on: QEMU's devices, the last one is the disk (drive=) itself.
+# QEMU's devices for a disk on each bus; the last one is the disk itself (drive=).
 BUSES = {
     "virtio": ["virtio-blk-pci"],
     "ide": ["ide-hd,bus=ide.0"],
@@ -36,15 +36,15 @@ class Machine:
     cpu: str
     memory: int  # MiB
     firmware: str = "bios"  # bios (SeaBIOS) or uefi (OVMF)
-    bus: str = "virtio"  # what its disk hangs on, of BUSES
+    bus: str = "virtio"  # of its disk, from BUSES
 
     def disk(self, drive: str) -> list[str]:
-        """QEMU's options for the disk it boots from."""
+        """QEMU's options for the boot disk."""
         *others, last = BUSES[self.bus]
         return [word for device in [*others, f"{last},drive={drive}"] for word in ("-device", device)]
 
     def arguments(self, folder: pathlib.Path, more_memory: int = 0) -> list[str]:
-        """QEMU's program and its options; firmware that keeps settings keeps them in the folder."""
+        """QEMU's program and its options; the folder gets the firmware's settings."""
         kind = "pc" if self.bus == "ide" else self.kind  # q35 has no such controller
         words = [self.program, "-machine", kind, "-cpu", self.cpu, "-m", str(self.memory + more_memory)]
         if self.firmware == "uefi":
@@ -55,7 +55,7 @@ class Machine:
 
 
 def machines(board: str) -> list[Machine]:
-    """One for each firmware that the board's image has to boot with; FIRMWARE= chooses one."""
+    """A machine for each firmware that must boot the board's image; FIRMWARE= chooses one."""
     about = meta(board)
     wanted = os.environ.get("FIRMWARE")
     names = about["firmware"].split()
@@ -66,12 +66,12 @@ def machines(board: str) -> list[Machine]:
 
 
 def sources(board: str) -> str:
-    """A hash over everything of ours, and of other trees, that goes into a board's image."""
+    """A hash over all sources for a board's image, of our tree and of other trees."""
     return fingerprint(trees.sources(board))
 
 
 def image(board: str) -> pathlib.Path:
-    """The product's image, built from the sources as they are now."""
+    """The product's image; fails if it is not built from the present sources."""
     meta(board)
     path = OUTPUT / board / "disk.img"
     if not path.exists():

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A file system for a machine on this machine's own kernel, in memory: as fast as that is, or as slow as told.
+"""A file system in memory for a machine on this machine's own kernel, with an optional limit of its speed.
 
-The kernel limits it then (cgroups, of either version) for this process and its children. Limited are reads and
-writes, each for itself; a recorder only writes."""
+The kernel (cgroups, of either version) limits reads and writes separately, for this process and its children."""
 import functools
 import os
 import pathlib
@@ -15,13 +14,13 @@ GROUPS = pathlib.Path("/sys/fs/cgroup")
 
 
 def present(base: pathlib.Path, controller: str) -> pathlib.Path:
-    """The group that this process is in now, below `base`."""
+    """The present group of this process, below `base`."""
     lines = (line.split(":", 2) for line in pathlib.Path("/proc/self/cgroup").read_text().splitlines())
     return next((base / path.lstrip("/") for _, names, path in lines if names == controller), base)
 
 
 def removed(group: pathlib.Path) -> bool:
-    """Whether nothing was in it any more, and it could be."""
+    """Try to remove a group, which works when it is empty."""
     try:
         group.rmdir()
     except OSError:
@@ -30,7 +29,7 @@ def removed(group: pathlib.Path) -> bool:
 
 
 class NativeDisk(Closing):
-    """Mounted at `place`, a folder that is there."""
+    """Mounted at `place`, an existing folder."""
 
     def __init__(self, megabytes: int, place: pathlib.Path, speed: Speed | None = None) -> None:
         self.place = place
@@ -40,7 +39,7 @@ class NativeDisk(Closing):
         self._before = GROUPS
         self.image = file_system(pathlib.Path(self._folder.name) / "disk.img", megabytes)
         try:
-            # Past the page cache: in there any disk would be quick.
+            # Without the page cache, which makes any disk fast.
             self._device = run(["losetup", "--find", "--show", "--direct-io=on", self.image]).strip()
             run(["mount", "-o", "noatime", self._device, place])
             if speed:
@@ -71,10 +70,9 @@ class NativeDisk(Closing):
             raise Failed(f"{self._group}: the disk cannot be limited: {error}") from error
 
     def end(self) -> None:
-        """Its content is gone, too."""
         if self._group and self._group.exists():
             (self._before / "cgroup.procs").write_text(str(os.getpid()))
-            # The last of a machine's processes ends a moment after its init.
+            # The last process of a machine exits a moment after its init.
             wait_until(functools.partial(removed, self._group), f"{self._group}: something still runs in it")
         if self.place.is_mount():
             run(["umount", self.place])

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The development image's root file system, started on this machine's own kernel instead of an emulated one: for what
-has to be done thousands of times.
+"""The development image's root file system, started on this machine's own kernel, without emulation, for tests with
+thousands of repetitions.
 
-Its own init, runsvdir, scripts and programs run as they ship, in namespaces of their own (processes, mounts, network,
-host name). Left out is what belongs to hardware: no device is there but those that each machine has (so neither a
-camera nor a watchdog: nothing in here can reset its host), and disks are not checked. /data and /rec are folders that
-outlive the machine, so that the next one starts with the same settings.
+Its init, runsvdir, scripts and programs run unchanged in their own namespaces (processes, mounts, network, host name).
+Hardware is left out: there are only the devices of DEVICES (neither a camera nor a watchdog, so nothing can reset the
+host), and disks are not checked. /data and /rec are folders that outlive the machine, so that the next one starts with
+the same settings.
 """
 import os
 import pathlib
@@ -18,7 +18,7 @@ from parts.processes import kill
 
 SCRIPTS = "S02base S[2-9]*"  # of /etc/init.d: folders and loopback, then the services
 DEVICES = {"null": "1 3", "zero": "1 5", "full": "1 7", "random": "1 8", "urandom": "1 9", "tty": "5 0"}
-# Instead of the image's own, which also opens consoles, and looks for disks.
+# Replaces the image's inittab, which also opens consoles and looks for disks.
 INITTAB = """\
 ::sysinit:/bin/sh /run/start
 ::respawn:/usr/bin/runsvdir -P /run/service
@@ -29,8 +29,8 @@ cd /run
 touch provision provision.wrong
 for script in $(cd /etc/init.d && echo {SCRIPTS}); do /etc/init.d/$script start; done > boot 2>&1
 """
-# $1: where the root becomes this machine's, $2: the image's root, $3: folders that outlive it. The root is a file
-# system of its own, as it has to be for /data and /rec to be known as mounted.
+# $1: mount point of the root, $2: the image's root, $3: folders that outlive the machine. The root is a separate file
+# system, so that /data and /rec count as mounted.
 SETUP = f"""\
 set -e
 mount -t overlay -o "ro,lowerdir=$2:$3/empty" root "$1"
@@ -47,7 +47,7 @@ cp "$3/start" "$1/run"
 mount --bind "$3/inittab" "$1/etc/inittab"
 exec chroot "$1" /sbin/init
 """
-# As overlay/usr/libexec/ddx/recordings-disk gives them away: the recorder's, and the logger's.
+# Owners as in overlay/usr/libexec/ddx/recordings-disk: the recorder, and the logger.
 OWNERS = {"rec": 903, "rec/log": 909}
 GROUP = 900
 ENTER = ("--mount", "--pid", "--net", "--uts", "--ipc", "--root", "--wd=/")
@@ -55,7 +55,7 @@ PATH = "PATH=/usr/sbin:/usr/bin:/sbin:/bin"
 
 
 class NativeMachine(Closing, Robot):
-    """One run of it. `keep` is a folder that outlives it, with /data, /rec and /test."""
+    """One run of the machine. `keep` is a folder that outlives it, with /data, /rec and /test."""
 
     def __init__(self, root: pathlib.Path, keep: pathlib.Path) -> None:
         if os.geteuid() != 0:
@@ -73,13 +73,13 @@ class NativeMachine(Closing, Robot):
         self.process = subprocess.Popen([*MORTAL, "unshare", *spaces, "sh", "-c", SETUP, "sh", self._place.name,
                                          str(root), str(keep)], stdin=subprocess.DEVNULL,
                                         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
-        self.init = 0  # its first process, as this machine counts
+        self.init = 0  # host PID of its init
         self._enter: list[str] = []
         self._wait_for_init()
         self.wait_until("pidof runsvdir")
 
     def _wait_for_init(self) -> None:
-        """Until init has taken over: before, the root may still be this machine's own."""
+        """Wait until init runs: before that, the root may still be the host's."""
         children = pathlib.Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children")
 
         def there() -> bool:
@@ -102,11 +102,11 @@ class NativeMachine(Closing, Robot):
         wait_until(lambda: self.run(condition)[0] == 0, f"waited in vain: {condition}", pause, timeout)
 
     def wait_for_end(self) -> None:
-        """After a command to stop or restart: init exits, and everything with it."""
+        """Wait after a command to stop or restart: when init exits, all processes exit."""
         self.process.wait(PATIENCE)
 
     def end(self) -> None:
-        """As the power does it."""
+        """Kill it, like a power cut."""
         kill(self.process)
         if self.process.stderr:
             self.process.stderr.close()

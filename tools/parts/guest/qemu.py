@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A guest: QEMU with the image as it is flashed, booted by the board's firmware and the image's own loader."""
+"""A guest: QEMU with the flashed image, booted by the board's firmware and the image's loader."""
 import contextlib
 import dataclasses
 import json
@@ -33,7 +33,7 @@ BOOTS_AGAIN = 2
 
 
 def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk: pathlib.Path | None) -> list[str]:
-    """The first one is booted."""
+    """QEMU's options for the disks; the guest boots from the first one."""
     file = {"driver": "qcow2", "file": {"driver": "file", "filename": str(disk.path)}}
     graph: dict[str, object] = {"node-name": "disk", "cache": {"no-flush": True}, **file}
     if writes:
@@ -45,18 +45,17 @@ def _drive(disk: Disk, machine: Machine, writes: pathlib.Path | None, test_disk:
 
 
 class Guest(Robot):
-    """One run of a machine with an image; what it wrote is gone afterwards, the image stays as it was.
+    """One run of a machine with an image; writes are discarded afterwards, the image stays unchanged.
 
-    `more_memory` (MiB) is added to what the machine has, `size` makes the disk larger than the image (bytes), `prepare`
-    changes the disk before the boot, `keep` is a folder that outlives the guest, so that the next one goes on with the
-    same disk, `writes` is a file for all that is written to the disk (blocklog.py), `bus` is what the disk hangs on
-    (machine.py)."""
+    `more_memory` (MiB) is added to the machine's, `size` (bytes) makes the disk larger than the image, `prepare`
+    changes the disk before the boot, `keep` is a folder that outlives the guest, so that the next one has the same
+    disk, `writes` is a file for a log of all writes to the disk (blocklog.py), `bus` is the disk's (machine.py)."""
 
-    started = 0  # of all guests, by this process: what a run of the tests has cost
+    started = 0  # number of guests that this process started
     alive: ClassVar[list["Guest"]] = []
-    # Guests kept for a later test: one of them runs, and none when another guest starts.
+    # Guests kept for a later test: at most one of them runs, and none while another guest starts.
     kept: ClassVar[list["Guest"]] = []
-    # Called for each guest that is about to end, with whether an error ends it.
+    # Called before a guest is stopped; the flag: because of an error.
     witness: ClassVar[Callable[["Guest", bool], None] | None] = None
 
     def __init__(self, image: pathlib.Path, accel: str, machine: Machine | None = None, *, console: bool = True,
@@ -116,7 +115,7 @@ class Guest(Robot):
                        patience=PATIENCE)
             if not console.exists():
                 raise Failed("QEMU does not start")
-            with Monitor(self.folder / "qmp"):  # it answers when all devices are there
+            with Monitor(self.folder / "qmp"):  # answers when all devices exist
                 pass
         except BaseException as error:
             kill(self.process)
@@ -126,8 +125,8 @@ class Guest(Robot):
 
     def _set_boot_files(self, disk: Disk, provision: str, environment: tuple[str, ...],
                         serial: bool, screen: bool) -> None:
-        """ddx.txt and GRUB's variables (name=value), where the test wants others than the image has, and whether
-        menu and shell listen on the serial line, and whether GRUB sets a graphics mode."""
+        """Write ddx.txt and GRUB's variables (name=value) if the test needs other ones, and whether menu and shell use
+        the serial line and GRUB sets a graphics mode."""
         files = {}
         if serial:
             files["serial-on.txt"] = TOP / "board/common/serial-off.txt"
@@ -161,7 +160,7 @@ class Guest(Robot):
             self.monitor("cont")
 
     def snapshot(self) -> pathlib.Path:
-        """The disk as it is now, as a plain file; from QEMU itself, so that what it has not written yet counts."""
+        """The present content of the disk as a plain file; QEMU exports it, so that unwritten data is included."""
         image, link = self.folder / "snapshot.img", self.folder / "nbd"
         image.unlink(missing_ok=True)
         self.monitor("nbd-server-start", addr={"type": "unix", "data": {"path": str(link)}})
@@ -174,7 +173,7 @@ class Guest(Robot):
         return image
 
     def environment(self) -> dict[str, str]:
-        """GRUB's variables, as they are on the disk now."""
+        """GRUB's variables on the disk."""
         text = run(["mtype", "-i", f"{self.snapshot()}@@{BOOT}", "::grub/grubenv"], timeout=PATIENCE)
         return dict(line.split("=", 1) for line in text.splitlines() if "=" in line and not line.startswith("#"))
 
@@ -199,7 +198,7 @@ class Guest(Robot):
         return self._paused
 
     def channel(self, name: str) -> Channel:
-        """ttyS0, hvc0 or hvc1, as it is."""
+        """The channel ttyS0, hvc0 or hvc1, without waiting for a shell."""
         self._wake()
         if name not in self._channels:
             self._channels[name] = Channel(self.folder / name)
@@ -261,13 +260,13 @@ class Guest(Robot):
         return self.shell().run(command, timeout)
 
     def wait_for_event(self, name: str, timeout: float = PATIENCE) -> None:
-        """Until QEMU tells of it: RESET, WATCHDOG, SHUTDOWN ..."""
+        """Wait until QEMU reports the event: RESET, WATCHDOG, SHUTDOWN ..."""
         self._wake()
         with Monitor(self.folder / "qmp", timeout) as monitor:
             monitor.wait_for(name)
 
     def reset(self) -> None:
-        """The machine has started again: shells from before are gone."""
+        """Forget the channels, after the machine has started again."""
         for channel in self._channels.values():
             channel.close()
         self._channels.clear()
@@ -279,7 +278,7 @@ class Guest(Robot):
             monitor.execute(command, **arguments)
 
     def screen(self) -> bytes:
-        """What its screen shows at one moment, as a picture file (PPM): meanwhile nothing in it goes on."""
+        """A screenshot (PPM), taken while the guest is stopped."""
         self._wake()
         picture = self.folder / "screen.ppm"
         with Monitor(self.folder / "qmp") as monitor:
@@ -289,7 +288,7 @@ class Guest(Robot):
         return picture.read_bytes()
 
     def poweroff(self, timeout: float = PATIENCE) -> None:
-        """Stop the guest by its own means, so that its file systems are clean."""
+        """Shut the guest down, so that its file systems are clean."""
         self.shell().begin("poweroff")
         try:
             self.process.wait(timeout)
@@ -305,11 +304,11 @@ class Guest(Robot):
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-Boot = Callable[..., Guest]  # starts a guest of a board that has been chosen: a log's name, and Guest()'s options
+Boot = Callable[..., Guest]  # starts a guest of the chosen board; arguments: name of the log, options of Guest()
 
 
 def _reaches_userspace(image: pathlib.Path, accel: str) -> bool:
-    """Boot and wait for the first line of our own scripts."""
+    """Boot, and wait for the first line of our scripts."""
     try:
         with Guest(image, accel, console=False) as guest:
             deadline = time.monotonic() + PROBE_SECONDS
@@ -325,7 +324,7 @@ def _reaches_userspace(image: pathlib.Path, accel: str) -> bool:
 
 
 def acceleration(image: pathlib.Path) -> str:
-    """What to run the guest with: ACCEL=, else KVM if a guest really runs under it, else multi-threaded TCG."""
+    """QEMU's accelerator: ACCEL=, else KVM if a guest boots with it, else multi-threaded TCG."""
     if os.environ.get("ACCEL"):
         accel = os.environ["ACCEL"]
         return TCG if accel == "tcg" else accel

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""QEMU's own console (QMP): commands and events."""
+"""QEMU's monitor (QMP): commands and events."""
 import json
 import pathlib
 import socket
@@ -10,7 +10,7 @@ from parts.common import PATIENCE, Closing, Failed
 
 
 class Monitor(Closing):
-    """One connection: QEMU serves one after the other. All that is asked for has to come within the time."""
+    """A connection, of which QEMU serves one at a time. All answers must come within `patience` seconds."""
 
     def __init__(self, path: pathlib.Path, patience: float = PATIENCE) -> None:
         self._patience = patience

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What an emulated machine and one on this machine's own kernel have in common."""
+"""The common part of an emulated machine and one on this machine's own kernel."""
 import shlex
 
 from parts.common import PATIENCE, Failed

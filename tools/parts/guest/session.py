@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A clip through the guest: follow it, stop the recorder, take the recording out and compare, as `make run` and the
-boot tests do."""
+"""A clip through a guest, for `make run` and boot tests: follow it, stop the recorder, extract and compare the
+recording."""
 import dataclasses
 import json
 import pathlib
@@ -24,27 +24,27 @@ class Result:
     save: Counters
     outside: Comparison
     disagreements: list[str]
-    before: int = 0  # frames that were in the store before the recorder was there
+    before: int = 0  # frames in the store before the recorder started
 
     @property
     def lost_store(self) -> int:
-        """Frames of the clip that did not get through the store."""
+        """Frames of the clip that the store lost."""
         return self.outside.clip + self.before - self.load.out + self.save.lost.get("store", 0)
 
     @property
     def lost_record(self) -> int:
-        """Frames that the recorder got and that are not in its file."""
+        """Frames that the recorder received and did not write."""
         return self.outside.clip - self.outside.recorded - self.lost_store
 
     @property
     def good(self) -> bool:
-        """What the camera's driver lost has never been on the way."""
+        """Whether all frames are recorded, without those that the camera's driver lost."""
         way = self.outside.clip - self.load.lost.get("driver", 0)
         return not self.disagreements and not self.outside.missing and self.outside.recorded == way
 
 
 def follow(guest: Guest, seconds: float, show: Show | None = None) -> dict[str, Counters]:
-    """The counters of all instances as they are now; `show` gets them, too."""
+    """The present counters of all instances, which are also passed to `show`."""
     _, text = guest.shell().run("ddxctl stats --json")
     seen = {now.instance: now for line in text.splitlines() if (now := counters.parse(line))}
     if show and seen:
@@ -53,20 +53,20 @@ def follow(guest: Guest, seconds: float, show: Show | None = None) -> dict[str, 
 
 
 def ended(program: str) -> str:
-    """The condition in the guest that its plain instance is complete, or was stopped. The shell finds out by itself: a
-    program each time would take from the very machine that is watched."""
+    """A shell condition: the program's plain instance is complete or stopped. It starts no program, to leave the CPU to
+    the guest."""
     folder = f"/run/service/{program}"
     return (f"{{ read -r word < {folder}/supervise/stat; }} 2> /dev/null && [ \"$word\" = down ] && "
             f"{{ [ -e {folder}/complete ] || [ -e {folder}/down ]; }}")
 
 
 def wait_for_recording(guest: Guest) -> None:
-    """Until the recorder has recorded something."""
+    """Wait until the recorder has recorded a frame."""
     guest.wait_until(f"ddxctl stats --json | grep -q '{SAVE}.*\"out\":[1-9]'")
 
 
 def wait_for_clip(guest: Guest, frames: int, show: Show | None = None, rate: float = 25.0) -> None:
-    """Until the whole clip went through; `show` gets the counters once a second."""
+    """Wait for the end of the clip; `show` gets the counters once a second."""
     begin = time.monotonic()
     limit = PATIENCE + 3 * frames / rate
     try:
@@ -85,7 +85,7 @@ def wait_for_clip(guest: Guest, frames: int, show: Show | None = None, rate: flo
 
 
 def end_counters(guest: Robot, program: str) -> Counters:
-    """What the program said last; its log is written by svlogd, a moment later."""
+    """The program's last counters in its log, which svlogd writes a moment later."""
     deadline = time.monotonic() + PATIENCE
     while True:
         result = counters.last(guest.sh(f"cat /run/log/{program}/current"))
@@ -95,18 +95,18 @@ def end_counters(guest: Robot, program: str) -> Counters:
 
 
 def histogram(guest: Guest, instance: str) -> list[int]:
-    """Frames by latency, from the program's book in the store; report.bucket_us() tells what each entry means."""
+    """Frames by latency, from the program's statistics in the store; see report.bucket_us() for each entry."""
     return list(json.loads(guest.sh(f"ddxctl show {instance}.stats --json"))["value"]["latency"])
 
 
 def stop_recorder(guest: Guest) -> None:
-    """A clean stop, and everything on the disk; the recording partition may be read from outside afterwards."""
+    """Stop the recorder and sync the disk; then the recordings' partition can be read from outside."""
     guest.sh("/etc/init.d/S*ddxvideosave stop")
     guest.sh("mount -o remount,ro /rec && sync")
 
 
 def judge(clip: pathlib.Path, recording: pathlib.Path, load: Counters, save: Counters) -> Result:
-    """Frames are counted from the two files; the programs' counters have to say the same."""
+    """Compare the frames in the two files, and with the programs' counters."""
     result = Result(load, save, compare(clip, recording), [])
     outside = result.outside
     for what, ours, theirs in [
@@ -127,7 +127,7 @@ def judge(clip: pathlib.Path, recording: pathlib.Path, load: Counters, save: Cou
 
 
 def collect(guest: Guest, clip: pathlib.Path, into: pathlib.Path) -> Result:
-    """After stop_recorder(): the only recording, compared with the clip."""
+    """After stop_recorder(): extract the only recording and compare it with the clip."""
     partition = FileSystem(guest.snapshot())
     for where in partition.lost():
         print(where)

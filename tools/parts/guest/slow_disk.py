@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A second disk for a guest, as slow as told, which can be frozen, can fail and can be taken away.
+"""A second disk for a guest, with a speed limit, which can freeze, fail and be removed.
 
-A process of its own serves it (qemu-nbd), the guest's QEMU limits it: while that process is stopped, every request of
-the guest hangs, exactly as long; when it is gone, every request fails."""
+qemu-nbd serves it, the guest's QEMU limits it. While qemu-nbd is stopped, each request of the guest hangs; after it was
+killed, each request fails."""
 import dataclasses
 import os
 import pathlib
@@ -15,7 +15,7 @@ from parts.common import MEMORY, MORTAL, PATIENCE, Closing, Failed, run, wait_un
 from parts.guest.qemu import Guest
 from parts.processes import kill
 DEVICE = "/dev/vdc"  # after the image's disk and the test disk, by its PCI address
-# As board/common/disk.cfg makes the recordings' partition
+# Like the recordings' partition in board/common/disk.cfg
 FEATURES = "extents,flex_bg,metadata_csum,64bit,large_file,huge_file,dir_nlink,extra_isize"
 OPTIONS = ["-m", "0", "-i", "1048576", "-E", "lazy_itable_init=0,lazy_journal_init=0"]
 FILE_SYSTEMS = {"ext4": ["-t", "ext4", "-O", f"^has_journal,{FEATURES}"],
@@ -24,7 +24,7 @@ FILE_SYSTEMS = {"ext4": ["-t", "ext4", "-O", f"^has_journal,{FEATURES}"],
 
 
 def file_system(image: pathlib.Path, megabytes: int, kind: str = "ext4") -> pathlib.Path:
-    """A new one, in a new file."""
+    """Make a file system in a new file."""
     with image.open("wb") as file:
         file.truncate(megabytes << 20)
     run(["mke2fs", "-q", "-F", *FILE_SYSTEMS[kind], *OPTIONS, image])
@@ -38,7 +38,7 @@ class Speed:
 
 
 class SlowDisk(Closing):
-    """Its content is in memory, unless `folder` says another place: the host's disk does not matter then."""
+    """Its content is in `folder`, by default in memory, so that the host's disk does not matter."""
 
     def __init__(self, megabytes: int, kind: str = "ext4", folder: pathlib.Path = MEMORY) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="ddx-disk-", dir=folder)
@@ -54,27 +54,27 @@ class SlowDisk(Closing):
         try:
             wait_until(lambda: self._socket.exists() or process.poll() is not None, "qemu-nbd does not start")
             if process.poll() is not None:
-                raise Failed(f"qemu-nbd ended, with status {process.returncode}")
+                raise Failed(f"qemu-nbd exited with status {process.returncode}")
         except Failed:
             kill(process)
             raise
         return process
 
     def drive(self) -> tuple[str, ...]:
-        """QEMU's options for a guest that has it."""
+        """QEMU's options for the guest."""
         file = f"file=nbd+unix:///?socket={self._socket}"
         return ("-drive", f"if=none,id=slow,format=raw,werror=report,rerror=report,{file}",
                 "-device", "virtio-blk-pci,id=slow-disk,drive=slow,addr=0x1e")
 
     def limit(self, guest: Guest, speed: Speed) -> None:
-        """From now on it is that slow."""
+        """Limit the speed from now on."""
         rest = {key: 0 for key in ("bps_rd", "bps_wr", "iops_rd", "iops_wr")}
         guest.monitor("block_set_io_throttle", id="/machine/peripheral/slow-disk/virtio-backend",
                       bps=speed.megabytes * 1_000_000, iops=speed.requests,
                       **rest)
 
     def mount(self, guest: Guest, place: str = "/rec") -> None:
-        """In the place of the image's own partition for recordings."""
+        """Mount it in place of the image's partition for recordings."""
         guest.sh(f"if mountpoint -q {place}; then umount {place}; fi; "
                  f"mount -t {self.kind} -o noatime,nosuid,nodev,noexec {DEVICE} {place} && "
                  f"chown ddxsave:ddx {place} && chmod 2775 {place}", 60)
@@ -91,7 +91,7 @@ class SlowDisk(Closing):
         self.thaw()
 
     def fail(self) -> None:
-        """From now on every request ends with an error."""
+        """Let each request fail from now on."""
         kill(self.process)
     def end(self) -> None:
         if self.process.poll() is None:

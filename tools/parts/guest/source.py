@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Where the frames of a run come from: a clip that the loader replays, or a camera, vivid, that a clip is shown to."""
+"""The source of a run's frames: a clip that the loader replays, or a camera (vivid) that is shown a clip."""
 import pathlib
 import time
 from collections.abc import Callable, Mapping
@@ -12,12 +12,12 @@ from parts.guest.session import LOAD, Result, Show
 from parts.media import y4m
 from parts.media.counters import Counters
 
-SHOWN_MS = 200     # of a clip's frame before the camera: several of its own, which are 40 ms
-GROWS = 1 << 30    # bytes that the disk is larger than the image: /rec has room for both recordings of a minute
+SHOWN_MS = 200     # time of a clip's frame before the camera, whose own frames take 40 ms
+GROWS = 1 << 30    # bytes that the disk is larger than the image, for both recordings of a minute in /rec
 
 
 class Source:
-    """What both have: the clip and how many frames it holds."""
+    """The common part: the clip and its number of frames."""
 
     def __init__(self, clip: pathlib.Path) -> None:
         self.clip = clip
@@ -26,7 +26,7 @@ class Source:
 
 
 class Clip(Source):
-    """Each frame of the clip once, at its time; waits until the recorder and the sender are there."""
+    """Plays each frame of the clip once, at its time, after the recorder and the sender have started."""
     grabber = LOAD
     size = 0
 
@@ -40,7 +40,7 @@ class Clip(Source):
         return testdisk.make(work / "test.img", self.clip, {"ddxvideoload.conf": "readers=2\n", **settings})
 
     def play(self, guest: Guest, show: Show | None = None) -> None:
-        """Until the last frame is in the store."""
+        """Wait until the last frame is in the store."""
         session.wait_for_clip(guest, self.frames, show, self.rate)
 
     def judge(self, recording: pathlib.Path, source: Counters, save: Counters) -> Result:
@@ -48,7 +48,7 @@ class Clip(Source):
 
 
 class Vivid(Source):
-    """The clip on vivid's output, looped into its input, SHOWN_MS for each frame; ddxvideoV4L takes it from there."""
+    """Shows the clip on vivid's output, looped to its input, SHOWN_MS for each frame; ddxvideoV4L captures it."""
     grabber = GRABBER
     size = GROWS
     more_memory = 0
@@ -57,14 +57,14 @@ class Vivid(Source):
         super().__init__(clip)
         if (self.header.width, self.header.height) != (352, 288):
             raise Failed(f"{clip.name}: the camera is shown CIF, 352x288, not {self.header.width}x{self.header.height}")
-        self.times: list[int] = []  # ms of the guest's clock: since when each frame was on the screen, once played
+        self.times: list[int] = []  # ms of the guest's clock when each frame appeared; filled by play()
 
     def disk(self, work: pathlib.Path, board: str, settings: Mapping[str, str]) -> pathlib.Path:
         return guest_camera.disk(work, board, self.clip, {f"{GRABBER}.conf": guest_camera.LOOPED, **settings})
 
     def play(self, guest: Guest, show: Show | None = None, meanwhile: Callable[[], None] = lambda: None) -> None:
-        """From the camera's first frame to its last one: the recordings hold nothing but what was shown. `meanwhile` is
-        called once the clip goes on."""
+        """Run from the camera's first frame to its last one, so that the recordings contain only the clip. `meanwhile`
+        is called when the clip continues."""
         guest_camera.prepare(guest)
         guest.sh(f"/etc/init.d/S*{GRABBER} stop")
         guest_camera.vivid(guest)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A stream inside one guest: the sender, decode and a recorder of what decode shows, all as the image's services."""
+"""A stream inside one guest: the sender, decode and a recorder of decode's pictures, all services of the image."""
 import dataclasses
 import pathlib
 
@@ -12,14 +12,14 @@ from parts.media.recording import FileSystem
 from parts.media.report import bucket_us
 
 SEND, DECODE = "ddxvideosend", "decode"
-ITEM = "seen"  # decode's item, as decode.default says
+ITEM = "seen"  # decode's item, see decode.default
 RECORDER = f"ddxvideosave.{ITEM}"
 EARLIER = 25  # pictures that decode may have shown before the recorder had its item
 
 
 @dataclasses.dataclass(frozen=True)
 class Picture:
-    """One picture of a recording: when it was taken (ns since the first one), and the number that it shows."""
+    """A picture of a recording: its time (ns since the first one) and the number in it."""
     time: int
     number: int | None
 
@@ -28,8 +28,8 @@ class Picture:
 class Result:
     sent: Counters
     decoded: Counters
-    shown: list[Picture]  # what decode showed, from its recording
-    wrong: list[int]      # of these, those that do not show what the source showed at their time
+    shown: list[Picture]  # decode's pictures, from their recording
+    wrong: list[int]      # indices of those that differ from the source at their time
     disagreements: list[str]
     likeness: Likeness | None = None  # of a source without numbers in its pictures
 
@@ -39,24 +39,24 @@ class Result:
 
     @property
     def lost_decode(self) -> int:
-        """Frames that were sent and not shown."""
+        """Frames that were sent but not shown."""
         return self.sent.out - self.decoded.out
 
 
 def settings(accel: str) -> dict[str, str]:
-    """For a test disk. An emulated processor is too slow for H.264."""
+    """Settings for a test disk. An emulated processor is too slow for H.264."""
     codec = "mpeg4" if accel.startswith("tcg") else "h264"
     return {f"{SEND}.conf": f"enabled=yes\ncodec={codec}\ninterface=lo\n",
             f"{DECODE}.conf": "enabled=yes\ninterface=lo\n", f"{RECORDER}.conf": f"name={ITEM}\n"}
 
 
 def stop(guest: qemu.Guest) -> None:
-    """When the source is silent: what is on its way arrives, then the sender and decode end."""
+    """After the source has stopped: wait for frames on their way, then stop the sender and decode."""
     guest.sh(f"sleep 1; for name in {SEND} {DECODE}; do /etc/init.d/S*$name stop; done")
 
 
 def collect(guest: qemu.Guest, grabber: str, recorded: pathlib.Path, shown: pathlib.Path) -> dict[str, Counters]:
-    """After all have stopped: both recordings, taken out without the guest's help, and what each program said last."""
+    """After all programs have stopped: extract both recordings without the guest; each program's last counters."""
     partition = FileSystem(guest.snapshot())
     for where in partition.lost():
         print(where)
@@ -74,8 +74,8 @@ def numbered(recording: Recording) -> list[Picture]:
 
 
 def unlike(shown: list[Picture], source: list[Picture]) -> list[int]:
-    """Which of the pictures do not show what the source showed at that time. The recordings begin at different times,
-    so the first one with a number may be any picture of the source that shows it: the best fit counts."""
+    """Indices of pictures that differ from the source at their time. The recordings begin at different times, so the
+    first numbered picture may match any picture of the source with that number: the best fit counts."""
     first = next((one for one in shown if one.number is not None), None)
     if first is None:
         return list(range(len(shown)))
@@ -93,7 +93,7 @@ def unlike(shown: list[Picture], source: list[Picture]) -> list[int]:
 
 
 def alike(shown: Recording, source: Recording) -> Likeness:
-    """For a source without numbers; both recordings are of the same machine, so their clocks are one."""
+    """Compare pictures without numbers by time; both recordings have the same machine's clock."""
     sizes = [f"{one.header.width}x{one.header.height}" for one in (shown, source)]
     if sizes[0] != sizes[1]:
         raise Failed(f"{shown.path.name}: {DECODE} showed {sizes[0]}, but {sizes[1]} was recorded")
@@ -106,7 +106,7 @@ def alike(shown: Recording, source: Recording) -> Likeness:
 
 def judge(shown: pathlib.Path, recorded: pathlib.Path, sent: Counters, decoded: Counters,
           recorder: Counters) -> Result:
-    """What decode showed against what was recorded at the source; the counters have to say the same."""
+    """Compare decode's pictures with the recording of the source, and with the counters."""
     ours, source = Recording(shown), Recording(recorded)
     seen = numbered(ours)
     found = None if source.numbered else alike(ours, source)
@@ -130,12 +130,12 @@ def percentile(histogram: list[int], percent: float) -> float:
 
 
 def windows(marks: list[list[int]]) -> list[list[int]]:
-    """The frames between two marks each."""
+    """The frames between consecutive marks."""
     return [[now - then for now, then in zip(end, begin)] for begin, end in zip(marks, marks[1:])]
 
 
 def quieter(some: list[list[int]]) -> list[int]:
-    """The frames of the better half of the windows: the emulated processors are the host's, and when it has something
-    else to do, frames are late in one or two windows. What the appliance does, it does in all."""
+    """The frames of the better half of the windows: other load on the host makes frames late in one or two windows, a
+    fault of the appliance in all."""
     full = sorted((one for one in some if sum(one)), key=lambda one: percentile(one, 99))
     return [sum(counts) for counts in zip(*full[:(len(full) + 1) // 2])]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Connects this terminal with the guest's console; Ctrl-] leaves."""
+"""Connect this terminal to the guest's console; Ctrl-] leaves."""
 import os
 import select
 import sys

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The extra disk of a test: a clip, and settings for the services. The image itself knows nothing of tests."""
+"""The extra disk of a test: a clip, and settings for the services. The image itself contains no tests."""
 import os
 import pathlib
 import shutil
@@ -9,24 +9,24 @@ from parts.common import run, scratch
 from parts.media import y4m
 
 Files = Mapping[str, pathlib.Path | str]
-FRAMES = 32  # room in the store for that many frames of the clip
-USUAL = 32   # MiB; what the image gives the store: package/ddx/store/store.default
+FRAMES = 32  # of the clip that fit into the store
+USUAL = 32   # MiB of the store in the image: package/ddx/store/store.default
 
 
 def _budget(clip: pathlib.Path) -> int:
-    """MiB that the store needs for the clip."""
+    """MiB of the store for the clip."""
     header, _ = y4m.read(clip)
     return max(USUAL, -(-header.width * header.height * 3 // 2 * FRAMES // 2**20))
 
 
 def more_memory(clip: pathlib.Path) -> int:
-    """MiB of RAM that a guest needs for the clip, beyond what its machine usually has."""
+    """MiB of RAM that a guest needs for the clip in addition to its machine's."""
     return 2 * (_budget(clip) - USUAL)
 
 
 def fill(folder: pathlib.Path, clip: pathlib.Path | None, files: Files | None = None) -> None:
-    """What a test disk has: a clip that the image replays at its start, and other files: their names there, and where
-    they are (a path) or what they say (a text, such as a service's settings)."""
+    """Fill a test disk: a clip that the image replays when it starts, and other files by name, each as a path or a
+    text, such as a service's settings."""
     content: dict[str, pathlib.Path | str] = {"clip.y4m": clip} if clip else {}
     content.update(files or {})
     if clip and _budget(clip) > USUAL:
@@ -42,7 +42,7 @@ def fill(folder: pathlib.Path, clip: pathlib.Path | None, files: Files | None = 
 
 
 def make(disk: pathlib.Path, clip: pathlib.Path | None, files: Files | None = None) -> pathlib.Path:
-    """A disk with all that."""
+    """Make a test disk, see fill()."""
     with scratch() as folder:
         fill(folder, clip, files)
         bytes_used = sum(path.stat().st_size for path in folder.iterdir())

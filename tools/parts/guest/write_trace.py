@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""How long a guest's recorder waits in its writes, by the guest's kernel (ftrace): nothing that the recorder says."""
+"""The time that a guest's recorder waits in its writes, measured by the guest's kernel (ftrace)."""
 import re
 
 from parts.guest.qemu import Guest
@@ -20,7 +20,7 @@ def start(guest: Guest, call: str) -> None:
 
 
 def longest(guest: Guest) -> tuple[float, int]:
-    """ms of the longest write of pictures, and how many there were."""
+    """ms of the longest write of pictures, and the number of such writes."""
     begun: dict[int, float] = {}
     took: dict[int, list[float]] = {}
     places: dict[int, set[str]] = {}
@@ -36,6 +36,6 @@ def longest(guest: Guest) -> tuple[float, int]:
             took.setdefault(thread, []).append(time - begun.pop(thread))
     if not took:
         return 0.0, 0
-    # Those that prepare files and write the index do so from the same place again and again; pictures come from others.
+    # Threads that prepare files and write the index use the same buffer each time; pictures are in different ones.
     chosen = max(took, key=lambda thread: len(places[thread]))
     return round(1000 * max(took[chosen]), 1), len(took[chosen])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Debian's archive with package lists of our own: packages are downloaded and unpacked, the host is left alone."""
+"""Debian's archive with our own package lists: packages are downloaded and unpacked without changing the host."""
 import contextlib
 import functools
 import pathlib
@@ -13,7 +13,7 @@ SUITES = ["bookworm", "bookworm-backports"]
 
 
 def _mirror() -> str:
-    """Where this machine's own apt finds Debian."""
+    """The Debian mirror of this machine's apt."""
     etc = pathlib.Path("/etc/apt")
     for path in [etc / "sources.list", *sorted((etc / "sources.list.d").glob("*"))]:
         if path.is_file():
@@ -50,7 +50,7 @@ class Archive:
         return options
 
     def _alone(self) -> contextlib.AbstractContextManager[None]:
-        """apt fails where another one has the lists or the archive; another build is waited for."""
+        """apt fails while another apt uses the lists or the archive, so wait for other builds."""
         return alone("archive", self.folder / "busy")
 
     def newest(self, pattern: str) -> str:
@@ -62,7 +62,7 @@ class Archive:
         return sorted(names, key=lambda name: [int(n) for n in re.findall(r"\d+", name)])[-1]
 
     def version(self, source: str) -> str:
-        """What the archive has of a source package: one version, or several."""
+        """The archive's version of a source package, or its versions."""
         text = run(["apt-cache", *self._options, "showsrc", "--only-source", source])
         versions = re.findall(r"^Version: (\S+)$", text, re.MULTILINE)
         if not versions:
@@ -74,12 +74,12 @@ class Archive:
         options = self._options
         with self._alone():
             if subprocess.run(["apt-get", *options, *words], cwd=into, capture_output=True).returncode != 0:
-                say("reading Debian's package lists again ...")  # a newer version may have replaced the one we know
+                say("reading Debian's package lists again ...")  # a newer version may have replaced the known one
                 run(["apt-get", *options, "update"])
                 run(["apt-get", *options, *words], cwd=into)
 
     def package(self, name: str) -> pathlib.Path:
-        """Download a binary package; the .deb file."""
+        """Download a binary package; returns the .deb file."""
         into = self.folder / "deb"
         if not list(into.glob(f"{name}_*.deb")):
             say(f"downloading {name} ...")

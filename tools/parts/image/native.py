@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The packages built on the desk, each a meson project, installed into output/desk/root, which the image uses too."""
+"""The desk build: the packages, each a meson project, installed into output/desk/root, which the image uses as well."""
 import json
 import pathlib
 import shutil
@@ -15,14 +15,14 @@ MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
 
 
 def packages() -> list[str]:
-    """Ours, then those of other trees; each comes after those that it is made of."""
+    """Our packages, then those of other trees, each after its dependencies."""
     made_of = trees.local_packages()
     others = [name for name, folder in trees.foreign().items() if (folder / "meson.build").exists()]
     return [*PACKAGES, *sorted(others, key=lambda name: (len(made_of.get(name, [])), name))]
 
 
 def static_library() -> list[str]:
-    """For gcc: libddx and libddxvideo as sources, in a static program that a guest runs."""
+    """gcc's arguments to compile libddx and libddxvideo into a static program for a guest."""
     ddx, video = TOP / "package/ddx", TOP / "package/ddxvideo"
     sources = [path for path in (ddx / "lib").glob("*.c") if path.name != "fault.c"]
     sources += (video / "common").glob("video_*.c")
@@ -30,7 +30,7 @@ def static_library() -> list[str]:
 
 
 def environment(root: pathlib.Path) -> dict[str, str]:
-    """Lets a package find the ones built before it, in the install tree."""
+    """The environment in which a package finds the packages that are installed before it."""
     libraries = root / LIBRARIES
     return {"PKG_CONFIG_PATH": str(libraries / "pkgconfig"), "PKG_CONFIG_SYSROOT_DIR": str(root),
             "LD_LIBRARY_PATH": str(libraries)}
@@ -38,8 +38,8 @@ def environment(root: pathlib.Path) -> dict[str, str]:
 
 def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str] | None = None,
           tree: pathlib.Path | None = None) -> pathlib.Path:
-    """Build the chosen packages (None: all) in output/<name>, with these options for meson; the install tree. `tree`:
-    packages of another copy of our tree."""
+    """Build the chosen packages (None: all) in output/<name>, with these options for meson; returns the install tree.
+    `tree`: another copy of our tree."""
     root, folders = OUTPUT / name / "root", trees.packages()
     wanted = packages() if chosen is None else chosen
     with alone("build", OUTPUT / f"{name}.lock"):  # tests that run side by side all come here first
@@ -58,8 +58,8 @@ def build(name: str = "desk", options: Sequence[str] = (), chosen: Sequence[str]
 
 
 def _drop_foreign(out: pathlib.Path) -> None:
-    """A package of a tree that EXTERNAL no longer names must not stay in an image. No file says which package brought
-    it, so all packages are installed again."""
+    """Remove packages of trees that EXTERNAL no longer names. Since installed files do not name their package, all
+    packages are installed again."""
     record, now = out / "foreign.json", {name: str(folder) for name, folder in trees.foreign().items()}
     before: dict[str, str] = json.loads(record.read_text()) if record.exists() else {}
     gone = [name for name in before if now.get(name) != before[name]]
@@ -71,7 +71,7 @@ def _drop_foreign(out: pathlib.Path) -> None:
 
 
 def _add(name: str, made: pathlib.Path, root: pathlib.Path) -> None:
-    """What a package is built with; it finds it in the install tree, as it does with ddx."""
+    """Add a library to the install tree, where packages find it like ddx."""
     step(f"{root.parent.name}: {name}", root / f".{name}", made.name,
          lambda: shutil.copytree(made, root, dirs_exist_ok=True))
 
@@ -86,7 +86,7 @@ def _build(out: pathlib.Path, root: pathlib.Path, sources: pathlib.Path, options
     if "ninja: no work to do" not in run(["nice", "-n", "10", "ninja", "-C", out], env=env):
         say(f"{title}: built")
         stamp.unlink(missing_ok=True)
-    # Only missing files: meson makes the libraries' links again each time, and a program that starts in that
-    # moment finds no library.
+    # Only if changed: meson makes the libraries' links again each time, and a program that starts at that moment finds
+    # no library.
     step(f"{title}: installation", stamp, fingerprint([sources]),
          lambda: run(["meson", "install", "--no-rebuild", "--only-changed", "-C", out], env=env))

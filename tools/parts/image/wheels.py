@@ -22,8 +22,8 @@ def download(wheel: str, into: pathlib.Path, options: Sequence[str] = ()) -> pat
 
 
 def folder(wheels: dict[str, str], options: Sequence[str] = (), parts: str = "") -> pathlib.Path:
-    """A folder for sys.path that has these packages: name and version, SHA-256 of the wheel. `options`: for pip;
-    `parts`: only files whose names begin so."""
+    """A folder for sys.path with these packages (name and version: SHA-256 of the wheel). `options`: for pip; `parts`:
+    only files whose names begin with this."""
     def make(tree: pathlib.Path) -> None:
         with scratch() as down:
             for number, (wheel, digest) in enumerate(wheels.items()):

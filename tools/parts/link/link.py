@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A robot and its operators, each in a network namespace of its own, with a lossy link between them.
+"""A robot and its operators, each in its own network namespace, with a lossy link between them.
 
     with Link(operators=2, loss=Iid(0.3), delay_ms=2, seed=7) as link:
         link.operator[0].popen(["decode", ...])
         link.robot.popen(["ddxvideosend", ...])
         link.counts().down[0].bytes
 
-`down` is from the robot to an operator, `up` the way back. The link decides on each UDP packet, on one of a group for
-each operator by itself; all else, such as ARP and IGMP, passes. Operators do not see each other, unless they `meet`:
-then nothing is lost or counted. The namespaces end with the link and the programs in them.
+`down` is from the robot to an operator, `up` the return path. The link decides on each UDP packet, for a multicast
+packet separately for each operator; other packets, such as ARP and IGMP, pass. Operators do not see each other, unless
+they `meet`: then nothing is lost or counted. The namespaces exist as long as the link or a program in them.
 """
 from __future__ import annotations
 
@@ -70,8 +70,8 @@ class Way:
 class Counts:
     down: list[Way]
     up: list[Way]
-    late_ms: float  # that a packet waited beyond the delay, at most: how far the machine kept up
-    overrun: int    # packets that came faster than the relay took them; the counts lack these
+    late_ms: float  # longest wait of a packet beyond the delay, because the machine was busy
+    overrun: int    # packets that the relay was too slow to read; the other counts lack these
 
 
 def counted(ways: list[dict[str, Any]]) -> list[Way]:
@@ -79,7 +79,7 @@ def counted(ways: list[dict[str, Any]]) -> list[Way]:
 
 
 class Link:
-    """`back`: what the way back loses, if it is not the same as `loss`."""
+    """`back`: the loss of the return path, if it differs from `loss`."""
 
     def __init__(self, operators: int = 1, loss: loss.Pattern = loss.NOTHING, delay_ms: float = 0, seed: int = 1,
                  back: loss.Pattern | None = None, meet: bool = False) -> None:
@@ -105,7 +105,7 @@ class Link:
         return self.relay.ask(json.dumps(order))
 
     def lose(self, pattern: loss.Pattern, back: loss.Pattern | None = None, operator: int | None = None) -> None:
-        """From now on this, for one operator or all of them; the next packet is the first one of the pattern."""
+        """Change the loss for one operator or for all; the pattern begins with the next packet."""
         self._order({"lose": [[one, direction, loss.pack(what)] for one in range(self._operators)
                               if operator in (None, one)
                               for direction, what in (("down", pattern), ("up", pattern if back is None else back))]})

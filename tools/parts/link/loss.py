@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Which packets a lossy link loses. A pattern makes a judge for each direction, from that direction's generator.
+"""Patterns of packet loss. A pattern makes a judge for each direction, from that direction's random generator.
 
-A judge is asked once for each packet, in order, with the time in seconds since the pattern began. Except for outages,
-which depend on time alone, the answer for packet n depends on the generator's seed and n alone.
+A judge is asked once for each packet, in order, with the time in seconds since the pattern began. The answer for packet
+n depends only on the seed and n; for outages, only on the seed and the time.
 """
 import dataclasses
 import random
@@ -14,7 +14,7 @@ Judge = Callable[[float], bool]  # time -> whether the packet is lost
 
 @dataclasses.dataclass(frozen=True)
 class Pattern:
-    """Loses nothing; the others are derived from it."""
+    """The base class, which loses nothing."""
 
     def judge(self, generator: random.Random) -> Judge:
         return lambda _: False
@@ -42,7 +42,7 @@ class EveryThird(Pattern):
 
 @dataclasses.dataclass(frozen=True)
 class Iid(Pattern):
-    """Each packet with this probability, whatever happened to the others; 1 blocks the direction."""
+    """Loses each packet with this probability, independently; 1 blocks the direction."""
     rate: float
 
     def judge(self, generator: random.Random) -> Judge:
@@ -51,7 +51,7 @@ class Iid(Pattern):
 
 @dataclasses.dataclass(frozen=True)
 class Bursts(Pattern):
-    """Gilbert's model: this part of all packets, in bursts of this mean length."""
+    """Gilbert's model: loses this share of all packets, in bursts of this mean length."""
     rate: float
     length: float = 5
 
@@ -71,7 +71,7 @@ class Bursts(Pattern):
 
 @dataclasses.dataclass(frozen=True)
 class Outages(Pattern):
-    """Everything in both directions, for this part of the time; the length of outages and pauses is exponential."""
+    """Loses all packets in both directions for this share of the time; outages and pauses have exponential lengths."""
     part: float
     mean_ms: float = 40
 
@@ -100,7 +100,7 @@ KINDS: dict[str, type[Pattern]] = {kind.__name__: kind for kind in (Pattern, Eve
 
 
 def pack(pattern: Pattern) -> list[Any]:
-    """As JSON can carry it."""
+    """A pattern in a form for JSON."""
     return [type(pattern).__name__, dataclasses.asdict(pattern)]
 
 
@@ -109,6 +109,6 @@ def unpack(packed: list[Any]) -> Pattern:
 
 
 def judge(pattern: Pattern, seed: int, operator: int, direction: str) -> Judge:
-    """Each direction of each operator has a generator of its own."""
+    """A judge with the generator of this operator and direction."""
     words = ["both" if pattern.shared else direction, str(operator), str(seed)]
     return pattern.judge(random.Random(" ".join(words)))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The relay of a lossy link, a process: makes the network namespaces and holds the other ends of their TAP devices.
+"""The relay process of a lossy link: makes the network namespaces and holds the other ends of their TAP devices.
 
 python -m parts.link.relay OPERATORS DELAY_MS SEED [meet]. Prints its namespaces as file descriptors, the robot's
-first; others open them as /proc/<pid>/fd/<number>. With `meet` it is a switch: each sees all others, and nothing is
-lost. Then each line of standard input is an order in JSON, answered by a line:
+first; other processes open them as /proc/<pid>/fd/<number>. With `meet` it is a switch: all nodes see each other, and
+nothing is lost. Each line of standard input is then an order in JSON, answered by a line:
 {"lose": [[operator, direction, pattern], ...]} or {"counts": true}. Exits when standard input is closed.
 """
 import collections
@@ -24,12 +24,12 @@ from typing import Any
 
 from parts.link import loss
 
-DEVICE, QUEUE = "link0", 10000  # packets that wait for the relay: more than a test sends at once
+DEVICE, QUEUE = "link0", 10000  # packets that can wait for the relay, more than a test sends at once
 TUNSETIFF, IFF_TAP, IFF_NO_PI = 0x400454CA, 2, 0x1000
 CLONE_NEWNET = 0x40000000
 ETHERNET, UDP = 14, 17
 FRAME_MAX = 65536
-BATCH = 64  # frames of one device, before the others have their turn
+BATCH = 64  # frames of one device before the next device's turn
 HOST = "10.20.0."  # the robot is 1, operators 2 and above
 SETUP = """\
 link set lo up
@@ -38,7 +38,7 @@ address add {address}/24 dev {device}
 address add fd20::{number}/64 dev {device} nodad
 route add default dev {device}
 """
-# Known before the first packet: those that waited for an answer would mix with later ones.
+# Set before the first packet: packets that wait for an ARP answer would be sent out of order.
 NEIGHBOUR = "neigh add {address} lladdr {mac} nud permanent dev {device}\n"
 LIBC = ctypes.CDLL(None, use_errno=True)
 
@@ -101,8 +101,8 @@ class Way:
     def __init__(self, target: int) -> None:
         self.target = target
         self.flows: dict[int, Flow] = {}
-        self.second: collections.deque[tuple[float, int]] = collections.deque()  # what came in the last second
-        self.load = self.peak = 0  # bytes in that second, and the most there ever was
+        self.second: collections.deque[tuple[float, int]] = collections.deque()  # packets of the last second
+        self.load = self.peak = 0  # bytes in that second, and the maximum
         self.judge, self.begin = loss.NOTHING.judge(random.Random()), 0.0
 
     def lose(self, judge: loss.Judge) -> None:
@@ -148,10 +148,10 @@ class Relay:
         self.down = [Way(self.ports[1 + one].tap) for one in range(operators)]
         self.up = [Way(self.ports[0].tap) for _ in range(operators)]
         self.waiting: collections.deque[tuple[float, Way, Flow | None, bytes]] = collections.deque()
-        self.late = 0.0  # s that a packet waited beyond its delay, at most
+        self.late = 0.0  # s, longest wait of a packet beyond its delay
 
     def ways(self, port: int, frame: bytes) -> list[Way]:
-        """Where the frame goes. Operators do not see each other, unless all meet."""
+        """The destinations of a frame. Operators do not see each other, unless all meet."""
         if self.switched:
             return [way for number, way in enumerate(self.switched)
                     if number != port and (frame[0] & 1 or frame[:6] == mac(number + 1))]
@@ -173,7 +173,7 @@ class Relay:
             self.waiting.append((now + self.delay, way, flow, frame))
 
     def deliver(self) -> float | None:
-        """All that is due; seconds until the next packet is."""
+        """Deliver all due packets; returns the seconds until the next one is due."""
         while self.waiting:
             due, way, flow, frame = self.waiting[0]
             now = time.monotonic()
@@ -184,7 +184,7 @@ class Relay:
             try:
                 os.write(way.target, frame)
             except BlockingIOError:
-                continue  # is missing in `delivered`
+                continue  # not counted in `delivered`
             if flow:
                 flow.delivered += 1
                 flow.delivered_bytes += len(frame) - ETHERNET
@@ -220,7 +220,7 @@ class Relay:
 
 def main() -> None:
     relay = Relay(int(sys.argv[1]), float(sys.argv[2]) / 1000, int(sys.argv[3]), "meet" in sys.argv[4:])
-    with contextlib.suppress(PermissionError):  # what the programs at both ends compute must not become a delay
+    with contextlib.suppress(PermissionError):  # so that load by the programs at both ends adds no delay
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
     print(json.dumps([port.namespace for port in relay.ports]), flush=True)
     relay.run()

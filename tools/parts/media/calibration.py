@@ -10,7 +10,7 @@ FOCUS, BASELINE = 500.0, 0.125
 
 
 def ideal(width: int, height: int) -> dict[str, NDArray[numpy.float64]]:
-    """Of cameras without distortion, side by side: rectification changes nothing."""
+    """The calibration of cameras without distortion, side by side: rectification changes nothing."""
     camera = numpy.array([[FOCUS, 0, width / 2], [0, FOCUS, height / 2], [0, 0, 1]])
     left = numpy.hstack([camera, numpy.zeros((3, 1))])
     right = left.copy()
@@ -20,7 +20,7 @@ def ideal(width: int, height: int) -> dict[str, NDArray[numpy.float64]]:
 
 
 def text(matrices: Matrices, size: tuple[int, int] | None = None) -> str:
-    """The file: four numbers a line, and the size of the pictures if it is given."""
+    """The text of the file: four numbers a line, and the size of the pictures if it is given."""
     lines = ["%YAML:1.0", "---"]
     if size:
         lines += [f"image_width: {size[0]}", f"image_height: {size[1]}"]

@@ -4,9 +4,9 @@
 
 usage: clip.py FILE [SECONDS]      CIF, 25 frames a second, 4:2:0
 
-The number's 32 bits are black and white blocks of 16x16 pixels, four rows of eight, highest bit first; below it
-the same again with black and white exchanged. A block and its opposite are compared, so brightness, contrast and
-lossy coding do not matter, and a picture without a number is recognized.
+The number's 32 bits are black and white blocks of 16x16 pixels, four rows of eight, highest bit first, followed by four
+inverted rows. Comparing each block with its inverse makes the number independent of brightness, contrast and lossy
+coding, and shows whether a picture has a number.
 """
 import pathlib
 import sys
@@ -15,7 +15,7 @@ import numpy
 from numpy.typing import NDArray
 
 WIDTH, HEIGHT, RATE, SECONDS = 352, 288, 25, 20
-SHORT = 10  # s; of the clip that every run of the boot tests records
+SHORT = 10  # s of the clip that each run of the boot tests records
 BLOCK, ACROSS, DOWN = 16, 8, 4
 BLACK, WHITE = 24, 224
 LEAST_CONTRAST = 40
@@ -30,7 +30,7 @@ def draw_number(luma: Plane, number: int) -> None:
 
 
 def frame_number(luma: bytes, width: int, height: int) -> int | None:
-    """The number drawn into a picture's Y plane; None if there is none."""
+    """The number in a picture's Y plane; None if there is none."""
     if width < ACROSS * BLOCK or height < 2 * DOWN * BLOCK:
         return None
     plane = numpy.frombuffer(luma, numpy.uint8, width * height).reshape(height, width)

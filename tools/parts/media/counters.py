@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What the programs say about their frames: JSON lines of `ddxctl stats` and of the programs at their end."""
+"""The programs' counters: JSON lines of `ddxctl stats`, and those that programs print when they stop."""
 import dataclasses
 import json
 from typing import Any
@@ -23,7 +23,7 @@ class Counters:
 
 
 def parse(line: str) -> Counters | None:
-    """One line, which may have a time stamp before the JSON; None if it holds no counters."""
+    """The counters in a line, which may begin with a time stamp; None if there are none."""
     begin = line.find("{")
     if begin < 0:
         return None
@@ -36,7 +36,7 @@ def parse(line: str) -> Counters | None:
 
 
 def of(instance: str, text: str) -> list[Counters]:
-    """Those of one instance, among the lines of `ddxctl stats --json`; none as long as it is not in the store."""
+    """The counters of one instance in the output of `ddxctl stats --json`; empty before it runs."""
     return [one for line in text.splitlines() if (one := parse(line)) and one.instance == instance]
 
 

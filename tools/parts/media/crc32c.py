@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""CRC-32C, for a look at indexes that shares nothing with the recorder."""
+"""CRC-32C for checking indexes, independent of the recorder's code."""
 
 
 def _table() -> list[int]:

@@ -5,11 +5,11 @@ import subprocess
 
 from parts.common import MORTAL, Closing
 
-PATIENCE = 15  # s; for a machine that hangs
+PATIENCE = 15  # s, for a machine that hangs
 
 
 class Display(Closing):
-    """Xvfb on the next free number; `name` is what DISPLAY has to be."""
+    """Xvfb on the next free number; `name` is the value for DISPLAY."""
 
     def __init__(self) -> None:
         read, write = os.pipe()
@@ -20,7 +20,7 @@ class Display(Closing):
             self.name = f":{said.readline().strip()}"
 
     def run(self, *command: object) -> bytes:
-        """A command that sees this display; what it prints."""
+        """Run a command on this display; returns its output."""
         return subprocess.run(list(map(str, command)), env={**os.environ, "DISPLAY": self.name}, check=True,
                               stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, timeout=PATIENCE).stdout
 

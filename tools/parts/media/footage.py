@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Moving pictures that a camera made: pedestrians, from OpenCV's examples."""
+"""A clip from a camera: pedestrians, from OpenCV's examples."""
 import pathlib
 
 from parts.common import run
@@ -7,8 +7,8 @@ from parts.media.examples import example
 
 
 def footage(path: pathlib.Path, frames: int, size: str = "", crop: str = "") -> pathlib.Path:
-    """The first frames as Y4M; its 10 frames a second are played at the pace of PAL. `size`: other than its 768x576.
-    `crop`: only this part, as FFmpeg's filter of that name describes it."""
+    """Write the first frames as Y4M; its 10 frames a second become 25. `size`: instead of 768x576. `crop`: only this
+    part, in the form of FFmpeg's filter."""
     filters = ["setpts=N/25/TB", *([f"crop={crop}"] if crop else []), *([f"scale={size}"] if size else [])]
     run(["ffmpeg", "-v", "error", "-y", "-i", example("vtest.avi"), "-vf", ",".join(filters), "-r", "25",
          "-frames:v", str(frames), "-pix_fmt", "yuv420p", "-strict", "-1", path])

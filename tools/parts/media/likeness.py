@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Does each picture of a stream show what was recorded at its time? For clips without numbers in their pictures.
+"""Compare each picture of a stream with the recording of its time, for clips without numbers in their pictures.
 
-A lossy picture is compared with the recorded one of its time, and with that one's neighbours, because neighbours of a
-real clip can be nearly equal. Only the pixels count that change from one recorded picture to the other: there, the
-picture is at 0 if it shows what is due, at 1 if it shows the other one. The errors of the codec move it to neither."""
+A lossy picture is compared with the recorded picture of its time (the due one) and with the neighbours of that, because
+neighbours in a real clip can be nearly equal. Only pixels that differ between the due picture and a neighbour count:
+there, the lossy picture is at 0 if it equals the due one, at 1 if it equals the neighbour; codec errors favour neither.
+"""
 import bisect
 import dataclasses
 import math
@@ -16,28 +17,28 @@ from numpy.typing import NDArray
 from parts.media import y4m
 from parts.media.clip import frame_number
 
-STEPS = (1, 2, 5, 12, 25)  # how far the neighbours are away, before and after
-CHANGE = 24        # grey levels; a smaller change may be lost in the codec
-LEAST = 1 / 2000   # of the pixels have to change, or the two pictures cannot be told apart
-OTHER = 0.75       # from there on, the other picture is shown
-DUE = 0.25         # up to there, the picture that is due
-ROUNDED = 65.0     # squared error that any picture may have, 30 dB
-NOTHING = 0.9      # squared error, in variances of the picture that is due: of a grey picture it is 1
-PERFECT = 99.0     # dB, of a picture without any error
-LEGIBLE = 15.0     # dB of the middle picture; below that the codec has left too little of noise to judge by
-SAME = 1_000_000   # ns within which two time stamps are of the same frame: RTP and NTP round
+STEPS = (1, 2, 5, 12, 25)  # distances of the neighbours, before and after
+CHANGE = 24        # grey levels; the codec may lose a smaller change
+LEAST = 1 / 2000   # share of pixels that must change to distinguish two pictures
+OTHER = 0.75       # from here on, the picture counts as the neighbour
+DUE = 0.25         # up to here, it counts as the due one
+ROUNDED = 65.0     # squared error that is always accepted, 30 dB
+NOTHING = 0.9      # squared error in variances of the due picture; a grey picture has 1
+PERFECT = 99.0     # dB, for a picture without errors
+LEGIBLE = 15.0     # dB of the median picture; below, the codec has left too little of a noisy clip to judge it
+SAME = 1_000_000   # ns; closer time stamps are of the same frame, since RTP and NTP round
 
 Luma = NDArray[numpy.uint8]
 
 
 class Recording:
-    """The pictures of a file, one at a time: a large recording does not have to fit into memory."""
+    """The pictures of a file, read one at a time, since a large recording does not fit into memory."""
 
     def __init__(self, path: pathlib.Path) -> None:
         self.header, frames = y4m.read(path)
         self.path, self.start = path, None
         self.times: list[int] = []           # ns since the first frame
-        self.numbers: list[int | None] = []  # that the pictures show
+        self.numbers: list[int | None] = []  # in the pictures
         self.positions: list[int] = []
         for frame in frames:
             self.start = self.start if self.times else frame.start
@@ -54,16 +55,16 @@ class Recording:
         return numpy.fromfile(self.path, numpy.uint8, size, offset=self.positions[index])
 
     def at(self, time: int) -> int | None:
-        """The frame of that time."""
+        """The index of the frame with that time."""
         near = bisect.bisect_left(self.times, time - SAME)
         return near if near < len(self.times) and self.times[near] <= time + SAME else None
 
 
 @dataclasses.dataclass
 class Likeness:
-    wrong: list[int]        # pictures that do not show what is due
-    psnr: list[float]       # dB, of each picture that has one due
-    told: int = 0           # pictures that a shift by one frame would make wrong
+    wrong: list[int]        # indices of pictures that are not the due ones
+    psnr: list[float]       # dB, of each picture with a due one
+    told: int = 0           # pictures in which a shift by one frame would be noticed
 
     @property
     def legible(self) -> bool:
@@ -87,7 +88,7 @@ class Likeness:
 
 
 def place(shown: Luma, due: Luma, other: Luma) -> float | None:
-    """0: what is due, 1: the other picture; None: these two are too much alike."""
+    """0: the due picture, 1: the other one; None if these are too similar."""
     change = numpy.subtract(other, due, dtype=numpy.int16)
     mask = numpy.abs(change) > CHANGE
     if numpy.count_nonzero(mask) < max(1.0, LEAST * mask.size):
@@ -102,7 +103,7 @@ def squared_error(one: Luma, other: Luma) -> float:
 
 
 def compare(shown: Recording, source: Recording, begin: int) -> Likeness:
-    """`begin`: time of the first picture shown, in the source's time."""
+    """`begin`: time of the first shown picture on the source's clock."""
     found = Likeness([], [])
     unlike: list[int] = []
     before: dict[int, Luma] = {}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Logs as others see them: PyPI's `mcap`, and its decoder for ROS 2. Nothing of ours takes part."""
+"""Logs read by other software than ours: PyPI's `mcap`, and its decoder for ROS 2."""
 import importlib
 import pathlib
 import sys
@@ -22,7 +22,7 @@ class Value:
 @dataclass
 class Log:
     values: dict[str, list[Value]]  # by topic, in the order of the file's index
-    order: list[tuple[str, int]]  # topic and sequence of all, likewise
+    order: list[tuple[str, int]]  # topic and sequence of all values, in the same order
     statistics: Any
     chunks: list[Any]  # the index
     channels: list[Any]
@@ -34,7 +34,7 @@ class Log:
         return int(self.metadata["ddxlog"]["wall_offset_ns"])
 
     def monotonic(self, topic: str) -> list[int]:
-        """CLOCK_MONOTONIC of the writes."""
+        """CLOCK_MONOTONIC times of the writes."""
         return [one.publish_time - self.wall_offset for one in self.values[topic]]
 
     def sequences(self, topic: str) -> list[int]:
@@ -49,7 +49,7 @@ def _module(name: str) -> Any:
 
 
 def read(path: pathlib.Path) -> Log:
-    """All of a complete file, every checksum checked; an error of mcap's if it is not well."""
+    """Read a complete file and check each checksum; raises mcap's error for a damaged one."""
     decoders = [_module("mcap_ros2.decoder").DecoderFactory()]
     json = _module("json")
     with path.open("rb") as file:
@@ -68,7 +68,7 @@ def read(path: pathlib.Path) -> Log:
                       decode[channel.id](message.data)))
             log.order.append((channel.topic, message.sequence))
     assert log.statistics.message_count == len(log.order)
-    # Once more from the first byte to the last, without the index.
+    # Read it again sequentially, without the index.
     with path.open("rb") as file:
         again = sum(1 for record in _module("mcap.stream_reader").StreamReader(file, validate_crcs=True).records
                     if type(record).__name__ == "Message")

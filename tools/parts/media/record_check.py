@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What was lost of a clip that goes round and round: counted from the numbers in the pictures that were recorded, and
-compared with the index and with the programs' counters. The three know nothing of each other."""
+"""Frames of a looped clip that were lost: counted by the numbers in the recorded pictures, and compared with the index
+and the programs' counters, which are independent of each other."""
 import dataclasses
 import pathlib
 from collections.abc import Iterable
@@ -16,12 +16,12 @@ from parts.media.recording import FileSystem
 
 @dataclasses.dataclass
 class Found:
-    published: int = 0  # frames that the source says it has written into the store
+    published: int = 0  # frames written into the store, by the source's counter
     recorded: int = 0   # pictures on the disk
-    lost: int = 0       # pictures that are missing there, by their numbers
-    longest: int = 0    # of these, in one piece
-    wrong: int = 0      # pictures that are not the ones of which the index speaks
-    counted: dict[str, int] = dataclasses.field(default_factory=dict)  # lost, as the recorder says
+    lost: int = 0       # missing pictures, by their numbers
+    longest: int = 0    # missing pictures in a row, at most
+    wrong: int = 0      # pictures that contradict the index
+    counted: dict[str, int] = dataclasses.field(default_factory=dict)  # lost, by the recorder's counters
     disagreements: list[str] = dataclasses.field(default_factory=list)
 
 
@@ -44,7 +44,7 @@ def numbers_lost(found: Found, numbers: Iterable[int | None], clip: int) -> None
 
 
 def _numbers(disk: FileSystem, found: Found, clip: int) -> Iterable[int | None]:
-    """Of all pictures, file by file; each is compared with its entry in the index on the way."""
+    """The numbers in all pictures, file by file; compares each with its entry in the index."""
     with scratch(MEMORY) as folder:
         indexes = disk.indexes()
         last = lost = 0
@@ -66,7 +66,7 @@ def _numbers(disk: FileSystem, found: Found, clip: int) -> Iterable[int | None]:
 
 
 def recorder(image: pathlib.Path, load: Counters, save: Counters, clip: int) -> Found:
-    """The recorder's files on the disk, which is not mounted any more. The clip has `clip` frames."""
+    """Check the recorder's files on an unmounted disk. The clip has `clip` frames."""
     found = Found(published=load.out, counted=dict(save.lost))
     numbers_lost(found, _numbers(FileSystem(image, None), found, clip), clip)
     for what, ours, theirs in [("published and received", load.out, save.frames_in),
@@ -79,7 +79,7 @@ def recorder(image: pathlib.Path, load: Counters, save: Counters, clip: int) -> 
 
 
 def naive(image: pathlib.Path, name: str, load: Counters, written: int, missed: int, clip: int) -> Found:
-    """What tests/guest/naive has left there."""
+    """Check the file of tests/guest/naive."""
     found = Found(published=load.out, counted={"store": missed})
     size = WIDTH * HEIGHT * 3 // 2
     with scratch(MEMORY) as folder:

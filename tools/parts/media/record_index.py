@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The index beside each file of a recording, read from outside; package/ddxvideo/save/pool/index.h has its layout."""
+"""Reads the index of a recording's file; package/ddxvideo/save/pool/index.h has its layout."""
 import dataclasses
 import struct
 
@@ -20,9 +20,9 @@ class Entry:
 
 @dataclasses.dataclass(frozen=True)
 class Index:
-    """Of a finished file."""
+    """The index of a finished file."""
     bytes: int
-    lost_store: int  # also after its last frame
+    lost_store: int  # frames lost, also after the file's last frame
     lost_ring: int
     name: str
     entries: list[Entry]

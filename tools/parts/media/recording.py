@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The outside view of a recording: taken out of the disk without the guest's help, compared with the clip."""
+"""Extract a recording from the disk without the guest, and compare it with the clip."""
 import dataclasses
 import hashlib
 import itertools
@@ -26,7 +26,7 @@ class FileSystem:
         return run(["debugfs", "-R", request, self.place])
 
     def _files(self, folder: str) -> dict[str, int]:
-        """Names and inodes of the files there; none if there is no such folder."""
+        """Names and inodes of the files in a folder; empty if there is no such folder."""
         found = re.findall(r"^/(\d+)/10\d+/\d+/\d+/([^/]+)/", self._debugfs(f"ls -p {folder}"), re.M)
         return {name: int(inode) for inode, name in found}
 
@@ -48,7 +48,7 @@ class FileSystem:
         return int(session)
 
     def recordings(self, item: str = "") -> list[list[str]]:
-        """Recordings, oldest first; of each the names of its files, which follow each other without a gap."""
+        """Recordings, oldest first, each as the names of its consecutive files."""
         pool = {inode: name.replace(".y4m", ".index") for name, inode in self._files("/pool").items()
                 if name.endswith(".y4m")}
         found: list[tuple[int, str, int]] = []  # number, name, number of the first file
@@ -61,26 +61,26 @@ class FileSystem:
         return [[name for _, name, _ in group] for _, group in itertools.groupby(found, lambda one: one[2])]
 
     def indexes(self) -> dict[str, record_index.Index]:
-        """Of each finished file of a recording, by its name."""
+        """The index of each finished file of a recording, by name."""
         indexes = [self._index(name) for name in self._files("/pool") if name.endswith(".index")]
         found = [record_index.parse(data) for data in indexes if data[8] == record_index.NAMED]
         return {index.name: index for index in found}
 
     def lost(self) -> list[str]:
-        """Where frames are missing in the recordings, and which program lost them."""
+        """A line for each gap in the recordings, with the lost frames."""
         return [f"{name}: before frame {position}: {entry.lost_store} lost in the store, {entry.lost_ring} in the ring"
                 for name, index in sorted(self.indexes().items()) for position, entry in enumerate(index.entries)
                 if entry.lost_store or entry.lost_ring]
 
     def take_only(self, item: str, into: pathlib.Path) -> pathlib.Path:
-        """The only recording of an item ("": of any), in one file."""
+        """Extract the only recording of an item ("": of any) into one file."""
         found = self.recordings(item)
         if len(found) != 1:
             raise Failed(f"one recording of {item or 'anything'} was expected, there are {found}")
         return self.take_all(found[0], into)
 
     def take_all(self, names: list[str], into: pathlib.Path) -> pathlib.Path:
-        """A recording in one file, with the times that it would have in one."""
+        """Extract a recording into one file, with continuous times."""
         with scratch(into.parent) as folder:
             y4m.join([self.take(name, folder / name) for name in names], into)
         return into
@@ -95,14 +95,14 @@ class Comparison:
     clip: int = 0  # frames in the clip
     recorded: int = 0  # frames in the recording
     missing: list[int] = dataclasses.field(default_factory=list)  # frames of the clip that the recording lacks
-    foreign: list[int] = dataclasses.field(default_factory=list)  # frames of the recording that are not the clip's next
-    numbered: bool = False  # the pictures carry numbers, and these agree as well
-    exact: bool = True  # compared byte by byte (else: counted only)
+    foreign: list[int] = dataclasses.field(default_factory=list)  # frames of the recording that are not the next ones
+    numbered: bool = False  # the pictures have numbers, which are compared as well
+    exact: bool = True  # compared byte by byte; else only counted
     unordered: int = 0  # time stamps that do not rise
 
 
 def compare(clip: pathlib.Path, recording: pathlib.Path) -> Comparison:
-    """Are the recording's frames the clip's, in its order, byte by byte?"""
+    """Compare the recording's frames with the clip's, in order, byte by byte."""
     result = Comparison()
     header, frames = y4m.read(clip)
     recorded_header, recorded_frames = y4m.read(recording)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What `make run` found: as JSON, and as one page without other files, to look at in a browser."""
+"""The report of `make run`: as JSON, and as a self-contained page for a browser."""
 import dataclasses
 import html
 import json
@@ -8,14 +8,14 @@ import math
 from parts.media import svg
 from parts.media.counters import Counters
 
-# The book's buckets, see ddx_stats.h: below 32 µs one each, above 32 for each power of two.
+# Buckets of the statistics, see ddx_stats.h: below 32 µs one for each, above 32 for each power of two.
 FINE = 32
 COLOURS = {"stored": "#0b6e4f", "recorded": "#3d6fc8", "sent": "#c8553d", "decoded": "#b08900"}
 
 
 @dataclasses.dataclass
 class Stage:
-    """One stage of the way of a frame: what came out of it, what it lost, how long after the capture."""
+    """A stage on a frame's way: frames out, lost frames, and latency."""
     name: str
     frames: int
     lost: int
@@ -25,7 +25,7 @@ class Stage:
 
 @dataclasses.dataclass
 class About:
-    """What was run, and how: keys of report.json, which docs/ci.md lists."""
+    """The run's parameters: keys of report.json, which docs/ci.md lists."""
     version: str
     source: str
     image: str
@@ -36,14 +36,14 @@ class About:
 
 @dataclasses.dataclass
 class Report:
-    """Everything about a run; `seconds` are the counters of the stages second by second."""
+    """A run; `seconds` are the stages' counters in each second."""
     frames_in: int
     stages: list[Stage]
     about: About
     disagreements: list[str]
     seconds: list[tuple[float, dict[str, int]]]
     passed: bool
-    notes: list[str] = dataclasses.field(default_factory=list)  # how the frames were compared, and what cannot be seen
+    notes: list[str] = dataclasses.field(default_factory=list)  # how the frames were compared, and the limits of that
 
     def json(self) -> str:
         return json.dumps({
@@ -55,7 +55,7 @@ class Report:
             "notes": self.notes, "disagreements": self.disagreements}, indent=2) + "\n"
 
 
-# A stage's name says what became of the frames; losses and latencies bear the name of what happens to them.
+# A stage is named after the result; its losses and latencies in report.json after the action.
 SINCE = {"stored": "since the capture", "recorded": "since it is in the store", "sent": "since it is in the store",
          "decoded": "since the capture"}
 WHERE = {"stored": "in the store, for all programs", "recorded": "in the recording, by ddxvideosave",
@@ -75,7 +75,7 @@ def bucket_us(index: int) -> float:
 
 
 def over_time(report: Report) -> str:
-    """How many frames a second came out of each stage, by its counters."""
+    """Frames out of each stage a second, by its counters."""
     pairs = [(before, after) for before, after in zip(report.seconds, report.seconds[1:]) if after[0] > before[0]]
     rates = {name: [(after[0], (after[1][name] - before[1][name]) / (after[0] - before[0])) for before, after in pairs]
              for name in COLOURS}
@@ -102,7 +102,7 @@ def halves(stage: Stage) -> dict[int, int]:
 
 
 def histogram(stage: Stage, last: int) -> str:
-    """How many frames took how long; the scale is logarithmic, and the same for all stages."""
+    """Frames by latency, on the same logarithmic scale for all stages."""
     counts = halves(stage)
     most = max(counts.values())
     axes = svg.Axes(last, most)

@@ -24,7 +24,7 @@ def ppm(data: bytes) -> Image:
 
 @functools.cache
 def glyphs() -> dict[bytes, str]:
-    """The font as the program has it: bands of 16 characters, 9 rows each."""
+    """The font from the program's source: bands of 16 characters, 9 rows each."""
     rows = [line.strip()[1:-2] for line in FONT.read_text().splitlines() if re.match(r'    "[.#]{5} ', line)]
     found = {}
     for number in range(ord("~") - ord(" ") + 1):
@@ -35,7 +35,7 @@ def glyphs() -> dict[bytes, str]:
 
 
 def read_text(image: Image, scale: int) -> str:
-    """The line of text that begins in the corner of an image; one that is too long for it has smaller letters."""
+    """The line of text in the corner of an image; long lines have smaller letters."""
     found = [read_letters(image, size) for size in range(scale, 0, -1)]
     return next((text for text in found if "\0" not in text), found[0])
 
@@ -51,7 +51,7 @@ def read_letters(image: Image, scale: int) -> str:
 
 @dataclasses.dataclass
 class Seen:
-    """A screenshot of ddxvideoview, taken apart."""
+    """The parts of a screenshot of ddxvideoview."""
     image: Image
 
     @property
@@ -61,18 +61,18 @@ class Seen:
 
     @property
     def area(self) -> Image:
-        """Above the text."""
+        """The area above the text."""
         return self.image[:-LINES * (CELL[1] + PAD) * self.scale]
 
     def number(self, left: int = 0, top: int = 0, width: int = 0, height: int = 0) -> int | None:
-        """The number that is drawn in the picture at this place; by itself, in all of the area."""
+        """The number in the picture at this place; by default in the whole area."""
         part = self.area[top:top + height or None, left:left + width or None, 1]
         rows = (numpy.arange(288) * 2 + 1) * part.shape[0] // 576
         columns = (numpy.arange(352) * 2 + 1) * part.shape[1] // 704
         return frame_number(part[rows][:, columns].tobytes(), 352, 288)
 
     def line(self, number: int) -> list[str]:
-        """The text of a line, in parts with a ground of their own."""
+        """The text of a line, in parts with different backgrounds."""
         top = len(self.area) + number * (CELL[1] + PAD) * self.scale
         ground = self.image[top].astype(int) @ (65536, 256, 1)
         edges = [0, *(numpy.flatnonzero(numpy.diff(ground)) + 1), len(ground)]
@@ -108,11 +108,11 @@ class Seen:
         return int(found[1]) if found else None
 
     def frame_before(self) -> int:
-        """The number that the step to this frame started at: frames that were lost between them are stated."""
+        """The number of the frame before the step to this one; the text states lost frames between them."""
         found = re.search(r"(\d+) missing before this one", self.text)
         return (self.frame() or 0) - 1 - (int(found[1]) if found else 0)
 
     def newer(self) -> int:
-        """How many newer frames there are, while it is paused."""
+        """The number of newer frames, while the viewer is paused."""
         found = re.search(r"  (\d+) newer", self.text)
         return int(found[1]) if found else 0

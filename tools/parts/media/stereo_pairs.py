@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Stereo pairs that cameras made, with their true disparities."""
+"""Photographed stereo pairs with their true disparities."""
 import dataclasses
 import pathlib
 import subprocess
@@ -23,8 +23,8 @@ class Pair:
     disparities: int
 
     def wrong(self, found: Map) -> float:
-        """The share of pixels with a known disparity, beyond the margin in which OpenCV's matchers find nothing, that
-        are missing or more than two pixels off."""
+        """The share of pixels that are missing or more than two pixels off; without those of unknown disparity and
+        without the margin in which OpenCV's matchers find nothing."""
         known = numpy.isfinite(self.truth) & (self.truth > 0) & (self.truth < self.disparities - 1)
         known[:, :self.disparities] = False
         return float(1 - ((found > 0) & (numpy.abs(found - self.truth) <= 2))[known].mean())
@@ -41,7 +41,7 @@ def grey(path: pathlib.Path) -> Grey:
 
 
 def _shares(old: int, new: int) -> NDArray[numpy.float64]:
-    """How much each of `old` pixels of a row counts in each of `new` ones that cover the same."""
+    """The share of each of `old` pixels of a row in each of `new` pixels of the same width."""
     edges = numpy.arange(new + 1) * old / new
     pixels = numpy.arange(old)
     covered = numpy.clip(numpy.minimum(edges[1:, None], pixels + 1) - numpy.maximum(edges[:-1, None], pixels), 0, 1)
@@ -49,7 +49,7 @@ def _shares(old: int, new: int) -> NDArray[numpy.float64]:
 
 
 def _shrunk(pair: Pair, factor: int, disparities: int) -> Pair:
-    """As cv2.resize() does with INTER_AREA, the truth with INTER_NEAREST; width and height are multiples of four."""
+    """Like cv2.resize() with INTER_AREA, the truth with INTER_NEAREST; width and height are multiples of four."""
     height, width = pair.truth.shape
     rows, columns = (side // factor // 4 * 4 for side in (height, width))
 
@@ -62,7 +62,7 @@ def _shrunk(pair: Pair, factor: int, disparities: int) -> Pair:
 
 
 def motorcycle(factor: int, disparities: int) -> Pair:
-    """Of Middlebury's 2014 data, in scikit-image's examples."""
+    """A pair of Middlebury's 2014 data, from scikit-image's examples."""
     folder = wheels.folder(wheels.SKIMAGE, wheels.PYTHON_37, "skimage/data/motorcycle") / "skimage/data"
     file: Any = numpy.load(folder / "motorcycle_disp.npz")
     whole = Pair(grey(folder / "motorcycle_left.png"), grey(folder / "motorcycle_right.png"),
@@ -71,14 +71,14 @@ def motorcycle(factor: int, disparities: int) -> Pair:
 
 
 def aloe(factor: int, disparities: int) -> Pair:
-    """Of Middlebury's 2006 data, in OpenCV's examples."""
+    """A pair of Middlebury's 2006 data, from OpenCV's examples."""
     whole = Pair(grey(example("aloeL.jpg")), grey(example("aloeR.jpg")),
                  grey(example("aloeGT.png")).astype(numpy.float32), disparities)
     return whole if factor == 1 else _shrunk(whole, factor, disparities)
 
 
 def chessboard(number: int) -> tuple[Grey, Grey]:
-    """Left and right view of a board with 9x6 corners, in OpenCV's examples: number 1 to 9 and 11 to 14."""
+    """Left and right view of a board with 9x6 corners, from OpenCV's examples: number 1 to 9 and 11 to 14."""
     return grey(example(f"left{number:02d}.jpg")), grey(example(f"right{number:02d}.jpg"))
 
 

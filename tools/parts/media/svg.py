@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Pictures of figures as SVG, for a page or a file of their own: bars on a logarithmic scale, and two linear axes."""
+"""Diagrams as SVG, for a page or a file: bars on a logarithmic scale, and two linear axes."""
 import dataclasses
 import html
 import math
@@ -29,7 +29,7 @@ def picture(content: str, width: float, height: float, more: str = "") -> str:
 
 
 def bars(rows: Sequence[Bar], low: int | None = None) -> tuple[str, float]:
-    """One bar a row, grouped, and the height of all. The scale begins with 10^low, else with the smallest value."""
+    """A bar for each row, in groups, and the total height. The scale begins at 10^low, else at the smallest value."""
     values = [value for one in rows for value in (one.value, one.mark) if value > 0]
     first = math.floor(math.log10(min(values, default=1))) if low is None else low
     last = max(first + 1, math.ceil(math.log10(max(values, default=1))))

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Y4M from outside: a reader that shares nothing with the programs under test."""
+"""A reader of Y4M files that shares no code with the programs under test."""
 import dataclasses
 import pathlib
 from collections.abc import Iterator
 
-# samples of both chroma planes together for each luma sample, as a divisor of (width, height)
+# Divisors of width and height for the chroma planes
 CHROMA = {"420": (2, 2), "420jpeg": (2, 2), "420mpeg2": (2, 2), "420paldv": (2, 2), "422": (2, 1), "444": (1, 1),
           "411": (4, 1)}
 
 
 class Malformed(Exception):
-    """A file that is no Y4M, or is damaged; the message begins with its name."""
+    """A damaged file, or one that is not Y4M; the message begins with its name."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,12 +45,12 @@ class Frame:
 
     @property
     def start(self) -> int | None:
-        """On a recording's first frame: when it was captured, ns on the machine's monotonic clock."""
+        """Time of capture of a recording's first frame, ns on the machine's monotonic clock."""
         return next((int(p[11:]) for p in self.parameters if p.startswith("XDDX_START=")), None)
 
     @property
     def time(self) -> int | None:
-        """ns since the first frame, where the file says so."""
+        """ns since the first frame, if the file has times."""
         return next((int(p[6:]) for p in self.parameters if p.startswith("XTIME=")), None)
 
 
@@ -69,7 +69,7 @@ def _header(line: bytes) -> Header:
 
 
 def read(path: pathlib.Path) -> tuple[Header, Iterator[Frame]]:
-    """The header, and the frames one after the other. A cut-off last frame raises Malformed."""
+    """The header and an iterator over the frames; an incomplete last frame raises Malformed."""
     file = path.open("rb")
     try:
         header = _header(file.readline(1024).rstrip(b"\n"))
@@ -97,7 +97,7 @@ def read(path: pathlib.Path) -> tuple[Header, Iterator[Frame]]:
 
 
 def join(paths: list[pathlib.Path], into: pathlib.Path) -> None:
-    """Files that follow each other as one: the header, and each frame's time since the first one."""
+    """Join consecutive files: one header, and each frame's time since the first one."""
     begin: int | None = None
     with into.open("wb") as out:
         for path in paths:
