@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The trees that an image is made of: ours, and those of EXTERNAL=path[:path], which have folders of the same names.
+"""The source trees of an image: ours, and those of EXTERNAL=path[:path], which have folders of the same names.
 
-docs/programs.md describes a tree outside of ours. Two trees that have a package, a board or a configuration of the
-same name are refused.
+docs/programs.md describes such a tree. Trees with a package, a board or a configuration of the same name are refused.
 """
 import os
 import pathlib
@@ -11,7 +10,7 @@ from collections.abc import Iterable
 
 from parts.common import TOP, BadInput
 
-BUILDROOT = TOP / "buildroot-external"  # ours for Buildroot; of another tree its top
+BUILDROOT = TOP / "buildroot-external"  # our tree for Buildroot; in other trees this is the top
 FOLDERS = ["package", "board", "configs", "overlay"]
 FILES = ["external.desc", "external.mk", "Config.in"]  # of a tree for Buildroot
 DEFCONFIG = re.compile(r"ddxvideo_(\w+)_defconfig")
@@ -64,7 +63,7 @@ def boards() -> dict[str, pathlib.Path]:
 
 
 def buildroot() -> dict[str, pathlib.Path]:
-    """What Buildroot takes as BR2_EXTERNAL, by the names that Buildroot knows: BR2_EXTERNAL_<name>_PATH."""
+    """Buildroot's BR2_EXTERNAL trees by their names there, as in BR2_EXTERNAL_<name>_PATH."""
     found = []
     for tree in [BUILDROOT, *others()]:
         if missing := [name for name in FILES if not (tree / name).is_file()]:
@@ -83,14 +82,14 @@ def defconfigs() -> dict[str, pathlib.Path]:
 
 
 def sources(board: str) -> list[pathlib.Path]:
-    """All that goes into a board's image."""
+    """All sources of a board's image."""
     mine = [tree / name for tree in others() for name in ["configs", *FILES]]
     return [*each("package"), *each("overlay"), *each("board/common"), *each(f"board/{board}"), BUILDROOT,
             *(path for path in mine if path.exists())]
 
 
 def local_packages(folders: Iterable[pathlib.Path] | None = None) -> dict[str, list[str]]:
-    """Those whose source is in a tree, and which of them each is made of, itself included."""
+    """Packages whose source is in a tree: each with its dependencies among them, itself included."""
     texts = {path.parent.name: path.read_text() for folder in folders or packages().values()
              for path in sorted(folder.glob("*.mk"))}
     local = {name: text for name, text in texts.items() if "_SITE_METHOD = local" in text}

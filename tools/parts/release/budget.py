@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What an image takes: size, memory, time; measured from outside where that is possible, compared with the budget."""
+"""Size, memory and boot time of an image, compared with the budget."""
 import dataclasses
 import json
 import pathlib
@@ -29,7 +29,7 @@ class Item:
 
 
 def judge(values: dict[str, float]) -> list[Item]:
-    """The lines of the budget for which something was measured."""
+    """The budget's lines with a measured value."""
     items = []
     for line in entries(BUDGET):
         name, limit, unit, text = line.split(None, 3)
@@ -45,12 +45,12 @@ def table(items: list[Item]) -> str:
 
 
 def compressed(image: pathlib.Path) -> int:
-    """Bytes of the image as it is handed out."""
+    """Bytes of the compressed image."""
     return int(run(["sh", "-c", 'xz -6 -T2 --stdout "$1" | wc -c', "sh", image]))
 
 
 def memory(guest: Guest) -> float:
-    """MiB that are neither available nor a frame in the store, of what the firmware leaves to the system."""
+    """MiB of the system's memory that are neither available nor frames in the store."""
     found = re.search(r"Memory: \d+K/(\d+)K available", guest.sh("dmesg"))
     assert found
     kilobytes = {name: int(value) for name, value in re.findall(r"^(\w+):\s+(\d+) kB$", guest.sh("cat /proc/meminfo"),
@@ -60,7 +60,7 @@ def memory(guest: Guest) -> float:
 
 
 def starts(guest: Guest) -> list[tuple[str, float, float]]:
-    """The boot's critical path, since these follow one another: script, when it began, how long it took (s)."""
+    """The boot's critical path: each script, its start and its duration (s)."""
     found = []
     for line in guest.sh("cat /run/log/boot").splitlines():
         begin, end, _, name = line.split()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Compare an image with board/common/manifest.txt of each tree: an unpacked root, a kernel configuration, a disk."""
+"""Compare an image (unpacked root, kernel configuration, disk) with board/common/manifest.txt of each tree."""
 import pathlib
 import re
 
@@ -12,7 +12,7 @@ MANIFEST = "board/common/manifest.txt"
 
 
 def lines() -> list[str]:
-    """Those of the files, and what the tables of programs add: users and services."""
+    """The lines of the manifests, and those for users and services from the tables of programs."""
     return [*(line for path in trees.each(MANIFEST) for line in entries(path)),
             *(f"user {one.user} {one.number} {tables.GROUP}" for one in tables.programs()),
             *(f"service {script}" for script in tables.scripts())]
@@ -27,8 +27,8 @@ def _words(kind: str) -> list[str]:
 
 
 def ports(found: set[tuple[str, int, str]]) -> list[str]:
-    """What listens, as kind, number and program, and is not listed, or is listed and does not listen. A range stands
-    for one port in it."""
+    """Open ports (kind, number, program) that are not listed, and listed ones that are not open. A range stands for one
+    port in it."""
     left, bad = set(found), []
     for kind, numbers, program in wanted("port"):
         first, _, last = numbers.partition("-")
@@ -41,7 +41,7 @@ def ports(found: set[tuple[str, int, str]]) -> list[str]:
 
 
 def applets(root: pathlib.Path) -> list[str]:
-    """Applets without a link to BusyBox in the root, and links that are not listed."""
+    """Listed applets without a link to BusyBox in the root, and links that are not listed."""
     present = {path.name for folder in ["bin", "sbin", "usr/bin", "usr/sbin"] for path in (root / folder).glob("*")
                if path.is_symlink() and path.readlink().name == "busybox"}
     listed = set(_words("applet"))
@@ -50,7 +50,7 @@ def applets(root: pathlib.Path) -> list[str]:
 
 
 def programs(root: pathlib.Path) -> list[str]:
-    """Those that are missing, or are an applet of BusyBox. One may be a link to another, as Dropbear's scp is."""
+    """Programs that are missing or are applets of BusyBox. A program may be a link to another, like Dropbear's scp."""
     found = {words[0]: root / words[0].lstrip("/") for words in wanted("program")}
     return [name for name, path in found.items()
             if not path.is_file() or (path.is_symlink() and path.readlink().name == "busybox")]
@@ -69,7 +69,7 @@ def modules(root: pathlib.Path) -> list[str]:
 
 
 def accounts(root: pathlib.Path) -> list[str]:
-    """Groups and users that are missing or have other numbers; our own ranges hold nothing else."""
+    """Groups and users that are missing or have other numbers, and unknown users in our range."""
     groups = {line.split(":")[0]: line.split(":")[2] for line in (root / "etc/group").read_text().splitlines()}
     users = {line.split(":")[0]: line.split(":")[2:4] for line in (root / "etc/passwd").read_text().splitlines()}
     bad = [f"group {name} {number}" for name, number in wanted("group") if groups.get(name) != number]
@@ -82,7 +82,7 @@ def accounts(root: pathlib.Path) -> list[str]:
 
 
 def services(root: pathlib.Path) -> tuple[list[str], list[str]]:
-    """What starts, in order: as wanted, and as it is."""
+    """The init scripts in order: wanted, and present."""
     return sorted(_words("service")), sorted(path.name for path in (root / "etc/init.d").glob("S*"))
 
 

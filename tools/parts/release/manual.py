@@ -7,8 +7,8 @@ from parts.common import TOP, run
 from parts.release import manual_calls, manual_programs
 
 HEADERS = {"ddx": TOP / "package/ddx/include", "ddxvideo": TOP / "package/ddxvideo/include"}  # by their library
-SEE = ["ddxctl", "store"]  # what most programs have to do with
-# A program in Python that needs a module which is not installed here can print its help all the same.
+SEE = ["ddxctl", "store"]  # related to most programs
+# Lets a program in Python print its help without a module that is not installed here.
 STUB = "import runpy, sys, types; sys.modules['cv2'] = types.ModuleType('cv2'); sys.argv = sys.argv[1:]; " \
        "runpy.run_path(sys.argv[0], run_name='__main__')"
 
@@ -19,7 +19,7 @@ def release() -> str:
 
 
 def help_text(program: pathlib.Path, environment: dict[str, str]) -> str:
-    """As on a terminal of a common width, whatever this one has."""
+    """A program's -help, for a terminal of 100 columns."""
     with program.open("rb") as file:
         script = b"python" in file.readline(64)
     python = ["/usr/bin/python3", "-B", "-c", STUB] if script else []
@@ -42,7 +42,7 @@ def of_calls() -> dict[str, str]:
 
 
 def write(folder: pathlib.Path, programs: list[pathlib.Path], environment: dict[str, str]) -> None:
-    """Below `folder`, usually share/man. `environment`: with which the programs find their libraries."""
+    """Write the pages below `folder`, usually share/man. In `environment` the programs find their libraries."""
     for section, pages in ((manual_programs.SECTION, of_programs(programs, environment)),
                            (manual_calls.SECTION, of_calls())):
         below = folder / f"man{section}"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The calls of a public header as pages of the manual: what the page says is what the header's comments say."""
+"""Manual pages for the calls of a public header, made from the header's comments."""
 import dataclasses
 import re
 
@@ -15,7 +15,7 @@ NOISE = re.compile(r'^(?:#(?:ifn?def|endif|if|else|include|pragma) ?.*|#define \
 
 @dataclasses.dataclass
 class Item:
-    """A comment and what it belongs to; a comment that begins as `The same` belongs to the item before as well."""
+    """A comment and its code; a comment that begins with `The same` belongs to the previous item as well."""
     comment: str
     code: str
     topic: str   # of this part of the header
@@ -80,7 +80,7 @@ def declarations(all_items: list[Item], code: str) -> str:
 
 
 def about(item: Item) -> tuple[str, str]:
-    """Its summary and its text: where the comment has little more than errors, after the topic of that part."""
+    """An item's summary and text; a comment with little more than errors gets the topic of its part in front."""
     if item.topic and re.match(r"Errors:|-E|After each ", item.comment):
         return summary(item.topic.replace(": ", " - ")), f"{item.topic}.\n\n{item.comment}"
     return summary(item.comment), item.comment
@@ -106,7 +106,7 @@ def call_page(item: Item, header: str, all_items: list[Item], known: set[str], r
 
 
 def header_page(header: str, library: str, all_items: list[Item], release: str) -> str:
-    """What holds for all calls, the types and constants as they stand there, and a list of the calls."""
+    """The header's introduction, a list of its calls, and its types and constants."""
     introduction = next(item.comment for item in all_items if item.comment and "SPDX" not in item.comment)
     short = re.sub(r"^\w+: ", "", introduction)
     others = [item for item in all_items
@@ -121,7 +121,7 @@ def header_page(header: str, library: str, all_items: list[Item], release: str) 
 
 
 def pages(headers: dict[str, str], library: str, release: str) -> dict[str, str]:
-    """`headers`: the text of each, by its name. The pages by name, without the section's suffix."""
+    """Pages by name, without the section's suffix. `headers`: texts by name."""
     found = {name: items(text) for name, text in headers.items()}
     everything = [item for listed in found.values() for item in listed]
     known = {name for item in everything for name in item.names}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Plain text as a page of the manual, in man(7): paragraphs, lists of terms with their meaning, and code."""
+"""Convert plain text to man(7): paragraphs, lists of terms with their meaning, and code."""
 import re
 import textwrap
 
@@ -9,7 +9,7 @@ CODE_INDENT = 4  # blanks before code and formulas
 
 
 def escaped(text: str) -> str:
-    """Text that troff prints as it is. What stands in `backquotes` is bold."""
+    """Text that troff prints unchanged. Words in `backquotes` become bold."""
     text = text.replace("\\", "\\e")
     text = re.sub(r"-(?=\w)", r"\\-", text).replace("--", "\\-\\-").replace("'", "\\(aq").replace("^", "\\(ha")
     text = text.replace("~", "\\(ti").replace("\u00b5", "\\(mc")
@@ -41,7 +41,7 @@ def indent_of(line: str) -> int:
 
 
 def listed(lines: list[str]) -> str:
-    """Entries of equal indent, each with lines that continue it; those may be a list of their own."""
+    """Entries of equal indent, each with continuation lines, which may be a nested list."""
     result = ""
     while lines:
         found = LIST_LINE.fullmatch(lines[0])
@@ -62,7 +62,7 @@ def listed(lines: list[str]) -> str:
 
 
 def block(lines: list[str]) -> str:
-    """Lines of equal kind: a paragraph, a list, or what stays as it is."""
+    """Lines of one kind: a paragraph, a list, or code."""
     indent = indent_of(lines[0])
     if indent >= CODE_INDENT:
         return verbatim(textwrap.dedent("\n".join(lines)))
@@ -70,7 +70,7 @@ def block(lines: list[str]) -> str:
 
 
 def body(text: str) -> str:
-    """Text of a comment: an indented line after one that is not, and the reverse, begins another block."""
+    """The text of a comment; a change of indentation begins another block."""
     result, lines = "", list[str]()
     for line in [*text.splitlines(), ""]:
         if lines and (not line.strip() or bool(indent_of(lines[0])) != bool(indent_of(line))):
@@ -82,7 +82,7 @@ def body(text: str) -> str:
 
 
 def summary(text: str) -> str:
-    """The first sentence or less, as the line that `apropos` shows."""
+    """The first sentence or a part of it, for `apropos`."""
     first = re.split(r"[.;:](?= |$)", " ".join(text.split()), maxsplit=1)[0].replace("`", "")
     while len(first) > WIDTH and ", " in first:
         first = first.rpartition(", ")[0]
@@ -96,7 +96,7 @@ def references(names: list[str], section: int) -> str:
 
 
 def page(names: list[str], section: int, about: str, sections: list[tuple[str, str]], release: str) -> str:
-    """`sections`: title and man(7) text; an empty one is left out."""
+    """A page; `sections`: title and man(7) text; empty ones are left out."""
     parts = "".join(f".SH {title}\n{text.removeprefix('.PP' + chr(10))}" for title, text in sections if text)
     return (f'.TH "{names[0]}" "{section}" "" "{release}" "DDXVIDEO"\n.ad l\n.nh\n'
             f".SH NAME\n{escaped(', '.join(names))} \\- {escaped(about)}\n{parts}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A program's own -help text as a page of the manual."""
+"""Convert a program's -help text to a manual page."""
 import pathlib
 import re
 
@@ -11,13 +11,13 @@ TITLES = {"Signals": "SIGNALS", "Counters": "COUNTERS", "Exit status": "EXIT STA
 
 
 def abouts(package: pathlib.Path) -> dict[str, str]:
-    """What each program is, in a line: the comment at the top of its main file."""
+    """A line about each program: the comment at the top of its main file."""
     files = [*package.rglob("main.c"), *package.rglob("*.py")]
     return {found[1]: found[2] for file in files if (found := ABOUT.search(file.read_text()[:400]))}
 
 
 def split_entry(line: str) -> tuple[str, str]:
-    """An option or command, and what it does."""
+    """Split a line into an option or command and its meaning."""
     if found := re.fullmatch(r"(\S+(?: \S+)*?)  +(\S.*)", line):
         return found[1], found[2]
     if found := re.fullmatch(r"(-\S+ \S*[|]\S*) (\S.*)", line):  # no room for two blanks
@@ -39,7 +39,7 @@ def list_of(lines: list[str]) -> str:
 
 
 def paragraphs(lines: list[str]) -> list[tuple[str, str]]:
-    """Text without indent: title and man(7) text; where a line begins with one of our titles, a section begins."""
+    """Text without indent as title and man(7) text; a line that begins with a word of TITLES begins a section."""
     result: list[tuple[str, list[str]]] = [("", [])]
     for line in lines:
         word, colon, rest = line.partition(": ")
@@ -51,7 +51,7 @@ def paragraphs(lines: list[str]) -> list[tuple[str, str]]:
 
 
 def blocks(text: str) -> list[list[str]]:
-    """Lines that belong together: an empty line, and a change between text and lists, is a border."""
+    """Blocks of lines, separated by empty lines and by changes between text and lists."""
     result: list[list[str]] = [[]]
     for line in text.splitlines():
         if not line.strip() or result[-1] and line.startswith(" ") != result[-1][-1].startswith(" "):
@@ -72,7 +72,7 @@ def synopsis(text: str) -> tuple[list[str], str]:
 
 
 def heading(lines: list[str]) -> str:
-    """The title that a line of few words with a colon is; else empty."""
+    """The title, if the block is one line of few words with a colon; else empty."""
     words = re.sub(r" *\(.*\)", "", lines[0]).removesuffix(":").split()
     return " ".join(words).upper() if len(lines) == 1 and lines[0].endswith(":") and len(words) <= 3 else ""
 

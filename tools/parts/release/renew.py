@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""What has to be made again of what an earlier build left in Buildroot's folder: derived from what that was made of.
+"""Find out which parts of an earlier build in Buildroot's folder must be built again, from hashes of their sources.
 
-Buildroot itself looks at none of it. What it cannot build again piece by piece (toolchain, options of packages) costs
-a build from nothing; and the target folder is filled again, so that nothing stays in it that the tree no longer has.
+Buildroot itself does not check this. Changes that it cannot build incrementally (toolchain, options of packages) need a
+build from nothing. The target folder is filled again, so that it contains no file that the tree no longer has.
 """
 import json
 import pathlib
@@ -13,7 +13,7 @@ from parts import trees
 from parts.common import TOP, fingerprint
 
 CLEAN, TARGET = "clean", "target"
-# Options that name files of ours (those are looked at), or steps that are repeated in each build.
+# Options for files of ours, which are hashed themselves, and for steps that each build repeats.
 NAMES_FILES = re.compile(r"BR2_(ROOTFS_(OVERLAY|POST_\w+_SCRIPT|DEVICE_TABLE)|GLOBAL_PATCH_DIR|PACKAGE_BUSYBOX_CONFIG|"
                          r"LINUX_KERNEL_(CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)|DL_DIR|JLEVEL|DEFCONFIG)=")
 KERNEL = re.compile(r'^BR2_LINUX_KERNEL_(?:CUSTOM_CONFIG_FILE|CONFIG_FRAGMENT_FILES)="(.*)"$', re.M)
@@ -30,13 +30,13 @@ def _kernel_files(config: str) -> list[pathlib.Path]:
 
 
 def keys(config: str, commit: str, sources: str) -> dict[str, str]:
-    """A hash for each target of Buildroot's (CLEAN among them), and for the target folder. `config`: Buildroot's
-    .config, `commit`: Buildroot's, `sources`: of all of ours that goes into the image."""
+    """A hash for each target of Buildroot (including CLEAN), and for the target folder. `config`: Buildroot's .config,
+    `commit`: Buildroot's, `sources`: hash of all our sources for the image."""
     options = [line for line in config.splitlines() if line.startswith("BR2_") and not NAMES_FILES.match(line)]
     ffmpeg = [line for line in options if line.startswith(FFMPEG)]
     folders, foreign, local = trees.packages(), trees.foreign(), trees.local_packages()
     other = [folder for name, folder in folders.items() if name not in local]
-    # The appliance has all of ours; a package of another tree may be left out of the board's configuration.
+    # An image has all our packages; the board's configuration may leave out packages of other trees.
     made = [name for name in local
             if name not in foreign or f"BR2_PACKAGE_{name.upper().replace('-', '_')}=y" in options]
     makefiles = [tree / "external.mk" for tree in trees.buildroot().values()]
@@ -51,7 +51,7 @@ def keys(config: str, commit: str, sources: str) -> dict[str, str]:
 
 
 def fresh_target(build: pathlib.Path) -> None:
-    """Every package is installed once more, into an empty folder; nothing is compiled for that."""
+    """Let all packages be installed again into an empty folder, without compiling."""
     shutil.rmtree(build / "target", ignore_errors=True)
     stamps = [*build.glob("build/*/.stamp_target_installed"),
               *build.glob("build/host-gcc-final-*/.stamp_host_installed")]  # it brings the libraries
@@ -61,8 +61,8 @@ def fresh_target(build: pathlib.Path) -> None:
 
 
 def begin(build: pathlib.Path, wanted: dict[str, str]) -> list[str]:
-    """The targets to make before all others, after a look at what the folder was made of. What is about to change
-    counts as unknown until end(), so a build that is broken off is not believed."""
+    """Compare the folder's hashes with the wanted ones: the targets to make first. Changed parts count as unknown until
+    end(), so that an interrupted build is not trusted."""
     path = build / ".made-of"
     if not (build / "build").exists():
         path.write_text(json.dumps(wanted))
@@ -78,5 +78,5 @@ def begin(build: pathlib.Path, wanted: dict[str, str]) -> list[str]:
 
 
 def end(build: pathlib.Path, made: dict[str, str]) -> None:
-    """All is as wanted."""
+    """Record a finished build."""
     (build / ".made-of").write_text(json.dumps(made))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A long run that can be stopped and started again, all of whose results belong to one build.
+"""A long run that can be stopped and continued, with results of one build only.
 
-The file has JSON lines. The first line says what is measured: a hash of the image and of the programs, the commit and
-the options. Each further line is one finished step. A run with another first line starts over: the results and the
-leftovers (recorded writes, a guest's disk) of the earlier one are removed.
+The file has JSON lines. The first line identifies the run: a hash of image and programs, the commit and the options.
+Each further line is a finished step. A run with another first line starts over: the results and the leftovers (logged
+writes, a guest's disk) of the earlier run are removed.
 """
 import contextlib
 import fcntl
@@ -19,8 +19,7 @@ Result = dict[str, Any]
 
 
 def read(file: pathlib.Path) -> tuple[Result, dict[str, Any]]:
-    """What is measured, and the results by step; of a step that was repeated the last one. A line that was cut off does
-    not count, nor does a file of another kind."""
+    """The first line, and the last result of each step. An incomplete line and a file of another kind are ignored."""
     with contextlib.suppress(OSError, ValueError, KeyError, TypeError):
         first, *lines = [json.loads(line) for line in file.read_bytes().splitlines(keepends=True)
                          if line.endswith(b"\n")]
@@ -33,7 +32,7 @@ class Campaign:
 
     def __init__(self, file: pathlib.Path, made_of: Iterable[pathlib.Path], leftovers: Iterable[pathlib.Path] = (),
                  **options: object) -> None:
-        """`made_of`: image and programs, files or folders. `leftovers`: what steps leave for later ones."""
+        """`made_of`: image and programs, files or folders. `leftovers`: files that steps leave for later ones."""
         self.file = file
         self.about: Result = {"commit": commit(), "made_of": fingerprint(made_of), "options": options}
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -58,19 +57,19 @@ class Campaign:
             yield
 
     def _drop_cut_off(self) -> None:
-        """The last line, where the run was stopped while it wrote it."""
+        """Drop a last line that is incomplete, because the run was stopped while writing it."""
         whole = self.file.read_bytes()
         if not whole.endswith(b"\n"):
             self.file.write_bytes(whole[:whole.rfind(b"\n") + 1])
 
     def add(self, step: str, result: Any) -> None:
-        """Keep the result of a step that is done, or done once more."""
+        """Keep the result of a finished step, in place of an earlier result."""
         self.results[step] = json.loads(json.dumps(result))
         with self._locked(), self.file.open("a") as file:
             file.write(json.dumps({"step": step, "result": result}) + "\n")
 
     def once(self, step: str, action: Callable[[], Any]) -> Any:
-        """The result of a step, which is done now unless an earlier run has done it."""
+        """The result of a step, which runs now unless an earlier run has finished it."""
         if step not in self.results:
             self.add(step, action())
         return self.results[step]

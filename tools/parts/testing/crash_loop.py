@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A service that dies again and again: killed as soon as it runs."""
+"""Kill a service repeatedly, each time as soon as it runs."""
 from collections.abc import Iterable
 
 PAUSES = (0, 1, 2, 4)  # s, before it is started again for the first time, for the second ...; then always 8
 KILLS = len(PAUSES) + 1
-KILLED = "/run/killed"  # there is, of each service, when it was killed, and its status afterwards
-# What runs is a script first, and at the end `finish`: only the program itself counts. The last pause is the longest
-# one: long enough for its status to be seen. (One line, as a console takes it.)
+KILLED = "/run/killed"  # files with the times of a service's kills, and its status afterwards
+# The process is first a script, and last `finish`: only the program itself is killed. The last pause is the longest,
+# with time to read the status. (A console takes one line.)
 SCRIPT = (f"attack() {{ last= kills=0 looks=0; : > {KILLED}.$1; "
           f"while [ $kills -lt {KILLS} ]; do read -r pid < /run/service/$1/supervise/pid; "
           'if [ "$pid" = "$last" ] || [ "$(readlink /proc/$pid/exe)" != /usr/bin/$1 ]; '
@@ -18,22 +18,22 @@ SCRIPT = (f"attack() {{ last= kills=0 looks=0; : > {KILLED}.$1; "
 
 
 def at_once(names: Iterable[str]) -> str:
-    """The command that does it to these services."""
+    """The command that attacks these services at the same time."""
     return f"{SCRIPT}; all=; for name in {' '.join(names)}; do attack $name & all=\"$all $!\"; done; wait $all"
 
 
 def times(name: str) -> str:
-    """The command that tells when one of them was killed."""
+    """The command that prints the times of a service's kills."""
     return f"cat {KILLED}.{name}"
 
 
 def status(name: str) -> str:
-    """The command that tells how it was called during the pause that followed."""
+    """The command that prints a service's status during the last pause."""
     return f"cat {KILLED}.{name}.status"
 
 
 def pauses(text: str) -> list[float]:
-    """Seconds from each death to the next one, from what was told."""
+    """Seconds between the kills, from the output of times()."""
     at = [float(word) for word in text.split()]
     return [round(later - sooner, 2) for sooner, later in zip(at, at[1:])]
 

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The evidence of a failed test: the guest's console, all logs of its services and its kernel, QEMU's
-messages, and the commit."""
+"""The evidence of a failed test: the guest's console, logs of services and kernel, QEMU's messages, and the commit."""
 import contextlib
 import dataclasses
 import pathlib
@@ -10,8 +9,8 @@ from parts.common import TOP, commit
 from parts.guest.channel import Channel, Timeout
 from parts.guest.qemu import Guest
 
-SECONDS = 20.0  # a guest that does not answer within these gives only its console
-TAIL = 30       # lines of each that are shown
+SECONDS = 20.0  # time for an answer; later, only the console is kept
+TAIL = 30       # lines of each text that are printed
 COMMAND = ("tail -n +1 /run/log/* /run/log/*/current /run/log/lastboot/* 2> /dev/null; "
            "printf '\\n==> dmesg <==\\n'; dmesg")
 HEADER = re.compile(r"^==> (\S+) <==$", re.MULTILINE)
@@ -19,13 +18,13 @@ HEADER = re.compile(r"^==> (\S+) <==$", re.MULTILINE)
 
 @dataclasses.dataclass
 class Evidence:
-    """Of one guest: texts by name."""
+    """The texts of one guest, by name."""
     guest: str
     texts: dict[str, str]
 
 
 def _logs(guest: Guest, failed: bool) -> str:
-    """From a shell of our own if something went wrong: the usual one may be busy for ever."""
+    """The guest's logs; after a failure from a second shell, since the usual one may hang."""
     with contextlib.suppress(Timeout, OSError):
         if not failed:
             return guest.opened["hvc0"].run(COMMAND, SECONDS)[1] if "hvc0" in guest.opened else ""
@@ -36,7 +35,7 @@ def _logs(guest: Guest, failed: bool) -> str:
 
 
 def take(guest: Guest, failed: bool) -> Evidence:
-    """`failed`: waits for an answer even where there is no shell yet."""
+    """Collect a guest's evidence. `failed`: wait for a shell, also if none was open."""
     texts = {}
     if not guest.paused and guest.process.poll() is None:
         parts = HEADER.split(_logs(guest, failed))
@@ -48,7 +47,7 @@ def take(guest: Guest, failed: bool) -> Evidence:
 
 
 def keep(found: list[Evidence], folder: pathlib.Path) -> list[tuple[str, str]]:
-    """Write it all there; the result: a title and the last lines of each, to be shown."""
+    """Write all texts into the folder; returns a title and the last lines of each, for printing."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "commit").write_text(commit() + "\n")
     shown = [(f"commit (all in {folder.relative_to(TOP)})", commit())]

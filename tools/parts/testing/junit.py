@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A run of the tests as one JUnit XML file, which Jenkins, GitLab and others show: a suite for each file of tests in
-Python and for each package of each build in C. Elements and attributes are those that the strictest readers allow."""
+"""Write a run of the tests as a JUnit XML file for Jenkins, GitLab and others: a suite for each Python file of tests
+and for each package of each C build, with the elements and attributes that the strictest readers allow."""
 import argparse
 import contextlib
 import pathlib
@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 from parts.common import say
 from parts.testing.suite import Suite, Test, first_words
 
-ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # in XML 1.0, even escaped
+ILLEGAL = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")  # in XML 1.0, also when escaped
 MOST = 1_000_000  # characters of one failure: parsers and GitLab limit a file's size
 
 
@@ -63,8 +63,7 @@ def document(tests: Sequence[Test]) -> xml.ElementTree:
 
 
 def target(name: str) -> pathlib.Path:
-    """For argparse: a file that can be written, found out before the run. That of an earlier run is removed, so that no
-    reader takes it for this run's."""
+    """For argparse: check before the run that the file can be written, and remove that of an earlier run."""
     path = pathlib.Path(name)
     if path.exists() and not path.is_file():
         raise argparse.ArgumentTypeError(f"{path} exists, and is no file")
@@ -79,8 +78,7 @@ def target(name: str) -> pathlib.Path:
 
 @contextlib.contextmanager
 def written(path: pathlib.Path | None, run: Suite) -> Iterator[None]:
-    """Around a run: its file is written at the end, also of a run that an error or Ctrl-C stops, which is a failure in
-    the file."""
+    """Write the file at the end of a run; an error or Ctrl-C that stops the run is a failure in the file."""
     try:
         yield
     except BaseException as error:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Toggles of one service, and what a power cut at any of their writes leaves of its settings."""
+"""Toggles of one service, and its settings after a power cut at any of their writes."""
 import pathlib
 import random
 import subprocess
@@ -13,14 +13,14 @@ FILE = f"/data/ddx/{NAME}.conf"
 TOGGLES = ("disable", "enable", "disable", "enable")
 WRITTEN = {"enable": b"enabled=yes\n", "disable": b"enabled=no\n"}
 MARK = b"toggle %d is done"
-Found = list[tuple[int, bytes | None]]  # toggles that were done, and the settings
+Found = list[tuple[int, bytes | None]]  # number of finished toggles, and the settings
 
 
 def toggle(sh: Callable[[str], object], mark: Callable[[bytes], object], naive: bool) -> None:
-    """All of them; `sh` runs a command there, `mark` writes something to its disk, beside the file system."""
+    """Run the toggles; `sh` runs a command there, `mark` writes to its disk outside of the file system."""
     mark(MARK % 0)
     for number, action in enumerate(TOGGLES, 1):
-        if naive:  # the check itself: written in place, as an editor may do
+        if naive:  # to check this test: written in place, as some editors do
             sh(f": > {FILE}; sync; echo '{WRITTEN[action].decode().strip()}' > {FILE}")
         else:
             sh(f"ddxctl {action} {NAME}")
@@ -28,8 +28,8 @@ def toggle(sh: Callable[[str], object], mark: Callable[[bytes], object], naive: 
 
 
 def settings(file: pathlib.Path) -> bytes | None:
-    """What the machine would find on such a disk at its next boot; None: no such file."""
-    for how in ("-p", "-fy"):  # as overlay/etc/init.d/S15storage does it, and with the same tools
+    """The settings that a machine with this disk finds at its next boot; None if there is no file."""
+    for how in ("-p", "-fy"):  # like overlay/etc/init.d/S15storage
         checked = subprocess.run(["e2fsck", how, file], capture_output=True, text=True, check=False, env=SBIN)
         if checked.returncode < 2:
             break
@@ -40,8 +40,8 @@ def settings(file: pathlib.Path) -> bytes | None:
 
 
 def cuts(log: pathlib.Path, disk: blocklog.LoggedDisk, scratch: pathlib.Path, dice: int) -> Found:
-    """For each power cut: how many toggles were done by then, and what was found, on the disk with all
-    writes, and on `more` disks that lack some writes that no flush had covered."""
+    """For each power cut: the finished toggles and the settings, on the disk with all writes and on `dice` disks that
+    lack some of the writes since the last flush."""
     chance = random.Random(6)
     found: Found = []
     done = -1
@@ -58,6 +58,6 @@ def cuts(log: pathlib.Path, disk: blocklog.LoggedDisk, scratch: pathlib.Path, di
 
 
 def wrong(found: Found) -> list[str]:
-    """Neither what the last toggle left nor what the one under way writes."""
+    """Settings that are neither those of the last finished toggle nor those of the present one."""
     contents = [None, *(WRITTEN[one] for one in TOGGLES)]
     return [f"after {done} toggles: {text!r}" for done, text in found if text not in contents[done:done + 2]]

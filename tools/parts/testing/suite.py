@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""A run of the tests: its parts, a second chance for what fails, a table and a verdict at the end."""
+"""A run of the tests: its parts, second runs of failed tests, and a table and a verdict at the end."""
 import contextlib
 import dataclasses
 import json
@@ -18,12 +18,12 @@ from parts.image import native
 TEST = OUTPUT / "test"
 FAILED = TEST / "failed"
 RESULTS = TEST / "results"
-LOCK = OUTPUT / "test.lock"  # two runs in one clone would build, and judge, each other's programs
+LOCK = OUTPUT / "test.lock"  # two runs in one clone would test each other's programs
 SLOWEST = 15
 NICE = ("nice", "-n", "10")
-BESIDE = ("nice", "-n", "4")  # C tests beside others: with 10 a store got too little time to answer within 5 s
-C_TESTS = 4  # at a time: they mostly wait for each other's processes
-PATIENT = 4  # times what meson.build allows a C test: it may have to wait for a processor
+BESIDE = ("nice", "-n", "4")  # C tests beside others: with 10 a store did not answer within 5 s
+C_TESTS = 4  # at a time: they mostly wait for processes
+PATIENT = 4  # factor for the limits in meson.build: a C test may wait for a processor
 FRAMES_BROKEN = 3  # exit status of a C test, see tests/unit/check.h
 SANITIZERS = ("ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS")
 
@@ -35,11 +35,11 @@ class Test:
     seconds: float
     failure: str = ""
     reason: str = ""  # why it was skipped
-    strict: bool = False  # it failed, and stays failed if a second run passes
+    strict: bool = False  # a failure that is not run again
 
 
 def plain(name: str) -> str:
-    """A test's name without the group that pytest-xdist writes after it."""
+    """A test's name without the group that pytest-xdist appends."""
     return re.sub(r"@[^]]*$", "", name)
 
 
@@ -48,7 +48,7 @@ def slug(name: str) -> str:
 
 
 def first_words(failure: str) -> str:
-    """What went wrong, in a line: pytest's last `E` line, else the last one that says anything."""
+    """The failure in one line: pytest's first `E` line, else the last line with text."""
     lines = [line.strip() for line in failure.splitlines() if line.strip()]
     marked = [line[1:].strip() for line in lines if line.startswith("E ")]
     return (marked[:1] or lines[-1:] or ["?"])[0][:200]
@@ -75,17 +75,17 @@ class Suite:
             self.parts[name] = self.parts.get(name, 0.0) + time.monotonic() - begin
 
     def _again(self, test: Test) -> bool:
-        """Whether a test that failed may be run once more."""
+        """Whether a failed test is run again."""
         return not self.strict and test.outcome == "failed" and not test.strict
 
     def fail(self, name: str, failure: str) -> None:
-        """A part that is no test, or that did not report its tests."""
+        """Add a failure of a part that is no test or did not report its tests."""
         self.take([Test(name, "failed", 0.0, failure)])
 
     def take(self, tests: Sequence[Test], again: Mapping[str, Test] | None = None) -> None:
-        """Outcomes; `again`: those of the second chances, by name."""
+        """Add outcomes; `again`: those of the second runs, by name."""
         for test in tests:
-            test.failure = test.failure.encode("utf-8", "backslashreplace").decode()  # a lone surrogate fits no file
+            test.failure = test.failure.encode("utf-8", "backslashreplace").decode()  # escapes lone surrogates
             if test.outcome == "failed":
                 FAILED.mkdir(parents=True, exist_ok=True)
                 (FAILED / f"{slug(test.name)}.txt").write_text(test.failure)
@@ -96,7 +96,7 @@ class Suite:
             file.writelines(json.dumps(dataclasses.asdict(test)) + "\n" for test in tests)
 
     def meson_named(self, only: str) -> None:
-        """One C test, in the packages of the desk's build that have it."""
+        """Run one C test, in each package of the desk build that has it."""
         root = OUTPUT / "desk/root"
         for package in native.packages():
             folder = OUTPUT / "desk" / package
@@ -105,8 +105,8 @@ class Suite:
                 self.meson("desk", package, native.environment(root), only)
 
     def meson(self, name: str, package: str, environment: dict[str, str], *chosen: str, beside: bool = False) -> None:
-        """The C tests of a package in output/<name>, or the chosen ones. `beside` another part, whose tests may wait
-        for frames: with less priority, and what they say is shown in one piece."""
+        """Run the C tests of a package in output/<name>, or the chosen ones. `beside`: another part runs at the same
+        time, so they get a lower priority, and their output is printed in one piece."""
         folder = OUTPUT / name / package
 
         def run(processes: int, *only: str) -> list[Test]:
@@ -136,7 +136,7 @@ class Suite:
         self.take(tests, {test.name: test for test in run(1, *words)} if words else {})
 
     def pytest(self, words: Sequence[str], folders: Sequence[str], board: str = "") -> None:
-        """Tests in Python; `board`: with the image of that board."""
+        """Run tests in Python; `board`: with the image of that board."""
         def run(*arguments: str) -> list[Test]:
             results = TEST / "pytest.jsonl"
             results.write_text("")
@@ -159,7 +159,7 @@ class Suite:
         self.take(tests, {test.name: test for test in run(*names)} if names else {})
 
     def table(self) -> str:
-        """Minutes a part, some of which overlap, the slowest tests, the guests."""
+        """Minutes of each part (parts overlap), the number of guests, and the slowest tests."""
         lines = ["", "minutes"]
         lines += [f"{seconds / 60:7.1f}  {name}" for name, seconds in self.parts.items()]
         took = time.monotonic() - self.begin
@@ -169,7 +169,7 @@ class Suite:
         return "\n".join(lines) + "\n"
 
     def verdict(self, flaky_file: pathlib.Path) -> int:
-        """Says what failed, and the sum; 0 if all is well."""
+        """Print the failed tests and the sums; returns 0 if all passed."""
         flaky = [test for test in self.tests if test.outcome == "flaky"]
         failed = [test for test in self.tests if test.outcome == "failed"]
         skipped = sum(test.outcome == "skipped" for test in self.tests)
