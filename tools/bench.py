@@ -157,10 +157,6 @@ def own_network() -> None:
         run(["ip", *words.split()])
 
 
-def shorten(case: Case) -> Case:
-    return dataclasses.replace(case, frames=20, peers=tuple(peer for peer in case.peers if place(peer)[1].exists()))
-
-
 def main() -> int:
     options = command_line(__doc__, rounds=10, cases="", before="", short=False)
     wanted = [case for case in cases() if any(word in case.name for word in options.cases.split(","))]
@@ -173,7 +169,8 @@ def main() -> int:
                 build_before(options.before)
         own_network()
         if options.short:
-            wanted = [shorten(case) for case in wanted]
+            wanted = [dataclasses.replace(case, frames=20, peers=tuple(peer for peer in case.peers
+                                                                       if place(peer)[1].exists())) for case in wanted]
         about = machine()
         found, failed = measure(wanted, options.rounds)
     except (Failed, subprocess.SubprocessError) as error:

@@ -77,11 +77,6 @@ def our_options(more: str) -> list[str]:
     return ["-bitrate", str(BITRATE), "-wire", str(WIRE), "-repair", str(RATIO), *more.split()]
 
 
-def makers(sender: str, receiver: str) -> dict[str, Maker]:
-    ours = functools.partial(Ours, sender=our_options(sender), receiver=receiver.split())
-    return {**{peer.name: peer for peer in PEERS}, OURS: ours}
-
-
 class Bench:
     """Runs cases, each after its run without loss."""
 
@@ -146,7 +141,8 @@ def short(made: dict[str, Maker]) -> int:
 def main() -> int:
     options = command_line(__doc__, seeds=SEEDS, cases="", sender="", receiver="", short=False)
     native.build()
-    made = makers(options.sender, options.receiver)
+    ours = functools.partial(Ours, sender=our_options(options.sender), receiver=options.receiver.split())
+    made: dict[str, Maker] = {**{peer.name: peer for peer in PEERS}, OURS: ours}
     if options.short:
         return short(made)
     wanted = available(chosen(plan(options.seeds), options.cases))

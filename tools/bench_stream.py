@@ -80,11 +80,6 @@ def alone(codec: str, plan: Plan) -> float:
         kill(encoder)
 
 
-def protect(folder: pathlib.Path, plan: Plan) -> dict[str, float]:
-    return protection(folder, plan.clip, [ENCODE, plan.clip, "h264", str(BITRATE)], BITRATE,
-                      (plan.warm_up, plan.seconds))
-
-
 def report_protection(rounds: list[dict[str, float]]) -> dict[str, float]:
     """Medians, and what protection adds, in percent of a core and relative to the encoder."""
     added = [one["protected"] - one["plain"] for one in rounds]
@@ -130,7 +125,8 @@ def measure(rounds: int, plan: Plan) -> dict[str, Any]:
             with scratch() as folder:
                 slices.append({**slice_of(codec, folder, plan), "encoder_percent": alone(codec, plan)})
         with scratch() as folder:
-            protections.append(protect(folder, plan))
+            encoder = [str(ENCODE), str(plan.clip), "h264", str(BITRATE)]
+            protections.append(protection(folder, plan.clip, encoder, BITRATE, (plan.warm_up, plan.seconds)))
     rows, cost = report(slices), report_protection(protections)
     table(rows)
     say("sender at 30 % loss: {plain_percent} %, with repair, reports and SRTP {protected_percent} %: {added_percent} "

@@ -39,18 +39,14 @@ def is_script(path: pathlib.Path) -> bool:
         return file.readline(64).startswith(b"#!/bin/sh")
 
 
-def is_prose(line: str) -> bool:
-    """Whether a page's line can be wrapped: rows of tables and code cannot."""
-    return not line.startswith(("|", "    ", "!["))
-
-
 def layout(path: pathlib.Path, name: str, text: str) -> Iterator[str]:
     """Lines that are too long, and a missing licence line."""
     lines = text.splitlines()
     code = is_script(path) or any(path.match(pattern) for pattern in SOURCES)
     page = path.suffix == ".md" and not name.startswith(EXEMPT)
     for number, line in enumerate(lines, 1):
-        if (code or page and is_prose(line)) and len(line.expandtabs(4)) > LONGEST:
+        prose = page and not line.startswith(("|", "    ", "!["))  # rows of tables, code and pictures cannot be wrapped
+        if (code or prose) and len(line.expandtabs(4)) > LONGEST:
             yield f"{name}:{number}: longer than {LONGEST}"
     if path.suffix in (".c", ".h", ".py") and "SPDX-License-Identifier" not in "".join(lines[:3]):
         yield f"{name}: no SPDX-License-Identifier at its top"

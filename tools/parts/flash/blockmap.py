@@ -10,8 +10,6 @@ import dataclasses
 import pathlib
 import re
 import struct
-from collections.abc import Iterable
-
 from parts.common import output
 from parts.disk import mbr
 
@@ -24,10 +22,6 @@ TAIL = 2**20               # of a partition and of the disk: GPT's second header
 class Range:
     begin: int
     end: int
-
-
-def _bytes(ranges: Iterable[Range]) -> int:
-    return sum(one.end - one.begin for one in ranges)
 
 
 def _is_zero(image: pathlib.Path, begin: int, end: int) -> bool:
@@ -55,7 +49,7 @@ def _free_in_ext4(image: pathlib.Path, begin: int) -> list[Range]:
     for line in re.findall(r"^  Free blocks: (.*)$", text, re.M):
         for first, last in re.findall(r"(\d+)(?:-(\d+))?", line):
             ranges.append(Range(begin + int(first) * size, begin + (int(last or first) + 1) * size))
-    return ranges if _bytes(ranges) == int(head["Free blocks"]) * size else []
+    return ranges if sum(one.end - one.begin for one in ranges) == int(head["Free blocks"]) * size else []
 
 
 def _free(image: pathlib.Path, partition: mbr.Partition) -> list[Range]:

@@ -119,10 +119,6 @@ class TargetDisk:
     def size(self) -> int:
         return int(_word(self.folder / "size") or 0) * 512
 
-    def _nodes(self) -> list[pathlib.Path]:
-        """The disk and the partitions that the kernel knows."""
-        return [self.folder, *sorted(file.parent for file in self.folder.glob("*/partition"))]
-
     def title(self) -> str:
         """One line: /dev/sdb: Generic SD/MMC, 7.9 GB, removable."""
         model = " ".join(filter(None, (_word(self.folder / "device" / name) for name in ("vendor", "model", "name"))))
@@ -152,7 +148,8 @@ class TargetDisk:
 
     def refuse(self, need: int) -> None:
         """Fail, with the reason, unless the disk can be overwritten with `need` bytes."""
-        nodes = {_word(node / "dev"): node for node in self._nodes()}
+        partitions = sorted(file.parent for file in self.folder.glob("*/partition"))
+        nodes = {_word(node / "dev"): node for node in [self.folder, *partitions]}
         if self.folder.name in system_disks():
             raise Failed(f"{self.path} is the disk that this system runs from")
         for mount in _mounts():

@@ -101,15 +101,12 @@ class Link:
     def __exit__(self, *_: object) -> None:
         self.relay.process.communicate()
 
-    def _order(self, order: dict[str, Any]) -> Any:
-        return self.relay.ask(json.dumps(order))
-
     def lose(self, pattern: loss.Pattern, back: loss.Pattern | None = None, operator: int | None = None) -> None:
         """Change the loss for one operator or for all; the pattern begins with the next packet."""
-        self._order({"lose": [[one, direction, loss.pack(what)] for one in range(self._operators)
-                              if operator in (None, one)
-                              for direction, what in (("down", pattern), ("up", pattern if back is None else back))]})
+        lost = [[one, direction, loss.pack(what)] for one in range(self._operators) if operator in (None, one)
+                for direction, what in (("down", pattern), ("up", pattern if back is None else back))]
+        self.relay.ask(json.dumps({"lose": lost}))
 
     def counts(self) -> Counts:
-        found = self._order({"counts": True})
+        found = self.relay.ask(json.dumps({"counts": True}))
         return Counts(counted(found["down"]), counted(found["up"]), found["late_ms"], found["overrun"])
