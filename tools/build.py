@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Build the programs, and the development image: build.py [desk|dev|foreign]
 
-foreign: only what the image takes from others (kernel, BusyBox, FFmpeg), which can be built beside the programs.
+foreign: only the third-party parts of the image (kernel, BusyBox, FFmpeg), which can be built beside the programs.
 """
 import pathlib
 import sys
@@ -16,7 +16,7 @@ IMAGE = DEV / "disk.img"
 
 
 def foreign() -> tuple[pathlib.Path, pathlib.Path, pathlib.Path]:
-    """What is not ours: kernel, BusyBox, FFmpeg."""
+    """Build the third-party parts: kernel, BusyBox, FFmpeg."""
     with alone("build", OUTPUT / "foreign.lock"):
         return kernel.kernel(), busybox.busybox(), ffmpeg.ffmpeg()
 
@@ -42,7 +42,7 @@ def dev(packages: list[pathlib.Path]) -> pathlib.Path:
                        *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.tables(),
                        DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name,
                       commit())
-    with alone("build", OUTPUT / "dev.lock"):  # tests that run side by side all want it
+    with alone("build", OUTPUT / "dev.lock"):  # parallel tests all call this
         step("root file system", DEV / "root.stamp", key, make_root)
         step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
     return IMAGE
@@ -53,7 +53,7 @@ def main() -> int:
     if what == "foreign":
         foreign()
         return 0
-    tables.programs()  # tables that contradict each other are refused before anything is built
+    tables.programs()  # refuses contradictory tables before anything is built
     packages = native.build()
     if what == "dev":
         say(f"image: {dev([packages]).relative_to(TOP)}")

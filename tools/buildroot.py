@@ -83,7 +83,7 @@ def configured(board: str) -> tuple[list[str], dict[str, str]]:
     """Buildroot's command and its environment, with the board's configuration in place."""
     if board not in boards():
         raise Failed(f"no board {board!r}; there are: {' '.join(boards())}")
-    tables.programs()  # tables that contradict each other are refused before anything is built
+    tables.programs()  # refuses contradictory tables before anything is built
     external = trees.buildroot().values()
     build = output(board)
     build.mkdir(parents=True, exist_ok=True)

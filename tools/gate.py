@@ -108,7 +108,7 @@ def product(run: suite.Suite, words: list[str]) -> None:
 
 
 def all_tests(run: suite.Suite, words: list[str], board: str) -> None:
-    tables.programs()  # trees that contradict each other are refused before anything is built
+    tables.programs()  # refuses contradictory trees before anything is built
     if board:
         if board != machine.DEV:
             machine.image(board)

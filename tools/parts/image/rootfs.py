@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The development image's root file system, put together in output/dev/root."""
+"""The development image's root file system, assembled in output/dev/root."""
 import os
 import pathlib
 import re
@@ -42,7 +42,7 @@ def _add_users(root: pathlib.Path) -> None:
 
 
 def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, packages: list[pathlib.Path]) -> None:
-    """Everything but the kernel's boot files."""
+    """Fill the root, without the kernel's boot files."""
     shutil.rmtree(root, ignore_errors=True)
     shutil.copytree(BOARD / "skeleton", root, symlinks=True)
     shutil.copytree(busybox, root, symlinks=True, dirs_exist_ok=True)
@@ -78,7 +78,7 @@ def assemble(root: pathlib.Path, busybox: pathlib.Path, kernel: pathlib.Path, pa
 
 
 def pack(root: pathlib.Path, image: pathlib.Path) -> None:
-    """gzip, since GRUB and the kernel have to unpack it, and it is built many times a day."""
+    """Make the squashfs; with gzip, since GRUB and the kernel must unpack it, and it is built many times a day."""
     image.unlink(missing_ok=True)
     run(["mksquashfs", root, image, "-comp", "gzip", "-Xcompression-level", "6", "-all-root", "-no-xattrs",
          "-noappend", "-no-progress", "-quiet"])

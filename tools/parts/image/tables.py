@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""The packages' tables of programs, package/*/programs.txt: what runs as a service, and as whom."""
+"""The packages' tables of programs, package/*/programs.txt: services and their users."""
 import dataclasses
 import pathlib
 import re
@@ -13,20 +13,20 @@ LINE = re.compile(r"\S+\s+(S\d\d[\w-]+|-)\s+(?:([a-z][a-z0-9_-]*)\s+(9(?!00)\d\d
 
 @dataclasses.dataclass(frozen=True)
 class Program:
-    script: str  # its init script's name; "-": others start it
+    script: str  # its init script's name; "-": another program starts it
     user: str
     number: str
     what: str
     table: pathlib.Path
 
     def names(self) -> list[tuple[str, str]]:
-        """What no other program may have."""
+        """Names and numbers that must be unique."""
         script = [] if self.script == "-" else [("service", self.script[3:])]
         return [*script, ("user", self.user), ("number", self.number)]
 
 
 def tables() -> list[pathlib.Path]:
-    """Of the packages of all trees."""
+    """The tables of all trees' packages."""
     paths = [folder / "programs.txt" for folder in trees.packages().values()]
     return [path for path in paths if path.exists()]
 
@@ -40,7 +40,7 @@ def _lines(table: pathlib.Path) -> list[Program]:
 
 
 def programs() -> list[Program]:
-    """All that have a user of their own, in the order of the users' numbers."""
+    """All programs with their own user, by the users' numbers."""
     found = [one for table in tables() for one in _lines(table)]
     taken: dict[tuple[str, str], pathlib.Path] = {}
     for one in found:
