@@ -151,7 +151,7 @@ def image(board: str) -> pathlib.Path:
     wanted = renew.keys((build / ".config").read_text(), COMMIT, sources)
     first = renew.begin(build, wanted)
     if first:
-        say(f"{board}: {' '.join(first)}: something of that has changed since the last build")
+        say(f"{board}: {' '.join(first)}, because of changes since the last build")
     if first == [renew.CLEAN]:
         make(board, renew.CLEAN, show=False)
         first = renew.begin(build, wanted)
@@ -206,7 +206,7 @@ def check(files: list[pathlib.Path] | None = None) -> int:
                    if path.suffix != ".py" and path.parent.name not in ("defects", "fuzz"))
     command: list[str | pathlib.Path] = ["/usr/bin/python3", "-B", checkout() / "utils/check-package", "--br2-external"]
     if subprocess.run([*command, "--verbose", "--quiet", *files], check=False).returncode != 0:
-        raise Failed("check-package is not content")
+        raise Failed("check-package found mistakes, see above")
     return run([*command, "--dry-run", *files]).count(": would run: ")
 
 

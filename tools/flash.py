@@ -64,7 +64,7 @@ def parse(arguments: list[str]) -> dict[str, str]:
     for argument in arguments:
         name, sign, value = argument.partition("=")
         if name not in words or not sign:
-            raise Failed(f"what is {argument}? Words are {'=, '.join(WORDS)}=")
+            raise Failed(f"what is {argument}? Possible are {'=, '.join(WORDS)}=")
         words[name] = value
     for name in ["YES", "FILE"]:
         if words[name] not in ("", "0", "1"):
@@ -174,7 +174,7 @@ def verify(job: Job, ranges: list[Range], progress: Progress) -> None:
         if wanted != found:
             offset = piece.begin + next(i for i, pair in enumerate(zip(wanted, found)) if pair[0] != pair[1])
             raise Failed(f"{job.device.path} differs from what was written at byte {offset:,}: "
-                         "it is broken, or smaller than it says")
+                         "it is broken, or smaller than it reports")
         progress.add(size)
 
 

@@ -67,7 +67,7 @@ def merge(text: str, new: list[str]) -> str:
 def is_heard(serial: str) -> bool:
     """Whether boot menu and shell use the serial line."""
     if serial not in ("", "on"):
-        raise Failed(f"SERIAL={serial}: the only thing to say is SERIAL=on")
+        raise Failed(f"SERIAL={serial}: only SERIAL=on is possible")
     return serial == "on"
 
 

@@ -135,10 +135,10 @@ class TargetDisk:
             if kind in ("0x5", "0xf", "0x85"):  # extended: its partitions are listed themselves
                 continue
             what = self._file_system("--offset", str(int(first) * 512), "--size", str(int(count) * 512))
-            found.append(f"partition {number}: {amount(int(count) * 512)}, {what or 'nothing that I know'}")
+            found.append(f"partition {number}: {amount(int(count) * 512)}, {what or 'unknown content'}")
         if not found and (what := self._file_system()):
             found.append(f"no partitions: {what}")
-        return found or ["nothing that I know is on it" if os.access(self.path, os.R_OK) else "(only root can look)"]
+        return found or ["no known content" if os.access(self.path, os.R_OK) else "(contents: readable by root only)"]
 
     def _file_system(self, *options: str) -> str:
         text = output(["blkid", "--probe", "--output", "export", *options, self.path])
