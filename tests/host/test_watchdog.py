@@ -13,7 +13,7 @@ import pytest
 
 from .programs import Desk, Process, send_signal, wait_until
 
-NO_FOOD = "the watchdog gets no food"
+NOT_FED = "the watchdog is not fed"
 WELL = "all is well again"
 GIVEN_UP = "and it cannot be killed"  # logged every five seconds, checked every second
 
@@ -70,12 +70,12 @@ def health(desk: Desk, recorder: Process) -> Iterator[Health]:
 def test_no_feeding_while_store_or_recorder_hangs(desk: Desk, health: Health, recorder: Process, name: str) -> None:
     hung = {"store": desk.store, "ddxvideosave": recorder}[name]
     send_signal(hung, signal.SIGSTOP)
-    wait_until(lambda: health.lines(NO_FOOD) == 1)
+    wait_until(lambda: health.lines(NOT_FED) == 1)
     wait_until(lambda: health.lines(GIVEN_UP) > 0)
     before = health.count()
     health.wait_for_line(GIVEN_UP)
     assert health.count() == before
-    assert health.lines(NO_FOOD) == 1 and health.lines(WELL) == 0
+    assert health.lines(NOT_FED) == 1 and health.lines(WELL) == 0
     send_signal(hung, signal.SIGCONT)
     wait_until(lambda: health.lines(WELL) == 1)
     health.wait_until_fed(3)
@@ -85,11 +85,11 @@ def test_other_programs_that_hang_cause_no_reset(desk: Desk, health: Health) -> 
     desk.processes[2].send_signal(signal.SIGSTOP)
     wait_until(lambda: health.lines(GIVEN_UP) > 0)
     health.wait_until_fed(3)
-    assert health.lines(NO_FOOD) == 0
+    assert health.lines(NOT_FED) == 0
 
 
 def test_a_recorder_that_was_switched_off_is_ignored(desk: Desk, health: Health, recorder: Process) -> None:
     (desk.folder / "service/ddxvideosave/down").touch()
     recorder.send_signal(signal.SIGSTOP)
     health.wait_until_fed(6)
-    assert health.lines(NO_FOOD) == health.lines(GIVEN_UP) == 0
+    assert health.lines(NOT_FED) == health.lines(GIVEN_UP) == 0

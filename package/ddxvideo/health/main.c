@@ -59,7 +59,7 @@ static void guard(struct hw_watchdog *watchdog, bool well) {
     if (well)
         hw_watchdog_feed(watchdog);
     if (well == hungry)
-        say(well ? "all is well again" : "the watchdog gets no food until store and recorder give signs of life");
+        say(well ? "all is well again" : "the watchdog is not fed until store and recorder respond");
     hungry = !well;
 }
 

@@ -99,7 +99,7 @@ class NativeMachine(Closing, Robot):
         return done.returncode, done.stdout.strip()
 
     def wait_until(self, condition: str, timeout: float = PATIENCE, pause: float = 0.1) -> None:
-        wait_until(lambda: self.run(condition)[0] == 0, f"waited in vain: {condition}", pause, timeout)
+        wait_until(lambda: self.run(condition)[0] == 0, f"not within the time: {condition}", pause, timeout)
 
     def wait_for_end(self) -> None:
         """Wait after a command to stop or restart: when init exits, all processes exit."""
