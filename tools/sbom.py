@@ -19,7 +19,7 @@ from typing import Any
 
 import buildroot
 import legal
-from parts.common import CACHE, OUTPUT, TOP, Failed, finish, run, say, scratch
+from parts.common import CACHE, OUTPUT, TOP, Failed, finish, say, scratch
 from parts.image import wheels
 
 # Version 7.3.0 has the original file of CycloneDX 1.6; later versions have newer lists of licences.
