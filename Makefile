@@ -26,7 +26,7 @@ CAMPAIGNS = bench-record crash endurance fuzz killed powercut reproduce
 CAMPAIGN = $(if $(filter 1,$(words $(T))),$(filter $(T),$(CAMPAIGNS)))
 RUN_CAMPAIGN = $(if $(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(subst -,_,$(CAMPAIGN)).py $(ARGS))
 
-.PHONY: help setup setup-build build run test test-long results again defects image sdk bench legal sbom lint flash docs desktop \
+.PHONY: help setup setup-run setup-build build run test test-long results again defects image sdk bench legal sbom lint flash docs desktop \
 	clean distclean
 
 # Targets with ## are those of every day; the others are for release and repair.
@@ -34,12 +34,17 @@ help:
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 20
 	@echo '  Others, see docs/testing.md: setup defects results docs legal sbom distclean'
 setup:           # install what building and testing need (Debian packages)
-	@tools/setup test
+	@tools/setup run build test
+setup-run:
+	@tools/setup run
 setup-build:
-	@tools/setup
+	@tools/setup run build
 build: setup-build  ## build the programs and the development image, output/dev/disk.img
 	@$(PYTHON) tools/build.py
-run: setup-build ## a clip through the appliance in QEMU, frame by frame; output/report.json
+# Its tool installs part `run` itself, while it builds.
+run:             ## a clip through the appliance in QEMU, frame by frame; output/report.json
+	@tools/preflight output/run/dev/disk.img run
+	@tools/setup
 	@$(PYTHON) tools/run.py "$(CLIP)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
@@ -70,7 +75,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
 FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
-flash: setup-build  ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
+flash: setup-run ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)
 docs: setup      # type every command of docs/technician.md into the image, and take its pictures: BOARD=
 	@$(PYTHON) tools/docs.py "$(BOARD)"

@@ -4,48 +4,72 @@
 
 foreign: only the third-party parts of the image (kernel, BusyBox, FFmpeg), which can be built beside the programs.
 """
+import os
 import pathlib
+import signal
+import subprocess
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 from parts import trees
-from parts.common import OUTPUT, TOP, alone, commit, finish, fingerprint, run, say, step
+from parts.common import OUTPUT, TOP, Failed, alone, commit, finish, fingerprint, run, say, step
 from parts.image import busybox, ffmpeg, kernel, native, rootfs, tables
 
 DEV = OUTPUT / "dev"
-IMAGE = DEV / "disk.img"
+RUN = OUTPUT / "run/dev"  # the image for `make run`, without catalog and FireWire cameras
 
 
 def foreign() -> tuple[pathlib.Path, pathlib.Path, pathlib.Path]:
-    """Build the third-party parts: kernel, BusyBox, FFmpeg."""
-    with alone("build", OUTPUT / "foreign.lock"):
-        return kernel.kernel(), busybox.busybox(), ffmpeg.ffmpeg()
+    """Build the third-party parts: kernel, BusyBox, FFmpeg. Side by side, since each has pieces that keep only one
+    processor busy, such as downloads and configure scripts."""
+    with alone("build", OUTPUT / "foreign.lock"), ThreadPoolExecutor() as pool:
+        parts = [pool.submit(part) for part in (kernel.kernel, busybox.busybox, ffmpeg.ffmpeg)]
+        kernel_folder, busybox_folder, codecs = [part.result() for part in parts]
+        return kernel_folder, busybox_folder, codecs
 
 
-def dev(packages: list[pathlib.Path]) -> pathlib.Path:
-    """The development image; `packages` are install trees."""
+def for_run() -> pathlib.Path:
+    """The image for `make run`: third-party parts are built while packages are installed that only other steps need."""
+    beside = subprocess.Popen([sys.executable, "-B", __file__, "foreign"], stdin=subprocess.DEVNULL,
+                              start_new_session=True)
+    try:
+        if subprocess.run([TOP / "tools/setup", "run"], check=False).returncode:
+            raise Failed("not all packages could be installed, see above")
+        programs = native.for_run()
+        if beside.wait():
+            raise Failed("a third-party part could not be built, see above")
+    finally:
+        if beside.poll() is None:
+            os.killpg(beside.pid, signal.SIGTERM)
+            beside.wait()
+    return dev([programs], RUN)
+
+
+def dev(packages: list[pathlib.Path], folder: pathlib.Path = DEV) -> pathlib.Path:
+    """The development image in that folder; `packages` are install trees."""
     tools = pathlib.Path(__file__).parent
     kernel_folder, busybox_folder, codecs = foreign()
-    root = DEV / "root"
+    root = folder / "root"
 
     def make_root() -> None:
         rootfs.assemble(root, busybox_folder, kernel_folder, [*packages, codecs])
         shell = root / "bin/busybox"
         (root / "boot/vmlinuz").write_bytes((kernel_folder / "boot/vmlinuz").read_bytes())
         kernel.initramfs(kernel_folder, shell, rootfs.libraries(shell, []), root / "boot/initrd")
-        rootfs.pack(root, DEV / "rootfs.squashfs")
+        rootfs.pack(root, folder / "rootfs.squashfs")
 
     def make_disk() -> None:
-        run([TOP / "board/common/post-image.sh"], env={"BINARIES_DIR": str(DEV)})
+        run([TOP / "board/common/post-image.sh"], env={"BINARIES_DIR": str(folder)})
 
     parts = tools / "parts/image"
     key = fingerprint([tools / "build.py", parts / "rootfs.py", parts / "tables.py", parts / "kernel.py",
                        *trees.each("overlay"), TOP / "board/dev", TOP / "board/common/post-build.sh", *tables.tables(),
                        DEV / "kernel.stamp", *packages], busybox_folder.name, codecs.name,
                       commit())
-    with alone("build", OUTPUT / "dev.lock"):  # parallel tests all call this
-        step("root file system", DEV / "root.stamp", key, make_root)
-        step("disk", DEV / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
-    return IMAGE
+    with alone("build", folder.with_suffix(".lock")):  # parallel tests all call this
+        step("root file system", folder / "root.stamp", key, make_root)
+        step("disk", folder / "disk.stamp", fingerprint([TOP / "board/common"], key), make_disk)
+    return folder / "disk.img"
 
 
 def main() -> int:

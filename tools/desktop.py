@@ -3,19 +3,23 @@
 """Install the development files: desktop.py PREFIX [DESTDIR]
 
 Headers, libraries, pkg-config files, programs, the Python module `ddx`, and a man page for each program and call; no
-services.
+services. Built as the user; sudo is used for the installation alone, if the user may not write there.
 """
+import getpass
 import json
 import os
 import pathlib
 import shlex
+import shutil
 import site
+import subprocess
 import sys
 
 from parts.common import OUTPUT, TOP, Failed, finish, output, run, say
 from parts.image import native
 from parts.release import manual
 
+FOLDERS = ("bin", "include", "lib", "share")  # below the prefix
 TAGS = "runtime,devel,python-runtime"
 
 
@@ -34,28 +38,56 @@ def programs(built: pathlib.Path, prefix: str, destination: str) -> list[pathlib
     return [pathlib.Path(destination + file) for file in files if pathlib.Path(file).parent == folder]
 
 
-def install(prefix: str, destination: str) -> None:
-    # ddxvideo is built with the ddx of the desk build, which does not depend on the prefix.
-    desk = native.build()
+def privileges(prefix: str, destination: str) -> list[str]:
+    """The words before a command that writes there: none, or sudo. Fails, before anything is built, if neither works."""
+    place = pathlib.Path(f"{destination}{prefix}")
+    while not place.exists():
+        place = place.parent
+    if os.access(place, os.W_OK) and all(os.access(one, os.W_OK) for one in place.glob("*") if one.name in FOLDERS):
+        return []
+    instead = "type `make desktop` as root, or choose a folder of yours: make desktop PREFIX=$HOME/ddx"
+    if not shutil.which("sudo"):
+        raise Failed(f"only root may write to {place}, and there is no sudo: {instead}")
+    if subprocess.run(["sudo", "-n", "true"], capture_output=True, check=False).returncode:
+        say(f"desktop: sudo is needed for the installation in {place}")
+        if subprocess.run(["sudo", "-v"], check=False).returncode:
+            raise Failed(f"{getpass.getuser()} may not use sudo: {instead}")
+    return ["sudo"]
+
+
+def build(prefix: str, stage: pathlib.Path) -> None:
+    """Build the packages for that prefix, and install them below `stage`."""
+    desk = native.for_desktop()
     installed = []
     for package in native.PACKAGES:
         if package in ("ddxgrow", "ddxservice"):  # for an appliance's disk and services only
             continue
-        out = OUTPUT / "desktop" / package
-        options = [*native.MESON, f"--prefix={prefix}", "-Dtests=false"]  # the last prefix counts
+        sources, out = TOP / "package" / package, OUTPUT / "desktop" / package
+        options = [f"--prefix={prefix}", *native.without_tests(sources)]  # the last prefix counts
         if package == "ddx":
             options.append(f"-Dpython_folder={python_folder(prefix)}")
         if package == "ddxvideo":
             options.append("-Ddesk_tools=true")
-        env = {**native.environment(desk), "DESTDIR": destination}
-        again = ["--reconfigure"] if (out / "build.ninja").exists() else []
-        run(["meson", "setup", *again, *options, out, TOP / "package" / package], env=env)
-        run(["ninja", "-C", out], env=env)
-        run(["meson", "install", "--no-rebuild", "--tags", TAGS, "-C", out], env=env)
-        installed += programs(out, prefix, destination)
-    manual.write(pathlib.Path(f"{destination}{prefix}/share/man"), installed, native.environment(desk))
-    if not destination and os.geteuid() == 0:
-        run(["ldconfig"])
+        say(f"desktop: {package} ...")
+        native.compile_package(out, sources, options, native.environment(desk))
+        run(["meson", "install", "--no-rebuild", "--tags", TAGS, "-C", out],
+            env={**native.environment(desk), "DESTDIR": str(stage)})
+        installed += programs(out, prefix, str(stage))
+    say("desktop: man pages ...")
+    manual.write(pathlib.Path(f"{stage}{prefix}/share/man"), installed, native.environment(desk))
+
+
+def install(prefix: str, destination: str) -> None:
+    sudo = privileges(prefix, destination)
+    stage = OUTPUT / "desktop/stage"
+    shutil.rmtree(stage, ignore_errors=True)
+    build(prefix, stage)
+    # Copied in one step, so that only this step needs sudo; without the owner, which is then root.
+    target = pathlib.Path(destination or "/")
+    run([*sudo, "mkdir", "-p", target])
+    run([*sudo, "cp", "-R", "--no-dereference", "--preserve=mode,timestamps,links", f"{stage}/.", target])
+    if not destination and (sudo or os.geteuid() == 0):
+        run([*sudo, "ldconfig"])
     say(f"desktop: installed in {destination}{prefix}")
 
 

@@ -16,12 +16,11 @@ import sys
 import time
 
 import build
-from parts.common import OUTPUT, TOP, Failed, say
+from parts.common import OUTPUT, TOP, BadInput, Failed, finish, say
 from parts.disk.disk import digest
 from parts.guest import machine, qemu, session, source, stream, terminal
 from parts.guest.session import SAVE
 from parts.guest.stream import DECODE, RECORDER, SEND
-from parts.image import native
 from parts.media import clip as default_clip, y4m
 from parts.media.counters import Counters
 from parts.media.likeness import Likeness
@@ -68,6 +67,7 @@ def table(report: Report) -> None:
 
 
 def drawn_clip(seconds: int) -> pathlib.Path:
+    OUTPUT.mkdir(exist_ok=True)
     path = OUTPUT / ("clip.y4m" if seconds == default_clip.SECONDS else f"clip-{seconds}.y4m")
     if not path.exists():
         say("drawing the clip ...")
@@ -119,16 +119,20 @@ def main() -> int:
     if kind not in source.SOURCES:
         say(f"run: SOURCE={kind}: there are {' and '.join(source.SOURCES)}")
         return 2
-    development = build.dev([native.build()])
-    image = development if board.board == machine.DEV else machine.image(board.board)
-    WORK.mkdir(parents=True, exist_ok=True)
+    if board.board != machine.DEV:
+        machine.image(board.board)  # fails if there is none
     if len(sys.argv) > 1 and sys.argv[1]:
         clip = pathlib.Path(sys.argv[1]).resolve()
     else:
         clip = drawn_clip(default_clip.SECONDS if kind == "clip" else CAMERA_SECONDS)
+    if not clip.is_file():
+        raise BadInput(f"CLIP={sys.argv[1]}: no such file")
     origin = source.SOURCES[kind](clip)
     if clip.stat().st_size > LARGEST:
-        raise Failed(f"{clip.name} is larger than {LARGEST // 10**6} MB, half the recording partition of this image")
+        raise BadInput(f"{clip.name} is larger than {LARGEST // 10**6} MB, half the recording partition of this image")
+    development = build.for_run()
+    image = development if board.board == machine.DEV else machine.image(board.board)
+    WORK.mkdir(parents=True, exist_ok=True)
     accel = qemu.acceleration(development)
     disk = origin.disk(WORK, board.board, stream.settings(accel))
     say(f"booting {image.relative_to(TOP)} ({board.firmware}, {accel}), "
@@ -163,11 +167,12 @@ def main() -> int:
     return 0 if report.passed else 1
 
 
-if __name__ == "__main__":
+def checked() -> int:
     try:
-        sys.exit(main())
-    except (Failed, y4m.Malformed, FileNotFoundError) as error:
-        say(f"run: {error}")
-        sys.exit(1)
-    except KeyboardInterrupt:
-        sys.exit(130)
+        return main()
+    except y4m.Malformed as error:
+        raise BadInput(str(error)) from None
+
+
+if __name__ == "__main__":
+    finish("run", checked)

@@ -18,6 +18,7 @@ OUTPUT = TOP / "output"
 CACHE = OUTPUT / "cache"
 # Outside of the tree: shared by all clones on this machine.
 HOST_CACHE = pathlib.Path(os.environ.get("XDG_CACHE_HOME") or pathlib.Path.home() / ".cache") / "ddxvideo"
+PROGRAMS = TOP / "tools/programs.txt"  # which package a program comes with
 MEMORY = pathlib.Path("/dev/shm")
 SBIN = {"PATH": os.environ.get("PATH", "/usr/bin:/bin") + ":/usr/sbin:/sbin"}  # not on every user's path
 
@@ -135,13 +136,45 @@ def command_line(about: str | None, **defaults: Any) -> argparse.Namespace:
     return parser.parse_args()
 
 
+def packages_of(program: str) -> str:
+    """What to do about a program that is not installed."""
+    known = dict(line.split() for line in entries(PROGRAMS))
+    name = pathlib.Path(program).name
+    where = f"apt install {known[name]}" if name in known else "no Debian package of it is known here"
+    return f"the program {name} is not installed: {where}"
+
+
+def check_owner() -> None:
+    """Fail if another user made the output folder, such as root with `sudo make`."""
+    for folder in (TOP if not OUTPUT.exists() else OUTPUT, *OUTPUT.glob("*")):
+        if folder.is_dir() and not os.access(folder, os.W_OK):
+            raise Failed(_belongs(folder))
+
+
+def _belongs(path: pathlib.Path) -> str:
+    return f"{path} belongs to another user, perhaps after a `sudo make`: sudo chown -R $(id -un) {TOP}"
+
+
 def finish(name: str, main: Callable[[], int]) -> NoReturn:
     """Run a tool's main() and exit with its status; a failure prints one line and gives status 1, bad input 2."""
     try:
+        check_owner()
         sys.exit(main())
     except Failed as error:
         say(f"{name}: {error}")
         sys.exit(error.status)
+    except KeyboardInterrupt:
+        sys.exit(130)
+    except FileNotFoundError as error:
+        if not error.filename or "/" in str(error.filename):
+            raise
+        say(f"{name}: {packages_of(str(error.filename))}")  # subprocess reports the program that it did not find
+        sys.exit(1)
+    except PermissionError as error:
+        if not error.filename or not pathlib.Path(error.filename).is_relative_to(TOP):
+            raise
+        say(f"{name}: {_belongs(pathlib.Path(error.filename))}")
+        sys.exit(1)
 
 
 def fingerprint(paths: Iterable[pathlib.Path], *words: str) -> str:
