@@ -56,15 +56,15 @@ again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LO
 defects: setup   # put defects back that once were: the test against each turns red; T= words of a name
 	@$(PYTHON) tools/defects.py $(T)
 image:           ## build the product with Buildroot: BOARD=miniitx|pc104, output/<board>/disk.img; an hour the first time
-	@tools/setup image
+	@tools/setup run image
 	@$(PYTHON) tools/buildroot.py image "$(BOARD)"
 sdk:             ## a compiler for programs of the product's image: BOARD=, output/<board>/ddxvideo-<board>-sdk.tar.gz
-	@tools/setup image
+	@tools/setup run image
 	@$(PYTHON) tools/buildroot.py sdk "$(BOARD)"
 results:         # output/results.md: what the long runs have measured, by commit
 	@$(PYTHON) tools/results.py
 bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=, BEFORE=commit, see docs/bench.md
-	@tools/setup bench
+	@tools/setup run build bench
 	@$(PYTHON) tools/bench.py $(RUN_BENCH)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_stream.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_loss.py)
@@ -80,10 +80,10 @@ flash: setup-run ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX
 docs: setup      # type every command of docs/technician.md into the image, and take its pictures: BOARD=
 	@$(PYTHON) tools/docs.py "$(BOARD)"
 legal:           # licences and sources of all that is in an image: BOARD=, see docs/licences.md
-	@tools/setup image
+	@tools/setup run image
 	@$(PYTHON) tools/legal.py "$(BOARD)"
 sbom:            # list of all that is in an image (CycloneDX): BOARD=
-	@tools/setup image
+	@tools/setup run image
 	@$(PYTHON) tools/sbom.py "$(BOARD)"
 lint: setup      ## check scripts, tools and sources without running them
 	@$(PYTHON) tools/lint.py

@@ -39,7 +39,7 @@ def programs(built: pathlib.Path, prefix: str, destination: str) -> list[pathlib
 
 
 def privileges(prefix: str, destination: str) -> list[str]:
-    """The words before a command that writes there: none, or sudo. Fails, before anything is built, if neither works."""
+    """The words before a command that writes there: none, or sudo. Fails, before the build, if neither works."""
     place = pathlib.Path(f"{destination}{prefix}")
     while not place.exists():
         place = place.parent

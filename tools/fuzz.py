@@ -34,6 +34,7 @@ TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []), "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
+NEEDS = ("llvm-symbolizer",)  # clang's sanitizers start it, for the names of functions
 LONGEST = 8192  # bytes of an input
 FOREIGN = "rtps"  # fuzzes Cyclone DDS instead of our sources: tests/fuzz/rtps.c
 ALL = sorted([*TARGETS, FOREIGN])

@@ -1,6 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Static checks: scripts (shellcheck), Python (mypy --strict), length of lines, licence lines, links, plain English."""
+"""Static checks: scripts (shellcheck), Python (mypy --strict), length of lines, licence lines, links, plain English,
+packages that the tools need."""
 import pathlib
 import re
 import subprocess
@@ -8,6 +9,7 @@ import sys
 from collections.abc import Iterator
 
 from parts.common import TOP, say
+from parts.release import needs
 
 SOURCES = ["*.c", "*.h", "*.py", "*.sh", "meson.build"]
 PICTURES = (".png", ".jpg", ".svg", ".y4m", ".xz")  # no text
@@ -78,6 +80,9 @@ def main() -> int:
         for complaint in (*layout(path, name, text), *dead_links(path, name, text), *phrases(name, text)):
             say(complaint)
             failed = True
+    for complaint in needs.complaints(needs.parts()):
+        say(complaint)
+        failed = True
     scripts = [path for path in paths if is_script(path)]
     failed |= subprocess.run(["shellcheck", "--shell=sh", *scripts], check=False).returncode != 0
     python = [TOP / "tools", TOP / "package/ddx/python", TOP / "package/ddxvideo/stereo", TOP / "examples",

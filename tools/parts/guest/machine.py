@@ -8,6 +8,7 @@ import shutil
 from parts import trees
 from parts.common import OUTPUT, Failed, entries, fingerprint
 
+NEEDS = ("qemu-system-i386", "qemu-system-x86_64")  # which the boards' meta files name
 DEV = "dev"  # the development image; Buildroot builds all others
 OVMF = pathlib.Path("/usr/share/OVMF")
 # QEMU's devices for a disk on each bus; the last one is the disk itself (drive=).
