@@ -115,3 +115,21 @@ def test_a_shared_cache_is_made_once_per_machine(tmp_path: pathlib.Path, monkeyp
         foreign.kept("tool", "first", cut_short)
     trees = [foreign.kept("tool", key, make) for key in ("first", "first", "second")]
     assert made == ["tool-first", "tool-first", "tool-second"] and all(tree.is_dir() for tree in trees)
+
+
+def test_a_clone_that_was_moved_or_copied_is_built_again(tmp_path: pathlib.Path) -> None:
+    """meson and ninja keep absolute paths."""
+    clone = tmp_path / "clone"
+    (clone / "package").mkdir(parents=True)
+    (clone / "package/meson.build").write_text("project('tiny', 'c')\nexecutable('tiny', 'main.c')\n")
+    (clone / "package/main.c").write_text("int main(void) { return 0; }\n")
+
+    def compiled(tree: pathlib.Path) -> bool:
+        return native.compile_package(tree / "output/tiny", tree / "package", [], {})
+
+    assert compiled(clone) and not compiled(clone)
+    shutil.copytree(clone, tmp_path / "copy")
+    clone.rename(tmp_path / "moved")
+    for tree in tmp_path / "copy", tmp_path / "moved":
+        assert compiled(tree) and not compiled(tree)
+        subprocess.run([tree / "output/tiny/tiny"], check=True)
