@@ -22,12 +22,12 @@ JUNIT_WORDS = $(if $(JUNIT),-junit '$(if $(filter /%,$(JUNIT)),,$(CALLED_IN)/)$(
 RUN_BENCH = $(if $(ROUNDS),-rounds '$(ROUNDS)') $(if $(CASES),-cases '$(CASES)') $(if $(BEFORE),-before '$(BEFORE)')
 
 # Long runs with options of their own, each a program in tools/.
-CAMPAIGNS = bench-record crash endurance fuzz killed powercut reproduce
+CAMPAIGNS = bench-record crash endurance fuzz killed newmachine powercut reproduce
 CAMPAIGN = $(if $(filter 1,$(words $(T))),$(filter $(T),$(CAMPAIGNS)))
 RUN_CAMPAIGN = $(if $(filter reproduce,$(T)),buildroot.py reproduce "$(BOARD)",$(subst -,_,$(CAMPAIGN)).py $(ARGS))
 
-.PHONY: help setup setup-run setup-build build run test test-long results again defects image sdk bench legal sbom lint flash docs desktop \
-	clean distclean
+.PHONY: help setup setup-run setup-build build run boot test test-long results again defects image sdk bench legal sbom lint flash \
+	docs desktop clean distclean
 
 # Targets with ## are those of every day; the others are for release and repair.
 help:
@@ -46,9 +46,11 @@ run:             ## a clip through the appliance in QEMU, frame by frame; output
 	@tools/preflight output/run/dev/disk.img run
 	@tools/setup
 	@$(PYTHON) tools/run.py "$(CLIP)"
+boot: setup-build ## the image in QEMU, to look around: console, SSH, VNC; BOARD=, until it is switched off
+	@$(PYTHON) tools/boot.py "$(BOARD)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
-test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, endurance, fuzz, bench-record, reproduce: a campaign
+test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, newmachine ...: a campaign
 	@tools/setup $(if $(filter reproduce,$(CAMPAIGN)),image,long)
 	@$(PYTHON) tools/$(if $(CAMPAIGN),$(RUN_CAMPAIGN),gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)'))
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors

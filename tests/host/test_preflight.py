@@ -12,8 +12,8 @@ import pytest
 
 from parts.common import TOP
 
-# Debian's user and group for nothing.
-NOBODY = ("setpriv", "--reuid", "nobody", "--regid", "nogroup", "--clear-groups")
+# A user without rights, and the group of that user.
+OTHER = ("setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups")
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="makes namespaces and file systems")
 
@@ -68,10 +68,10 @@ def test_no_room(tree: pathlib.Path, tmp_path: pathlib.Path) -> None:
 
 def test_the_output_of_another_user_and_no_right_to_kvm(tree: pathlib.Path, tmp_path: pathlib.Path) -> None:
     (tree / "output").mkdir()
-    shutil.chown(tree, "nobody", "nogroup")
+    shutil.chown(tree, 65534, 65534)
     home = built(tmp_path / "home")
     devices = "mount -t tmpfs none /dev && mknod -m 666 /dev/null c 1 3 && touch /dev/kvm && chmod 600 /dev/kvm"
-    status, lines = preflight(tree, home, *NOBODY, script=devices)
+    status, lines = preflight(tree, home, *OTHER, script=devices)
     assert status == 1 and [line.split(":")[1] for line in lines] == [
         f" {tree}/output belongs to another user, perhaps after a `sudo make`",
         " you may not use /dev/kvm, so QEMU will emulate the processor, slowly"]
@@ -81,7 +81,7 @@ def test_each_tool_names_the_folder_of_another_user(tree: pathlib.Path) -> None:
     """In one line, where a traceback was after `sudo make`."""
     shutil.copytree(TOP / "tools/parts", tree / "tools/parts")
     (tree / "output").mkdir()
-    done = subprocess.run([*NOBODY, "/usr/bin/python3", "-B", tree / "tools/results.py"], capture_output=True, text=True,
+    done = subprocess.run([*OTHER, "/usr/bin/python3", "-B", tree / "tools/results.py"], capture_output=True, text=True,
                           check=False, env={"PATH": "/usr/bin:/bin"})
     assert (done.returncode, done.stderr) == (1, "")
     assert done.stdout == f"results: {tree}/output belongs to another user, perhaps after a `sudo make`: " \

@@ -119,7 +119,8 @@ def alone(name: str, lock: pathlib.Path) -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             file.seek(0)
-            say(f"{name}: waiting for process {file.read() or '?'}, which runs already ({lock})")
+            if (holder := file.read()) != str(os.getpid()):  # not another thread of this process
+                say(f"{name}: waiting for process {holder or '?'}, which runs already ({lock})")
             fcntl.flock(file, fcntl.LOCK_EX)
         file.truncate(0)
         file.write(str(os.getpid()))

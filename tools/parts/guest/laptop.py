@@ -27,6 +27,17 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+def is_free(port: int) -> bool:
+    """Whether a program could listen there."""
+    with socket.socket() as one:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            one.bind(("127.0.0.1", port))
+        except OSError:
+            return False
+        return True
+
+
 def forward(port: int) -> tuple[str, ...]:
     """QEMU's options for a network card, with the guest's SSH at this port."""
     return ("-netdev", f"user,id=net,hostfwd=tcp:127.0.0.1:{port}-:22", "-device", "virtio-net-pci,netdev=net")
