@@ -43,10 +43,10 @@ def described(robot: NativeMachine, words: str = "") -> str:
     return robot.sh(f"ddxctl stream {words} 2> /dev/null")
 
 
-def asked_at_once(robot: NativeMachine, words: str = "") -> tuple[int, str]:
-    """Run `ddxctl stream` without its waits of up to 5 s. A `usleep` in $PATH would not help: the image's shell has a
-    builtin."""
-    return robot.run(f"set -- {words}; usleep() {{ :; }}; . /usr/libexec/ddx/ctl-stream")
+def asked_at_once(robot: NativeMachine, words: str = "", before: str = "true") -> tuple[int, str]:
+    """Run `ddxctl stream`, directly after the command `before`, without its waits of up to 5 s. A `usleep` in $PATH
+    would not help: the image's shell has a builtin."""
+    return robot.run(f"{before} > /dev/null; set -- {words}; usleep() {{ :; }}; . /usr/libexec/ddx/ctl-stream")
 
 
 def sent(robot: NativeMachine) -> int:
@@ -81,8 +81,7 @@ def test_no_description_of_an_earlier_stream(robot: NativeMachine) -> None:
     robot.sh(f"ddxctl enable {SEND}")
     described(robot)
     robot.sh("ddxctl stop ddxvideoload")
-    robot.sh(f"ddxctl restart {SEND}")
-    status, said = asked_at_once(robot)
+    status, said = asked_at_once(robot, before=f"ddxctl restart {SEND}")
     assert status == 1 and "has sent no picture yet" in said
     robot.sh("ddxctl start ddxvideoload")
     assert described(robot).startswith("v=0")

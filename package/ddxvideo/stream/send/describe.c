@@ -9,11 +9,16 @@
 
 #include "sdp.h"
 
+static bool is_folder(const char *sdp) {
+    size_t length = strlen(sdp);
+
+    return length && sdp[length - 1] == '/';
+}
+
 /* The description's path in path[PATH_MAX]: the named file, or one in the folder. 0 or -ENAMETOOLONG. */
 static int sdp_path(const struct sender *sender, char *path) {
-    size_t length = strlen(sender->sdp);
     const char *name = sender->program.instance;
-    bool folder = length && sender->sdp[length - 1] == '/';
+    bool folder = is_folder(sender->sdp);
     int size = snprintf(path, PATH_MAX, "%s%s%s", sender->sdp, folder ? name : "", folder ? ".sdp" : "");
 
     return size < PATH_MAX ? 0 : -ENAMETOOLONG;
@@ -78,4 +83,9 @@ void describe_nothing(const struct sender *sender) {
 
     if (sender->sdp && !sdp_path(sender, path))
         unlink(path);
+}
+
+void describe_end(const struct sender *sender) {
+    if (sender->sdp && is_folder(sender->sdp))
+        describe_nothing(sender);
 }

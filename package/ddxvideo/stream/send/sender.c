@@ -320,6 +320,7 @@ int sender_run(struct sender *sender) {
             post_stop(&sender->post);
             settle(sender);
         }
+        describe_end(sender);
     }
     encoder_close(&sender->encoder);
     as_420_close(&sender->as_420);
