@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The rights of each process as the kernel reports them, with every service switched on."""
 import re
-import time
 
 import pytest
 
+from parts.common import wait_until
 from parts.guest import session
 from parts.guest.qemu import Guest
 
@@ -49,11 +49,13 @@ def processes(guest: Guest, recorded: session.Result) -> list[Fields]:
     for one in SWITCHED_ON:
         guest.sh(f"ddxctl enable {one}")
         guest.wait_until(f"ddxctl status {one} | grep -q state=running")
-    for _ in range(10):
-        found = look(guest)
-        if not any(one.get("Name", "run") in PASSING for one in found):  # a process that is exiting may have no name
-            break
-        time.sleep(1)
+    found: list[Fields] = []
+
+    def settled() -> bool:
+        found[:] = look(guest)
+        return not any(one.get("Name", "run") in PASSING for one in found)  # a process that is exiting may have no name
+
+    wait_until(settled, "services that are still at their start", pause=1)
     for one in SWITCHED_ON:
         guest.sh(f"ddxctl disable {one}; rm /data/ddx/{one}.conf")
     return found

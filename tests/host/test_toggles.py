@@ -44,7 +44,11 @@ def held(robot: NativeMachine) -> None:
 
 
 def command(robot: NativeMachine, name: str) -> str:
-    return robot.sh(f"xargs -0 < /proc/$(cat /run/service/{name}/supervise/pid)/cmdline")
+    """The words with which the service's program was started. A service that runs is first the shell of its `run`, and
+    programs that set its rights."""
+    process = f"/proc/$(cat /run/service/{name}/supervise/pid)"
+    robot.wait_until(f'[ "$(readlink {process}/exe)" = /usr/bin/{name.split(".")[0]} ]')
+    return robot.sh(f"xargs -0 < {process}/cmdline")
 
 
 def test_a_toggle_holds_now_after_a_boot_and_in_the_other_slot(root: pathlib.Path, newer: pathlib.Path,
