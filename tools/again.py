@@ -39,6 +39,7 @@ def main() -> int:
     parser.add_argument("-load", action="store_true")
     parser.add_argument("-c", action="append", default=[])
     parser.add_argument("words", nargs="*")
+    suite.leave_make()
     options = parser.parse_args()
     build.dev([native.build()]) if options.words else native.build()
     # Load at the tests' own priority: a test that waits for an event passes, a test that guesses a time fails.

@@ -138,6 +138,7 @@ def main() -> int:
     parser.add_argument("-long", action="store_true")
     parser.add_argument("-junit", type=junit.target)
     parser.add_argument("words", nargs="*")
+    suite.leave_make()
     options = parser.parse_args()
     words: list[str] = options.words
     run = suite.Suite(long=options.long, strict=bool(os.environ.get("STRICT")))

@@ -26,6 +26,8 @@ C_TESTS = 4  # at a time: they mostly wait for processes
 PATIENT = 4  # factor for the limits in meson.build: a C test may wait for a processor
 FRAMES_BROKEN = 3  # exit status of a C test, see tests/unit/check.h
 SANITIZERS = ("ASAN_OPTIONS", "TSAN_OPTIONS", "UBSAN_OPTIONS")
+# Words of the Makefile that are options of the tools, not environment.
+WORDS_OF_MAKE = ("ARGS", "BEFORE", "C", "CASES", "CLIP", "JUNIT", "LOAD", "ROUNDS", "T", "TIMES")
 
 
 @dataclasses.dataclass
@@ -52,6 +54,14 @@ def first_words(failure: str) -> str:
     lines = [line.strip() for line in failure.splitlines() if line.strip()]
     marked = [line[1:].strip() for line in lines if line.startswith("E ")]
     return (marked[:1] or lines[-1:] or ["?"])[0][:200]
+
+
+def leave_make() -> None:
+    """Remove from the environment what `make test T=words` puts there: an inner make, of a test or a build, would take
+    it for words of its own."""
+    for name in [*os.environ]:
+        if name in WORDS_OF_MAKE or name.startswith("MAKE") or name in ("MFLAGS", "GNUMAKEFLAGS"):
+            del os.environ[name]
 
 
 class Suite:
