@@ -103,8 +103,6 @@ def product(run: suite.Suite, words: list[str]) -> None:
         with run.part(f"boot tests: {board}"):
             run.pytest(words, BOOT, board)
     run.take(skipped)
-    for test in skipped:
-        say(f"test: skipped: {test.reason}")
 
 
 def all_tests(run: suite.Suite, words: list[str], board: str) -> None:

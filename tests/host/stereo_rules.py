@@ -8,13 +8,13 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy
-import pytest
 
 from parts.common import Failed
 from parts.media import calibration, stereo_pairs
 from parts.media.calibration import Matrices
 from parts.media.stereo_pairs import Grey, Map, Pair
 
+from .absent import not_made
 from .programs import Counters, Desk, Process, pictures, start_recorder, stop, wait_for_recorder, wait_until
 
 SVS = "ddxvideoSVS"
@@ -26,11 +26,11 @@ def write_calibration(path: pathlib.Path, matrices: Matrices, size: tuple[int, i
 
 
 def found(make: str, *arguments: object) -> Any:
-    """One of the pairs; skips the test if it cannot be downloaded."""
+    """One of the pairs."""
     try:
         return getattr(stereo_pairs, make)(*arguments)
     except Failed as error:
-        pytest.skip(f"no stereo pictures to test with: {error}")
+        not_made("no stereo pictures to test with", error)
 
 
 def write_clip(path: pathlib.Path, stacked: Iterable[Grey], fields: int = 2, levels: str = "FULL") -> pathlib.Path:

@@ -12,6 +12,7 @@ import pytest
 
 from parts.media import stereo_pairs
 
+from .absent import module
 from .programs import TOP
 from .stereo_rules import found, write_clip
 
@@ -20,7 +21,7 @@ SIZE, FIELDS = "W64 H48", "XDDX_FIELDS=2"
 
 @pytest.fixture
 def calibrate(monkeypatch: pytest.MonkeyPatch, tmp_path: pathlib.Path) -> Any:
-    pytest.importorskip("cv2", reason="no python3-opencv to calibrate with")
+    module("cv2", "python3-opencv")
     monkeypatch.syspath_prepend(str(TOP / "package/ddxvideo/stereo"))
     monkeypatch.chdir(tmp_path)
     return importlib.import_module("calibrate")

@@ -11,6 +11,7 @@ import pytest
 from parts.media.calibration import Matrices, ideal
 from parts.media.stereo_pairs import Pair
 
+from .absent import module
 from .programs import Desk, stop, wait_until
 from .stereo_rules import SVS, check_sum, ranged, settled, start, write_calibration, write_clip
 from .test_options import run
@@ -105,7 +106,7 @@ def test_pictures_that_do_not_fit(desk: Desk, size: tuple[int, int] | None, fiel
 
 def test_rectification_equals_opencv_s(desk: Desk) -> None:
     """With strong distortion and rotated cameras, pixels differ from OpenCV's by one level at most."""
-    cv2 = pytest.importorskip("cv2", reason="no python3-opencv to rectify with")
+    cv2 = module("cv2", "python3-opencv")
     matrices = dict(ideal(160, 120))
     camera = numpy.array([[150, 0, 84], [0, 152, 57], [0, 0, 1.0]])
     matrices.update(M1=camera, M2=camera, D1=numpy.array([[-0.3, 0.1, 0.002, -0.001, 0.01, 0.1, 0.02, 0.001]]),

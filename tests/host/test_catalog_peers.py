@@ -19,6 +19,7 @@ from parts.common import MORTAL, TOP, Failed
 from parts.image import cargo, peers
 from parts.link.link import Link
 
+from .absent import not_made
 from .programs import Compiler, Process, lost, stop, wait_until
 from .test_catalog import Machine, link, read, write
 
@@ -43,7 +44,7 @@ def others() -> pathlib.Path:
     try:
         return peers.peers()
     except Failed as error:
-        pytest.skip(f"ROS 2 and other implementations of DDS cannot be installed: {error}")
+        not_made("ROS 2 and other implementations of DDS cannot be installed", error)
 
 
 @pytest.fixture(scope="session")
@@ -52,7 +53,7 @@ def dust() -> pathlib.Path:
     try:
         return cargo.program(HERE / "dust_peer")
     except Failed as error:
-        pytest.skip(f"Dust DDS cannot be built: {error}")
+        not_made("Dust DDS cannot be built", error)
 
 
 class Laptop:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pathlib
 import re
-import shutil
 import subprocess
 from collections.abc import Callable
 from typing import Any
@@ -17,6 +16,7 @@ from parts.media import calibration, stereo_pairs
 from parts.media.calibration import BASELINE, FOCUS, Matrices
 from parts.media.stereo_pairs import Grey, Map, Pair
 
+from .absent import module, need, not_installed
 from .programs import TOP, Desk, pictures
 from .stereo_rules import disparities_in, found, ranged, run_clip, write_clip
 
@@ -113,7 +113,7 @@ def errors_at_corners(cv2: Any, left: Grey, map: Map, stereo: dict[str, Any], ma
 
 def test_distance_of_a_chessboard(desk: Desk) -> None:
     """The range at one board's corners equals the range from their positions."""
-    cv2: Any = pytest.importorskip("cv2", reason="no python3-opencv to look for corners with")
+    cv2: Any = module("cv2", "python3-opencv")
     boards, matrices = calibrated(desk, cv2)
     left, right = boards[8]
     _, map, stereo = ranged(desk, Pair(left, right, numpy.zeros(left.shape, numpy.float32), 160), matrices=matrices)
@@ -124,7 +124,7 @@ def test_distance_of_a_chessboard(desk: Desk) -> None:
 @pytest.mark.long
 def test_distance_of_each_chessboard(desk: Desk, record_property: Callable[[str, object], None]) -> None:
     """All thirteen views, even partial ones; OpenCV's matcher is right at 582 of the 702 corners."""
-    cv2: Any = pytest.importorskip("cv2", reason="no python3-opencv to look for corners with")
+    cv2: Any = module("cv2", "python3-opencv")
     boards, matrices = calibrated(desk, cv2)
     stereo = run_clip(desk, [numpy.vstack(board) for board in boards], matrices, 160, load=["-rate", 0.05])
     height, width = boards[0][0].shape
@@ -140,8 +140,7 @@ def test_distance_of_each_chessboard(desk: Desk, record_property: Callable[[str,
 
 def test_a_pentium_2_gives_the_same_result(desk: Desk) -> None:
     """pc104's code, compiled for that processor and run by an emulator without newer instructions."""
-    if not shutil.which("qemu-i386"):
-        pytest.skip("no qemu-user to run code for a Pentium II")
+    need("qemu-i386", "qemu-user")
     whole: Pair = found("motorcycle", 2, 48)
     pair = Pair(whole.left[100:180, 100:260].copy(), whole.right[100:180, 100:260].copy(),
                 whole.truth[100:180, 100:260], 48)
@@ -167,6 +166,6 @@ def compile_for_pentium_2(folder: pathlib.Path) -> pathlib.Path:
                         folder / "matcher"], check=True, capture_output=True)
     except subprocess.CalledProcessError as error:
         if b"bits/libc-header-start.h" in error.stderr or b"-lgcc" in error.stderr:
-            pytest.skip("no gcc-multilib to compile for 32 bits")
+            not_installed("no gcc for 32 bits: package gcc-multilib")
         raise
     return folder / "matcher"

@@ -7,7 +7,6 @@ import base64
 import os
 import pathlib
 import re
-import shutil
 import subprocess
 
 import pytest
@@ -15,6 +14,7 @@ import pytest
 from parts.common import MORTAL
 from parts.media import clip as numbered_clip
 
+from .absent import need
 from .programs import ffmpeg, pictures
 from .stream import GROUP, PORT, Stream, make_key
 from .test_stream_players import JOIN, SCREEN, SECONDS, follows, send, watch_window
@@ -48,8 +48,7 @@ def test_ffplay(sent: Stream) -> None:
 
 def test_mpv(sent: Stream) -> None:
     """mpv writes each picture to a file."""
-    if not shutil.which("mpv"):
-        pytest.skip("no mpv: tools/setup long")
+    need("mpv", "mpv")
     player = ["mpv", "--no-config", "--no-audio", "--really-quiet", "--profile=low-latency", f"--frames={ENOUGH}",
               "--vo=image", "--vo-image-format=png", "--vo-image-png-compression=1", "--vo-image-outdir=shown",
               f"--demuxer-lavf-o=protocol_whitelist=[{WHITELIST}]", "stream.sdp"]

@@ -110,6 +110,7 @@ def test_outcomes_of_c_tests(places: pathlib.Path, capsys: pytest.CaptureFixture
         "sleeps": "flaky", "tears": "failed", "always": "passed", "never": "skipped"}
     assert [test.reason for test in result.tests if test.reason] == ["no hardware"]
     assert result.verdict(places / "flaky.txt") == 1
+    assert "\nSKIPPED desk: x: never: no hardware\n" in capsys.readouterr().out
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root gets a priority back")

@@ -6,7 +6,6 @@ from __future__ import annotations
 import os
 import pathlib
 import re
-import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
@@ -16,6 +15,7 @@ import pytest
 from parts.common import MORTAL
 from parts.media import clip as numbered_clip
 
+from .absent import need
 from .programs import Process, pictures, wait_until
 from .stream import GROUP, Stream
 from .test_stream_players import FRAMES, SECONDS, follows
@@ -49,8 +49,7 @@ def check(y4m: pathlib.Path) -> None:
 
 class Vlc:
     def __init__(self, stream: Stream, *words: str) -> None:
-        if not shutil.which("vlc"):
-            pytest.skip("no vlc: tools/setup long")
+        need("vlc", "vlc-bin")
         # VLC refuses to run as root, and another user cannot access the test's folder.
         self.keeper = tempfile.TemporaryDirectory(prefix="ddx-")
         self.folder = pathlib.Path(self.keeper.name)

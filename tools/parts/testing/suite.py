@@ -179,19 +179,21 @@ class Suite:
         return "\n".join(lines) + "\n"
 
     def verdict(self, flaky_file: pathlib.Path) -> int:
-        """Print the failed tests and the sums; returns 0 if all passed."""
+        """Print the failed and the skipped tests and the sums; returns 0 if all passed."""
         flaky = [test for test in self.tests if test.outcome == "flaky"]
         failed = [test for test in self.tests if test.outcome == "failed"]
-        skipped = sum(test.outcome == "skipped" for test in self.tests)
+        skipped = [test for test in self.tests if test.outcome == "skipped"]
         flaky_file.write_text("".join(f"FLAKY {test.name}\n{test.failure}\n\n" for test in flaky))
         for test in failed:
             say(f"FAILED {test.name}: {first_words(test.failure)}")
         for test in flaky:
             say(f"FLAKY {test.name}: {first_words(test.failure)}")
-        passed = len(self.tests) - len(failed) - skipped
+        for test in skipped:
+            say(f"SKIPPED {test.name}: {test.reason}")
+        passed = len(self.tests) - len(failed) - len(skipped)
         if not self.tests:
             say("no test has a name that matches")
-        say(f"{passed} passed, {len(failed)} failed, {skipped} skipped")
+        say(f"{passed} passed, {len(failed)} failed, {len(skipped)} skipped")
         return 1 if failed or not passed else 0
 
 
