@@ -7,7 +7,6 @@ import os
 import pathlib
 import re
 import signal
-import struct
 import subprocess
 import time
 from collections.abc import Callable, Iterator
@@ -16,7 +15,7 @@ from typing import Any
 import pytest
 
 from parts.common import MORTAL, TOP, Failed
-from parts.image import cargo, peers
+from parts.image import peers
 from parts.link.link import Link
 
 from .absent import not_made
@@ -45,15 +44,6 @@ def others() -> pathlib.Path:
         return peers.peers()
     except Failed as error:
         not_made("ROS 2 and other implementations of DDS cannot be installed", error)
-
-
-@pytest.fixture(scope="session")
-def dust() -> pathlib.Path:
-    """A program with Dust DDS, which shares no code with the others."""
-    try:
-        return cargo.program(HERE / "dust_peer")
-    except Failed as error:
-        not_made("Dust DDS cannot be built", error)
 
 
 class Laptop:
@@ -162,26 +152,6 @@ def test_cyclonedds_finds_the_type_and_reads_the_values(begin: Begin, laptop: La
     shown, _ = tool[1].communicate(timeout=60)
     for field in ("struct SENSOR_", "double x;", "short a[3];", "octet name[5];", "SENSORPart_ part[2];"):
         assert field in shown
-
-
-def test_dust_dds_reads_the_values(begin: Begin, laptop: Laptop, dust: pathlib.Path) -> None:
-    """All 20 values arrive in order, with exactly the item's fields, all equal."""
-    robot = begin("")
-    writer = robot.start("write", "sensor")
-    write(writer, 1)
-    reader = laptop.start(str(dust), "rt/robot/sensor", 20)
-    for number in range(1, 21):
-        message = json.loads(read(reader, 1)[0])
-        assert message.pop("sec") > 10**9 > message.pop("nanosec")
-        assert message == {
-            "frame_id": "robot", "sequence": number, "monotonic_ns": robot.time("sensor"), "number": number,
-            "name": list(b"abcde"), "part": [{"x": 1.5 * number + i, "a": [number + 10 * i + k for k in range(3)]}
-                                             for i in range(2)],
-            "f": struct.unpack("f", struct.pack("f", number / 3))[0], "last": number}
-        write(writer, 1)
-    assert reader.wait(timeout=60) == 0
-    wait_until(lambda: bool(robot.counters()["in"] >= 20))
-    assert lost(robot.counters()) == 0
 
 
 # ROS's parser must accept the .msg files of a package.
