@@ -88,11 +88,10 @@ def main() -> int:
     python = [TOP / "tools", TOP / "package/ddx/python", TOP / "package/ddxvideo/stereo", TOP / "examples",
               *sorted((TOP / "tests").glob("*"))]
     folders = [path for path in python if list(path.glob("*.py"))]
-    for folder in folders:
-        mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={TOP}/output/mypy"]
-        failed |= subprocess.run([*mypy, folder], cwd=TOP, check=False,
-                                 env={"MYPYPATH": f"{TOP}/tools:{TOP}/package/ddx/python",
-                                      "PATH": "/usr/bin:/bin"}).returncode != 0
+    mypy = ["/usr/bin/python3", "-m", "mypy", "--strict", "--no-error-summary", f"--cache-dir={TOP}/output/mypy"]
+    failed |= subprocess.run([*mypy, *folders], cwd=TOP, check=False,
+                             env={"MYPYPATH": f"{TOP}/tools:{TOP}/package/ddx/python",
+                                  "PATH": "/usr/bin:/bin"}).returncode != 0
     say("lint: failed" if failed else f"lint: {len(scripts)} scripts and {len(paths)} files are fine")
     return 1 if failed else 0
 
