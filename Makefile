@@ -50,7 +50,7 @@ boot: setup-build ## the image in QEMU, to look around: console, SSH, VNC; BOARD
 	@$(PYTHON) tools/boot.py "$(BOARD)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
-test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, newmachine ...: a campaign
+test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, endurance, fuzz, newmachine, reproduce: a campaign
 	@tools/setup $(if $(filter reproduce,$(CAMPAIGN)),image,long)
 	@$(PYTHON) tools/$(if $(CAMPAIGN),$(RUN_CAMPAIGN),gate.py -long $(JUNIT_WORDS) $(if $(T),'$(T)'))
 again: setup     ## chosen tests TIMES=10 times: T= in Python, C='name' in C, LOAD=1 beside busy processors
