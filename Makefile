@@ -47,7 +47,7 @@ run:             ## a clip through the appliance in QEMU, frame by frame; output
 	@tools/setup
 	@$(PYTHON) tools/run.py "$(CLIP)"
 boot: setup-build ## the image in QEMU, to look around: console, SSH, VNC; BOARD=, until it is switched off
-	@$(PYTHON) tools/boot.py "$(BOARD)"
+	@$(PYTHON) tools/boot_image.py "$(BOARD)"
 test: setup      ## the gate: all tests but the long ones, in 15 minutes; STRICT=1: without second chances; JUNIT=file.xml
 	@$(PYTHON) tools/gate.py $(JUNIT_WORDS) $(if $(T),'$(T)')
 test-long: setup ## tests of minutes and hours; T=crash, powercut, killed, endurance, fuzz, newmachine, reproduce: a campaign
