@@ -9,7 +9,7 @@ import pytest
 
 from parts.media import clip as numbered_clip
 
-from .programs import lost, preload, send_signal, stop, wait_until
+from .programs import lost, preload, result, send_signal, stop, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
 FRAMES = numbered_clip.RATE  # in the clip's second
@@ -39,6 +39,20 @@ def test_the_first_frames_are_counted(stream: Stream, clip: pathlib.Path) -> Non
     stream.play(clip, "-rate", "0", readers=0)
     (_, _, sent), = finish(sender)
     assert (sent["in"], sent["out"] + sent["lost"]["store"]) == (FRAMES, FRAMES) and sent["out"] > 0
+
+
+def test_no_frame_waits_for_the_encoder_s_first_use(stream: Stream, clip: pathlib.Path) -> None:
+    """A writer that waits for a reader begins when the sender can encode: the first frames are not lost."""
+    slow = stream.folder / "slow"
+    slow.touch()
+    sender = stream.send(*TO_RELAY, "-codec", "mpeg4", wrapper=(
+        "env", f"LD_PRELOAD={preload('slow_encoder', stream.folder)}", f"SLOW_ENCODER={slow}"))
+    loader = stream.desk.start("ddxvideoload", clip, "-readers", "1", "-rate", "0.25")
+    wait_until(lambda: stream.desk.out("ddxvideoload") >= 5 or "waiting for 1 readers" in stream.desk.errors(loader))
+    slow.unlink()
+    assert result(loader)[0] == 0
+    (_, _, sent), = finish(sender)
+    assert (sent["in"], sent["out"], lost(sent)) == (FRAMES, FRAMES, 0)
 
 
 def test_frames_and_packets_waiting_at_the_end_are_counted(stream: Stream, clip: pathlib.Path) -> None:

@@ -5,6 +5,8 @@
 
 #define RATE_MAX 65535 /* MPEG-4's time base */
 #define RATE_DEFAULT 25
+#define WARM_WIDTH 352
+#define WARM_HEIGHT 288
 #define SLOWEST 10 /* s from frame to frame */
 
 /* Frames per second that both codecs can express. */
@@ -35,6 +37,22 @@ int encoder_open(struct encoder *encoder, const struct encoder_settings *setting
 void encoder_close(struct encoder *encoder) {
     encode_h264_close(&encoder->h264);
     encode_mpeg4_close(&encoder->mpeg4);
+}
+
+void encoder_warm(const struct encoder_settings *settings) {
+    static uint8_t grey[WARM_WIDTH * WARM_HEIGHT];
+    const struct ddxvideo_geometry geometry = {.width = WARM_WIDTH, .height = WARM_HEIGHT, .fields = 1};
+    const struct ddxvideo_picture picture = {.geometry = geometry,
+                                             .plane = {grey, grey, grey},
+                                             .stride = {WARM_WIDTH, WARM_WIDTH / 2, WARM_WIDTH / 2},
+                                             .rows = {WARM_HEIGHT, WARM_HEIGHT / 2, WARM_HEIGHT / 2}};
+    struct encoder encoder;
+    struct encoded encoded;
+
+    if (!encoder_open(&encoder, settings, &geometry))
+        for (int i = 0; i < 2; i++) /* a key frame, and one that refers to it */
+            encoder_encode(&encoder, &picture, 0, &encoded);
+    encoder_close(&encoder);
 }
 
 bool encoder_is_open(const struct encoder *encoder) {

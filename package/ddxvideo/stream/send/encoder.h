@@ -27,6 +27,13 @@ struct encoder {
 int encoder_open(struct encoder *encoder, const struct encoder_settings *settings,
                  const struct ddxvideo_geometry *geometry);
 void encoder_close(struct encoder *encoder);
+
+/*
+ * Encode two grey pictures and discard them. The first use of an encoder loads its code and builds its tables, for as
+ * long as several frames take on a slow processor: before the first frame no frame is lost by that. Failures are left
+ * to encoder_open().
+ */
+void encoder_warm(const struct encoder_settings *settings);
 bool encoder_is_open(const struct encoder *encoder);
 
 /*

@@ -122,6 +122,13 @@ static int64_t interval_of(const struct ddxvideo_geometry *geometry) {
                                                             : FRAME_INTERVAL;
 }
 
+static struct encoder_settings encoder_settings(const struct sender *sender) {
+    /* MPEG-4's encoder makes frames for this rate, and follows a lower one only partly. */
+    long bitrate = sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
+
+    return (struct encoder_settings){.type = sender->type, .bitrate = bitrate * 1000, .fast = sender->fast};
+}
+
 /* An encoder for pictures like this one. */
 static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry *geometry) {
     const struct ddxvideo_geometry *now = &sender->encoder.geometry;
@@ -130,9 +137,7 @@ static bool choose_encoder(struct sender *sender, const struct ddxvideo_geometry
         now->rate_num == geometry->rate_num && now->rate_den == geometry->rate_den)
         return true;
     sender->described = false;
-    /* MPEG-4's encoder makes frames for this rate, and follows a lower one only partly. */
-    long bitrate = sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
-    const struct encoder_settings settings = {.type = sender->type, .bitrate = bitrate * 1000, .fast = sender->fast};
+    const struct encoder_settings settings = encoder_settings(sender);
     encoder_close(&sender->encoder);
     int error = encoder_open(&sender->encoder, &settings, geometry);
     if (!error) {
@@ -310,6 +315,8 @@ int sender_run(struct sender *sender) {
         sender->status = EXIT_FAILED;
     else if (id) {
         describe_nothing(sender);
+        const struct encoder_settings settings = encoder_settings(sender);
+        encoder_warm(&settings); /* before the item is opened, since its frames count from then on */
         sender->begin = ddx_time_now();
         sender->video = program_await(id, sender->name, sender->book);
         sender->status = sender->video || errno == EINTR ? EXIT_OK : EXIT_FAILED;
