@@ -73,6 +73,24 @@ def test_a_toggle_holds_now_after_a_boot_and_in_the_other_slot(root: pathlib.Pat
         assert REAR not in services(robot)
 
 
+def test_a_service_without_its_file_fails_and_names_it(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    with NativeMachine(root, tmp_path) as robot:
+        for word in ("enable", "start", "restart"):
+            status, text = robot.run(f"ddxctl {word} ddxvideoload 2>&1")
+            assert status == 1 and "does not start without its file /test/clip.y4m" in text, text
+        assert "there is no /test/clip.y4m" in robot.sh("ddxctl logs ddxvideoload")
+
+
+def test_health_complains_without_a_camera(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    with NativeMachine(root, tmp_path) as robot:
+        runs(robot, "ddxvideoV4L")
+        status, screen = robot.run("ddxctl health")
+        assert status == 1
+        assert "! camera     no picture from ddxvideoV4L: is the camera plugged in?" in screen
+        robot.sh("ddxctl disable ddxvideoV4L")
+        assert "! camera" not in robot.run("ddxctl health")[1]
+
+
 def test_each_level_of_a_reset_asks_first_and_removes_its_part(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with NativeMachine(root, tmp_path) as robot:
         robot.sh(f"ddxctl disable {SAVE}; ddxctl add {REAR} name=rear port=8004 interface=lo")

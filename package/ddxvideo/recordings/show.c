@@ -111,9 +111,11 @@ void show_room(const struct folder *folder, const char *path) {
             rate += (uint64_t)((double)folder->file[i].bytes * 1e9 / (double)folder->file[i].duration);
     if (free_space_look(path, &room))
         return;
-    printf("%" PRIu64 " MB free, room for %" PRIu64 " MB of recordings", room.free >> 20, room.usable >> 20);
+    printf("room for %" PRIu64 " MB of recordings", room.usable >> 20);
     if (rate)
         printf(", %" PRIu64 " min at this rate", room.usable / rate / 60);
+    printf("; %" PRIu64 " MB of it in prepared files, %" PRIu64 " MB free", room.prepared >> 20,
+           room.free >> 20);
     if (folder->pool >= 0)
         printf("; files ready: %" PRIu32, room.ready);
     putchar('\n');

@@ -29,6 +29,7 @@ static void add_file(int pool, long id, struct free_space *room) {
     if (good && (header.state == INDEX_RECORDING || header.state == INDEX_FINISHED))
         return;
     room->ready += good && header.state == INDEX_FREE;
+    room->prepared += (uint64_t)status.st_size;
     room->usable += (uint64_t)status.st_size;
 }
 
@@ -39,6 +40,7 @@ int free_space_look(const char *place, struct free_space *room) {
         return -errno;
     room->free = (uint64_t)disk.f_bavail * disk.f_frsize;
     room->usable = room->free > POOL_LEFT_FREE ? room->free - POOL_LEFT_FREE : 0;
+    room->prepared = 0;
     room->ready = 0;
     int folder = open(place, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     int pool = folder < 0 ? -1 : openat(folder, POOL_FOLDER, O_RDONLY | O_DIRECTORY | O_CLOEXEC | O_NOFOLLOW);

@@ -8,6 +8,7 @@
 struct free_space {
     uint64_t free;  /* free bytes of the file system */
     uint64_t usable; /* bytes for recordings: of the free ones, and of the pool's files without a recording */
+    uint64_t prepared; /* bytes of these files of the pool, which are not free */
     uint32_t ready; /* prepared files of the pool, including one that has just been begun */
 };
 
