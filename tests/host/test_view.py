@@ -319,8 +319,10 @@ def test_a_recording_of_several_files(desk: Desk, display: Display) -> None:
 def test_bad_input(desk: Desk, display: Display, small_disk: pathlib.Path) -> None:
     desk.environment["DISPLAY"] = display.name
     play(desk, make_clip(desk.folder / "clip.y4m", 2), readers=0)
+    (desk.folder / "clip.mp4").write_bytes(b"\0\0\0 ftypisom\0\0\2\0isomiso2avc1mp41\n")
     bad: list[tuple[list[str], int, str]] = [
         (["-name", "ddxvideoload.stats"], 1, "ddxvideoload.stats: no video item"),
+        (["clip.mp4"], 2, "clip.mp4: no Y4M file; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"),
         (["none.y4m"], 2, "none.y4m: cannot be opened: No such file"), ([str(desk.folder)], 2, "no regular file")]
     for arguments, status, text in bad:
         done = desk.run("ddxvideoview", *arguments)

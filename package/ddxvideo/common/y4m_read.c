@@ -72,8 +72,9 @@ static enum y4m_result read_line(struct y4m_reader *reader, char *line, size_t s
             if (c == '\n')
                 return Y4M_OK;
             if (!c || length + 1 == size)
-                return fail(reader, Y4M_BAD, "bad %s: %s; the file is damaged, or no Y4M", what,
-                            c ? "the line is too long" : "it holds a zero byte");
+                return fail(reader, Y4M_BAD, "bad %s: %s; the file is damaged, or no Y4M%s", what,
+                            c ? "the line is too long" : "it holds a zero byte",
+                            reader->frames ? "" : "; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m");
             line[length++] = c;
         }
         const struct iovec part = {reader->ahead, AHEAD_WANTED};

@@ -15,6 +15,7 @@
 #define USUAL_RATE 25 /* if the file has no rate */
 #define LINES 256     /* FRAME lines that are read in one step */
 #define FIRST_ROOM 1024
+#define NO_Y4M "no Y4M file; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"
 
 size_t frames_header(int fd, struct y4m_header *header, char *error) {
     char line[Y4M_HEADER_MAX + 1];
@@ -26,12 +27,12 @@ size_t frames_header(int fd, struct y4m_header *header, char *error) {
     else if (!got)
         snprintf(error, Y4M_ERROR_MAX, "is empty; record or copy it again");
     else if (!end)
-        snprintf(error, Y4M_ERROR_MAX, "no Y4M file; make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m");
+        snprintf(error, Y4M_ERROR_MAX, NO_Y4M);
     if (!end)
         return 0;
     *end = 0;
     if (memchr(line, 0, (size_t)(end - line))) {
-        snprintf(error, Y4M_ERROR_MAX, "no Y4M file: its header holds a zero byte");
+        snprintf(error, Y4M_ERROR_MAX, NO_Y4M);
         return 0;
     }
     return y4m_parse_header(line, DDX_VIDEO_420, header, error) ? (size_t)(end - line) + 1 : 0;
