@@ -42,6 +42,18 @@ def values(store: ddx.Store) -> None:
         assert item.type == "SENSOR" and [f.name for f in item.fields][:3] == ["name", "imu", "imu.accel"]
 
 
+def wrong_types(store: ddx.Store) -> None:
+    """The error names the argument."""
+    wrong: Any = 8000
+    text: Any = "x"
+    assert "Store(): host is a machine's name, not 8000" == refused(TypeError, lambda: ddx.Store(wrong))
+    assert "port is a number" in refused(TypeError, lambda: ddx.Store(None, text))
+    assert "timeout is a number of seconds" in refused(TypeError, lambda: ddx.Store(timeout=text))
+    assert "item(): name is an item's name, not 8000" == refused(TypeError, lambda: store.item(wrong))
+    assert "create(): type is a type's name" in refused(TypeError, lambda: store.create("one", wrong, "int"))
+    assert "no catalog" in refused(ddx.Error, lambda: ddx.Store("carol", timeout=0.0))
+
+
 def plain_number(store: ddx.Store) -> None:
     with store.create("count", "int", "int") as out:
         out.write(-7)

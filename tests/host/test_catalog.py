@@ -256,6 +256,48 @@ def test_mirrors_continue_after_a_partition(machines: tuple[Machine, Machine], l
     assert read(reader, 1)[0].startswith("07000000")
 
 
+READ = """
+import json, sys, ddx
+with ddx.Store(sys.argv[1] or None, timeout=5.0) as store, store.item(sys.argv[2]) as item:
+    assert item.read()["number"] == json.loads(sys.argv[3])["number"]
+"""
+
+
+def test_a_first_read_waits_for_the_subscription(machines: tuple[Machine, Machine], link: Link) -> None:
+    """ddxctl and Python read the newest value, not the one from before the subscription; without one, its age."""
+    robot, laptop = machines
+    writer = robot.start("write", "sensor")
+
+    def value(machine: Machine, item: str) -> Any:
+        shown = machine.desk.run("ddxctl", "show", item, "--json")
+        assert shown.returncode == 0, shown.stderr
+        return json.loads(shown.stdout)["value"]
+
+    def python(host: str, item: str, wanted: Any) -> str:
+        environment = {**laptop.desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")}
+        done = subprocess.run(["/usr/bin/python3", "-B", "-c", READ, host, item, json.dumps(wanted)], timeout=60,
+                              env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        return done.stderr
+
+    write(writer, 1)
+    wait_until(lambda: "robot" in [one["name"] for one in laptop.shown()["machines"]])
+    assert value(laptop, "robot:sensor") == value(robot, "sensor")
+    wait_until(lambda: robot.desk.readers("sensor") == 0)
+    write(writer, 1)
+    assert value(laptop, "robot:sensor") == value(robot, "sensor")
+    wait_until(lambda: robot.desk.readers("sensor") == 0)
+    write(writer, 1)
+    assert python("robot", "sensor", value(robot, "sensor")) == ""
+    wait_until(lambda: robot.desk.readers("sensor") == 0)
+    last = value(robot, "sensor")
+    link.lose(Iid(1.0))
+    write(writer, 1)
+    shown = laptop.desk.run("ddxctl", "show", "robot:sensor")
+    assert shown.returncode == 0 and re.search(r"no new value within 1 s; the last one is [0-9.]+ s old", shown.stderr)
+    assert "no new value; the last one is" in python("", "robot:sensor", last)
+
+
 def test_the_later_of_two_machines_with_one_name_takes_another(begin: Begin, tmp_path: pathlib.Path) -> None:
     first, second = begin("carol", "carol")
     wait_until(lambda: [len(one.table()["name"]) for one in (first, second)] == [5, 10])

@@ -2,7 +2,7 @@
 """The DDX store for Python: libddx through ctypes, frames as numpy arrays without a copy.
 
     import ddx
-    with ddx.Store() as store, store.item("video") as item:
+    with ddx.Store() as store, store.item("video") as item:      # or ddx.Store("carol"), another machine's
         for frame in item.frames(timeout=1.0):
             print(frame.sequence, frame.time, frame.missed, frame["y"].mean())
 
@@ -21,6 +21,7 @@ import errno
 import pathlib
 import sysconfig
 import time
+import warnings
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
@@ -30,6 +31,7 @@ CURRENT, NEXT, IN_ORDER = 0, 1, -1  # enum ddx_tail
 INT, UNSIGNED, FLOAT, CHAR, STRUCT = range(1, 6)  # enum ddx_kind
 AnyItem = TypeVar("AnyItem", bound="Item")
 _TEXT_MAX = 4096  # longer arrays of char are pictures
+_FIRST_WAIT = 1.0  # s, for the first value of another machine
 _SLICE = 0.2  # s; waits are split into slices, so that Ctrl-C works
 
 
@@ -103,6 +105,7 @@ _loan = _function("ddx_store_loan", _I, _P, ctypes.POINTER(_P))
 _publish = _function("ddx_store_publish", _I, _P, _TIME)
 _cancel = _function("ddx_store_cancel", _I, _P)
 _field = _function("ddx_store_field", ctypes.POINTER(_CField), _P, ctypes.c_uint)
+_item_name = _function("ddx_store_item_name", _S, _P)
 _type = _function("ddx_store_item_type", _S, _P)
 _missed = _function("ddx_store_missed", ctypes.c_uint64, _P)
 _text = _function("ddx_error_text", _S, _I)
@@ -117,17 +120,29 @@ def _check(result: int) -> None:
         raise Error(-result, _text(result).decode())
 
 
-class Store:
-    """A connection to this machine's store."""
+def _typed(where: str, **arguments: tuple[Any, type | tuple[type, ...], str]) -> None:
+    """TypeError with the argument's name; ctypes would give its number only."""
+    for name, (value, kind, wanted) in arguments.items():
+        if not isinstance(value, kind) or (isinstance(value, bool) and kind is not bool):
+            raise TypeError(f"{where}: {name} is {wanted}, not {value!r}")
 
-    def __init__(self, port: int = 0, timeout: float = 1.0) -> None:
-        self._handle = _open(None, port, timeout)
+
+class Store:
+    """A connection to this machine's store, or through its catalog to that of the machine `host`: there, item("gps")
+    is this machine's item "carol:gps". timeout: seconds to wait for the store, and for the machine to be heard."""
+
+    def __init__(self, host: str | None = None, port: int = 0, timeout: float = 1.0) -> None:
+        self._handle: int | None = None
         self._items: list[Item] = []
+        _typed("Store()", host=(host, (str, type(None)), "a machine's name"), port=(port, int, "a number"),
+               timeout=(timeout, (int, float), "a number of seconds"))
+        self._handle = _open(None if host is None else host.encode(), port, timeout)
         if not self._handle:
             _check(-ctypes.get_errno())
 
     def item(self, name: str, awaited: bool = False) -> Item:
         """Open an existing item for reading or writing; awaited: for reading, also before the item exists."""
+        _typed("item()", name=(name, str, "an item's name"))
         open_handle = self._open_handle()
         handle = _await(open_handle, name.encode()) if awaited else _lookup(open_handle, name.encode(), None, 0)
         if not handle:
@@ -141,6 +156,8 @@ class Store:
     def create_as(self, handle_class: Callable[[Store, str, int], AnyItem], name: str, type: str, declaration: str,
                   extents: Mapping[str, int] | None = None) -> AnyItem:
         """As create(), for a handle of a class derived from Item."""
+        _typed("create()", name=(name, str, "an item's name"), type=(type, str, "a type's name"),
+               declaration=(declaration, str, "a struct in C"))
         used = [_CExtent(field.encode(), count) for field, count in (extents or {}).items()]
         spec = _CSpec(name.encode(), type.encode(), declaration.encode(), 0, (_CExtent * len(used))(*used), len(used))
         problem = ctypes.create_string_buffer(256)
@@ -378,6 +395,7 @@ class Item:
     def __init__(self, store: Store, name: str, handle: int) -> None:
         self.store, self.name, self._handle = store, name, handle
         self._held: _Memory | None = None
+        self._opened = time_now()  # 0 after the first read()
         store._items.append(self)
 
     @property
@@ -427,8 +445,28 @@ class Item:
                 yield frame
 
     def read(self, timeout: float | None = None, tail: int = CURRENT) -> Any:
-        """A copy of a value: a dict, or a number."""
+        """A copy of a value: a dict, or a number. The first CURRENT value of another machine may be from before the
+        subscription: a newer one is waited for, for a second (or the timeout), and if none comes, a warning has the age
+        of the last one."""
+        if tail == CURRENT and self._opened and b":" in _item_name(self._open_handle()):
+            return self._read_first(timeout)
         with self.acquire(timeout, tail) as frame:
+            return frame.value()
+
+    def _read_first(self, timeout: float | None) -> Any:
+        end = time.monotonic() + (_FIRST_WAIT if timeout is None else min(_FIRST_WAIT, timeout))
+        with self.acquire(timeout, CURRENT) as frame:
+            opened, self._opened = self._opened, 0
+            if frame.time >= opened:
+                return frame.value()
+        try:
+            with self.acquire(max(0.0, end - time.monotonic()), NEXT) as frame:
+                return frame.value()
+        except TimeoutError:
+            pass
+        with self.acquire(timeout, CURRENT) as frame:
+            age = (time_now() - frame.time) / 1e9
+            warnings.warn(f"{self.name}: no new value; the last one is {age:.3f} s old", stacklevel=3)
             return frame.value()
 
     def loan(self) -> Loan:
