@@ -75,7 +75,7 @@ bench:           ## the store beside other ways to pass frames: ROUNDS=, CASES=,
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_view.py)
 	@$(if $(CASES)$(BEFORE),:,$(PYTHON) tools/bench_catalog.py)
 # Only words of the command line count: a HOSTNAME or DEV that happens to be in the environment must not.
-FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME CONSOLE SERIAL
+FLASH_WORDS = BOARD DEV IMAGE YES FILE SSH_KEY HOSTNAME NETWORK CONSOLE SERIAL
 TYPED = $(foreach word,$(FLASH_WORDS),$(if $(findstring command,$(origin $(word))),$(word)='$($(word))'))
 flash: setup-run ## write an image to a disk and compare: BOARD=dev DEV=/dev/sdX, see docs/flash.md
 	@$(PYTHON) tools/flash.py $(TYPED)

@@ -18,7 +18,7 @@ from parts.flash import blockmap, provision, target
 from parts.flash.blockio import CHUNK, Device, Source
 from parts.flash.blockmap import Range
 
-WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "CONSOLE", "SERIAL"]
+WORDS = ["BOARD", "DEV", "IMAGE", "YES", "FILE", "SSH_KEY", "HOSTNAME", "NETWORK", "CONSOLE", "SERIAL"]
 SIGNATURE = 440  # offset of the disk's signature in its boot sector; four bytes
 START = 2**20  # boot sector, partition table and boot loader: written last, so that only a complete disk boots
 
@@ -121,7 +121,7 @@ def prepare(words: dict[str, str]) -> Job:
     """Check everything that can be checked without writing; fails with the reason to refuse."""
     image = _find_image(words)
     need = image.stat().st_size
-    lines = provision.lines(words["SSH_KEY"], words["HOSTNAME"], words["CONSOLE"])
+    lines = provision.lines(words["SSH_KEY"], words["HOSTNAME"], words["CONSOLE"], words["NETWORK"])
     path = pathlib.Path(words["DEV"])
     if words["FILE"] == "1":
         _check_file(path, image)
@@ -137,9 +137,12 @@ def prepare(words: dict[str, str]) -> Job:
     source.replace(SIGNATURE, secrets.token_bytes(4))
     heard = provision.is_heard(words["SERIAL"])
     if lines or heard:
-        source.replace(*provision.boot_partition(image, lines, heard))
+        boot = provision.boot_partition(image, lines, heard)
+        source.replace(boot.begin, boot.content)
         about = [line[:60] for line in lines] + (["it listens on the serial line"] if heard else [])
         say(f"for this machine: {', '.join(about)}")
+        if boot.is_out_of_reach():
+            say("warning: the keys cannot log in, because the machine has no network; NETWORK='eth0 dhcp' turns it on")
     blockmap.used(image, need)  # fails if this is no image
     new = words["FILE"] == "1" and not path.exists()
     if new:

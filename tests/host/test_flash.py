@@ -541,15 +541,24 @@ def test_writes_the_machine_s_name_and_keys(image: pathlib.Path, loop: Loop, tmp
     file = tmp_path / "my keys.pub"
     file.write_text("# ours\n" + "\n".join(keys) + "\n")
     status, text = tool(f"IMAGE={image}", f"DEV={loop.device}", "YES=1", "HOSTNAME=robot-7", "CONSOLE=open",
-                        "SERIAL=on", f"SSH_KEY={file}")
-    assert status == 0, text
+                        "SERIAL=on", f"SSH_KEY={file}", "NETWORK=eth0 dhcp")
+    assert status == 0 and "warning" not in text, text
     boot = f"{loop.file}@@{mbr.partition(image, 1).begin}"
     settings = run(["mtype", "-i", boot, "::ddx.txt"])
     shipped = (TOP / "board/common/ddx.txt").read_text()
-    assert settings == shipped + "hostname=robot-7\nconsole=open\n" + "".join(f"ssh_key={key}\n" for key in keys)
+    assert settings == (shipped + "hostname=robot-7\nconsole=open\nnetwork=eth0 dhcp\n"
+                        + "".join(f"ssh_key={key}\n" for key in keys))
     names = run(["mdir", "-b", "-i", boot, "::"]).split()
     assert "::/serial-on.txt" in names and "::/serial-off.txt" not in names
     assert hashlib.sha256(image.read_bytes()).digest() == before
+
+
+def test_warns_of_a_machine_that_no_key_can_reach(image: pathlib.Path, loop: Loop, tmp_path: pathlib.Path) -> None:
+    file = tmp_path / "key.pub"
+    file.write_text(f"{public_key()}\n")
+    status, text = tool(f"IMAGE={image}", f"DEV={loop.device}", "YES=1", f"SSH_KEY={file}")
+    assert status == 0 and "warning: the keys cannot log in, because the machine has no network" in text
+    assert "NETWORK='eth0 dhcp'" in text
 
 
 @pytest.mark.parametrize("text", ["", "nonsense\n", "ssh-rsa {body}\n", 'command="sh" ssh-ed25519 {body}\n',
@@ -577,6 +586,7 @@ def test_refuses_invalid_settings(image: pathlib.Path, loop: Loop, tmp_path: pat
     refused(image, loop.device, "this is a private key", f"SSH_KEY={tmp_path}/key", untouched=loop.file)
     refused(image, loop.device, "cannot be read: No such file", f"SSH_KEY={tmp_path}/none")
     refused(image, loop.device, "open or closed is needed", "CONSOLE=yes")
+    refused(image, loop.device, "NETWORK=eth0: dhcp is needed, or an address", "NETWORK=eth0")
     refused(image, loop.device, "SERIAL=on", "SERIAL=open")
 
 

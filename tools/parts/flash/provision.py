@@ -2,9 +2,9 @@
 """Settings of one machine: lines of ddx.txt on the boot partition, see board/common/ddx.txt."""
 import base64
 import binascii
+import dataclasses
 import os
 import pathlib
-import re
 import subprocess
 
 from parts.common import TOP, Failed, run, scratch
@@ -21,8 +21,10 @@ def _check(word: str, value: str, line: str) -> str:
     done = subprocess.run(["awk", "-f", PARSER], input=line, capture_output=True, text=True, check=True,
                           env={**os.environ, "LC_ALL": "C"})
     if "\n" in line or done.stdout != line + "\n":
-        reason = re.search(r": ([^:]*)$", done.stderr.strip())
-        raise Failed(f"{word}={value}: {reason[1] if reason else 'a single line is needed'}")
+        said = done.stderr.strip()
+        begin = f"ddx.txt, line 1: {line[:60]}: "
+        reason = said.removeprefix(begin) if said.startswith(begin) else said.rpartition(": ")[2]
+        raise Failed(f"{word}={value}: {reason or 'a single line is needed'}")
     return line
 
 
@@ -36,13 +38,15 @@ def _key(line: str) -> bool:
     return body[:4] == len(kind).to_bytes(4, "big") and body[4:].startswith(kind.encode())
 
 
-def lines(ssh_key: str, host_name: str, console: str) -> list[str]:
+def lines(ssh_key: str, host_name: str, console: str, network: str = "") -> list[str]:
     """The lines for the file; empty words are left out."""
     found = []
     if host_name:
         found.append(_check("HOSTNAME", host_name, f"hostname={host_name}"))
     if console:
         found.append(_check("CONSOLE", console, f"console={console}"))
+    if network:
+        found.append(_check("NETWORK", network, f"network={network}"))
     if ssh_key:
         try:
             text = pathlib.Path(ssh_key).read_text()
@@ -71,8 +75,21 @@ def is_heard(serial: str) -> bool:
     return serial == "on"
 
 
-def boot_partition(image: pathlib.Path, new: list[str], heard: bool) -> tuple[int, bytes]:
-    """Offset of the image's boot partition, and its content with the new lines in ddx.txt."""
+@dataclasses.dataclass(frozen=True)
+class Boot:
+    """An image's boot partition: its offset, its content, and the text of its ddx.txt."""
+    begin: int
+    content: bytes
+    text: str
+
+    def is_out_of_reach(self) -> bool:
+        """Whether keys may log in over the network, but no interface is on."""
+        keys = {line.split("=", 1)[0].strip() for line in self.text.splitlines()}
+        return "ssh_key" in keys and "network" not in keys
+
+
+def boot_partition(image: pathlib.Path, new: list[str], heard: bool) -> Boot:
+    """The image's boot partition with the new lines in ddx.txt."""
     boot = mbr.partition(image, 1)
     with scratch() as folder:
         copy, file = pathlib.Path(folder, "boot"), pathlib.Path(folder, "ddx.txt")
@@ -89,4 +106,4 @@ def boot_partition(image: pathlib.Path, new: list[str], heard: bool) -> tuple[in
             raise Failed("ddx.txt on the boot partition is not what was written")
         if heard:
             run(["mren", "-i", copy, DEAF, HEARD])
-        return boot.begin, copy.read_bytes()
+        return Boot(boot.begin, copy.read_bytes(), text)
