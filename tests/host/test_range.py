@@ -17,8 +17,9 @@ from parts.media.calibration import BASELINE, FOCUS, Matrices
 from parts.media.stereo_pairs import Grey, Map, Pair
 
 from .absent import module, need, not_installed
-from .programs import TOP, Desk, pictures
-from .stereo_rules import disparities_in, found, ranged, run_clip, write_clip
+from .programs import TOP, Desk, pictures, result, stop
+from .stereo_rules import (check_sum, disparities_in, found, ranged, run_clip, settled, write_calibration,
+                           write_clip)
 
 STEREO = TOP / "package/ddxvideo/stereo"
 CALIBRATE = STEREO / "calibrate.py"
@@ -71,6 +72,32 @@ def test_pictures_of_each_layout(desk: Desk, layout: str, levels: str) -> None:
     assert difference.max() <= (0 if levels == "FULL" else 1)
     map = disparities_in(desk.folder / "disparity.y4m", height, width)[-1]
     assert (numpy.abs(map[:, 20:-4] - 9) < 0.5).all()
+
+
+def test_the_page_s_range_from_two_files(desk: Desk) -> None:
+    """The commands of the page as they are, and its piece of Python."""
+    page = (TOP / "docs/stereo.md").read_text()
+    commands = re.search(r"    ddxvideoload left.y4m.*?\n\n", page, re.S)
+    code = re.search(r"```python\n(.*?)```", page, re.S)
+    assert commands and code
+    pair = small_pair(96, 64)
+    for name, eye in (("left", pair.left), ("right", pair.right)):
+        write_clip(desk.folder / f"{name}.y4m", [eye] * 25, fields=1)
+    write_calibration(desk.folder / "stereo.yml", calibration.ideal(96, 64), (96, 64))
+    lines = [line.split("#")[0].strip(" &") for line in commands[0].strip().splitlines()]
+    loaders = [desk.start(*line.split()) for line in lines[:-1]]
+    process = desk.start(*lines[-1].split())
+    assert [result(loader)[0] for loader in loaders] == [0, 0], list(map(desk.errors, loaders))
+    counters = settled(desk, 50)
+    check_sum(counters)
+    assert counters["out"] > 0
+    piece = code[1].replace("timeout=1.0", "timeout=1.0, tail=ddx.CURRENT")  # the clips have ended
+    end = "        print(np.nanmedian(metres) > 0)\n        break\n"
+    environment = {**desk.environment, "PYTHONPATH": str(TOP / "package/ddx/python")}
+    done = subprocess.run(["/usr/bin/python3", "-B", "-c", piece + end], env=environment, timeout=60,
+                          capture_output=True, text=True)
+    assert done.stdout == "True\n", done.stderr
+    assert stop(process)[0] == 0
 
 
 Boards = list[tuple[Grey, Grey]]
