@@ -143,11 +143,28 @@ def test_gstreamer(sent: Stream) -> None:
     assert follows(numbers[-30:], 25)
 
 
-def test_without_sdl(desk: Desk) -> None:
+@pytest.mark.parametrize("driver, why", [
+    ("none", ""), (None, "neither DISPLAY nor WAYLAND_DISPLAY is set")])
+def test_without_sdl(desk: Desk, driver: str | None, why: str) -> None:
     """Without a screen, as in the image, decode reports it in one line and receives the stream."""
-    process = subprocess.Popen([*MORTAL, ROOT / "bin/decode"], env={**desk.environment, "SDL_VIDEODRIVER": "none"},
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    assert process.stderr and "going on without" in process.stderr.readline()
+    environment = {key: value for key, value in desk.environment.items()
+                   if key not in ("DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR")}
+    process = subprocess.Popen([*MORTAL, ROOT / "bin/decode", "-group", "none"], stdout=subprocess.PIPE,
+                               env={**environment, **({"SDL_VIDEODRIVER": driver} if driver else {})},
+                               stderr=subprocess.PIPE, text=True)
+    assert process.stderr and process.stderr.readline().startswith(f"decode: no window is shown: {why}")
     process.terminate()
-    out, _ = process.communicate(timeout=60)
-    assert process.returncode == 0 and '"instance":"decode"' in out
+    out, more = process.communicate(timeout=60)
+    assert process.returncode == 0 and '"instance":"decode"' in out and not more
+
+
+def test_a_network_without_a_default_route(stream: Stream, clip: pathlib.Path) -> None:
+    """Sender, decode and its list name the option that is missing."""
+    subprocess.run([*stream.network.inside, "ip", "route", "flush", "224.0.0.0/4"], check=True)
+    sender, decode = stream.send(), stream.decode()
+    stream.play(clip, "-rate", "0")
+    for process in (sender, decode):
+        wait_until(lambda: "name the network's interface: -interface" in stream.desk.errors(process))
+    subprocess.run([*stream.network.inside, "ip", "link", "set", "lo", "down"], check=True)  # no route of IPv6 either
+    listed = stream.desk.start("decode", "-list", wrapper=stream.network.inside)
+    assert listed.wait(60) == 1 and "-interface" in stream.desk.errors(listed)

@@ -160,6 +160,11 @@ const char *network_text(const struct network_address *address, char *text) {
     return text;
 }
 
+const char *network_advice(int error, const char *interface) {
+    return (error == -ENODEV || error == -ENETUNREACH) && !interface
+               ? "; without a default route, name the network's interface: -interface eth0" : "";
+}
+
 unsigned network_interface(const char *name) {
     char *end, known[IF_NAMESIZE];
     unsigned index = if_nametoindex(name);

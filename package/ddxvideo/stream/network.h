@@ -69,6 +69,9 @@ const char *network_host(const struct network_address *address, char *text);
 /* For messages: "10.0.0.2:9000" or "[fe80::2%eth0]:9000" into text[NETWORK_TEXT_MAX]. */
 const char *network_text(const struct network_address *address, char *text);
 
+/* To add to a message on this error (-errno) of a multicast group: "; ... -interface eth0", or "". */
+const char *network_advice(int error, const char *interface);
+
 /* Index of an interface, by name or number; 0 if there is none. */
 unsigned network_interface(const char *name);
 

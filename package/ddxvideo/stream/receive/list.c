@@ -112,7 +112,7 @@ int list_run(const char *interface) {
     int error = wanted.fd < 0 ? wanted.fd : 0;
 
     if (error || !join_all(wanted.fd, interface, &error)) {
-        say("announcements at port %d: %s", SAP_PORT, strerror(-error));
+        say("announcements at port %d: %s%s", SAP_PORT, strerror(-error), network_advice(error, interface));
         if (wanted.fd >= 0)
             close(wanted.fd);
         return EXIT_FAILED;

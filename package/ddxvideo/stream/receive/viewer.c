@@ -167,7 +167,8 @@ static void join(struct viewer *viewer) {
     viewer->joining = now + NS;
     int error = inlet_join(&viewer->inlet);
     if (error && !viewer->said_join) {
-        say("cannot join %s: %s; trying again", viewer->inlet.group, strerror(-error));
+        say("cannot join %s: %s%s; trying again", viewer->inlet.group, strerror(-error),
+            network_advice(error, viewer->inlet.interface));
         viewer->said_join = true;
     }
 }
@@ -270,13 +271,15 @@ static bool tick_of_window(void *to) {
 }
 
 static void open_window(struct viewer *viewer) {
-    const char *wrong;
+    const char *wrong = "neither DISPLAY nor WAYLAND_DISPLAY is set";
 
-    viewer->display = display_open(viewer->program.instance, &wrong);
+    /* Without a desktop SDL may write a line of its own, and then draw into memory without an error. */
+    if (getenv("DISPLAY") || getenv("WAYLAND_DISPLAY") || getenv("SDL_VIDEODRIVER"))
+        viewer->display = display_open(viewer->program.instance, &wrong);
     if (viewer->display)
         viewer->screen = (struct viewer_screen){.show = show_in_window, .tick = tick_of_window, .to = viewer->display};
     else
-        say("no window: %s; going on without one, as with -headless", wrong);
+        say("no window is shown: %s; going on as with -headless", wrong);
 }
 
 static bool prepare(struct viewer *viewer) {

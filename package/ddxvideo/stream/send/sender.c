@@ -95,8 +95,9 @@ static void tell_network(struct sender *sender, bool good) {
     char text[NETWORK_ERROR_MAX];
 
     if (!good && !sender->failing)
-        say("packets to %s are not sent: %s", network_text(&sender->sent.receiver[0], text),
-            strerror(sender->sent.error));
+        say("packets to %s are not sent: %s%s", network_text(&sender->sent.receiver[0], text),
+            strerror(sender->sent.error),
+            sender->outlet.group ? network_advice(-sender->sent.error, sender->outlet.interface) : "");
     sender->failing = !good;
 }
 
