@@ -2,9 +2,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """make boot: the image in QEMU, to look around, until it is switched off. boot_image.py [BOARD]
 
-The console is in this terminal, and SSH and the screen (VNC) are at ports of this machine that are printed. A drawn clip
-takes a camera's place, again and again. Nothing is kept: the next boot begins with the image as it was built. A key for
-SSH is made in output/boot. Exit status 0 after `poweroff` and after Ctrl-].
+The console is in this terminal, and SSH and the screen (VNC) are at ports of this machine that are printed. A drawn
+clip takes a camera's place, again and again. Nothing is kept: the next boot begins with the image as it was built. A
+key for SSH is made in output/boot. Exit status 0 after `poweroff` and after Ctrl-].
 """
 import pathlib
 import sys

@@ -13,8 +13,8 @@ from parts.common import MORTAL, PATIENCE, TOP, wait_until
 
 @pytest.mark.long
 def test_a_guest_to_look_around_in() -> None:
-    process = subprocess.Popen([*MORTAL, sys.executable, "-B", TOP / "tools/boot_image.py"], stdin=subprocess.DEVNULL, cwd=TOP,
-                               stdout=subprocess.PIPE, text=True)
+    process = subprocess.Popen([*MORTAL, sys.executable, "-B", TOP / "tools/boot_image.py"], cwd=TOP,
+                               stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, text=True)
     assert process.stdout
     said = ""
     while "it runs until" not in said:
