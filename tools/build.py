@@ -23,8 +23,8 @@ def foreign() -> tuple[pathlib.Path, pathlib.Path, pathlib.Path]:
     """Build the third-party parts: kernel, BusyBox, FFmpeg. Side by side, since each has pieces that keep only one
     processor busy, such as downloads and configure scripts."""
     with alone("build", OUTPUT / "foreign.lock"), ThreadPoolExecutor() as pool:
-        parts = [pool.submit(part) for part in (kernel.kernel, busybox.busybox, ffmpeg.ffmpeg)]
-        kernel_folder, busybox_folder, codecs = [part.result() for part in parts]
+        parts = [pool.submit(part) for part in (ffmpeg.ffmpeg, busybox.busybox, kernel.kernel)]  # the longest first
+        codecs, busybox_folder, kernel_folder = [part.result() for part in parts]
         return kernel_folder, busybox_folder, codecs
 
 

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """Debian's archive with our own package lists: packages are downloaded and unpacked without changing the host."""
 import contextlib
+import fcntl
 import functools
 import pathlib
 import re
 import subprocess
+from collections.abc import Iterator
 
-from parts.common import CACHE, Failed, alone, run, say
+from parts.common import CACHE, Failed, run, say
 
 KEYRING = "/usr/share/keyrings/debian-archive-keyring.gpg"
 SUITES = ["bookworm", "bookworm-backports"]
@@ -36,22 +38,24 @@ class Archive:
         mirror = _mirror()
         lines = [f"deb [signed-by={KEYRING} target=Packages] {mirror} {suite} main\n" for suite in SUITES]
         lines.append(f"deb-src [signed-by={KEYRING} target=Sources] {mirror} {SUITES[0]} main\n")
-        changed = not sources.exists() or sources.read_text() != "".join(lines)
-        if changed:
-            sources.write_text("".join(lines))
         options = ["-q", "-o", f"Dir::Etc::sourcelist={sources}", "-o", f"Dir::Etc::sourceparts={self.folder}/empty",
                    "-o", f"Dir::State::lists={self.folder}/lists", "-o", f"Dir::Cache={self.folder}",
                    "-o", "APT::Sandbox::User=", "-o", "Acquire::Languages=none",
                    "-o", "APT::Update::Post-Invoke-Success::=true"]
-        if changed or not any((self.folder / "lists").glob("*_Packages*")):
-            say("reading Debian's package lists ...")
-            with self._alone():
+        with self._locked(fcntl.LOCK_EX):
+            changed = not sources.exists() or sources.read_text() != "".join(lines)
+            if changed or not any((self.folder / "lists").glob("*_Packages*")):
+                say("reading Debian's package lists ...")
+                sources.write_text("".join(lines))
                 run(["apt-get", *options, "update"])
         return options
 
-    def _alone(self) -> contextlib.AbstractContextManager[None]:
-        """apt fails while another apt uses the lists or the archive, so wait for other builds."""
-        return alone("archive", self.folder / "busy")
+    @contextlib.contextmanager
+    def _locked(self, how: int) -> Iterator[None]:
+        """Downloads may run side by side (LOCK_SH), but not beside an update of the lists (LOCK_EX)."""
+        with (self.folder / "busy").open("w") as file:
+            fcntl.flock(file, how)
+            yield
 
     def newest(self, pattern: str) -> str:
         """The package with the highest version whose name matches the pattern."""
@@ -71,12 +75,15 @@ class Archive:
 
     def _get(self, words: list[str], into: pathlib.Path) -> None:
         into.mkdir(parents=True, exist_ok=True)
-        options = self._options
-        with self._alone():
-            if subprocess.run(["apt-get", *options, *words], cwd=into, capture_output=True).returncode != 0:
-                say("reading Debian's package lists again ...")  # a newer version may have replaced the known one
-                run(["apt-get", *options, "update"])
-                run(["apt-get", *options, *words], cwd=into)
+        command = ["apt-get", *self._options, *words]
+        with self._locked(fcntl.LOCK_SH):
+            if subprocess.run(command, cwd=into, capture_output=True).returncode == 0:
+                return
+        with self._locked(fcntl.LOCK_EX):
+            say("reading Debian's package lists again ...")  # a newer version may have replaced the known one
+            run(["apt-get", *self._options, "update"])
+        with self._locked(fcntl.LOCK_SH):
+            run(command, cwd=into)
 
     def package(self, name: str) -> pathlib.Path:
         """Download a binary package; returns the .deb file."""
