@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* catalog: links the stores of several machines. */
+#include <pthread.h>
 #include <string.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -7,6 +8,7 @@
 #include "catalog.h"
 
 #define NICE 10 /* the robot comes first */
+#define STACK (1u << 20) /* bytes of each thread of DDS: the usual 8 MiB would count for the service's memory limit */
 
 static const char purpose[] =
     "Links this machine's store with those of other machines: item gps of machine carol is the item carol:gps here,\n"
@@ -15,6 +17,15 @@ static const char notes[] =
     "Counters: lost.store = overwritten in the store before it was read, lost.bandwidth = a newer value came before\n"
     "it could be sent, lost.size = larger than 16 MiB, lost.network = sent by another machine, but not arrived,\n"
     "lost.type = not of the announced type, lost.budget = no room in this store.";
+
+static void limit_stacks(void) {
+    pthread_attr_t attributes;
+
+    pthread_attr_init(&attributes);
+    pthread_attr_setstacksize(&attributes, STACK);
+    pthread_setattr_default_np(&attributes);
+    pthread_attr_destroy(&attributes);
+}
 
 int main(int argc, char **argv) {
     static struct catalog catalog;
@@ -41,6 +52,7 @@ int main(int argc, char **argv) {
         return EXIT_USAGE;
     }
     setpriority(PRIO_PROCESS, 0, NICE);
+    limit_stacks();
     int status = catalog.program.check ? EXIT_OK : catalog_run(&catalog);
     config_free(&catalog.config);
     return status;

@@ -39,13 +39,15 @@ END {
 	line = (values["realtime"] == "") ? "" : "chrt -f " quoted(values["realtime"]) " "
 	line = line "chpst -u " quoted((values["user"] == "" ? "nobody" : values["user"]) ":ddx")
 	if (values["priority"] != "") line = line " -n " quoted(values["priority"])
+	# Of what the program allocates: the store's memory, which all programs map, does not count.
+	if (values["memory_limit"] != "") line = line " -d " int(values["memory_limit"]) * 1024 * 1024
 	# no further privileges, not even from a program with the set-user-ID bit
 	line = line " setpriv --nnp " quoted("/usr/bin/" program)
 	if (values["argument"] != "") line = line " " quoted(values["argument"])
 	if (instance != program) line = line " -instance " quoted(instance)
 	for (i = 1; i <= count; i++) {
 		key = order[i]
-		if (key ~ /^(enabled|needs|once|oom_score_adj|mounted|user|priority|realtime|argument)$/) continue
+		if (key ~ /^(enabled|needs|once|oom_score_adj|mounted|memory_limit|user|priority|realtime|argument)$/) continue
 		line = line " -" key (values[key] == "" ? "" : " " quoted(values[key]))
 	}
 	print line

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import pathlib
+import subprocess
 from collections.abc import Iterator
 
 import pytest
@@ -11,6 +12,32 @@ import pytest
 from .appliance import USERS, Appliance, with_service
 from .programs import wait_until
 
+# Maps 64 MiB of shared memory, then allocates 64 MiB, a MiB at a time; writes how many it got, and dies without the rest.
+GREEDY = """
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+int main(void) {
+    int got = 0;
+    char *one = mmap(NULL, 64 << 20, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+
+    for (; one != MAP_FAILED && got < 64; got++) {
+        one = mmap(NULL, 1 << 20, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+        if (one == MAP_FAILED)
+            break;
+        memset(one, 1, 1 << 20);
+    }
+    FILE *most = fopen("/tmp/most", "a");
+    fprintf(most, "%d\\n", got);
+    fclose(most);
+    if (got < 64)
+        abort();
+    pause();
+}
+"""
 THING = "/usr/libexec/ddx/service thing"
 INSTANCES = ["thing", "thing.a", "thing.b"]
 FOLDERS = ["data/ddx", "run/settings", "test"]
@@ -43,7 +70,7 @@ def supervise(appliance: Appliance) -> None:
 @pytest.mark.parametrize("folder, line", [
     ("data/ddx", "enabled=off"), ("data/ddx", "enabled=No"), ("run/settings", "enabled=false"), ("test", "enabled="),
     ("data/ddx", "enabled = YES"), ("data/ddx", "once=1"), ("data/ddx", "oom_score_adj=low"),
-    ("data/ddx", "oom_score_adj=-1001")])
+    ("data/ddx", "oom_score_adj=-1001"), ("data/ddx", "memory_limit=96"), ("data/ddx", "memory_limit=0M")])
 def test_an_invalid_value_is_refused_with_file_and_line(appliance: Appliance, folder: str, line: str) -> None:
     file = appliance.root / folder / "thing.conf"
     file.write_text(f"# mine\n{line}\n")
@@ -56,6 +83,26 @@ def test_an_invalid_value_is_refused_with_file_and_line(appliance: Appliance, fo
     assert code == 1 and text.startswith(told)
     file.write_text("# mine\nenabled=yes\n")
     assert appliance.run(f"{THING} start") == (0, "Starting thing: OK\n")
+
+
+def test_a_program_beyond_its_memory_limit_is_started_again(appliance: Appliance) -> None:
+    """The store's memory, which is shared, does not count, and neither does what is only reserved."""
+    (appliance.root / "tmp").mkdir()
+    (appliance.root / "tmp").chmod(0o777)
+    source = appliance.root / "greedy.c"
+    source.write_text(GREEDY)
+    subprocess.run(["gcc", "-static", "-Wall", "-Werror", source, "-o", appliance.root / "usr/bin/thing"], check=True)
+    settings = appliance.root / "data/ddx/thing.conf"
+    settings.write_text("memory_limit=16M\n")
+    assert appliance.run(f"{THING} start")[0] == 0
+    supervise(appliance)
+    wait_until(lambda: int(status(appliance)[1]["restarts"]) >= 2)
+    most = [int(line) for line in (appliance.root / "tmp/most").read_text().split()]
+    assert all(8 <= one < 16 for one in most), most
+    settings.write_text("")  # proves that the limit ends it
+    assert appliance.run(f"{THING} restart")[0] == 0
+    wait_until(lambda: "64" in (appliance.root / "tmp/most").read_text().split())
+    wait_until(lambda: runs(appliance, "thing"))
 
 
 def test_bad_usage_is_not_retried_until_the_next_start(appliance: Appliance) -> None:

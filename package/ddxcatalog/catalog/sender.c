@@ -11,6 +11,7 @@
 
 #define KEEP 64           /* values that the store keeps for the sender */
 #define KEEP_BYTES 262144u
+#define STACK 131072      /* bytes */
 #define TURN 0.05         /* s between two checks for a new reader */
 
 struct sender {
@@ -180,6 +181,17 @@ static unsigned keep_of(const struct form *form) {
     return keep > KEEP ? KEEP : keep < 2 ? 2 : (unsigned)keep;
 }
 
+/* There may be some hundred senders, and a stack of the usual 8 MiB counts for the service's memory limit. */
+static int start(struct sender *sender) {
+    pthread_attr_t attributes;
+
+    pthread_attr_init(&attributes);
+    pthread_attr_setstacksize(&attributes, STACK);
+    int error = pthread_create(&sender->thread, &attributes, run, sender);
+    pthread_attr_destroy(&attributes);
+    return error;
+}
+
 struct sender *sender_start(struct catalog *catalog, const struct sender_source *source, uint64_t *sent) {
     struct sender *sender = calloc(1, sizeof *sender);
 
@@ -196,7 +208,7 @@ struct sender *sender_start(struct catalog *catalog, const struct sender_source 
         sender->layout = ddx_store_layout(sender->item);
         sender->keep = source->rule->period ? 1 : keep_of(source->form);
         ddx_store_keep(sender->item, sender->keep);
-        error = pthread_create(&sender->thread, NULL, run, sender);
+        error = start(sender);
     }
     if (!error)
         return sender;
