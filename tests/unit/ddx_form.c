@@ -100,7 +100,34 @@ static void test_what_is_no_declaration(void) {
     CHECK_EQUAL(form_of_text("T", "struct { double a[1073741824]; }", "", &form), -E2BIG);
 }
 
+/* Measuring a form says what making it gives. */
+static void test_it_is_measured(void) {
+    static const char *const texts[][2] = {
+        {"struct { int8_t a; struct { float b; double c[3]; } d[12]; int16_t e; }", ""},
+        {"struct { char y[100]; char u[25]; int32_t n; }", "y=8 u=0"},
+        {"struct { struct { struct { int8_t a; int64_t b; } c[7]; int8_t d; } e[9]; uint8_t f; }", ""},
+        {"int16_t[3]", ""}};
+    struct form_measures measures;
+    struct form *form;
+
+    for (size_t i = 0; i < sizeof(texts) / sizeof(*texts); i++) {
+        CHECK_EQUAL(form_of_text("T", texts[i][0], texts[i][1], &form), 0);
+        CHECK_EQUAL(form_measure(texts[i][0], texts[i][1], &measures), 0);
+        CHECK_EQUAL(measures.message_size, form->message_size);
+        CHECK_EQUAL(measures.leaves, form->leaf_count);
+        size_t bytes = form->leaf_count * sizeof *form->leaves;
+        for (unsigned k = 0; k < form->leaf_count; k++)
+            bytes += strlen(form->leaves[k].name);
+        CHECK(measures.bytes >= bytes);
+        form_free(form);
+    }
+    CHECK_EQUAL(form_measure("struct { struct { int8_t a; int8_t b; } s[100000]; }", "", &measures), -E2BIG);
+    CHECK_EQUAL(form_measure("struct { double a[1073741824]; }", "", &measures), -E2BIG);
+    CHECK_EQUAL(form_measure("struct { char a; }", "a=0", &measures), -EINVAL);
+}
+
 int main(void) {
+    test_it_is_measured();
     test_places();
     test_extents();
     test_a_field_without_bytes();

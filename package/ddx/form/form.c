@@ -8,11 +8,24 @@
 
 #include "fields.h"
 
+#define ALLOCATED 32 /* bytes of the smallest piece of memory with its management, at most */
+
 struct walk {
     const struct form_fields *fields;
     struct form *form;
     size_t message; /* after the header */
 };
+
+/* CDR aligns each number by its own size, counted from the end of the header. Returns where the field begins. */
+static int place(size_t *message, const struct form_field *field, size_t *begin) {
+    *begin = (*message + field->bytes - 1) / field->bytes * field->bytes;
+    /* In 64 bits: a declaration of another machine may name more bytes than this one can address. */
+    uint64_t end = *begin + (uint64_t)field->bytes * field->count;
+    if (end > UINT64_C(1) << 30)
+        return -E2BIG;
+    *message = (size_t)end;
+    return 0;
+}
 
 static int add_leaf(struct walk *walk, const struct form_field *field, const char *prefix, uint64_t shift) {
     struct form *form = walk->form;
@@ -27,21 +40,18 @@ static int add_leaf(struct walk *walk, const struct form_field *field, const cha
             return -ENOMEM;
         form->leaves = more;
     }
-    /* CDR aligns each number by its own size, counted from the end of the header. */
-    walk->message = (walk->message + field->bytes - 1) / field->bytes * field->bytes;
+    size_t begin;
+    int error = place(&walk->message, field, &begin);
+    if (error)
+        return error;
     struct form_leaf leaf = {.kind = field->kind,
                              .bytes = field->bytes,
                              .count = field->count,
                              .item = field->offset + shift,
-                             .message = FORM_HEADER + walk->message};
+                             .message = FORM_HEADER + begin};
     if (asprintf(&leaf.name, "%s%s", prefix, *field->name ? field->name : "value") < 0)
         return -ENOMEM;
     form->leaves[form->leaf_count++] = leaf;
-    /* In 64 bits: a declaration of another machine may name more bytes than this one can address. */
-    uint64_t end = walk->message + (uint64_t)field->bytes * field->count;
-    if (end > UINT64_C(1) << 30)
-        return -E2BIG;
-    walk->message = (size_t)end;
     return 0;
 }
 
@@ -180,6 +190,44 @@ int form_of_text(const char *type, const char *declaration, const char *extents,
         error = make_form(&fields, type, form);
     free(fields.field);
     return error;
+}
+
+static unsigned digits(uint32_t number) {
+    return number < 10 ? 1 : 1 + digits(number / 10);
+}
+
+/* As walk_fields(); `prefix`: the length of the names before. */
+static int measure_fields(const struct form_fields *fields, unsigned first, unsigned end, size_t prefix,
+                          size_t *message, struct form_measures *measures) {
+    for (unsigned i = first; i < end; i += 1 + fields->field[i].children) {
+        const struct form_field *field = &fields->field[i];
+        size_t begin, name = prefix + strlen(field->name) + 1; /* with the 0 byte, or a dot */
+        int error = 0;
+
+        if (field->kind != DDX_KIND_STRUCT && field->count) {
+            error = measures->leaves++ == FORM_LEAVES_MAX ? -E2BIG : place(message, field, &begin);
+            measures->bytes += sizeof(struct form_leaf) + sizeof(struct form_span) + ALLOCATED + name;
+        }
+        for (uint32_t k = 0; field->kind == DDX_KIND_STRUCT && k < field->count && !error; k++)
+            error = measure_fields(fields, i + 1, i + 1 + field->children,
+                                   name + (field->bound > 1 ? 2 + digits(k) : 0), message, measures);
+        if (error)
+            return error;
+    }
+    return 0;
+}
+
+int form_measure(const char *declaration, const char *extents, struct form_measures *measures) {
+    struct form_fields fields = {NULL, 0};
+    size_t message = 0;
+    int error = form_parse(declaration, extents, &fields);
+
+    *measures = (struct form_measures){0, 0, 0};
+    if (!error)
+        error = measure_fields(&fields, 0, fields.count, 0, &message, measures);
+    free(fields.field);
+    measures->message_size = FORM_HEADER + message;
+    return error ? error : measures->leaves ? 0 : -EINVAL;
 }
 
 void form_free(struct form *form) {

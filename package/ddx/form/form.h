@@ -53,6 +53,15 @@ int form_of_item(DDX_STORE_ITEM *item, struct form **form);
  */
 int form_of_text(const char *type, const char *declaration, const char *extents, struct form **form);
 
+/* What form_of_text() would make; `bytes`: the memory of its leaves and spans, about. */
+struct form_measures {
+    unsigned leaves;
+    size_t message_size, bytes;
+};
+
+/* Measure a form without making it: needs little memory, whatever the declaration is. Errors as form_of_text(). */
+int form_measure(const char *declaration, const char *extents, struct form_measures *measures);
+
 void form_free(struct form *form);
 
 /* Whether both have the same type, declaration, extents and sizes. */
