@@ -106,6 +106,60 @@ static void test_too_many(struct directory *directory) {
     CHECK_EQUAL(machines_find(directory_machines(directory), 1)->items, ITEMS_MAX);
 }
 
+/* Eight levels of structs with long names: 65,536 leaves, each with a name of 500 bytes, from 650 bytes of text. */
+static void nest(char *text) {
+    char inner[LONGEST], name[64];
+
+    memset(name, 'n', 63);
+    name[63] = 0;
+    sprintf(text, "int8_t %s; ", name);
+    for (unsigned i = 0; i < 6; i++) {
+        strcpy(inner, text);
+        sprintf(text, "struct { %s} %s; ", inner, name);
+    }
+    strcpy(inner, text);
+    sprintf(text, "struct { struct { %s} %s[65536]; }", inner, name);
+}
+
+/* The texts of a machine, of all machines, and a type that would need too much memory when it is wanted. */
+static void test_bytes(struct directory *directory) {
+    static char text[LONGEST], gps[] = "gps", name[] = "machine0000";
+    struct network_record record = item_of(1, gps);
+    char item[16];
+    unsigned known = 0;
+
+    there(directory, machine_of(1, robot), 0);
+    nest(text);
+    record.declaration = text;
+    there(directory, record, 1);
+    record.declaration = strcpy(text, "struct { struct { float x; float y; float z; float i; } point[16384]; }");
+    there(directory, record, 0); /* as many leaves, with short names */
+    uint64_t before = directory_refused(directory);
+    memset(text, ' ', NETWORK_TEXT - 1);
+    memcpy(text, "struct { double x; }", 20);
+    text[NETWORK_TEXT - 1] = 0;
+    for (unsigned machine = 20; machine < 36; machine++) {
+        snprintf(name, sizeof name, "machine%u", machine);
+        there(directory, machine_of(machine, name), 0);
+        for (unsigned i = 0; i < 100; i++) {
+            snprintf(item, sizeof item, "i%u", i);
+            record = item_of(machine, item);
+            record.declaration = text;
+            directory_take(directory, &record, NETWORK_THERE);
+        }
+        unsigned items = machines_find(directory_machines(directory), machine)->items;
+        CHECK(items * NETWORK_TEXT <= 1 << 20);
+        known += items;
+    }
+    CHECK(known * NETWORK_TEXT <= 8 << 20 && known * NETWORK_TEXT > 7 << 20);
+    CHECK_EQUAL(directory_refused(directory) - before, 1600 - known);
+    record = machine_of(20, robot); /* its room is free again */
+    directory_take(directory, &record, NETWORK_GONE);
+    record = item_of(35, gps);
+    record.declaration = text;
+    there(directory, record, 0);
+}
+
 /* This machine's own records, records of an unknown machine, and changes of unknown items. */
 static void test_forged_ids(struct directory *directory) {
     static char gps[] = "gps";
@@ -134,6 +188,9 @@ int main(void) {
     test_names(directory);
     test_texts(directory);
     test_too_many(directory);
+    directory_close(directory);
+    directory = directory_open(&catalog);
+    test_bytes(directory);
     directory_close(directory);
     return 0;
 }

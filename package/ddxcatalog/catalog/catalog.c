@@ -18,6 +18,7 @@
 #define TURN 0.02                /* s between two checks for requests */
 #define LOOK_NS INT64_C(250000000) /* between two checks of items and network */
 #define TABLE_NS INT64_C(1000000000) /* between two updates of the clocks shown */
+#define PROOF_NS INT64_C(3000000000) /* for another machine with this machine's name to answer */
 #define SETTLE_NS INT64_C(500000000) /* others are heard before this machine announces its name */
 
 static const char *const reasons[] = {"store", "bandwidth", "size", "network", "type", "budget", NULL};
@@ -45,8 +46,6 @@ static void answer(struct catalog *catalog, DDX_REQUESTS *requests) {
 static void take_record(void *argument, const struct network_record *record, enum network_change change) {
     struct catalog *catalog = argument;
 
-    if (change == NETWORK_THERE && identity_is_taken(&catalog->identity, record))
-        catalog->taken = true;
     directory_take(catalog->directory, record, change);
 }
 
@@ -73,16 +72,42 @@ static bool join(struct catalog *catalog) {
     }
 }
 
-/* Two machines must not have the same topics. */
-static void rename_self(struct catalog *catalog) {
-    struct identity *identity = &catalog->identity;
-
-    catalog->taken = false;
+static void take_name(struct catalog *catalog, void (*take)(struct identity *identity)) {
     exports_withdraw(catalog->exports);
-    identity_yield(identity);
-    machines_renamed(directory_machines(catalog->directory), identity);
-    say("another machine is called %s: others see this one as %s until the next start; give it another host name",
-        identity->host, identity->name);
+    take(&catalog->identity);
+    machines_renamed(directory_machines(catalog->directory), &catalog->identity);
+}
+
+/*
+ * Two machines must not have the same topics. Before this machine has announced its name, a record is enough to give it
+ * up: it costs nothing, but the name is taken again if the other machine does not prove itself. Later only a machine
+ * that has proven itself gets the name.
+ */
+static void choose_name(struct catalog *catalog) {
+    struct identity *identity = &catalog->identity;
+    const struct machines *machines = directory_machines(catalog->directory);
+    bool own = !strcmp(identity->name, identity->host), proven = machines_take_name(machines, identity, true);
+    int64_t now = ddx_time_now();
+
+    if (own && (proven || (!catalog->known && machines_take_name(machines, identity, false)))) {
+        take_name(catalog, identity_yield);
+        catalog->proof = proven ? 0 : now + PROOF_NS;
+        say("another machine is called %s: others see this one as %s until the next start; give it another host name",
+            identity->host, identity->name);
+    } else if (!own && proven) {
+        catalog->proof = 0;
+    } else if (catalog->proof && now >= catalog->proof) {
+        catalog->proof = 0;
+        take_name(catalog, identity_return);
+        say("the other machine that is called %s does not answer: this one has this name again", identity->host);
+    }
+}
+
+static void count_refused(struct catalog *catalog) {
+    struct network_refused refused;
+
+    network_records_refused(catalog->records, &refused);
+    directory_refuse(catalog->directory, refused.count, refused.machine, refused.item);
 }
 
 static void look(struct catalog *catalog) {
@@ -91,8 +116,10 @@ static void look(struct catalog *catalog) {
 
     if (ddx_store_list(catalog->id, NULL, &items, &count)) /* the store is away: change nothing */
         return;
-    if (ddx_time_now() >= catalog->settled)
+    if (ddx_time_now() >= catalog->settled) {
         exports_look(catalog->exports, items, count);
+        catalog->known = true;
+    }
     mirrors_look(catalog->mirrors, items, count);
     accepts_look(catalog->accepts, items, count);
     free(items);
@@ -112,17 +139,18 @@ static void serve(struct catalog *catalog, DDX_REQUESTS *requests) {
     int64_t due = 0, table_due = 0;
 
     catalog->settled = ddx_time_now() + SETTLE_NS;
+    catalog->known = false;
     while (!program_stopping()) {
         if (is_due(&due, LOOK_NS)) {
+            choose_name(catalog);
             look(catalog);
+            count_refused(catalog);
             table_write(catalog->table, directory_machines(catalog->directory), is_due(&table_due, TABLE_NS));
             if (network_moved(catalog->network))
                 return;
         }
         clock_tick(catalog->clock);
         network_wait(catalog->network, TURN);
-        if (catalog->taken)
-            rename_self(catalog);
         answer(catalog, requests);
         program_tick(catalog->book);
     }

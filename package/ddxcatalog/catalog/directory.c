@@ -6,13 +6,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define TEXT_MAX 16384 /* bytes of a declaration */
+#define FORM_MAX (8u << 20)     /* bytes of an item's form, which is made when the item is wanted */
+#define MACHINE_MAX (1u << 20)  /* bytes of the records of a machine, */
+#define ALL_MAX (8u << 20)      /* and of all machines */
+#define TELL_NS INT64_C(60000000000) /* between two lines on refused records */
 
 struct directory {
     struct catalog *catalog;
     struct remote *first;
     struct machines machines;
     uint64_t changes, refused;
+    size_t bytes; /* of all records */
+    int64_t told; /* time of the last line on refused records; 0: none yet */
 };
 
 static const struct identity *own(const struct directory *directory) {
@@ -47,7 +52,6 @@ static void free_remote(struct remote *remote) {
     free(remote->topic);
     free(remote->declaration);
     free(remote->extents);
-    form_free(remote->form);
     free(remote);
 }
 
@@ -59,26 +63,51 @@ static struct remote **place_of(struct directory *directory, const struct networ
     return at;
 }
 
-/* Make a remote from a checked record; NULL: the record is invalid, or no memory. */
-static struct remote *judged(const struct network_record *record) {
+static bool is_short(const char *text) {
+    return strnlen(text, NETWORK_TEXT) < NETWORK_TEXT;
+}
+
+/* Whether the record is valid; *message_size is then set. */
+static bool is_valid(const struct network_record *record, size_t *message_size) {
+    struct form_measures form;
+
     if (!record->type || !record->declaration || !record->extents || !record->topic || !is_item(record->item) ||
-        !is_type(record->type) || !is_topic(record->topic) || strnlen(record->declaration, TEXT_MAX) == TEXT_MAX ||
-        strnlen(record->extents, TEXT_MAX) == TEXT_MAX)
-        return NULL;
+        !is_type(record->type) || !is_topic(record->topic) || !is_short(record->declaration) ||
+        !is_short(record->extents) || form_measure(record->declaration, record->extents, &form) ||
+        form.bytes > FORM_MAX)
+        return false;
+    *message_size = form.message_size;
+    return true;
+}
+
+/* Make a remote from a valid record; NULL: no memory. */
+static struct remote *make(const struct network_record *record, size_t message_size) {
     struct remote *remote = calloc(1, sizeof *remote);
+
     if (!remote)
         return NULL;
     remote->machine = record->machine;
     remote->since = record->since;
+    remote->message_size = message_size;
     strcpy(remote->item, record->item);
+    strcpy(remote->type, record->type);
     remote->topic = strdup(record->topic);
     remote->declaration = strdup(record->declaration);
     remote->extents = strdup(record->extents);
-    if (remote->topic && remote->declaration && remote->extents &&
-        !form_of_text(record->type, record->declaration, record->extents, &remote->form))
-        return remote;
-    free_remote(remote);
-    return NULL;
+    if (!remote->topic || !remote->declaration || !remote->extents) {
+        free_remote(remote);
+        return NULL;
+    }
+    remote->bytes =
+        sizeof *remote + strlen(remote->topic) + strlen(remote->declaration) + strlen(remote->extents) + 3;
+    return remote;
+}
+
+/* Whether the record says the same as this one. */
+static bool says(const struct network_record *record, const struct remote *old) {
+    return record->type && record->declaration && record->extents && record->topic && old->since == record->since &&
+           !strcmp(old->type, record->type) && !strcmp(old->declaration, record->declaration) &&
+           !strcmp(old->extents, record->extents) && !strcmp(old->topic, record->topic);
 }
 
 /* Remove the machine and all its items. */
@@ -88,6 +117,7 @@ static void forget(struct directory *directory, uint64_t machine) {
 
         if (remote->machine == machine) {
             *at = remote->next;
+            directory->bytes -= remote->bytes;
             free_remote(remote);
         } else {
             at = &remote->next;
@@ -96,26 +126,66 @@ static void forget(struct directory *directory, uint64_t machine) {
     machines_drop(&directory->machines, own(directory), machine);
 }
 
-static void refuse(struct directory *directory) {
-    if (!directory->refused++)
-        say("an item of another machine is left out: its name or type is invalid, or there are too many items");
+/* Copy a name from the network for a line of the log. */
+static void show(const char *name, char shown[DDX_NAME_MAX + 1]) {
+    unsigned length = 0;
+
+    for (; name && name[length] && length < DDX_NAME_MAX; length++)
+        shown[length] = name[length] > ' ' && name[length] <= '~' ? name[length] : '?';
+    shown[length] = 0;
+}
+
+void directory_refuse(struct directory *directory, uint64_t count, uint64_t machine, const char *item) {
+    const struct machine *known = machines_find(&directory->machines, machine);
+    char shown[DDX_NAME_MAX + 1];
+    int64_t now = ddx_time_now();
+
+    directory->refused += count;
+    if (!count || (directory->told && now - directory->told < TELL_NS))
+        return;
+    directory->told = now;
+    if (!machine) {
+        say("announcements of other machines are left out: there are too many, or they are too large; %llu until now",
+            (unsigned long long)directory->refused);
+        return;
+    }
+    show(item, shown);
+    say("machine %s (%llx): its record of %.63s is left out: it is invalid, or there are too many, or they are too "
+        "large; %llu until now", known ? known->called : "?", (unsigned long long)machine,
+        *shown ? shown : "itself", (unsigned long long)directory->refused);
+}
+
+static void refuse(struct directory *directory, const struct network_record *record) {
+    directory_refuse(directory, 1, record->machine, record->item);
+}
+
+static bool has_room(const struct directory *directory, const struct machine *machine, const struct remote *remote,
+                     const struct remote *old) {
+    size_t before = old ? old->bytes : 0;
+
+    return (old || machine->items < ITEMS_MAX) && machine->bytes - before + remote->bytes <= MACHINE_MAX &&
+           directory->bytes - before + remote->bytes <= ALL_MAX;
 }
 
 static void put(struct directory *directory, struct machine *machine, const struct network_record *record) {
-    struct remote *remote = judged(record), **at = place_of(directory, record), *old = *at;
+    struct remote **at = place_of(directory, record), *old = *at;
+    size_t message_size;
 
-    if (!remote || (!old && machine->items == ITEMS_MAX)) {
-        refuse(directory);
+    if (old && says(record, old)) {
+        old->away = false;
+        return;
+    }
+    struct remote *remote = is_valid(record, &message_size) ? make(record, message_size) : NULL;
+    if (!remote || !has_room(directory, machine, remote, old)) {
+        refuse(directory, record);
         free_remote(remote);
         return;
     }
     remote->next = old ? old->next : NULL;
     remote->version = ++directory->changes;
-    if (old && old->since == remote->since && !strcmp(old->form->type, remote->form->type) &&
-        !strcmp(old->declaration, remote->declaration) && !strcmp(old->extents, remote->extents) &&
-        !strcmp(old->topic, remote->topic))
-        remote->version = old->version;
     machine->items += !old;
+    machine->bytes += remote->bytes - (old ? old->bytes : 0);
+    directory->bytes += remote->bytes - (old ? old->bytes : 0);
     *at = remote;
     free_remote(old);
 }
@@ -125,7 +195,7 @@ static void there(struct directory *directory, const struct network_record *reco
                                             : machines_take(&directory->machines, own(directory), record);
 
     if (!machine) /* a machine sends its own record before those of its items */
-        refuse(directory);
+        refuse(directory, record);
     else if (*record->item)
         put(directory, machine, record);
 }
@@ -144,6 +214,8 @@ static void gone(struct directory *directory, const struct network_record *recor
     else if (remote && machine) {
         *at = remote->next;
         machine->items--;
+        machine->bytes -= remote->bytes;
+        directory->bytes -= remote->bytes;
         free_remote(remote);
     }
 }
@@ -153,7 +225,7 @@ void directory_take(struct directory *directory, const struct network_record *re
 
     bool forged = !record->item || record->machine == own(directory)->id; /* its own are not received */
     if (forged && change == NETWORK_THERE)
-        refuse(directory);
+        refuse(directory, record);
     if (forged)
         return;
     if (change == NETWORK_THERE)

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The items that other machines announce. Anything may come from the network, so each record is checked here. */
+/* The items that other machines announce. Anything may come from the network: each record is checked, and counted. */
 #ifndef DDXCATALOG_DIRECTORY_H
 #define DDXCATALOG_DIRECTORY_H
 
@@ -9,9 +9,10 @@
 struct remote {
     struct remote *next;
     uint64_t machine;
-    char item[DDX_NAME_MAX + 1];
+    char item[DDX_NAME_MAX + 1], type[DDX_NAME_MAX + 1];
     char *topic, *declaration, *extents;
-    struct form *form; /* of the messages; the item's layout on its machine may differ */
+    size_t message_size; /* the form itself is made when the item is wanted here: it may need some MiB */
+    size_t bytes;        /* memory of this struct and its texts */
     int64_t since;     /* start of the machine's catalog, which numbers its messages from then on */
     uint64_t version;  /* changes when the announcement changes */
     bool away;         /* the machine is not heard */
@@ -33,8 +34,11 @@ struct machines *directory_machines(struct directory *directory);
 typedef void directory_each_take(void *argument, const struct machine *machine, const struct remote *remote);
 void directory_each(struct directory *directory, directory_each_take *take, void *argument);
 
-/* Number of records that were invalid, or for which there was no room. */
+/* Number of records that were invalid, or for which there was no room, with those that the network refused. */
 uint64_t directory_refused(const struct directory *directory);
+
+/* Count records that the network refused, and name one of them; `machine` 0: none has a name. */
+void directory_refuse(struct directory *directory, uint64_t count, uint64_t machine, const char *item);
 
 /*
  * Find "carol:gps". *found is valid until the next directory_take(); NULL for "carol:", the machine. -EHOSTUNREACH: no

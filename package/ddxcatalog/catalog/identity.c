@@ -36,13 +36,16 @@ void identity_begin(struct identity *identity, long port) {
     identity->since = now.tv_sec * INT64_C(1000000000) + now.tv_nsec;
 }
 
-bool identity_is_taken(const struct identity *identity, const struct network_record *record) {
-    if (record->machine == identity->id || strcmp(identity->name, identity->host) || !record->name ||
-        !name_is_machine(record->name) || !name_meets(record->name, identity->name))
+bool identity_is_later(const struct identity *identity, const char *called, int64_t since, uint64_t id) {
+    if (!name_meets(called, identity->host))
         return false;
-    return record->since != identity->since ? record->since < identity->since : record->machine < identity->id;
+    return since != identity->since ? since < identity->since : id < identity->id;
 }
 
 void identity_yield(struct identity *identity) {
     name_distinguish(identity->host, identity->id, identity->name);
+}
+
+void identity_return(struct identity *identity) {
+    strcpy(identity->name, identity->host);
 }

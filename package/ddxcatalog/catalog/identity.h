@@ -19,10 +19,11 @@ struct identity {
 /* Set all but `identity->host`, which the caller has set. `port` distinguishes stores of one machine. */
 void identity_begin(struct identity *identity, long port);
 
-/* Whether this machine needs another name, because the record's sender had this name before. True once at most. */
-bool identity_is_taken(const struct identity *identity, const struct network_record *record);
+/* Whether another machine that is called so had this machine's own name before this machine. */
+bool identity_is_later(const struct identity *identity, const char *called, int64_t since, uint64_t id);
 
-/* Take the name carol-<4 hex>. */
+/* Take the name carol-<4 hex>; take the own name again. */
 void identity_yield(struct identity *identity);
+void identity_return(struct identity *identity);
 
 #endif

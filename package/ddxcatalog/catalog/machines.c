@@ -44,6 +44,7 @@ struct machine *machines_take(struct machines *machines, const struct identity *
     machine->away = false;
     strcpy(machine->called, record->name);
     strcpy(machine->host, record->host);
+    machine->since = record->since;
     machines_renamed(machines, own);
     return machine;
 }
@@ -91,6 +92,17 @@ const struct machine *machines_superseded(const struct machines *machines) {
             return machine;
     }
     return NULL;
+}
+
+bool machines_take_name(const struct machines *machines, const struct identity *own, bool proven) {
+    for (unsigned i = 0; i < machines->count; i++) {
+        const struct machine *machine = &machines->list[i];
+
+        if (!machine->away && (machine->offset.count || !proven) &&
+            identity_is_later(own, machine->called, machine->since, machine->id))
+            return true;
+    }
+    return false;
 }
 
 unsigned machines_of_host(const struct machines *machines, const struct identity *own) {

@@ -11,9 +11,11 @@ struct machine {
     uint64_t id;
     char called[NAME_MACHINE]; /* the name that it announces */
     char host[NAME_MACHINE];   /* its host name */
+    int64_t since;             /* start of its catalog, ns of its wall time */
     char name[NAME_MACHINE];   /* its name here; differs if another machine announces the same name */
     bool away;                 /* it is not heard */
-    unsigned items;            /* number of its known items; maintained by the directory */
+    unsigned items;            /* number of its known items, and */
+    size_t bytes;              /* their memory; maintained by the directory */
     /* Maintained by the clock: its newest time stamps, and the offset of its clock from this one's. */
     int64_t stamp_sent, stamp_received;
     struct offset offset;
@@ -49,6 +51,12 @@ void machines_drop(struct machines *machines, const struct identity *own, uint64
  * full. NULL if there is none.
  */
 const struct machine *machines_superseded(const struct machines *machines);
+
+/*
+ * Whether a heard machine had this machine's own name before. `proven`: only a machine that takes part in the exchange
+ * of clocks, as each catalog does; a record alone can be forged without receiving anything.
+ */
+bool machines_take_name(const struct machines *machines, const struct identity *own, bool proven);
 
 /* Number of other machines with this machine's host name. */
 unsigned machines_of_host(const struct machines *machines, const struct identity *own);

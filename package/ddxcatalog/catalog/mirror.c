@@ -103,7 +103,7 @@ static int subscribe(struct mirror *mirror, const struct remote *remote) {
     mirror->event = (struct network_event){ready, mirror};
     mirror->sequence = 0;
     error = network_reader_open(mirror->catalog->network, remote->topic, description,
-                                remote->form->message_size + NAME_MACHINE, &mirror->event, &mirror->reader);
+                                remote->message_size + NAME_MACHINE, &mirror->event, &mirror->reader);
     description_free(description);
     return error ? -EPROTO : 0;
 }
@@ -125,7 +125,7 @@ static void close_mirror(struct mirror *mirror) {
 static int create(struct mirror *mirror, const struct remote *remote) {
     struct ddx_extent extents[64];
     char *text = strdup(remote->extents);
-    struct ddx_item_spec spec = {.name = mirror->name, .type = remote->form->type,
+    struct ddx_item_spec spec = {.name = mirror->name, .type = remote->type,
                                  .declaration = remote->declaration, .extents = extents};
 
     if (!text)
@@ -142,7 +142,7 @@ static int open_mirror(struct mirror *mirror, const struct remote *remote) {
 
     if (!error)
         error = form_of_item(mirror->item, &mirror->form);
-    if (!error && mirror->form->message_size != remote->form->message_size)
+    if (!error && mirror->form->message_size != remote->message_size)
         error = -EPROTO;
     if (!error)
         error = subscribe(mirror, remote);
@@ -181,7 +181,7 @@ int mirrors_want(struct mirrors *mirrors, const char *name) {
 
     if (error || !remote)
         return error;
-    if (remote->form->message_size > MESSAGE_MAX)
+    if (remote->message_size > MESSAGE_MAX)
         return -EFBIG;
     struct mirror *mirror = find(mirrors, name);
     if (!mirror && !(mirror = add(mirrors, name)))

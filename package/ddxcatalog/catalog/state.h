@@ -11,7 +11,7 @@
 #include "config.h"
 #include "identity.h"
 
-#define ITEMS_MAX 256            /* of one machine */
+#define ITEMS_MAX NETWORK_ITEMS  /* of one machine */
 #define MESSAGE_MAX (16u << 20) /* bytes of a value */
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
@@ -28,8 +28,9 @@ struct catalog {
     struct program program;
     struct config config;
     struct identity identity;
-    bool taken;      /* another machine has its name */
     int64_t settled; /* when its name is announced */
+    bool known;      /* its name has been announced */
+    int64_t proof;   /* when it takes its own name again, unless the machine that has this name has proven itself */
     DDX_STATS_BOOK *book;
     DDX_STORE_ID *id;
     struct network *network;

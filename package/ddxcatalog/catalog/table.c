@@ -58,7 +58,7 @@ static void add_own(void *argument, const char *name, const char *type, unsigned
 }
 
 static void add_remote(void *argument, const struct machine *machine, const struct remote *remote) {
-    add_item(argument, machine->name, remote->item, remote->form->type, !machine->away && !remote->away, 0);
+    add_item(argument, machine->name, remote->item, remote->type, !machine->away && !remote->away, 0);
 }
 
 static void write_items(struct table *table) {

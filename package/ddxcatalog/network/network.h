@@ -16,6 +16,8 @@
 
 #define NETWORK_PEERS 16
 #define NETWORK_MACHINES 32 /* most other machines known at a time */
+#define NETWORK_ITEMS 256   /* of one machine */
+#define NETWORK_TEXT 16384  /* bytes of a declaration or of extents, with the 0 byte */
 
 struct network_options {
     unsigned domain;
@@ -49,7 +51,10 @@ void network_linger(struct network *network);
 /* The caller closes readers and writers before. NULL is allowed. */
 void network_close(struct network *network);
 
-/* Wait for an event, `seconds` at most, and let the owners of the events act. */
+/*
+ * Wait for an event, `seconds` at most, and let the owners of the events act. All they read then is bounded, so this
+ * returns soon also while another machine sends without end; records and clocks then get a quarter of the time.
+ */
 void network_wait(struct network *network, double seconds);
 
 /* ---- Values: messages in CDR ---- */
@@ -77,7 +82,10 @@ int network_reader_open(struct network *network, const char *topic, const struct
                         const struct network_event *event, struct network_reader **reader);
 void network_reader_close(struct network_reader *reader);
 
-/* Call `take` for each received message, in order. `writer` identifies the writer that sent it. */
+/*
+ * Call `take` for each received message, in order. `writer` identifies the writer that sent it. If there are many
+ * messages, the event comes again for the rest.
+ */
 typedef void network_take(void *argument, uint64_t writer, const unsigned char *message, size_t size);
 void network_read(struct network_reader *reader, network_take *take, void *argument);
 
@@ -111,6 +119,16 @@ int network_records_withdraw(struct network_records *records, const struct netwo
 enum network_change { NETWORK_THERE, NETWORK_GONE, NETWORK_AWAY };
 typedef void network_take_record(void *argument, const struct network_record *record, enum network_change change);
 void network_records_read(struct network_records *records, network_take_record *take, void *argument);
+
+/*
+ * Records, machines and their readers and writers that were dropped without a record, since the last call: their texts
+ * are too long, or there are too many. `machine` and `item` are those of one of them, or 0 and "".
+ */
+struct network_refused {
+    uint64_t count, machine;
+    char item[64];
+};
+void network_records_refused(struct network_records *records, struct network_refused *refused);
 
 /* ---- Clocks: the times of an exchange ---- */
 

@@ -11,7 +11,15 @@
 #include "typehash.h"
 
 #define LEASE "3s" /* a machine that is silent for this time is away */
-#define EVENTS 64  /* at a time */
+#define EVENTS 1024 /* at a time: of each reader and writer, so that none is left out for long */
+#define PERIOD DDS_MSECS(20)
+#define SHARE DDS_MSECS(5)  /* of each period */
+#define CALL DDS_USECS(100) /* the cost of an event, apart from reading */
+/*
+ * Bytes of a sample: a value of 16 MiB, the largest that is sent, and what comes before it. A forged one, of which only
+ * a piece has come, takes memory until its participant is gone.
+ */
+#define SAMPLE "16809984B"
 #define LINGER DDS_SECS(1)
 /* The first free pair of ports, so that they are known in advance. The last pair of domain 232 is below port 65536. */
 #define PAIRS "50"
@@ -51,7 +59,8 @@ static char *settings(const struct network_options *options) {
     for (const char *const *peer = options->peers; *peer; peer++)
         fprintf(to, "<Peer address=\"%s\"/>", *peer);
     /* DDS would wait for each writer that is deleted, one after the other: network_delete_writer() does. */
-    fputs("</Peers></Discovery><Internal><WriterLingerDuration>0s</WriterLingerDuration></Internal>", to);
+    fputs("</Peers></Discovery><Internal><WriterLingerDuration>0s</WriterLingerDuration>"
+          "<MaxSampleSize>" SAMPLE "</MaxSampleSize></Internal>", to);
     fputs("<Tracing><Verbosity>none</Verbosity></Tracing>", to);
     bool bad = ferror(to);
     if (fclose(to) || bad) {
@@ -118,8 +127,69 @@ int network_attach(struct network *network, dds_entity_t entity, uint32_t status
     return network_error(result ? result : dds_waitset_attach(network->waitset, entity, (dds_attach_t)event));
 }
 
+int network_attach_reader(struct network *network, dds_entity_t reader, const struct network_event *event,
+                          dds_entity_t *condition) {
+    *condition = dds_create_readcondition(reader, DDS_ANY_STATE);
+    return network_error(*condition < 0 ? *condition
+                                        : dds_waitset_attach(network->waitset, *condition, (dds_attach_t)event));
+}
+
+int network_share_open(struct network *network, dds_entity_t reader, const struct network_event *event,
+                       struct network_share *share) {
+    int error = network_attach_reader(network, reader, event, &share->condition);
+
+    if (error) {
+        share->condition = 0;
+        return error;
+    }
+    share->event = event;
+    share->next = network->shares;
+    network->shares = share;
+    return 0;
+}
+
+void network_share_close(struct network *network, struct network_share *share) {
+    struct network_share **at = &network->shares;
+
+    while (*at && *at != share)
+        at = &(*at)->next;
+    if (*at)
+        *at = share->next;
+}
+
+int64_t network_share_begin(struct network_share *share) {
+    int64_t now = ddsrt_time_monotonic().v;
+
+    if (now - share->begin >= PERIOD) {
+        share->begin = now;
+        share->used = 0;
+    }
+    return now;
+}
+
+bool network_share_left(const struct network_share *share, int64_t begin) {
+    return share->used + ddsrt_time_monotonic().v - begin < SHARE;
+}
+
+void network_share_use(struct network *network, struct network_share *share, int64_t begin) {
+    share->used += ddsrt_time_monotonic().v - begin + CALL;
+    if (share->used >= SHARE && !dds_waitset_detach(network->waitset, share->condition))
+        share->resting = true;
+}
+
+/* Let readers go on whose next period has come. */
+static void resume(struct network *network) {
+    int64_t now = ddsrt_time_monotonic().v;
+
+    for (struct network_share *share = network->shares; share; share = share->next)
+        if (share->resting && now - share->begin >= PERIOD)
+            share->resting = dds_waitset_attach(network->waitset, share->condition, (dds_attach_t)share->event) != 0;
+}
+
 void network_wait(struct network *network, double seconds) {
     dds_attach_t ready[EVENTS];
+
+    resume(network);
     dds_return_t count = dds_waitset_wait(network->waitset, ready, EVENTS, (dds_duration_t)(seconds * 1e9));
 
     for (dds_return_t i = 0; i < count && i < EVENTS; i++) {

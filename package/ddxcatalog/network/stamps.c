@@ -13,7 +13,9 @@ static const char text[] = "uint64 machine\nint64 sent\nuint64 count\nuint64[32]
 _Static_assert(NETWORK_MACHINES == 32, "as in the text");
 
 struct network_clock {
+    struct network *network;
     dds_entity_t topic, reader, writer;
+    struct network_share share;
 };
 
 /* Late stamps are useless: lost ones are not sent again. */
@@ -24,6 +26,7 @@ static int open_both(struct network *network, struct network_clock *clock, const
         return -ENOMEM;
     dds_qset_reliability(qos, DDS_RELIABILITY_BEST_EFFORT, 0);
     dds_qset_ignorelocal(qos, DDS_IGNORELOCAL_PARTICIPANT);
+    clock->network = network;
     clock->topic = network_topic(network, TOPIC, description, 0);
     if (clock->topic > 0) {
         clock->reader = dds_create_reader(network->participant, clock->topic, qos, NULL);
@@ -41,7 +44,7 @@ int network_clock_open(struct network *network, const struct network_event *even
     if (!error)
         error = open_both(network, clock, description);
     if (!error)
-        error = network_attach(network, clock->reader, DDS_DATA_AVAILABLE_STATUS, event);
+        error = network_share_open(network, clock->reader, event, &clock->share);
     description_free(description);
     if (error)
         network_clock_close(clock);
@@ -53,6 +56,8 @@ int network_clock_open(struct network *network, const struct network_event *even
 void network_clock_close(struct network_clock *clock) {
     if (!clock)
         return;
+    if (clock->network)
+        network_share_close(clock->network, &clock->share);
     const dds_entity_t all[] = {clock->reader, clock->writer, clock->topic};
     for (unsigned i = 0; i < sizeof all / sizeof *all; i++)
         if (all[i] > 0)
@@ -65,15 +70,17 @@ int network_clock_write(struct network_clock *clock, const struct network_stamps
 }
 
 void network_clock_read(struct network_clock *clock, network_take_stamps *take, void *argument) {
-    uint32_t status;
+    int64_t begin = network_share_begin(&clock->share);
     void *data = NULL;
     dds_sample_info_t info;
 
-    dds_take_status(clock->reader, &status, DDS_DATA_AVAILABLE_STATUS);
     while (dds_take(clock->reader, &data, &info, 1, 1) == 1) {
         if (info.valid_data)
             take(argument, data);
         dds_return_loan(clock->reader, &data, 1);
         data = NULL;
+        if (!network_share_left(&clock->share, begin))
+            break;
     }
+    network_share_use(clock->network, &clock->share, begin);
 }

@@ -10,6 +10,7 @@
 #define KEPT 8
 #define ANY DDS_LENGTH_UNLIMITED
 #define UNREAD 128 /* small messages that a reader queues while this program gets no processor time */
+#define TURN (2 * UNREAD) /* messages that are read at a time: another machine may send faster than they are read */
 
 struct network_writer {
     const struct network *network;
@@ -18,7 +19,7 @@ struct network_writer {
 };
 
 struct network_reader {
-    dds_entity_t topic, reader;
+    dds_entity_t topic, reader, condition;
 };
 
 static dds_qos_t *qos_of(const struct description *description, size_t size, int depth) {
@@ -96,7 +97,7 @@ int network_reader_open(struct network *network, const char *topic, const struct
         reader->reader = reader->topic < 0 ? reader->topic
                                            : dds_create_reader(network->participant, reader->topic, qos, NULL);
         error = reader->reader < 0 ? -EINVAL
-                                   : network_attach(network, reader->reader, DDS_DATA_AVAILABLE_STATUS, event);
+                                   : network_attach_reader(network, reader->reader, event, &reader->condition);
     }
     dds_delete_qos(qos);
     if (error)
@@ -126,10 +127,8 @@ static void take_one(struct ddsi_serdata *data, uint64_t writer, network_take *t
 void network_read(struct network_reader *reader, network_take *take, void *argument) {
     struct ddsi_serdata *data = NULL;
     dds_sample_info_t info;
-    uint32_t status;
 
-    dds_take_status(reader->reader, &status, DDS_DATA_AVAILABLE_STATUS);
-    while (dds_takecdr(reader->reader, &data, 1, &info, DDS_ANY_STATE) == 1) {
+    for (unsigned i = 0; i < TURN && dds_takecdr(reader->reader, &data, 1, &info, DDS_ANY_STATE) == 1; i++) {
         if (info.valid_data)
             take_one(data, info.publication_handle, take, argument);
         ddsi_serdata_unref(data);

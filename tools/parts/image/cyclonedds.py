@@ -2,7 +2,8 @@
 """Cyclone DDS for the catalog of the desk and of the development image.
 
 Debian's version has no types that are made at run time, and a heap overflow by a packet. Rust's package registry has
-the very source that the product is built from, inside of a package for Rust. A static library, as libsrtp2 is.
+the very source that the product is built from, inside of a package for Rust. A static library, as libsrtp2 is. The
+patches are the product's, too.
 """
 import hashlib
 import os
@@ -45,14 +46,25 @@ def download(folder: pathlib.Path) -> pathlib.Path:
     return crate
 
 
+def patches() -> list[pathlib.Path]:
+    return sorted(PACKAGE.parent.glob("*.patch"))
+
+
+def unpack(folder: pathlib.Path) -> pathlib.Path:
+    """The source, patched."""
+    run(["tar", "-xf", download(folder), "-C", folder])
+    source = folder / f"{CRATE}-{VERSION}/vendor/cyclonedds-c"
+    for patch in patches():
+        run(["patch", "-p1", "--fuzz=0", f"--input={patch}"], cwd=source)
+    return source
+
+
 def build(tree: pathlib.Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        run(["tar", "-xf", download(folder), "-C", folder])
-        into = folder / "build"
+        source, into = unpack(folder), folder / "build"
         place = ["-DCMAKE_INSTALL_PREFIX=/usr", f"-DCMAKE_INSTALL_LIBDIR={srtp.LIBRARIES.removeprefix('usr/')}"]
-        run(["cmake", "-S", folder / f"{CRATE}-{VERSION}/vendor/cyclonedds-c", "-B", into,
-             "-DCMAKE_BUILD_TYPE=Release", *place, *options()])
+        run(["cmake", "-S", source, "-B", into, "-DCMAKE_BUILD_TYPE=Release", *place, *options()])
         run(["cmake", "--build", into, "--target", "ddsc", f"-j{os.cpu_count()}"])
         run(["cmake", "--install", into], env={"DESTDIR": str(tree)})
     run(["rm", "-rf", tree / "usr/bin", tree / "usr/share"])
@@ -61,4 +73,4 @@ def build(tree: pathlib.Path) -> None:
 def cyclonedds() -> pathlib.Path:
     """An install tree: headers, libddsc.a and its pkg-config file. The network is needed the first time only."""
     compiler = run(["dpkg-query", "-W", "-f", "${Package} ${Version}\\n", *foreign.COMPILER])
-    return foreign.kept("cyclonedds", fingerprint([pathlib.Path(__file__)], compiler, *options()), build)
+    return foreign.kept("cyclonedds", fingerprint([pathlib.Path(__file__), *patches()], compiler, *options()), build)

@@ -28,8 +28,7 @@ SEEDS = "fuzz/fuzz_handle_rtps_message/fuzz_handle_rtps_message_seed_corpus.zip"
 def build(tree: pathlib.Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
-        run(["tar", "-xf", cyclonedds.download(folder), "-C", folder])
-        source = folder / f"{cyclonedds.CRATE}-{cyclonedds.VERSION}/vendor/cyclonedds-c"
+        source = cyclonedds.unpack(folder)
         run(["patch", "-p1", "--force", f"--input={PATCH}"], cwd=source)
         with (source / "src/core/CMakeLists.txt").open("a") as lists:
             lists.write(IDLE)
@@ -51,6 +50,6 @@ def build(tree: pathlib.Path) -> None:
 def fuzzed() -> pathlib.Path:
     """libddsc.a, its headers in `include`, and in `seeds` the inputs that its authors have. The network is needed the
     first time only."""
-    key = fingerprint([pathlib.Path(__file__), PATCH, SWITCH], run(["clang", "--version"]), cyclonedds.DIGEST,
-                      *cyclonedds.options())
+    key = fingerprint([pathlib.Path(__file__), PATCH, SWITCH, *cyclonedds.patches()], run(["clang", "--version"]),
+                      cyclonedds.DIGEST, *cyclonedds.options())
     return foreign.kept("cyclonedds-fuzzed", key, build)

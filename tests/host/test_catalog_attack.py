@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""What another machine in the network can do to a robot by its catalog; docs/catalog.md has a table of it."""
+from __future__ import annotations
+
+import pathlib
+import re
+import socket
+import struct
+import sys
+
+import pytest
+
+from parts.link.link import Link
+
+from .programs import Process, lost, make_clip, pictures, result, start_recorder, stop, wait_until
+from .test_catalog import Machine, link, read
+from .test_catalog_lasting import look
+from .test_catalog_peers import HERE, Begin, Laptop, begin, laptop, others
+
+__all__ = ["begin", "laptop", "link", "others"]  # fixtures
+
+MOST = 16384  # KiB by which the catalog may grow under any attack
+DEEP, KEYS = 16, 1000  # as in hostile_catalog.py
+FORGED, PARTICIPANTS = 2000, 64
+FEW = 4096  # KiB by which it may grow for these: a participant needs 6 KiB
+PORT = 7410   # of the first catalog of a network
+NEAR, FAR = 5001, 5002  # ports that forged participants name
+FRAMES = 300
+DISTANT = "198.51.100.9"
+
+
+def hostile(laptop: Laptop, word: str) -> Process:
+    process = laptop.start("python", HERE / "hostile_catalog.py", word)
+    assert int(read(process, 1)[0])
+    return process
+
+
+def grows(robot: Machine, before: int) -> bool:
+    return look(robot.catalog)[0] > before + MOST
+
+
+def refused(robot: Machine) -> int:
+    return int(robot.shown()["refused"])
+
+
+def test_small_records_with_large_types(begin: Begin, laptop: Laptop) -> None:
+    robot = begin("")
+    before = look(robot.catalog)[0]
+    hostile(laptop, "memory")
+    wait_until(lambda: bool(robot.shown()["machines"]) and (refused(robot) == DEEP or grows(robot, before)))
+    assert not grows(robot, before)
+    assert re.search(r"machine m1 \(1\): its record of i[0-9]+ is left out", robot.desk.errors(robot.catalog))
+
+
+def test_long_keys(begin: Begin, laptop: Laptop) -> None:
+    """Of records, which are counted, and of records withdrawn without having been there."""
+    robot = begin("")
+    before = look(robot.catalog)[0]
+    attacker = hostile(laptop, "keys")
+    read(attacker, 1)
+    wait_until(lambda: [one["items"] for one in robot.shown()["machines"]] == [1])
+    assert refused(robot) == KEYS and not grows(robot, before)
+    assert re.search(r"machine m1 \(1\): its record of [0-9]+x+ is left out", robot.desk.errors(robot.catalog))
+
+
+def test_a_flood_of_records(begin: Begin, laptop: Laptop) -> None:
+    """Requests are answered, and the catalog stops at once."""
+    robot = begin("")
+    before = look(robot.catalog)[0]
+    hostile(laptop, "flood")
+    wait_until(lambda: refused(robot) > 100)
+    shown = robot.desk.run("ddxctl", "show", "carol:gps", timeout=20)
+    assert "no machine of this name is known to the catalog" in shown.stderr
+    assert not grows(robot, before)
+    status, _ = stop(robot.catalog)
+    assert status == 0
+
+
+def test_a_forged_name(begin: Begin, laptop: Laptop) -> None:
+    """A record alone does not rename the robot. At its start it gives way, and then takes its name again."""
+    robot = begin("")
+    wait_until(lambda: any(one["name"] == "catalog.machines" for one in robot.shown()["items"]))  # it is announced
+    hostile(laptop, "name")
+    wait_until(lambda: any(re.fullmatch("robot.*:gps", one["name"]) for one in robot.shown()["items"]))
+    wait_until(lambda: bool(robot.table()["same"] == 1))
+    assert robot.table()["name"] == "robot"
+    stop(robot.catalog)
+    robot.catalog = robot.start_catalog()
+    wait_until(lambda: "others see this one as robot-" in robot.desk.errors(robot.catalog))
+    wait_until(lambda: bool(robot.table()["name"] == "robot"))
+
+
+def participant(number: int, address: str, port: int) -> bytes:
+    """The announcement of a participant with a lease of an hour, to which discovery is to be sent at this address."""
+    prefix = b"\x01\x10" + struct.pack(">II", 0xabcdef00, number) + b"\0\1"
+    locator = struct.pack("<iI", 1, port) + bytes(12) + socket.inet_aton(address)
+
+    def parameter(kind: int, value: bytes) -> bytes:
+        return struct.pack("<HH", kind, len(value)) + value
+
+    body = b"".join([b"\0\3\0\0", parameter(0x15, b"\2\1\0\0"), parameter(0x16, b"\1\x10\0\0"),
+                     parameter(2, struct.pack("<iI", 3600, 0)), parameter(0x50, prefix + b"\0\0\1\xc1"),
+                     parameter(0x58, struct.pack("<I", 0xc3f)), parameter(0x31, locator), parameter(0x32, locator),
+                     parameter(0x0f, struct.pack("<I", 0)), parameter(1, b"")])
+    data = struct.pack("<HH", 0, 16) + b"\0\1\0\xc7" + b"\0\1\0\xc2" + struct.pack("<iI", 0, 1) + body
+    return b"RTPS\2\1\1\x10" + prefix + struct.pack("<BBH", 0x15, 5, len(data)) + data
+
+
+def announce(link: Link, packets: list[bytes]) -> None:
+    """Send them from the operator to the robot, a few at a time."""
+    text = f"""
+import socket, sys, time
+out = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+for number, line in enumerate(sys.stdin):
+    out.sendto(bytes.fromhex(line), ("{link.robot.address}", {PORT}))
+    if number % 20 == 19:
+        time.sleep(0.01)
+"""
+    link.operator[0].run([sys.executable, "-c", text], input="\n".join(one.hex() for one in packets))
+
+
+def sent(link: Link, port: int) -> int:
+    """Bytes that the robot has sent to this port."""
+    ports = link.counts().down[0].ports
+    return ports[port].bytes if port in ports else 0
+
+
+def test_forged_participants(begin: Begin, link: Link) -> None:
+    """Few are known at a time, and nothing is sent to addresses outside of the robot's network."""
+    robot, operator = begin("multicast no\n"), link.operator[0]
+    link.robot.run(["ip", "route", "replace", "default", "via", operator.address])
+    far = [participant(number, DISTANT, FAR) for number in range(20)]
+    near = [participant(1000 + number, operator.address, NEAR) for number in range(FORGED)]
+    before = look(robot.catalog)[0]
+    announce(link, far + near)
+    wait_until(lambda: sent(link, NEAR) > 0 and
+               (refused(robot) >= FORGED - 2 * PARTICIPANTS or look(robot.catalog)[0] > before + FEW))
+    assert look(robot.catalog)[0] < before + FEW
+    wait_until(lambda: sent(link, NEAR) > PARTICIPANTS * 100)
+    assert sent(link, FAR) == 0
+    assert sent(link, NEAR) < 3 * sum(map(len, near))
+
+
+@pytest.mark.strict
+def test_the_recorder_loses_nothing(begin: Begin, laptop: Laptop, link: Link, tmp_path: pathlib.Path) -> None:
+    """Under all attacks at a time."""
+    robot, record = begin(""), tmp_path / "record.y4m"
+    desk, clip = robot.desk, make_clip(tmp_path / "clip.y4m", "352x288", "100", FRAMES)
+    words = ("flood", "name", "memory", "keys")
+    attackers = [laptop.start("python", HERE / "hostile_catalog.py", word) for word in words]
+    for attacker in attackers:
+        read(attacker, 1)
+    saver = start_recorder(desk, "-output", record)
+    loader = desk.start("ddxvideoload", clip, "-readers", 1)
+    wait_until(lambda: desk.sequence("video") > 1)
+    seen = refused(robot)
+    announce(link, [participant(number, link.operator[0].address, NEAR) for number in range(FORGED)])
+    status, loaded = result(loader)
+    assert status == 0 and refused(robot) > seen + FORGED / 2  # the attacks went on meanwhile
+    assert all(attacker.poll() is None for attacker in attackers) and robot.catalog.poll() is None
+    status, saved = stop(saver)
+    assert status == 0 and loaded["out"] == saved["in"] == saved["out"] == FRAMES and lost(saved) == lost(loaded) == 0
+    assert pictures(record) == pictures(clip)
