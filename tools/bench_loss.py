@@ -4,14 +4,13 @@
 
 bench_loss.py [-seeds N] [-cases WORD+WORD,...] [-sender WORDS] [-receiver WORDS] [-short]
 
-A case plays 10 s of a numbered clip (real, moving, drawn) from a robot to an operator, in network namespaces with a
-relay between them that loses packets: one second without loss, then a pattern; frames count from one second later.
-Cases are compared with a run without loss. A case's name lists its parameters: "ddxvideo, iid 30, real, reports,
-RTT 4 ms, seed 1"; -cases selects cases whose name has all words of one of the lists. -sender, -receiver: more options
-of ddxvideosend and decode. Writes output/bench/loss.json, and loss.html with pictures of the screen. -short: a second
+A case plays 60 s of a numbered clip (real, moving, drawn) from a robot to an operator, in network namespaces with a
+relay between them that loses packets from the first one on; frames count from the third second on. The two directions
+lose independently of each other, except with "outages together". Cases are compared with a run without loss. A case's
+name lists its parameters: "ddxvideo, iid 30, real, reports, -wire 250, RTT 4 ms, seed 1"; -cases selects cases whose
+name has all words of one of the lists. -sender, -receiver: more options of ddxvideosend and decode. Writes output/bench/loss.json, and loss.html with pictures of the screen. -short: a second
 of a generated clip, for the gate; writes no file and judges nothing.
 """
-import functools
 import pathlib
 import shutil
 import subprocess
@@ -27,31 +26,35 @@ from parts.bench.loss_run import COLUMNS, SECONDS, Case, Maker, Plan, Take, judg
 from parts.bench.measure import save
 from parts.common import BadInput, Failed, command_line, finish, say, scratch
 from parts.image import native
+from parts.link.link import Link
 from parts.media import clip as made_up
 
 PEERS: list[type[Peer]] = [Ours, Srt, Srt120, Rist, Retransmission, Chromium, Fec, BlockCode]
-# The cap keeps the video's rate the same with and without loss, as long as repair leaves room for it. So a comparison
-# with the run without loss shows what arrived, not another rate.
-BITRATE, WIRE, RATIO = 130, 250, 2.2
+# Options as users type them. With the last ones the video's rate is the same with and without loss, as long as repair
+# leaves room for it: so a comparison with the run without loss shows what arrived, not another rate.
+DEFAULT, NARROW, CAPPED = "", "-wire 250", "-wire 250 -bitrate 130"
+ONE_WAY = "-wire 250 -repair 2.2"
 CLIPS = ["real", "moving", "drawn"]
 SEEDS, FEW_SEEDS = 5, 2
 AT = 6 * RATE  # the frame that the page shows
 ATTEMPTS = 3
-SHORT = Plan(1, 0.2, 0.4)
+SHORT = Plan(1, 0.4)
 SHORT_CASE = Case(OURS, "iid 30", "short")
 
 
 def plan(seeds: int) -> Iterator[Case]:
     """All cases with loss."""
     few = range(1, min(seeds, FEW_SEEDS) + 1)
-    for reports in (True, False):
+    for options in (DEFAULT, NARROW):
         for seed in range(1, seeds + 1):
             for name in CLIPS:
-                yield from (Case(OURS, column, name, seed, reports) for column in COLUMNS)
-        yield from (Case(OURS, "iid 30", "real", seed, reports, join=True) for seed in few)
+                yield from (Case(OURS, column, name, seed, options=options) for column in COLUMNS)
+        yield from (Case(OURS, "iid 30", "real", seed, join=True, options=options) for seed in few)
     for seed in few:
-        yield from (Case(OURS, column, "real", seed, rtt_ms=10) for column in COLUMNS)
-        yield from (Case(OURS, column, "real", seed, operators=4) for column in COLUMNS)
+        yield from (Case(OURS, column, "real", seed, options=CAPPED) for column in COLUMNS)
+        yield from (Case(OURS, column, "real", seed, rtt_ms=10, options=NARROW) for column in COLUMNS)
+        yield from (Case(OURS, column, "real", seed, operators=4, options=NARROW) for column in COLUMNS)
+        yield from (Case(OURS, column, "real", seed, False, options=ONE_WAY) for column in COLUMNS)
         for peer in PEERS:
             if peer is not Ours:
                 yield from (Case(peer.name, column, "real", seed, peer.reports) for column in COLUMNS)
@@ -73,8 +76,15 @@ def available(cases: list[Case]) -> list[Case]:
     return [case for case in cases if case.peer not in absent]
 
 
-def our_options(more: str) -> list[str]:
-    return ["-bitrate", str(BITRATE), "-wire", str(WIRE), "-repair", str(RATIO), *more.split()]
+def makers(sender: str, receiver: str) -> dict[str, Maker]:
+    """For each peer; `sender` and `receiver`: more options of ours."""
+    def other(kind: type[Peer]) -> Maker:
+        return lambda link, clip, folder, _: kind(link, clip, folder)
+
+    def ours(link: Link, clip: pathlib.Path, folder: pathlib.Path, case: Case) -> Peer:
+        return Ours(link, clip, folder, [*case.options.split(), *sender.split()], receiver.split())
+
+    return {**{peer.name: other(peer) for peer in PEERS}, OURS: ours}
 
 
 class Bench:
@@ -141,8 +151,7 @@ def short(made: dict[str, Maker]) -> int:
 def main() -> int:
     options = command_line(__doc__, seeds=SEEDS, cases="", sender="", receiver="", short=False)
     native.build()
-    ours = functools.partial(Ours, sender=our_options(options.sender), receiver=options.receiver.split())
-    made: dict[str, Maker] = {**{peer.name: peer for peer in PEERS}, OURS: ours}
+    made = makers(options.sender, options.receiver)
     if options.short:
         return short(made)
     wanted = available(chosen(plan(options.seeds), options.cases))
@@ -150,7 +159,7 @@ def main() -> int:
     for case in wanted:
         bench.run(case)
     loss_page.print_table(bench.rows)
-    about = (f"CIF, {RATE} frames a second, ddxvideosend {' '.join(our_options(options.sender))}; usable: within "
+    about = (f"CIF, {RATE} frames a second, ddxvideosend {options.sender}; usable: within "
              f"{Ours.deadline_ms} ms and {WORSE:g} dB of the run without loss")
     path = save("loss", {"about": about, "rows": bench.rows, "failed": bench.failed})
     path.with_suffix(".html").write_text(loss_page.page(bench.rows, bench.screens, about))

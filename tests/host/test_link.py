@@ -21,7 +21,8 @@ from .programs import wait_until
 PEER = (sys.executable, "-B", "-S", str(pathlib.Path(__file__).with_name("udp_peer.py")))
 PORT, GROUP = 8000, "239.255.20.5"
 COUNT, SIZE, HEADERS = 1500, 100, 28
-PATTERNS = [loss.NOTHING, loss.EveryThird(), loss.Iid(0.3), loss.Bursts(0.3), loss.Outages(0.3, 2)]
+PATTERNS = [loss.NOTHING, loss.EveryThird(), loss.Iid(0.3), loss.Bursts(0.3), loss.Outages(0.3, 2),
+            loss.Outages(0.3, 2, together=True)]
 Peer = subprocess.Popen[str]
 
 
@@ -85,14 +86,22 @@ def disagreements(way: Way, port: int, numbers: list[int]) -> list[str]:
 @pytest.mark.parametrize("pattern", PATTERNS, ids=str)
 def test_counts_are_those_of_both_ends(pattern: loss.Pattern) -> None:
     with Link(loss=pattern, delay_ms=1, seed=7) as link:
-        counts, down, up = both_ways(link, 0.15 if pattern.shared else 0)
+        counts, down, up = both_ways(link, 0.15 if isinstance(pattern, loss.Outages) else 0)
     assert disagreements(counts.down[0], PORT, down) == [] and disagreements(counts.up[0], PORT + 1, up) == []
     assert disagreements(counts.down[0], PORT, down[:-1])
     assert counts.overrun == 0
-    if pattern.shared:
+    if isinstance(pattern, loss.Outages):
         assert all(0 < len(numbers) < COUNT for numbers in (down, up))
     else:
         assert (down, up) == (expected(pattern, 7, "down"), expected(pattern, 7, "up"))
+
+
+@pytest.mark.parametrize("together", [False, True])
+def test_each_direction_has_outages_of_its_own(together: bool) -> None:
+    """Unless they are together: 30 % of the time, in both at once 9 or 30 %."""
+    down, up = (loss.judge(loss.Outages(0.3, together=together), 1, 0, way) for way in ("down", "up"))
+    both = sum(down(number / 1000) & up(number / 1000) for number in range(200000)) / 200000
+    assert both == pytest.approx(0.3 if together else 0.09, rel=0.1)
 
 
 def test_a_pattern_for_one_direction_and_its_change() -> None:

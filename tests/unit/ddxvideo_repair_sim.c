@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Sender and receivers in one process, on a virtual clock: 2,000 frames of 40 ms for each pattern of losses, in both
- * directions. A frame is usable if it and all frames before it have arrived 100 ms after it was passed to the sender.
+ * Sender and receivers in one process, on a virtual clock: 2,000 frames of 40 ms for each pattern of losses. Each
+ * direction has losses of its own, from the first packet on; the first second is not counted. A frame is usable if it
+ * and all frames before it have arrived 100 ms after it was passed to the sender.
  * Where the video has a limit, the picture must not be 3 dB worse than at that limit, judged by the mean size of the
- * last frames. The sizes of frames follow the allowance, up to 30 % more or less. The first second has no losses.
+ * last frames. The sizes of frames follow the allowance, up to 30 % more or less.
  */
 #include "repair_sim.h"
 
@@ -11,7 +12,7 @@
 
 /* The mean of four seeds, with both round trip times. */
 static void expect(struct run run, double figure, double least_video) {
-    double sum = 0, video = 0, mean = 0, most = 0;
+    double sum = 0, video = 0, mean = 0, most = 0, gap = 0;
 
     for (unsigned i = 0; i < 4; i++) {
         run.trip = i % 2 ? 4 * MS : 10 * MS;
@@ -23,9 +24,11 @@ static void expect(struct run run, double figure, double least_video) {
         video += video_kbit() / 4;
         mean += kbit(0, FRAMES) / 4;
         most = fmax(most, peak());
+        gap = fmax(gap, longest_gap(&run));
         printf("%s%.2f", i ? ", " : run.name, part);
     }
-    printf(": usable %.2f %% of %g, video %.0f, wire %.1f, at most %.1f kbit/s\n", sum, figure, video, mean, most);
+    printf(": usable %.2f %% of %g, longest gap %.1f s, video %.0f, wire %.1f, at most %.1f kbit/s\n", sum, figure, gap,
+           video, mean, most);
     CHECK(sum >= figure && video >= least_video);
 }
 
@@ -45,7 +48,8 @@ static void check_sudden(void) {
 /* Reports stop at frame 1000: at first less is sent, after a second as much as before, with repair in advance. The
  * mean of eight seeds, because the rate within half a second depends on earlier losses. */
 static void check_hush(void) {
-    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000};
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000,
+                      .any_size = true};
 
     double less = 0, later = 0;
 
@@ -63,7 +67,8 @@ static void check_hush(void) {
 
 /* The receiver reports bursts of losses until frame 1000: then repair in advance is enough for bursts. */
 static void check_hush_in_bursts(void) {
-    struct run run = {.loss = BURSTS, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000};
+    struct run run = {.loss = BURSTS, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000,
+                      .any_size = true};
     double later = 0;
 
     for (uint64_t seed = 1; seed <= 8; seed++) {
@@ -77,7 +82,8 @@ static void check_hush_in_bursts(void) {
 
 /* Forged reports leave enough rate for the honest receiver; garbage has no effect. */
 static void check_forged(void) {
-    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .forgers = 20};
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .forgers = 20,
+                      .any_size = true};
 
     simulate(&run, 1);
     check_books(&run);
@@ -102,15 +108,17 @@ static const struct {
     struct run run;
 } expected[] = {
     {99.5, 120, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO}},
-    {90.5, 105, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
+    {88, 105, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
     {100, 120, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3, .video = VIDEO}},
     {99.9, 190, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
     {92.5, 105, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
-    {92, 110, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
+    {38, 110, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
+    {90, 110, {.name = "with reports, outages in both directions at once", .loss = OUTAGES_TOGETHER, .part = 0.3,
+               .video = VIDEO}},
     {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
-    {70, 65, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
-    {92, 70, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
+    {66, 65, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
+    {72, 70, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
     {100, 44, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
     {99.9, 50, {.name = "one-way, every third, two repair packets a frame", .loss = EVERY_THIRD, .part = 0.3,
@@ -121,7 +129,7 @@ static const struct {
                   .smaller = 0.3}},
     {92, 44, {.name = "one-way, bursts of exactly 5", .loss = FIVES, .part = 0.3, .silent = true}},
     {88, 44, {.name = "one-way, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .silent = true}},
-    {86, 44, {.name = "one-way, outages", .loss = OUTAGES, .part = 0.3, .silent = true}},
+    {82, 44, {.name = "one-way, outages", .loss = OUTAGES, .part = 0.3, .silent = true}},
 };
 
 int main(void) {

@@ -15,25 +15,36 @@
 
 static uint64_t random_state;
 
-static inline double random_share(void) { /* 0 to 1 */
-    random_state ^= random_state << 13;
-    random_state ^= random_state >> 7;
-    random_state ^= random_state << 17;
-    return (double)(random_state >> 11) / 9007199254740992.0;
+static inline double random_of(uint64_t *state) { /* 0 to 1 */
+    *state ^= *state << 13;
+    *state ^= *state >> 7;
+    *state ^= *state << 17;
+    return (double)(*state >> 11) / 9007199254740992.0;
+}
+
+static inline uint64_t random_seed(uint64_t seed) {
+    uint64_t state = seed * UINT64_C(0x9E3779B97F4A7C15) + 1;
+
+    for (int i = 0; i < 10; i++)
+        random_of(&state);
+    return state;
+}
+
+static inline double random_share(void) {
+    return random_of(&random_state);
 }
 
 static inline void random_begin(uint64_t seed) {
-    random_state = seed * UINT64_C(0x9E3779B97F4A7C15) + 1;
-    for (int i = 0; i < 10; i++)
-        random_share();
+    random_state = random_seed(seed);
 }
 
-enum loss { EVERY_THIRD, INDEPENDENT, BURSTS, FIVES, OUTAGES };
+enum loss { EVERY_THIRD, INDEPENDENT, BURSTS, FIVES, OUTAGES, OUTAGES_TOGETHER };
 
-/* Bursts: Gilbert's model, mean 5 packets; fives: bursts of exactly 5. Outages: exponential, mean 40 ms, at the same
- * times in both directions. */
+/* Bursts: Gilbert's model, mean 5 packets; fives: bursts of exactly 5. Outages: exponential, mean 40 ms. Each loser has
+ * a generator of its own, so that a direction's losses do not depend on the packets of the other one. */
 struct loser {
     enum loss loss;
+    uint64_t random; /* the generator's state, of random_seed() */
     double part; /* of the packets, or of the time */
     unsigned count;
     bool bad;
@@ -45,7 +56,7 @@ static inline bool is_outage(struct loser *loser, int64_t now) {
     for (; loser->part > 0 && now >= loser->change; loser->bad = !loser->bad) {
         double mean = loser->bad ? 40 * (1 - loser->part) / loser->part : 40;
 
-        loser->change += (int64_t)(-log(1 - random_share()) * mean * (double)MS);
+        loser->change += (int64_t)(-log(1 - random_of(&loser->random)) * mean * (double)MS);
     }
     return loser->bad;
 }
@@ -55,13 +66,16 @@ static inline bool is_lost(struct loser *loser, int64_t now) {
 
     switch (loser->loss) {
     case EVERY_THIRD: return loser->part > 0 && ++loser->count % 3 == 0;
-    case INDEPENDENT: return random_share() < loser->part;
-    case BURSTS: loser->bad = loser->bad ? random_share() >= 0.2 : random_share() < enter; return loser->bad;
+    case INDEPENDENT: return random_of(&loser->random) < loser->part;
+    case BURSTS:
+        loser->bad = loser->bad ? random_of(&loser->random) >= 0.2 : random_of(&loser->random) < enter;
+        return loser->bad;
     case FIVES:
-        if (!loser->left && random_share() < enter)
+        if (!loser->left && random_of(&loser->random) < enter)
             loser->left = 5;
         return loser->left && loser->left--;
-    case OUTAGES: return is_outage(loser, now);
+    case OUTAGES:
+    case OUTAGES_TOGETHER: return is_outage(loser, now);
     }
     return false;
 }

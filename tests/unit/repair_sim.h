@@ -13,7 +13,7 @@
 #include "lossy.h"
 
 #define FRAMES 2000
-#define CALM 25 /* frames without loss, not counted */
+#define CALM 25 /* the first frames, which are not counted */
 #define INTERVAL (40 * MS)
 #define IN_TIME (100 * MS)
 #define RECEIVERS 4
@@ -21,6 +21,8 @@
 #define SSRC 0x1001u
 #define HEADER 28
 #define MOST 64 /* packets of a frame */
+#define WAVE 22  /* frames that renew the picture, column by column */
+#define WAVES 100 /* frames from one renewal to the next */
 #define LEVEL 25 /* frames */
 #define LEAST_LEVEL 0.48 /* of the limit; the real clip of tools/bench_loss.py is 3 dB worse then (docs/bench.md) */
 
@@ -29,6 +31,8 @@ static struct frame {
     unsigned packets; /* 0: dropped before it was encoded */
     uint16_t sequence;
     double level; /* bytes of a frame, the mean of the last ones */
+    unsigned renewing; /* the frame at which the newest renewal of the picture began, */
+    unsigned renewed;  /* and the newest one that is complete with this frame */
 } frames[FRAMES];
 
 static struct receiver {
@@ -40,7 +44,8 @@ static struct receiver {
     bool usable[FRAMES];
     unsigned next;   /* the first frame that is not whole */
     unsigned newest; /* of which a packet has arrived */
-    unsigned broken; /* frames before this one refer to one that was given up */
+    bool joined;     /* a packet has arrived */
+    unsigned broken; /* pictures are whole again with a renewal that began at this frame or later */
 } receivers[RECEIVERS];
 
 struct run {
@@ -49,10 +54,12 @@ struct run {
     double part;
     int64_t trip; /* round trip, ns */
     unsigned receivers;
-    int64_t video;      /* limit in bit/s; frames of less than half of that are not usable; 0: no limit */
+    int64_t wire;       /* bit/s; 0: WIRE */
+    int64_t video;      /* limit in bit/s; 0: none */
     bool silent;        /* no reports */
     double ratio;       /* of repair packets to media packets without reports; 0: DISPATCH_RATIO */
     double smaller;     /* part of the allowance by which frames are smaller, as x264's are */
+    bool any_size;      /* frames of less than LEAST_LEVEL count as well, as they do without reports */
     unsigned begin;     /* frame from which on packets are lost */
     unsigned hush;      /* frame from which on no report arrives, 0: never */
     unsigned forgers;   /* that claim to miss much */
@@ -65,6 +72,11 @@ static uint64_t wire[FRAMES * 4 + 400]; /* bytes of each 10 ms */
 static uint16_t sequence;
 static unsigned frame_count;
 static uint64_t video_bytes;
+static bool renewal; /* a receiver has asked for one */
+
+static int64_t wire_of(const struct run *run) {
+    return run->wire ? run->wire : WIRE;
+}
 
 /* ---- Sender ---- */
 
@@ -86,6 +98,19 @@ static size_t make_packet(uint8_t *to, unsigned frame, size_t payload, bool firs
     return (size_t)(at - to) + payload;
 }
 
+/* As x264 does: a renewal takes WAVE frames, and the next one begins after it. */
+static void renew(struct frame *frame) {
+    const struct frame *before = frame_count ? frame - 1 : NULL;
+    unsigned since = before ? frame_count - before->renewing : 0;
+
+    frame->renewing = before ? before->renewing : 0;
+    frame->renewed = before && since < WAVE ? before->renewed : frame->renewing;
+    if (since >= WAVE && (renewal || since >= WAVES)) {
+        frame->renewing = frame_count;
+        renewal = false;
+    }
+}
+
 /* Equal packets; one packet for a frame of up to 800 bytes. */
 static void write_frame(const struct run *run) {
     static uint8_t data[MOST][RTP_PACKET_MAX];
@@ -96,6 +121,8 @@ static void write_frame(const struct run *run) {
     unsigned count = !allowed ? 0 : size <= 800 ? 1 : size <= 1160 ? 2 : (unsigned)(size + 1159) / 1160;
 
     *frame = (struct frame){.written = now, .packets = count, .sequence = sequence};
+    renewal |= count && dispatch_wants_refresh(&dispatch, now);
+    renew(frame);
     for (unsigned i = 0; i < count; i++) {
         packets[i].data = data[i];
         size_t part = size * (i + 1) / count - size * i / count;
@@ -145,12 +172,29 @@ static bool is_whole(const struct receiver *receiver, unsigned frame) {
     return wanted->packets ? receiver->got[frame] == wanted->packets : frame < receiver->newest;
 }
 
-/* A frame that is 25 frames old cannot be repaired. All frames before the newest one are given up as well, and the
- * following ones are broken until a refresh is complete. */
+/* The following pictures are broken until one is renewed. */
+static void break_off(struct receiver *receiver, unsigned next) {
+    receiver->next = receiver->broken = next;
+    receiver->reporter.refresh = true;
+}
+
+/* A frame that is 25 frames old cannot be repaired. All frames before the newest one are given up as well. */
 static void give_up(struct receiver *receiver) {
-    receiver->next = receiver->newest;
-    receiver->broken = receiver->newest + REPAIR_FRAMES;
+    break_off(receiver, receiver->newest);
     restore_give_up(&receiver->restore, frames[receiver->next].sequence);
+}
+
+/* The first packet that arrives may be of any frame; packets before it are not asked for. */
+static void join(struct receiver *receiver, unsigned frame, uint16_t number) {
+    receiver->joined = true;
+    if (frame || number != frames[0].sequence)
+        break_off(receiver, frame + (number != frames[frame].sequence));
+}
+
+static bool shows(struct receiver *receiver, unsigned frame) {
+    if (frames[frame].renewing >= receiver->broken)
+        receiver->reporter.refresh = false;
+    return frames[frame].packets && frames[frame].renewed >= receiver->broken;
 }
 
 static void got_packet(struct receiver *receiver, const uint8_t *data, size_t size) {
@@ -159,12 +203,14 @@ static void got_packet(struct receiver *receiver, const uint8_t *data, size_t si
     CHECK(rtp_parse(data, size, &packet));
     unsigned frame = get32(packet.payload);
     CHECK(frame < frame_count && packet.payload[packet.size - 1] == (uint8_t)(frame ^ packet.size));
+    if (!receiver->joined)
+        join(receiver, frame, packet.sequence);
     receiver->got[frame]++;
     if (frame > receiver->newest)
         receiver->newest = frame;
     for (; is_whole(receiver, receiver->next); receiver->next++)
-        receiver->usable[receiver->next] = frames[receiver->next].packets && receiver->next >= receiver->broken &&
-                                           now - frames[receiver->next].written <= IN_TIME;
+        receiver->usable[receiver->next] =
+            shows(receiver, receiver->next) && now - frames[receiver->next].written <= IN_TIME;
     if (receiver->newest > receiver->next + REPAIR_FRAMES)
         give_up(receiver);
 }
@@ -204,7 +250,7 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
 /* ---- A run ---- */
 
 static void begin(const struct run *run, uint64_t seed) {
-    struct dispatch_settings settings = {.wire = WIRE, .video = run->video ? run->video : WIRE,
+    struct dispatch_settings settings = {.wire = wire_of(run), .video = run->video ? run->video : wire_of(run),
                                          .interval = INTERVAL, .header = HEADER, .repair = true,
                                          .ratio = run->ratio > 0 ? run->ratio : DISPATCH_RATIO,
                                          .media_ssrc = SSRC, .repair_ssrc = 2, .repair_sequence = 65000};
@@ -214,6 +260,7 @@ static void begin(const struct run *run, uint64_t seed) {
     sequence = 65000; /* both wrap soon */
     frame_count = 0;
     video_bytes = 0;
+    renewal = false;
     memset(wire, 0, sizeof wire);
     dispatch_init(&dispatch, &settings, now);
     for (unsigned i = 0; i < run->receivers; i++) {
@@ -224,8 +271,11 @@ static void begin(const struct run *run, uint64_t seed) {
         reporter_init(&receiver->reporter, 100 + i, SSRC, HEADER, now);
         receiver->down.loss = receiver->up.loss = receiver->both.loss = run->loss;
         receiver->down.change = receiver->up.change = receiver->both.change = now;
-        receiver->from.loser = run->loss == OUTAGES ? &receiver->both : &receiver->down;
-        receiver->to.loser = run->loss == OUTAGES ? &receiver->both : &receiver->up;
+        receiver->down.random = random_seed(1000 * seed + 3 * i);
+        receiver->up.random = random_seed(1000 * seed + 3 * i + 1);
+        receiver->both.random = random_seed(1000 * seed + 3 * i + 2);
+        receiver->from.loser = run->loss == OUTAGES_TOGETHER ? &receiver->both : &receiver->down;
+        receiver->to.loser = run->loss == OUTAGES_TOGETHER ? &receiver->both : &receiver->up;
         receiver->from.delay = receiver->to.delay = run->trip / 2;
     }
 }
@@ -248,7 +298,7 @@ static void simulate(const struct run *run, uint64_t seed) {
     begin(run, seed);
     while (now < start + FRAMES * INTERVAL + 200 * MS) {
         if (frame_count < FRAMES && now >= start + frame_count * INTERVAL) {
-            bool lossy = frame_count >= (run->begin ? run->begin : CALM);
+            bool lossy = frame_count >= run->begin;
             for (unsigned i = 0; i < run->receivers; i++)
                 receivers[i].down.part = receivers[i].up.part = receivers[i].both.part = lossy ? run->part : 0;
             write_frame(run);
@@ -267,8 +317,11 @@ static void simulate(const struct run *run, uint64_t seed) {
 
 /* ---- Results ---- */
 
+/* Without loss the frames are as large as the limit, or as what the headers leave of the rate. */
 static bool looks_good(const struct run *run, unsigned frame) {
-    return frames[frame].level >= LEAST_LEVEL * (double)(run->video * INTERVAL / (1000 * MS)) / 8;
+    int64_t clean = run->video ? run->video : wire_of(run) * 19 / 20;
+
+    return run->any_size || run->silent || frames[frame].level >= LEAST_LEVEL * (double)(clean * INTERVAL / (1000 * MS)) / 8;
 }
 
 /* Percent of usable frames, of the receiver that has the fewest. */
@@ -292,6 +345,20 @@ static double kbit(unsigned from, unsigned frames_after) {
     return (double)bytes * 8 / (double)(frames_after * INTERVAL / MS);
 }
 
+/* The longest time without a usable frame, in s, of any receiver. */
+static double longest_gap(const struct run *run) {
+    unsigned longest = 0;
+
+    for (unsigned i = 0; i < run->receivers; i++) {
+        unsigned gap = 0;
+        for (unsigned frame = CALM; frame < FRAMES; frame++) {
+            gap = receivers[i].usable[frame] ? 0 : gap + 1;
+            longest = gap > longest ? gap : longest;
+        }
+    }
+    return longest * (double)INTERVAL / (1000 * (double)MS);
+}
+
 static double video_kbit(void) {
     return (double)video_bytes * 8 / (double)((FRAMES - CALM) * INTERVAL / MS);
 }
@@ -313,8 +380,8 @@ static void check_books(const struct run *run) {
     for (unsigned i = FEEDBACK_RECEIVED + 1; i < FEEDBACK_COUNTS; i++)
         sum += reports[i];
     CHECK_EQUAL(reports[FEEDBACK_RECEIVED], sum);
-    CHECK(kbit(0, FRAMES) <= WIRE / 1000.0);
-    CHECK(peak() <= 1.3 * WIRE / 1000);
+    CHECK(kbit(0, FRAMES) <= (double)wire_of(run) / 1000);
+    CHECK(peak() <= 1.3 * (double)wire_of(run) / 1000);
     for (unsigned i = 0; i < run->receivers; i++)
         CHECK((double)receivers[i].to.sent * (REPORT_SIZE + HEADER) * 8 <= 30 * (double)(FRAMES * INTERVAL / MS));
 }

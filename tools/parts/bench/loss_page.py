@@ -40,6 +40,7 @@ def jpeg(picture: Picture) -> bytes:
 def title(row: dict[str, Any]) -> str:
     """The title of a case's line in the table, for all columns and seeds."""
     parts = [str(row["peer"]), "reports" if row["reports"] else "one-way", f"RTT {row['rtt_ms']:g} ms"]
+    parts += [row["options"]] if row["options"] else []
     parts += [f"within {row['deadline_ms']} ms"] if row["deadline_ms"] > Peer.deadline_ms else []
     parts += [f"{row['operators']} operators"] if row["operators"] > 1 else []
     return ", ".join([*parts, "joins at"] if row["join"] else parts)

@@ -98,7 +98,7 @@ class Ours(Peer):
         wait_until(lambda: self.robot.count("ddxvideoload", "out") > 0, "the clip is not played")
 
     def written(self) -> dict[int, int]:
-        self.loader.wait(60)
+        self.loader.wait(120)
         time.sleep(0.3)  # the last frames are on their way
         return {number: written for number, written in self.video.stop() if number is not None}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""One run of a peer over a lossy link: a clip, at first without loss, then with a pattern, and its figures."""
+"""One run of a peer over a lossy link, with loss from the first packet on, and its figures."""
 from __future__ import annotations
 
 import dataclasses
@@ -16,21 +16,21 @@ from parts.common import scratch
 from parts.link.link import Link, Way
 from parts.link.loss import ALL, NOTHING, Bursts, EveryThird, Iid, Outages, Pattern
 
-SECONDS = 10.0  # of the clip
-ONSET, SETTLED = 1.0, 2.0  # s after the first frame: start of the loss, and of the measurement
+SECONDS = 60.0  # of the clip
+SETTLED = 2.0  # s after the first frame: start of the measurement
 JOIN = 2.0  # s after the first frame: a receiver joins
 TAIL = 5  # frames
 PAUSE_MS, LATE_MS = 120, 20
-RECOVERY = 0.5  # s after the onset of the loss; from then on frames must be usable again
 CLEAN = "clean"
 COLUMNS: dict[str, Pattern] = {"every 3rd": EveryThird(), "iid 10": Iid(0.1), "iid 30": Iid(0.3),
-                               "bursts of 5": Bursts(0.3, 5), "outages": Outages(0.3, 40)}
-Maker = Callable[[Link, pathlib.Path, pathlib.Path], Peer]
+                               "bursts of 5": Bursts(0.3, 5), "outages": Outages(0.3, 40),
+                               "outages together": Outages(0.3, 40, together=True)}
+Maker = Callable[[Link, pathlib.Path, pathlib.Path, "Case"], Peer]
 
 
 @dataclasses.dataclass(frozen=True)
 class Case:
-    """`reports`: the return path works. `join`: the receiver starts during the clip, with loss from the beginning."""
+    """`reports`: the return path works. `join`: the receiver starts during the clip. `options`: of our sender."""
     peer: str
     column: str
     clip: str
@@ -39,18 +39,19 @@ class Case:
     rtt_ms: float = 4
     operators: int = 1
     join: bool = False
+    options: str = ""
 
     @property
     def reference(self) -> tuple[object, ...]:
         """Cases with the same reference share a run without loss."""
-        return self.peer, self.clip, self.reports, self.rtt_ms, self.operators
+        return self.peer, self.clip, self.reports, self.rtt_ms, self.operators, self.options
 
     @property
     def clean(self) -> Case:
         return dataclasses.replace(self, column=CLEAN, seed=1, join=False)
 
     def __str__(self) -> str:
-        way = "reports" if self.reports else "one-way"
+        way = ("reports" if self.reports else "one-way") + (f", {self.options}" if self.options else "")
         return (f"{self.peer}, {self.column}, {self.clip}, {way}, RTT {self.rtt_ms:g} ms, seed {self.seed}"
                 + (f", {self.operators} operators" if self.operators > 1 else "") + (", join" if self.join else ""))
 
@@ -59,7 +60,6 @@ class Case:
 class Plan:
     """Times of a run, s after the first frame."""
     seconds: float = SECONDS
-    onset: float = ONSET
     settled: float = SETTLED
 
 
@@ -67,7 +67,6 @@ class Plan:
 class Take:
     case: Case
     views: list[View]
-    onset: int   # ns
     joined: int  # ns
     settled: int
     wire: dict[str, float]
@@ -96,13 +95,12 @@ def take(case: Case, maker: Maker, clip: pathlib.Path, plan: Plan) -> Take:
     pattern = COLUMNS.get(case.column, NOTHING)
     back = pattern if case.reports else ALL
     with (scratch() as folder,
-          Link(case.operators, delay_ms=case.rtt_ms / 2, seed=case.seed, loss=pattern if case.join else NOTHING,
-               back=back if case.join or not case.reports else NOTHING) as link,
-          maker(link, clip, folder) as peer):
-        return _take(case, peer, link, clip, plan, lambda: link.lose(pattern, back))
+          Link(case.operators, delay_ms=case.rtt_ms / 2, seed=case.seed, loss=pattern, back=back) as link,
+          maker(link, clip, folder, case) as peer):
+        return _take(case, peer, link, clip, plan)
 
 
-def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lose: Callable[[], None]) -> Take:
+def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan) -> Take:
     begin = 0.0
 
     def sleep_until(second: float) -> int:
@@ -114,12 +112,10 @@ def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lo
     peer.send()
     peer.play()
     begin = time.monotonic()
-    onset = joined = sleep_until(JOIN if case.join else plan.onset)
+    joined = sleep_until(JOIN if case.join else 0)
     if case.join:
         peer.receive()
         joined = time.monotonic_ns()
-    else:
-        lose()
     settled = sleep_until(JOIN + 1 if case.join else plan.settled)
     before, begin_wire = link.counts(), time.monotonic()
     sleep_until(plan.seconds)
@@ -130,7 +126,7 @@ def _take(case: Case, peer: Peer, link: Link, clip: pathlib.Path, plan: Plan, lo
             "wire_peak_kbit": max(way.peak for way in after.down) * 8 / 1000,
             "back_kbit": mean([rate(*ways, seconds) for ways in zip(before.up, after.up)]),
             "late_ms": after.late_ms, "overrun": after.overrun}
-    return Take(case, views, onset, joined, settled, wire)
+    return Take(case, views, joined, settled, wire)
 
 
 def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
@@ -144,8 +140,6 @@ def judge(found: Take, clean: dict[int, float]) -> dict[str, Any]:
     row["usable_worst"] = min(one["usable"] for one in each)
     if found.case.join:
         row["join_s"] = usable_at(found.views[0], clean, found.joined)
-    elif found.case.column != CLEAN:
-        row |= after_onset(found, clean)
     return {key: rounded(value) for key, value in {**row, **found.wire}.items()}
 
 
@@ -154,11 +148,3 @@ def rounded(value: Any) -> Any:
     if not isinstance(value, float):
         return value
     return None if math.isnan(value) else round(value, 2)
-
-
-def after_onset(found: Take, clean: dict[int, float]) -> dict[str, float]:
-    """Usable frames between the recovery and the start of the measurement."""
-    view = found.views[0]
-    begin = found.onset + int(RECOVERY * 1e9)
-    frames = [number for number, written in view.written.items() if begin <= written < found.settled]
-    return {"usable_after_onset": figures(view, clean, frames)["usable"]} if frames else {}

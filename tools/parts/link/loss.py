@@ -71,9 +71,12 @@ class Bursts(Pattern):
 
 @dataclasses.dataclass(frozen=True)
 class Outages(Pattern):
-    """Loses all packets in both directions for this share of the time; outages and pauses have exponential lengths."""
+    """Loses all packets of a direction for this share of the time; outages and pauses have exponential lengths. With
+    `together` they are at the same times in both directions, which is easier for a stream: a report that comes shows
+    that packets arrive."""
     part: float
     mean_ms: float = 40
+    together: bool = False
 
     def judge(self, generator: random.Random) -> Judge:
         outage = self.mean_ms / 1000
@@ -92,7 +95,7 @@ class Outages(Pattern):
 
     @property
     def shared(self) -> bool:
-        return True
+        return self.together
 
 
 NOTHING, ALL = Pattern(), Iid(1)
