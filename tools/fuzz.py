@@ -30,7 +30,7 @@ MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpac
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
-    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "repair": (VIDEO, REPAIR, []), "report": (VIDEO, REPORT, []),
+    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "repair": (VIDEO, REPAIR, []), "report": (VIDEO, REPORT, ["-lm"]),
     "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []), "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]

@@ -184,8 +184,38 @@ static void check_answer(void) {
     report(65535, 0, 0, 55 * MS); /* the repair packet is in flight */
     expect(0, 0);
     now += 50 * MS;
-    report(65535, 0, 0, 105 * MS); /* it is lost as well, and 70 ms have passed */
+    loss = 77;
+    report(65535, 0, 0, 105 * MS); /* it is lost as well, and 70 ms have passed: with a loss of 30 % two are needed */
     run(5 * MS, 0, 2);
+    loss = 0;
+}
+
+/* In an outage only probes are sent; all that is missing follows when a probe has arrived. */
+static void check_outage(void) {
+    uint8_t data[REPAIR_MAX];
+    enum dispatch_port port;
+    size_t size;
+
+    begin(1000000);
+    write_frame(1, 500);
+    run(5 * MS, 1, 0);
+    report(65534, 65535, 0, 0);
+    write_frame(8, 500);
+    run(20 * MS, 8, 0);
+    report(65534, 65535, 0, 20 * MS);
+    for (unsigned i = 0; i < 3; i++, now += MS) {
+        CHECK(dispatch_next(&dispatch, now, data, &size, &port));
+        CHECK(port == DISPATCH_REPAIR && size == REPAIR_HEADER);
+    }
+    expect(0, 0);
+    CHECK(dispatch.feedback.reporter[0].deficit.needed == 8);
+    now += 5 * MS;
+    struct report arrived = {.reporter = 1, .media = SSRC, .has_state = true, .highest = 65534, .base = 65535,
+                             .has_repair = true, .highest_repair = 1};
+    dispatch_report(&dispatch, now, data, report_write(data, &arrived), 1);
+    uint64_t bytes = dispatch.count[DISPATCH_BYTES];
+    run(20 * MS, 0, 8);
+    CHECK(dispatch.count[DISPATCH_BYTES] - bytes >= 8 * 500);
 }
 
 static void check_reports_that_do_not_count(void) {
@@ -292,6 +322,7 @@ int main(void) {
     check_budget();
     check_others();
     check_answer();
+    check_outage();
     check_reports_that_do_not_count();
     check_reporters();
     check_loss_memory();

@@ -134,7 +134,23 @@ static void test_refused(void) {
     }
 }
 
+/* A probe: a header alone, with a number of the repair stream. */
+static void test_probe(void) {
+    struct repair_packet parsed;
+
+    stream_init(&stream, 0x1fffe);
+    CHECK_EQUAL(repair_probe(&stream.window, packet), 0); /* nothing was sent yet */
+    stream_send(&stream, 1);
+    stream.window.sequence = 0xffff;
+    CHECK_EQUAL(repair_probe(&stream.window, packet), REPAIR_HEADER);
+    CHECK(repair_parse(packet, REPAIR_HEADER, &parsed));
+    CHECK(parsed.sequence == 0xffff && !parsed.count && !parsed.size && parsed.first == 0x1ffff);
+    CHECK_EQUAL(stream.window.sequence, 0);
+    CHECK(!repair_parse(packet, REPAIR_HEADER + 39, &parsed)); /* a symbol of no packet */
+}
+
 int main(void) {
+    test_probe();
     test_bytes();
     test_example();
     test_window();

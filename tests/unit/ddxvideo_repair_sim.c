@@ -88,8 +88,8 @@ static void check_forged(void) {
     simulate(&run, 1);
     check_books(&run);
     printf("forged reports: usable %.2f %%, video %.0f kbit/s\n", usable(&run, CALM, FRAMES), video_kbit());
-    CHECK(usable(&run, CALM, FRAMES) >= 99);
-    CHECK(video_kbit() >= 30);
+    CHECK(usable(&run, CALM, FRAMES) >= 98);
+    CHECK(video_kbit() >= 60);
     CHECK(dispatch.feedback.count[FEEDBACK_FLOOD] > 1000);
 
     run.forgers = 0;
@@ -103,22 +103,111 @@ static void check_forged(void) {
     CHECK_EQUAL(dispatch.feedback.count[FEEDBACK_GARBAGE], 400 * FRAMES);
 }
 
+/* Repair that is wanted and refused, though half of the bucket or more is unused: ns. */
+static int64_t refused(int64_t until) {
+    const struct deficit *deficit = &dispatch.feedback.reporter[0].deficit;
+    struct dispatch copy = dispatch; /* asking changes nothing that counts */
+    uint32_t first;
+
+    if (!copy.feedback.reporter[0].used || !deficit->wanted || now - deficit->heard >= FEEDBACK_GONE ||
+        feedback_wanted(&copy.feedback, now, &first) ||
+        budget_tokens(&copy.budget, now) < budget_size(&copy.budget) / 2)
+        return 0;
+    return until - now;
+}
+
+/* Outages at different times in the two directions: the picture freezes hardly longer than the outage, and repair does
+ * not wait while there is rate for it. */
+static void check_freeze(void) {
+    const struct run run = {.loss = OUTAGES, .part = 0.3, .trip = 4 * MS, .receivers = 1, .video = VIDEO};
+    double part = 0, gap = 0;
+    int64_t waits = 0;
+
+    for (uint64_t seed = 1; seed <= 4; seed++) {
+        begin(&run, seed);
+        while (now < start + FRAMES * INTERVAL + 200 * MS) {
+            int64_t next = step(&run);
+            waits += refused(next);
+            now = next;
+        }
+        part += usable(&run, CALM, FRAMES) / 4;
+        gap = fmax(gap, longest_gap(&run));
+    }
+    printf("outages: usable %.1f %%, longest gap %.1f s, repair refused for %.1f s\n", part, gap, (double)waits / 4e9);
+    CHECK(part >= 83 && gap <= 1.5 && waits < 4000 * MS);
+}
+
+/* The lies of a reporter: nothing has come; nothing comes any more; nearly everything is lost. */
+enum lie { MISSES, OUTAGE, HOPELESS, LIES };
+
+static void lie(enum lie lie) {
+    unsigned known = dispatch.window.count < 199 ? dispatch.window.count : 199, back = lie == OUTAGE ? known / 2 : 0;
+    uint16_t highest = (uint16_t)(sequence - 1 - back);
+    struct report report = {.reporter = 5, .media = SSRC, .has_state = true, .highest = highest,
+                            .base = (uint16_t)(sequence - known), .loss = lie == HOPELESS ? 250 : 0};
+    const struct history *sent = &dispatch.feedback.sent;
+    uint8_t data[REPORT_MAX];
+
+    if (known < 4)
+        return;
+    report.missing = (uint16_t)(known - back - 1);
+    if (back)
+        report.age = (now - history_sent(sent, history_find(sent, highest)) - 2 * MS) / REPORT_TICK * REPORT_TICK;
+    dispatch_report(&dispatch, now, data, report_write(data, &report), 666);
+}
+
+/* A lone reporter that lies 200 times a second, while the receivers that watch do not report: repair takes at most half
+ * of the rate, and the video goes on. */
+static void check_hostile(void) {
+    struct run run = {.loss = INDEPENDENT, .trip = 10 * MS, .receivers = 1, .silent = true};
+
+    for (enum lie kind = 0; kind < LIES; kind++) {
+        unsigned left_out = 0, row = 0, longest = 0, counted = 0;
+        int64_t due = start;
+
+        begin(&run, 1);
+        while (now < start + FRAMES * INTERVAL + 200 * MS) {
+            int64_t next = step(&run);
+            for (; counted < frame_count; counted++) {
+                row = frames[counted].packets ? 0 : row + 1;
+                longest = row > longest ? row : longest;
+                left_out += row > 0;
+            }
+            if (now >= due) {
+                lie(kind);
+                send_due(&run);
+                due = now + 5 * MS;
+                next = next_event(&run);
+            }
+            now = next < due ? next : due;
+        }
+        double repair = (double)repair_bytes_sent * 8 / (double)(FRAMES * INTERVAL / MS);
+        printf("lie %d: repair %.0f, video %.0f kbit/s, %u of %u frames left out, %u in sequence\n", kind, repair,
+               video_kbit(), left_out, FRAMES, longest);
+        CHECK(repair <= WIRE / 2000 && longest <= 2 && left_out <= FRAMES / 3);
+        CHECK(video_kbit() >= 0.3 * WIRE / 1000 && usable(&run, CALM, FRAMES) >= 65);
+        check_books(&run);
+    }
+}
+
 static const struct {
     double figure, video; /* minimum: percent, kbit/s */
     struct run run;
 } expected[] = {
     {99.5, 120, {.name = "with reports, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO}},
-    {88, 105, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
+    {91, 115, {.name = "with reports, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .video = VIDEO}},
     {100, 120, {.name = "with reports, every third", .loss = EVERY_THIRD, .part = 0.3, .video = VIDEO}},
     {99.9, 190, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
-    {92.5, 105, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
-    {38, 110, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
+    {92.5, 115, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
+    {83, 112, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
     {90, 110, {.name = "with reports, outages in both directions at once", .loss = OUTAGES_TOGETHER, .part = 0.3,
                .video = VIDEO}},
+    {81, 103, {.name = "with reports, outages, a receiver that does not know probes", .loss = OUTAGES, .part = 0.3,
+               .video = VIDEO, .old = true}},
     {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
-    {66, 65, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
-    {72, 70, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
+    {88, 80, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
+    {83, 75, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
               .receivers = 4}},
     {100, 44, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
     {99.9, 50, {.name = "one-way, every third, two repair packets a frame", .loss = EVERY_THIRD, .part = 0.3,
@@ -139,5 +228,7 @@ int main(void) {
     check_hush();
     check_hush_in_bursts();
     check_forged();
+    check_freeze();
+    check_hostile();
     return 0;
 }

@@ -162,6 +162,20 @@ static void test_window(void) {
     check_rows(&stream.restore);
 }
 
+/* A probe is a packet of the stream, and changes nothing. */
+static void test_probe(void) {
+    uint8_t probe[REPAIR_MAX];
+
+    stream_begin(&stream, 10);
+    stream_lose(&stream, 3, 2);
+    size_t size = repair_probe(&stream.window, probe);
+    CHECK_EQUAL(restore_repair(&stream.restore, probe, size), -EALREADY);
+    CHECK_EQUAL(count(RESTORE_USELESS), 1);
+    probe[15]++; /* of another media stream */
+    CHECK_EQUAL(restore_repair(&stream.restore, probe, size), -EBADMSG);
+    check_rows(&stream.restore);
+}
+
 /* A packet that comes late, or twice, or was restored before. */
 static void test_late(void) {
     uint16_t base;
@@ -236,6 +250,7 @@ int main(void) {
     test_give_up();
     test_old_repair();
     test_window();
+    test_probe();
     test_late();
     test_begin();
     return 0;

@@ -61,6 +61,7 @@ struct run {
     double smaller;     /* part of the allowance by which frames are smaller, as x264's are */
     bool any_size;      /* frames of less than LEAST_LEVEL count as well, as they do without reports */
     unsigned begin;     /* frame from which on packets are lost */
+    bool old;           /* the receivers do not know probes */
     unsigned hush;      /* frame from which on no report arrives, 0: never */
     unsigned forgers;   /* that claim to miss much */
     unsigned garbage;   /* datagrams to the sender with each frame */
@@ -71,7 +72,7 @@ static int64_t now, start;
 static uint64_t wire[FRAMES * 4 + 400]; /* bytes of each 10 ms */
 static uint16_t sequence;
 static unsigned frame_count;
-static uint64_t video_bytes;
+static uint64_t video_bytes, repair_bytes_sent;
 static bool renewal; /* a receiver has asked for one */
 
 static int64_t wire_of(const struct run *run) {
@@ -142,6 +143,7 @@ static void send_due(const struct run *run) {
 
     while (dispatch_next(&dispatch, now, data, &size, &port)) {
         wire[(now - start) / (10 * MS)] += size + HEADER;
+        repair_bytes_sent += port == DISPATCH_REPAIR ? size + HEADER : 0;
         for (unsigned i = 0; i < run->receivers; i++)
             lossy_send(&receivers[i].from, now, port, data, size);
     }
@@ -215,7 +217,7 @@ static void got_packet(struct receiver *receiver, const uint8_t *data, size_t si
         give_up(receiver);
 }
 
-static void got_datagram(struct receiver *receiver, const struct lossy_packet *packet) {
+static void got_datagram(const struct run *run, struct receiver *receiver, const struct lossy_packet *packet) {
     const uint8_t *restored;
     uint16_t number;
     size_t size;
@@ -225,6 +227,8 @@ static void got_datagram(struct receiver *receiver, const struct lossy_packet *p
                        packet->data[1] >> 7);
         if (!restore_source(&receiver->restore, packet->data, packet->size))
             got_packet(receiver, packet->data, packet->size);
+    } else if (run->old && packet->size == REPAIR_HEADER) {
+        return;
     } else if (restore_repair(&receiver->restore, packet->data, packet->size) != -EBADMSG) {
         reporter_repair(&receiver->reporter, now, get16(packet->data + 2));
     }
@@ -238,7 +242,7 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
     size_t size;
 
     while ((packet = lossy_take(&receiver->from, now)))
-        got_datagram(receiver, packet);
+        got_datagram(run, receiver, packet);
     while (!run->silent && (size = reporter_next(&receiver->reporter, now, &receiver->restore, data)))
         lossy_send(&receiver->to, now, 0, data, size);
     CHECK(run->silent || reporter_deadline(&receiver->reporter, &receiver->restore) > now);
@@ -259,7 +263,7 @@ static void begin(const struct run *run, uint64_t seed) {
     now = start = 1000 * MS;
     sequence = 65000; /* both wrap soon */
     frame_count = 0;
-    video_bytes = 0;
+    video_bytes = repair_bytes_sent = 0;
     renewal = false;
     memset(wire, 0, sizeof wire);
     dispatch_init(&dispatch, &settings, now);
@@ -294,25 +298,29 @@ static int64_t next_event(const struct run *run) {
     return due < time ? due : time;
 }
 
+/* Does what is due now; returns the time of the next event. */
+static int64_t step(const struct run *run) {
+    if (frame_count < FRAMES && now >= start + frame_count * INTERVAL) {
+        bool lossy = frame_count >= run->begin;
+        for (unsigned i = 0; i < run->receivers; i++)
+            receivers[i].down.part = receivers[i].up.part = receivers[i].both.part = lossy ? run->part : 0;
+        write_frame(run);
+        send_due(run);
+        forge(run);
+    }
+    send_due(run);
+    for (unsigned i = 0; i < run->receivers; i++)
+        receive_due(run, &receivers[i]);
+    send_due(run);
+    int64_t next = next_event(run);
+    CHECK(next > now);
+    return next;
+}
+
 static void simulate(const struct run *run, uint64_t seed) {
     begin(run, seed);
-    while (now < start + FRAMES * INTERVAL + 200 * MS) {
-        if (frame_count < FRAMES && now >= start + frame_count * INTERVAL) {
-            bool lossy = frame_count >= run->begin;
-            for (unsigned i = 0; i < run->receivers; i++)
-                receivers[i].down.part = receivers[i].up.part = receivers[i].both.part = lossy ? run->part : 0;
-            write_frame(run);
-            send_due(run);
-            forge(run);
-        }
-        send_due(run);
-        for (unsigned i = 0; i < run->receivers; i++)
-            receive_due(run, &receivers[i]);
-        send_due(run);
-        int64_t next = next_event(run);
-        CHECK(next > now);
-        now = next;
-    }
+    while (now < start + FRAMES * INTERVAL + 200 * MS)
+        now = step(run);
 }
 
 /* ---- Results ---- */

@@ -13,8 +13,7 @@
 #define DENSITY 15
 
 bool repair_parse(const uint8_t *data, size_t size, struct repair_packet *packet) {
-    if (size < REPAIR_HEADER + SYMBOL_PREFIX + FIXED || size > REPAIR_MAX || data[0] != FIRST_BYTE ||
-        (data[1] & 0x7f) != REPAIR_TYPE)
+    if (size < REPAIR_HEADER || size > REPAIR_MAX || data[0] != FIRST_BYTE || (data[1] & 0x7f) != REPAIR_TYPE)
         return false;
     uint16_t shape = get16(data + 18);
     *packet = (struct repair_packet){.sequence = get16(data + 2),
@@ -26,7 +25,8 @@ bool repair_parse(const uint8_t *data, size_t size, struct repair_packet *packet
                                      .first = get32(data + 20),
                                      .symbol = data + REPAIR_HEADER,
                                      .size = size - REPAIR_HEADER};
-    return shape >> 12 == DENSITY && packet->count && packet->count <= REPAIR_PACKETS;
+    bool empty = packet->size < SYMBOL_PREFIX + FIXED;
+    return shape >> 12 == DENSITY && (packet->count ? !empty && packet->count <= REPAIR_PACKETS : !packet->size);
 }
 
 void repair_window_init(struct repair_window *window, uint32_t media_ssrc, uint32_t repair_ssrc, uint16_t sequence) {
@@ -69,6 +69,21 @@ static size_t put_symbol(const struct repair_window *window, unsigned count, uin
     return sum.size;
 }
 
+/* Returns the end of the header of the next packet, which covers the newest `count` packets. */
+static uint8_t *put_header(struct repair_window *window, unsigned count, uint8_t *to) {
+    const uint8_t *newest = window->source[slot_of(window->newest)].data + SYMBOL_PREFIX;
+
+    *to++ = FIRST_BYTE;
+    *to++ = REPAIR_TYPE;
+    to = put16(to, window->sequence);
+    memcpy(to, newest + 4, 4); /* its time stamp */
+    to = put32(to + 4, window->repair_ssrc);
+    to = put32(to, window->media_ssrc);
+    to = put16(to, window->sequence);
+    to = put16(to, (uint16_t)(DENSITY << 12 | count));
+    return put32(to, window->newest + 1 - count);
+}
+
 size_t repair_make(struct repair_window *window, uint32_t first, uint8_t *to) {
     int32_t before = (int32_t)(window->newest - first); /* the newest one */
     unsigned count = window->count, wanted = before < 0 ? 1 : (unsigned)before + 1;
@@ -77,18 +92,16 @@ size_t repair_make(struct repair_window *window, uint32_t first, uint8_t *to) {
         return 0;
     if (count > wanted)
         count = wanted;
-    const uint8_t *newest = window->source[slot_of(window->newest)].data + SYMBOL_PREFIX;
-    uint8_t *at = to;
-    *at++ = FIRST_BYTE;
-    *at++ = REPAIR_TYPE;
-    at = put16(at, window->sequence);
-    memcpy(at, newest + 4, 4); /* its time stamp */
-    at = put32(at + 4, window->repair_ssrc);
-    at = put32(at, window->media_ssrc);
-    at = put16(at, window->sequence);
-    at = put16(at, (uint16_t)(DENSITY << 12 | count));
-    at = put32(at, window->newest + 1 - count);
+    uint8_t *at = put_header(window, count, to);
     at += put_symbol(window, count, at);
     window->sequence++;
     return (size_t)(at - to);
+}
+
+size_t repair_probe(struct repair_window *window, uint8_t *to) {
+    if (!window->count)
+        return 0;
+    size_t size = (size_t)(put_header(window, 0, to) - to);
+    window->sequence++;
+    return size;
 }

@@ -9,13 +9,15 @@
  *
  *   16 bits  Repair_Key, from which the coefficients follow (coefficients.h)
  *    4 bits  DT, density, always 15: no coefficient is 0
- *   12 bits  NSS, number of packets covered, 1 to REPAIR_PACKETS
+ *   12 bits  NSS, number of packets covered, 1 to REPAIR_PACKETS; 0: a probe, which has no symbol
  *   32 bits  FSS_ESI, the first of them; the others follow it without a gap
  *   bytes    repair symbol: the sum of coefficient times source symbol (symbol.h), as long as the longest of them
  *
  * ESI, the number of a media packet: its RTP sequence number, extended by the number of wraps since the stream began.
  * Receivers need the low 16 bits only. So media packets carry no Explicit Source FEC Payload ID, and any RTP player can
  * read them: that is the one difference from RFC 8681.
+ *
+ * A probe costs few bytes, and a receiver answers it with a report: so the sender learns that packets arrive again.
  *
  * No function here blocks, allocates memory or reads a clock.
  */
@@ -37,10 +39,10 @@ struct repair_packet {
     uint32_t ssrc;       /* of the repair stream */
     uint32_t media_ssrc; /* of the stream that it repairs */
     uint16_t key;
-    uint16_t count; /* media packets covered, 1 to REPAIR_PACKETS */
+    uint16_t count; /* media packets covered, 1 to REPAIR_PACKETS; 0: a probe */
     uint32_t first; /* ESI */
     const uint8_t *symbol;
-    size_t size; /* bytes of the symbol, at most SYMBOL_MAX, enough for an RTP header */
+    size_t size; /* bytes of the symbol, at most SYMBOL_MAX, enough for an RTP header; 0: a probe */
 };
 
 /* False if this is no repair packet as described above. packet->symbol points into the data. */
@@ -74,5 +76,8 @@ int repair_window_add(struct repair_window *window, uint32_t esi, uint16_t frame
  * `to` has REPAIR_MAX bytes.
  */
 size_t repair_make(struct repair_window *window, uint32_t first, uint8_t *to);
+
+/* Make a probe, a repair packet that covers nothing; otherwise like repair_make(). */
+size_t repair_probe(struct repair_window *window, uint8_t *to);
 
 #endif

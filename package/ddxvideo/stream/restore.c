@@ -249,6 +249,9 @@ static enum restore_count judge(const struct restore *restore, const struct repa
     uint16_t newest = rtp_after(last, restore->newest) ? last : restore->newest;
     unsigned missing = 0, given_up = 0;
 
+    if (!packet->count)
+        return RESTORE_USELESS;
+
     if (!restore->begun)
         return RESTORE_USELESS;
     if (ahead > RESTORE_AHEAD || ahead < -RESTORE_JUMP)

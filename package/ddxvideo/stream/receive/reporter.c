@@ -4,6 +4,7 @@
 #define MS INT64_C(1000000)
 #define RATE 29500        /* bit/s */
 #define BUCKET (160 * MS) /* ten reports */
+#define KEEP 1            /* reports that must be left after one without an arrival: the next arrival is reported at once */
 #define SPARE 5           /* reports that must be left after a repetition */
 #define DUE (4 * MS)      /* jitter after which a packet is late */
 #define FIRST_INTERVAL (40 * MS)
@@ -112,6 +113,8 @@ int64_t reporter_deadline(const struct reporter *reporter, const struct restore 
     } else if (reporter->again && repeat < time && budget_ready(&reporter->budget, (1 + SPARE) * bytes) < time) {
         time = repeat;
         bytes *= 1 + SPARE;
+    } else {
+        bytes *= 1 + KEEP;
     }
     if (!reporter->fresh && time > reporter->arrived + REPORTER_QUIET)
         return INT64_MAX;

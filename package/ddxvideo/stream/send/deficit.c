@@ -2,11 +2,15 @@
 #include "deficit.h"
 
 #include <errno.h>
+#include <math.h>
 
-#define RUN_ALONE 1.5 /* mean length of runs up to which losses count as independent */
-#define MORE 1.5      /* packets that are added for each packet of longer runs */
-#define MOST_MORE 4
 #define MANY 4
+#define LATE_SURE 1.0      /* standard deviations that are added for frames that are late, */
+#define VERY_LATE_SURE 2.0 /* and very late */
+#define QUIET 8            /* packets lost in sequence, after which nothing seems to get through */
+#define QUIET_IN_RUNS 1    /* the same where losses come in runs */
+#define UNKNOWN 60         /* probes without an answer, after which the receiver does not seem to know them */
+#define PROBES 3           /* sent for each report in that case */
 #define LOSS_MOST 0.5 /* a higher loss counts as this */
 #define SHORT_WAY INT64_C(12000000) /* ns there and back */
 #define RUN_LONGEST 16 /* a longer run is an outage, which ends by itself */
@@ -26,43 +30,59 @@ static void learn_run(struct deficit *deficit, unsigned run) {
     deficit->run = run;
 }
 
-static unsigned more_in_runs(const struct deficit *deficit) {
-    double more = deficit->run ? (deficit->run_mean - RUN_ALONE) * MORE : 0;
-
-    return more < 0 ? 0 : more > MOST_MORE ? MOST_MORE : (unsigned)more;
-}
-
 /*
  * The number of packets to have on the way for `needed` missing ones. With a long delay fewer rounds are left, so the
- * frame counts as older. Of a few packets probably all arrive; of many, some are lost.
+ * frame counts as older. Of a few packets probably all arrive; of many, some are lost. Where losses come in runs, all
+ * arrive or none, and more packets would not help.
  */
 static unsigned enough(const struct deficit *deficit, unsigned needed, int64_t age) {
     double loss = deficit->loss < LOSS_MOST ? deficit->loss : LOSS_MOST;
 
-    if (deficit->shared && deficit->run_mean > DEFICIT_IN_RUNS)
+    if (deficit->run_mean > DEFICIT_IN_RUNS)
         return needed;
-    if (needed >= MANY)
-        needed = (unsigned)(needed / (1 - loss));
     age += deficit->trip > SHORT_WAY ? 2 * (deficit->trip - SHORT_WAY) : 0;
-    unsigned packets = age < DEFICIT_LATE ? needed : age < DEFICIT_VERY_LATE ? 2 * needed : 3 * needed;
+    double sure = age < DEFICIT_LATE ? 0 : age < DEFICIT_VERY_LATE ? LATE_SURE : VERY_LATE_SURE;
+    if (needed < MANY && age < DEFICIT_LATE)
+        return needed;
+    return (unsigned)((needed + sure * sqrt(needed * loss)) / (1 - loss) + 0.5);
+}
 
-    return packets + more_in_runs(deficit);
+/* Repair packets and probes on their way. */
+static unsigned flying(const struct deficit *deficit, const struct history *repairs, unsigned *probes) {
+    unsigned count = 0;
+
+    *probes = 0;
+    for (uint32_t number = repairs->newest; history_has(repairs, number) && number != deficit->repair &&
+                                            history_sent(repairs, number) > deficit->covered;
+         number--)
+        *(history_written(repairs, number) == HISTORY_PROBE ? probes : &count) += 1;
+    return count;
+}
+
+/* Finds the end of an outage. A receiver that does not know probes gets repair packets instead, one at a time. */
+static void search(struct deficit *deficit, unsigned coming, unsigned probing) {
+    bool known = deficit->probed < UNKNOWN;
+
+    if (!coming && !probing)
+        deficit->probes = known ? PROBES : 1;
+    deficit->wanted = !known && !coming;
 }
 
 static void decide(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now) {
-    unsigned gone = history_until(media, deficit->highest, deficit->covered);
-    unsigned repairs_gone = history_until(repairs, deficit->repair, deficit->covered);
-    unsigned flying = repairs->newest - deficit->repair - repairs_gone;
-    unsigned needed = deficit->missing + gone;
+    unsigned probing, coming = flying(deficit, repairs, &probing);
 
-    learn_run(deficit, gone + repairs_gone);
-    deficit->wanted = 0;
-    if (!needed)
+    learn_run(deficit, history_between(media, deficit->arrival, deficit->covered) +
+                           history_between(repairs, deficit->arrival, deficit->covered));
+    deficit->needed = deficit->missing + history_until(media, deficit->highest, deficit->covered);
+    deficit->wanted = deficit->probes = 0;
+    if (!deficit->needed)
         return;
     deficit->first = deficit->missing ? deficit->base : deficit->highest + 1;
-    unsigned packets = enough(deficit, needed, now - history_written(media, deficit->first));
-    if (packets > flying)
-        deficit->wanted = packets - flying;
+    unsigned packets = enough(deficit, deficit->needed, now - history_written(media, deficit->first));
+    if (deficit->run >= (deficit->run_mean > DEFICIT_IN_RUNS ? QUIET_IN_RUNS : QUIET))
+        search(deficit, coming, probing);
+    else if (packets > coming)
+        deficit->wanted = packets - coming;
 }
 
 int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,
@@ -84,12 +104,15 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     deficit->trip = deficit->begun ? deficit->trip + (trip - deficit->trip) / 8 : trip;
     deficit->begun = true;
     deficit->covered = covered;
+    deficit->arrival = arrival;
     deficit->heard = now;
     deficit->base = highest - (uint16_t)(report->highest - report->base);
     deficit->highest = highest;
     deficit->missing = report->missing;
     deficit->repair = report->has_repair ? repair : repairs->newest - repairs->count;
     deficit->loss = report->loss / 256.0;
+    if (report->has_repair && history_written(repairs, repair) == HISTORY_PROBE)
+        deficit->probed = 0;
     decide(deficit, media, repairs, now);
     return 0;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "dispatch.h"
 
+#include <math.h>
 #include <stddef.h>
 #include <string.h>
 
@@ -14,8 +15,11 @@
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4          /* frames in which the fill level is restored */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
-#define EMPTY_IN_RUNS 0.2  /* of the rate that a frame gets while losses come in runs, when the bucket is empty, */
-#define FULL_IN_RUNS 0.7   /* and when it is full */
+#define SPARE 0.25         /* fill level up to which a single receiver cannot empty the bucket */
+#define OUTAGE 20          /* packets lost in sequence, after which most frames are left out */
+#define YIELD 2            /* most frames that are left out in sequence for repair or in an outage, */
+#define YIELD_MOST 25      /* most of them at once, */
+#define YIELD_PART 0.3     /* and of all frames on average */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
 #define LEAST_ALONE 0.45   /* the same for a single receiver whose losses do not come in runs */
@@ -37,6 +41,7 @@ void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *se
     dispatch->settings = *settings;
     dispatch->next = now;
     dispatch->refreshed = now - SECOND;
+    dispatch->patience = YIELD_MOST;
     budget_init(&dispatch->budget, settings->wire - settings->wire / 200, BUCKET, BEGIN, now);
     feedback_init(&dispatch->feedback, settings->media_ssrc, settings->wire, now);
     repair_window_init(&dispatch->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
@@ -124,10 +129,15 @@ static uint32_t frames_back(const struct dispatch *dispatch, unsigned frames) {
     return first;
 }
 
+static double fill_level(struct dispatch *dispatch, int64_t now) {
+    return (double)budget_tokens(&dispatch->budget, now) / (double)budget_size(&dispatch->budget);
+}
+
 /* Whether to send a repair packet now; *first: the oldest packet that it covers. */
 static bool needs_repair(struct dispatch *dispatch, int64_t now, uint32_t *first, bool *in_advance) {
     if (!dispatch->settings.repair || !dispatch->window.count)
         return false;
+    dispatch->feedback.spare = fill_level(dispatch, now) > SPARE;
     *in_advance = !feedback_wanted(&dispatch->feedback, now, first);
     if (!*in_advance)
         return true;
@@ -151,8 +161,19 @@ static size_t repair_bytes(const struct dispatch *dispatch, uint32_t first) {
     return REPAIR_HEADER + longest + dispatch->settings.header;
 }
 
-static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size) {
+/* Counts a packet that was just made; `written`: for the history. */
+static void remember_repair(struct dispatch *dispatch, int64_t now, int64_t written, size_t bytes) {
     struct history *repairs = &dispatch->feedback.repairs;
+    uint32_t number = repairs->count ? repairs->newest + 1 : (uint16_t)(dispatch->window.sequence - 1);
+
+    history_add(repairs, number, sent_at(dispatch, now), written);
+    dispatch->count[DISPATCH_REPAIRS]++;
+    dispatch->count[DISPATCH_BYTES] += bytes;
+    dispatch->repair_share += (double)bytes;
+    dispatch->next = now + GAP;
+}
+
+static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size) {
     uint32_t first;
     bool in_advance;
 
@@ -161,19 +182,35 @@ static bool send_repair(struct dispatch *dispatch, int64_t now, uint8_t *to, siz
     size_t bytes = repair_bytes(dispatch, first);
     if (!budget_take(&dispatch->budget, now, bytes))
         return false;
-    uint32_t number = repairs->count ? repairs->newest + 1 : dispatch->window.sequence;
     *size = repair_make(&dispatch->window, first, to);
-    history_add(repairs, number, sent_at(dispatch, now), now);
+    remember_repair(dispatch, now, now, bytes);
     if (in_advance) {
         dispatch->owed--;
         dispatch->advance++;
     } else {
         feedback_paid(&dispatch->feedback, now, bytes);
     }
-    dispatch->count[DISPATCH_REPAIRS]++;
-    dispatch->count[DISPATCH_BYTES] += bytes;
-    dispatch->repair_share += (double)bytes;
-    dispatch->next = now + GAP;
+    return true;
+}
+
+/* Bytes that a probe takes on the wire. */
+static size_t probe_bytes(const struct dispatch *dispatch) {
+    return REPAIR_HEADER + dispatch->settings.header;
+}
+
+static bool needs_probe(struct dispatch *dispatch, int64_t now) {
+    return dispatch->settings.repair && dispatch->window.count &&
+           feedback_wants_probe(&dispatch->feedback, now, probe_bytes(dispatch));
+}
+
+static bool send_probe(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *size) {
+    size_t bytes = probe_bytes(dispatch);
+
+    if (!needs_probe(dispatch, now) || !budget_take(&dispatch->budget, now, bytes))
+        return false;
+    *size = repair_probe(&dispatch->window, to);
+    remember_repair(dispatch, now, HISTORY_PROBE, bytes);
+    feedback_probed(&dispatch->feedback, now, bytes);
     return true;
 }
 
@@ -222,7 +259,7 @@ bool dispatch_next(struct dispatch *dispatch, int64_t now, uint8_t *to, size_t *
     if (now < dispatch->next)
         return false;
     *port = DISPATCH_REPAIR;
-    if (send_repair(dispatch, now, to, size))
+    if (send_repair(dispatch, now, to, size) || send_probe(dispatch, now, to, size))
         return true;
     *port = DISPATCH_MEDIA;
     return send_media(dispatch, now, to, size);
@@ -235,6 +272,10 @@ int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now) {
 
     if (needs_repair(dispatch, now, &first, &in_advance)) {
         ready = budget_ready(&dispatch->budget, repair_bytes(dispatch, first));
+        time = ready < time ? ready : time;
+    }
+    if (needs_probe(dispatch, now)) {
+        ready = budget_ready(&dispatch->budget, probe_bytes(dispatch));
         time = ready < time ? ready : time;
     }
     if (dispatch->waiting) {
@@ -283,15 +324,25 @@ static bool is_behind(struct dispatch *dispatch, int64_t now) {
 }
 
 /*
- * The part of the rate for a frame while losses come in runs. The recent use by repair says little about the next run,
- * and would make frames small when the run is over and the bucket full again. So only the bucket's fill level counts,
- * gradually.
+ * Whether a frame is left out, because repair of the frames before it takes what the bucket has for that, or because
+ * nothing gets through: it would be of no use to the receiver, and have to be repaired as well. A report can be forged,
+ * so it never stops the video: at least each third frame is sent, and on average 70 %.
  */
-static double part_in_runs(struct dispatch *dispatch, int64_t now) {
-    double filled = (double)budget_tokens(&dispatch->budget, now) / (double)budget_size(&dispatch->budget);
+static bool yields(struct dispatch *dispatch, int64_t now) {
+    const struct deficit *deficit = feedback_single(&dispatch->feedback, now);
+    double left = (fill_level(dispatch, now) - SPARE) * (double)budget_size(&dispatch->budget);
 
-    return (EMPTY_IN_RUNS + (FULL_IN_RUNS - EMPTY_IN_RUNS) * filled) /
-           (1 + past_part(dispatch, dispatch->other_share, dispatch->settings.others));
+    dispatch->patience += dispatch->patience < YIELD_MOST ? YIELD_PART : 0;
+    if (!dispatch->settings.repair || !dispatch->window.count || !deficit || !deficit->needed)
+        left = INFINITY;
+    else if (deficit->run < OUTAGE)
+        left -= deficit->needed * (double)repair_bytes(dispatch, deficit->first);
+    else
+        left = -1;
+    bool yes = left < 0 && dispatch->skipped < YIELD && dispatch->patience >= 1;
+    dispatch->skipped = yes ? dispatch->skipped + 1 : 0;
+    dispatch->patience -= yes;
+    return yes;
 }
 
 size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
@@ -303,16 +354,15 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     bool in_runs = feedback_has_runs(&dispatch->feedback, now);
     double spare = (double)budget_tokens(&dispatch->budget, now) - full * (double)budget_size(&dispatch->budget);
 
-    if (is_behind(dispatch, now))
+    if (is_behind(dispatch, now) || yields(dispatch, now))
         return 0;
     if (silence >= STOPPED && silence < FEEDBACK_GONE) {
         wire *= REDUCED;
         spare = spare > 0 ? 0 : spare;
     }
-    double bytes = in_runs ? wire * part_in_runs(dispatch, now)
-                           : (wire + spare / HORIZON) / (1 + part_beside(dispatch, now));
+    double bytes = (wire + spare / HORIZON) / (1 + part_beside(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
-    double part = !in_runs && feedback_is_single(&dispatch->feedback, now) ? LEAST_ALONE : LEAST_PART;
+    double part = !in_runs && feedback_single(&dispatch->feedback, now) ? LEAST_ALONE : LEAST_PART;
     double least = wire * part / (1 + settings->others);
     if (silence < STOPPED && bytes < least)
         bytes = least;

@@ -77,6 +77,8 @@ struct dispatch {
     double owed;              /* repair packets to be sent in advance */
     unsigned advance;         /* that were sent in advance */
     double media_share, repair_share, other_share; /* bytes sent; older ones count less */
+    unsigned skipped; /* frames that were left out in sequence, for repair or in an outage, */
+    double patience;  /* and those that still may be */
     bool refresh;
     int64_t refreshed;
     struct repair_window window;

@@ -6,20 +6,24 @@
 #define SECOND INT64_C(1000000000)
 #define LOSS_MEMORY 10e9    /* ns */
 #define REPORTS 200         /* read from a reporter in a second */
-#define CLAIMS_DEPTH (2 * SECOND)
-#define CLAIMS_ALL 0.5 /* parts of the rate: what the smallest frames and their headers leave */
-#define CLAIMS_EACH 0.4
+#define CLAIMS_DEPTH (4 * SECOND)
+#define CLAIMS_ALL 0.65 /* parts of the rate: what the smallest frames and their headers leave */
+#define CLAIMS_EACH 0.48
+#define CLAIMS_BEGIN 0.5 /* how full they are at first */
 #define CLAIMS_HOPELESS 0.25
+#define PROBES_PART 0.1 /* of the rate */
+#define PROBES_DEPTH (SECOND / 2)
 #define CLAIM 1400 /* bytes that must be left: more than any repair packet */
 
 /* Shares of 1 kbit/s are enough for the bucket, and keep the rate positive. */
 static void init_claims(struct budget *claims, int64_t rate, double share, int64_t now) {
-    budget_init(claims, 1000 + (int64_t)((double)rate * share), CLAIMS_DEPTH, 1, now);
+    budget_init(claims, 1000 + (int64_t)((double)rate * share), CLAIMS_DEPTH, CLAIMS_BEGIN, now);
 }
 
 void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int64_t now) {
     *feedback = (struct feedback){.media = media, .rate = rate, .heard = INT64_MIN};
     init_claims(&feedback->claims, rate, CLAIMS_ALL, now);
+    budget_init(&feedback->probes, 1000 + (int64_t)((double)rate * PROBES_PART), PROBES_DEPTH, 1, now);
 }
 
 int64_t feedback_silence(const struct feedback *feedback, int64_t now) {
@@ -92,14 +96,6 @@ static enum feedback_count first_report(struct feedback *feedback, int64_t now, 
     return FEEDBACK_USED;
 }
 
-static bool is_alone(const struct feedback *feedback, const struct feedback_reporter *reporter, int64_t now) {
-    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
-        if (&feedback->reporter[i] != reporter && is_active(&feedback->reporter[i], now))
-            return false;
-    }
-    return true;
-}
-
 static enum feedback_count use(struct feedback *feedback, int64_t now, const struct report *report, uint64_t address) {
     struct feedback_reporter *reporter = find(feedback, report->reporter, address);
 
@@ -107,7 +103,6 @@ static enum feedback_count use(struct feedback *feedback, int64_t now, const str
         return first_report(feedback, now, report, address);
     if (!budget_take(&reporter->reports, now, 1))
         return FEEDBACK_FLOOD;
-    reporter->deficit.shared = !is_alone(feedback, reporter, now);
     return verdict(deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report));
 }
 
@@ -133,12 +128,17 @@ bool feedback_has_runs(const struct feedback *feedback, int64_t now) {
     return false;
 }
 
-bool feedback_is_single(const struct feedback *feedback, int64_t now) {
-    unsigned count = 0;
+const struct deficit *feedback_single(const struct feedback *feedback, int64_t now) {
+    const struct deficit *found = NULL;
 
-    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
-        count += is_active(&feedback->reporter[i], now);
-    return count == 1;
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        if (!is_active(&feedback->reporter[i], now))
+            continue;
+        if (found)
+            return NULL;
+        found = &feedback->reporter[i].deficit;
+    }
+    return found;
 }
 
 /* Uses a report. */
@@ -172,12 +172,17 @@ static struct budget *purse(struct feedback_reporter *reporter) {
     return reporter->deficit.loss > FEEDBACK_HOPELESS ? &reporter->hopeless : &reporter->claims;
 }
 
-/* Whether it may cause another repair packet. After all together have claimed enough, those that claimed little still
- * may. */
+/*
+ * Whether it may cause another repair packet. While a part of the rate is left over, only its own claims count: without
+ * repair a receiver can use no frame at all. Otherwise a single receiver waits, so that it takes no rate from frames;
+ * of several, after all together have claimed enough, those that claimed little still may.
+ */
 static bool may_claim(struct feedback *feedback, struct feedback_reporter *reporter, int64_t now) {
     struct budget *own = purse(reporter);
-    bool enough = budget_tokens(&feedback->claims, now) < CLAIM;
 
+    if (!feedback->spare && feedback_single(feedback, now))
+        return false;
+    bool enough = !feedback->spare && budget_tokens(&feedback->claims, now) < CLAIM;
     return budget_tokens(own, now) >= (enough && budget_size(own) / 2 > CLAIM ? budget_size(own) / 2 : CLAIM);
 }
 
@@ -198,6 +203,27 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
     return wanted;
 }
 
+bool feedback_wants_probe(struct feedback *feedback, int64_t now, size_t bytes) {
+    bool wanted = false;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        wanted |= is_active(&feedback->reporter[i], now) && feedback->reporter[i].deficit.probes;
+    return wanted && budget_tokens(&feedback->probes, now) >= (int64_t)bytes;
+}
+
+void feedback_probed(struct feedback *feedback, int64_t now, size_t bytes) {
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        struct feedback_reporter *reporter = &feedback->reporter[i];
+
+        if (!is_active(reporter, now) || !reporter->deficit.probes)
+            continue;
+        reporter->deficit.probed++;
+        reporter->deficit.probes--;
+        budget_take(purse(reporter), now, bytes);
+    }
+    budget_take(&feedback->probes, now, bytes);
+}
+
 void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         struct feedback_reporter *reporter = &feedback->reporter[i];
@@ -205,6 +231,7 @@ void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes) {
         if (!is_active(reporter, now) || !reporter->deficit.wanted || !may_claim(feedback, reporter, now))
             continue;
         reporter->deficit.wanted--;
+        reporter->deficit.needed -= reporter->deficit.needed > 0;
         budget_take(purse(reporter), now, bytes);
     }
     budget_take(&feedback->claims, now, bytes);

@@ -6,7 +6,8 @@
  * Reports are not trusted. They change the use of the budget, never its size. At most FEEDBACK_REPORTERS reporters are
  * kept; a reporter with an address of its own takes the place of one that shares an address with others, so that a
  * single host cannot fill the table. Each reporter, and all together, have a bucket for the repair packets that they
- * cause: a receiver that loses almost everything, or claims to, leaves enough for the pictures and for the others.
+ * cause, of half the rate for each one: a receiver that loses almost everything, or claims to, leaves enough for the
+ * pictures and for the others.
  */
 #ifndef DDXVIDEO_FEEDBACK_H
 #define DDXVIDEO_FEEDBACK_H
@@ -46,7 +47,9 @@ struct feedback {
     bool in_runs;   /* losses of one of these come in runs */
     int64_t heard;  /* time of the last report; INT64_MIN: none yet */
     uint64_t count[FEEDBACK_COUNTS];
+    bool spare; /* set by the caller: a part of the rate is left over */
     struct budget claims; /* of all together */
+    struct budget probes; /* bytes of probes, of all together */
     struct history sent, repairs;
     struct feedback_reporter reporter[FEEDBACK_REPORTERS];
 };
@@ -65,8 +68,14 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 /* Whether a receiver's losses come in runs. */
 bool feedback_has_runs(const struct feedback *feedback, int64_t now);
 
-/* Whether exactly one receiver reports. */
-bool feedback_is_single(const struct feedback *feedback, int64_t now);
+/* The receiver that reports, if it is only one; else NULL. */
+const struct deficit *feedback_single(const struct feedback *feedback, int64_t now);
+
+/* Whether to send a probe of `bytes` bytes now. */
+bool feedback_wants_probe(struct feedback *feedback, int64_t now, size_t bytes);
+
+/* Count a probe that was sent. */
+void feedback_probed(struct feedback *feedback, int64_t now, size_t bytes);
 
 /* Count a repair packet of `bytes` bytes that was sent because of feedback_wanted(). */
 void feedback_paid(struct feedback *feedback, int64_t now, size_t bytes);

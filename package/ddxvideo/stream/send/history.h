@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #define HISTORY_PACKETS 256
+#define HISTORY_PROBE INT64_MIN /* `written` of a probe */
 
 struct history {
     unsigned count;  /* remembered packets */
@@ -35,6 +36,16 @@ static inline void history_add(struct history *history, uint32_t number, int64_t
     history->sent[number % HISTORY_PACKETS] = sent;
     history->written[number % HISTORY_PACKETS] = written;
     history->count += history->count < HISTORY_PACKETS;
+}
+
+/* Number of packets that were sent after `from` and until `to`. */
+static inline unsigned history_between(const struct history *history, int64_t from, int64_t to) {
+    unsigned count = 0;
+
+    for (uint32_t number = history->newest; history_has(history, number) && history_sent(history, number) > from;
+         number--)
+        count += history_sent(history, number) <= to;
+    return count;
 }
 
 /* The newest packet with this sequence number, if it was ever sent. */
