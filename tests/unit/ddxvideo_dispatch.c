@@ -225,7 +225,7 @@ static void check_reports_that_do_not_count(void) {
     write_frame(1, 500);
     run(INTERVAL, 2, 0);
     report_as(1, 1, 65535, 0, 0, 41 * MS, FEEDBACK_GARBAGE); /* received before it was sent */
-    report_as(1, 1, 100, 101, 0, 0, FEEDBACK_STALE);         /* never sent */
+    report_as(1, 1, 200, 201, 0, 0, FEEDBACK_STALE);         /* never sent */
     report_as(1, 1, 65535, 0, 0, REPORT_OLDEST, FEEDBACK_STALE);
     report_as(1, 1, 65535, 0, 0, 20 * MS, FEEDBACK_USED);
     report_as(1, 1, 65535, 65535, 1, 10 * MS, FEEDBACK_STALE); /* older than the one before */
@@ -251,6 +251,44 @@ static void check_reporters(void) {
     report_as(101, 2, 65534, 65535, 0, 0, FEEDBACK_USED); /* the others have left */
 }
 
+/* Eight reporters of other hosts that lose nothing: after ten seconds a ninth one gets a place, if it lacks packets. */
+static void check_calm_reporters(void) {
+    begin(1000000);
+    write_frame(1, 500);
+    run(INTERVAL, 1, 0);
+    for (int64_t until = now + FEEDBACK_CALM; now < until;) {
+        write_frame(1, 500);
+        now += INTERVAL;
+        expect(1, 0);
+        for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+            report_as(i, i, (uint16_t)(sequence - 1), sequence, 0, 0, FEEDBACK_USED);
+        report_as(100, 100, (uint16_t)(sequence - 1), (uint16_t)(sequence - 1), 1, 0, FEEDBACK_FLOOD);
+    }
+    now += INTERVAL;
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
+        report_as(i, i, (uint16_t)(sequence - 1), sequence, 0, INTERVAL, FEEDBACK_USED);
+    report_as(100, 100, (uint16_t)(sequence - 1), sequence, 0, INTERVAL, FEEDBACK_FLOOD);
+    report_as(100, 100, (uint16_t)(sequence - 1), (uint16_t)(sequence - 1), 1, INTERVAL, FEEDBACK_USED);
+    expect(0, 1);
+}
+
+/* A forged repair packet lets an honest receiver report packets that were never sent: the others still count. */
+static void check_reports_beyond_the_newest_packet(void) {
+    struct report report = {.reporter = 1, .media = SSRC, .has_state = true, .has_repair = true,
+                            .highest_repair = 12345};
+    uint8_t data[REPORT_MAX];
+
+    begin(1000000);
+    write_frame(3, 500);
+    run(INTERVAL, 3, 0);
+    report.base = (uint16_t)(sequence - 1); /* the last one is missing, and 128 more */
+    report.highest = (uint16_t)(sequence - 1 + REPORT_AHEAD);
+    report.missing = REPORT_AHEAD + 1;
+    dispatch_report(&dispatch, now, data, report_write(data, &report), 1);
+    CHECK_EQUAL(dispatch.feedback.count[FEEDBACK_USED], 1);
+    expect(0, 1);
+}
+
 /* Frames of one packet, each of which arrives at once; with or without a report. */
 static void pass_frames(unsigned count, bool reported) {
     uint8_t data[REPAIR_MAX];
@@ -266,6 +304,26 @@ static void pass_frames(unsigned count, bool reported) {
             report((uint16_t)(sequence - 1), sequence, 0, INTERVAL / 2);
         now -= INTERVAL / 2;
     }
+}
+
+/* A receiver that needs nothing does not stop repair in advance: neither that of -repair, nor for another one that had
+ * losses when its reports stopped. */
+static void check_advance_beside_calm_reporters(void) {
+    begin(1000000);
+    dispatch.settings.ratio = 1;
+    pass_frames(50, true);
+    CHECK(dispatch.count[DISPATCH_REPAIRS] >= 50);
+
+    begin(1000000);
+    loss = 77;
+    write_frame(1, 500);
+    run(INTERVAL / 2, 1, 0);
+    report_as(2, 2, (uint16_t)(sequence - 1), sequence, 0, INTERVAL / 2, FEEDBACK_USED);
+    loss = 0;
+    pass_frames(50, true);
+    uint64_t before = dispatch.count[DISPATCH_REPAIRS];
+    pass_frames(50, true);
+    CHECK(dispatch.count[DISPATCH_REPAIRS] - before >= 60); /* for a loss of 30 % */
 }
 
 /* Repair without reports follows the loss of the last ten seconds, not only of the last two. */
@@ -325,6 +383,9 @@ int main(void) {
     check_outage();
     check_reports_that_do_not_count();
     check_reporters();
+    check_calm_reporters();
+    check_advance_beside_calm_reporters();
+    check_reports_beyond_the_newest_packet();
     check_loss_memory();
     check_refresh();
     check_clock();

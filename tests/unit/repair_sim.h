@@ -57,13 +57,14 @@ struct run {
     int64_t wire;       /* bit/s; 0: WIRE */
     int64_t video;      /* limit in bit/s; 0: none */
     bool silent;        /* no reports */
-    double ratio;       /* of repair packets to media packets without reports; 0: DISPATCH_RATIO */
+    double ratio;       /* of repair packets to media packets without reports; 0: DISPATCH_RATIO if silent */
     double smaller;     /* part of the allowance by which frames are smaller, as x264's are */
     bool any_size;      /* frames of less than LEAST_LEVEL count as well, as they do without reports */
     unsigned begin;     /* frame from which on packets are lost */
     bool old;           /* the receivers do not know probes */
     unsigned hush;      /* frame from which on no report arrives, 0: never */
     unsigned forgers;   /* that claim to miss much */
+    unsigned forged;    /* frames from one forged repair packet to the next; 0: none */
     unsigned garbage;   /* datagrams to the sender with each frame */
 };
 
@@ -236,6 +237,20 @@ static void got_datagram(const struct run *run, struct receiver *receiver, const
         got_packet(receiver, restored, size);
 }
 
+/* A repair packet as far ahead as a receiver accepts it, which no sender has sent. */
+static void receive_forged(struct receiver *receiver) {
+    uint8_t data[REPAIR_HEADER + 600] = {0x81, REPAIR_TYPE};
+    uint16_t first = (uint16_t)(receiver->restore.came + RESTORE_AHEAD - 3);
+
+    put16(data + 2, 12345);
+    put32(data + 12, SSRC);
+    put16(data + 18, 0xf000 | 4);
+    put32(data + 20, first);
+    memset(data + REPAIR_HEADER, 0x55, sizeof data - REPAIR_HEADER);
+    CHECK_EQUAL(restore_repair(&receiver->restore, data, sizeof data), 0);
+    reporter_repair(&receiver->reporter, now, 12345);
+}
+
 static void receive_due(const struct run *run, struct receiver *receiver) {
     const struct lossy_packet *packet;
     uint8_t data[REPORT_MAX];
@@ -256,7 +271,7 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
 static void begin(const struct run *run, uint64_t seed) {
     struct dispatch_settings settings = {.wire = wire_of(run), .video = run->video ? run->video : wire_of(run),
                                          .interval = INTERVAL, .header = HEADER, .repair = true,
-                                         .ratio = run->ratio > 0 ? run->ratio : DISPATCH_RATIO,
+                                         .ratio = run->ratio > 0 ? run->ratio : run->silent ? DISPATCH_RATIO : 0,
                                          .media_ssrc = SSRC, .repair_ssrc = 2, .repair_sequence = 65000};
 
     random_begin(seed);
@@ -307,6 +322,8 @@ static int64_t step(const struct run *run) {
         write_frame(run);
         send_due(run);
         forge(run);
+        for (unsigned i = 0; run->forged && frame_count % run->forged == 0 && i < run->receivers; i++)
+            receive_forged(&receivers[i]);
     }
     send_due(run);
     for (unsigned i = 0; i < run->receivers; i++)

@@ -31,6 +31,7 @@
 #include <stdint.h>
 
 #define REPORT_WINDOW 256                    /* packets: base is never further back than this */
+#define REPORT_AHEAD 128                     /* packets; highest may be further ahead than any sent packet by this */
 #define REPORT_SIZE 32                       /* bytes of a report */
 #define REPORT_MAX (REPORT_SIZE + 12)        /* bytes of what report_write() writes */
 #define REPORT_TICK INT64_C(250000)          /* ns, unit of the age */

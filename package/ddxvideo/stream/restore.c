@@ -165,6 +165,23 @@ static void begin_at(struct restore *restore, uint16_t sequence) {
     restore->newest = restore->floor = restore->came = sequence;
 }
 
+/*
+ * Takes back what a repair packet said about packets after the newest one that came. A sender covers no packets that it
+ * has not sent, so media packets that come later have higher numbers; only a few may be overtaken. A forged repair packet
+ * would otherwise leave packets missing that were never sent.
+ */
+static void retract(struct restore *restore) {
+    drop_rows(restore, RESTORE_CORRUPT);
+    while (restore->newest != restore->came) {
+        unsigned slot = slot_of(restore->newest--);
+
+        restore->ready -= restore->state[slot] == RESTORE_READY;
+        restore->state[slot] = RESTORE_MISSING;
+    }
+    if (rtp_after(restore->floor, (uint16_t)(restore->newest + 1)))
+        restore->floor = (uint16_t)(restore->newest + 1);
+}
+
 /* Makes sure that a media packet that came has a slot. */
 static bool make_room(struct restore *restore, uint16_t sequence) {
     int distance = (int16_t)(sequence - restore->newest);
@@ -179,8 +196,12 @@ static bool make_room(struct restore *restore, uint16_t sequence) {
         advance(restore, sequence);
     }
     restore->stranger.there = false;
-    if (rtp_after(sequence, restore->came))
-        restore->came = sequence;
+    if (!rtp_after(sequence, restore->came))
+        return true;
+    restore->came = sequence;
+    restore->behind = distance < 0 ? restore->behind + 1 : 0;
+    if (restore->behind > RESTORE_BEHIND)
+        retract(restore);
     return true;
 }
 
@@ -293,8 +314,10 @@ int restore_repair(struct restore *restore, const uint8_t *data, size_t size) {
         return verdict == RESTORE_REFUSED ? -EBADMSG : -EALREADY;
     }
     uint16_t last = (uint16_t)(packet.first + packet.count - 1);
-    if (rtp_after(last, restore->newest))
+    if (rtp_after(last, restore->newest)) {
         advance(restore, last);
+        restore->behind = 0;
+    }
     begin_row(&restore->row, &packet);
     reduce(restore);
     return insert(restore) ? 0 : -EALREADY;

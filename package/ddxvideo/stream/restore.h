@@ -19,6 +19,8 @@
 #define RESTORE_JUMP 1000
 #define RESTORE_AHEAD 128 /* packets that a repair packet may reach beyond the newest media packet that came */
 
+#define RESTORE_BEHIND 8  /* media packets in sequence that a repair packet can overtake */
+
 /* Counts of repair packets: RECEIVED = REFUSED + USELESS + EXPIRED + CORRUPT + RESTORED + those that wait. */
 enum restore_count {
     RESTORE_RECEIVED,
@@ -51,6 +53,7 @@ struct restore {
     struct rtp_stranger stranger;
     uint16_t came;    /* newest media packet that came */
     uint16_t newest;  /* newest media packet that is known to have been sent */
+    unsigned behind;  /* media packets that came and are before `newest`, since that changed */
     uint16_t floor;   /* packets before this one are not needed any more */
     unsigned rows;    /* equations that wait */
     unsigned ready;   /* restored packets that wait for restore_take() */

@@ -9,6 +9,7 @@
 #define DUE (4 * MS)      /* jitter after which a packet is late */
 #define FIRST_INTERVAL (40 * MS)
 #define JUMP (10000 * MS) /* a time stamp further away begins again */
+#define JUMP_REPAIR 64    /* packets lost in sequence, after which a repair packet needs the next one */
 #define SLOT (500 * MS)
 
 void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header,
@@ -80,7 +81,17 @@ void reporter_media(struct reporter *reporter, int64_t now, uint16_t sequence, u
     arrive(reporter, &reporter->media, now, sequence);
 }
 
+/* A number that does not fit may be forged, or the last one was: it counts when the next packet confirms it. */
 void reporter_repair(struct reporter *reporter, int64_t now, uint16_t sequence) {
+    struct reporter_stream *stream = &reporter->repair;
+    int ahead = (int16_t)(sequence - stream->highest);
+
+    if (stream->begun && (ahead <= 0 || ahead > JUMP_REPAIR)) {
+        if (!rtp_is_confirmed(&reporter->stranger, sequence))
+            return;
+        stream->highest = (uint16_t)(sequence - 1);
+    }
+    reporter->stranger.there = false;
     arrive(reporter, &reporter->repair, now, sequence);
 }
 

@@ -38,6 +38,7 @@ struct reporter {
     bool refresh; /* may be set by the caller: a picture loss indication goes with each report until it is cleared */
     struct budget budget;
     struct reporter_stream media, repair;
+    struct rtp_stranger stranger; /* of the repair stream */
     int64_t arrived;  /* time of the newest packet */
     int64_t reported; /* time of the last report */
     bool fresh;       /* packets came since then */

@@ -85,14 +85,34 @@ static void decide(struct deficit *deficit, const struct history *media, const s
         deficit->wanted = packets - coming;
 }
 
-int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,
-                   const struct report *report) {
-    uint32_t highest = history_find(media, report->highest), repair = history_find(repairs, report->highest_repair);
+/*
+ * Takes what is impossible out of a report. A forged repair packet lets an honest receiver believe that packets were
+ * sent that were not, at most REPORT_AHEAD of them, and that a repair packet with any number has arrived.
+ */
+static void correct(struct report *report, const struct history *media, const struct history *repairs) {
+    unsigned ahead = (uint16_t)(report->highest - media->newest);
 
-    if (!media->count || (report->has_repair && !repairs->count))
+    if (ahead && ahead <= REPORT_AHEAD) {
+        report->highest = (uint16_t)media->newest;
+        if ((uint16_t)(report->base - report->highest - 1) < ahead)
+            report->base = (uint16_t)(report->highest + 1);
+        unsigned known = (uint16_t)(report->highest + 1 - report->base);
+        report->missing = report->missing > ahead ? (uint16_t)(report->missing - ahead) : 0;
+        report->missing = report->missing < known ? report->missing : (uint16_t)known;
+    }
+    report->has_repair = report->has_repair && repairs->count &&
+                         history_has(repairs, history_find(repairs, report->highest_repair));
+}
+
+int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,
+                   const struct report *from) {
+    struct report corrected = *from, *report = &corrected;
+
+    if (!media->count)
         return -EBADMSG;
-    if (!history_has(media, highest) || (report->has_repair && !history_has(repairs, repair)) ||
-        report->age >= REPORT_OLDEST)
+    correct(report, media, repairs);
+    uint32_t highest = history_find(media, report->highest), repair = history_find(repairs, report->highest_repair);
+    if (!history_has(media, highest) || report->age >= REPORT_OLDEST)
         return -ESTALE;
     int64_t arrival = newest_arrival(media, repairs, highest, report->has_repair, repair);
     int64_t trip = now - arrival - report->age;

@@ -52,8 +52,9 @@ struct deficit {
 };
 
 /*
- * Use a report. 0; -EBADMSG if it is about packets that were never sent, or that arrived before they were sent, by its
- * claim; -ESTALE if it is older than a former report, or about forgotten packets.
+ * Use a report. 0; -EBADMSG if nothing was sent, or if packets arrived before they were sent, by its claim; -ESTALE if it
+ * is older than a former report, or about forgotten packets. Packets up to REPORT_AHEAD ahead, and repair packets that
+ * were never sent, are left out: without a key, forged repair packets can make a receiver report them.
  */
 int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,
                    const struct report *report);

@@ -104,10 +104,10 @@ static double ratio_in_advance(const struct dispatch *dispatch, int64_t now) {
     int64_t silence = feedback_silence(&dispatch->feedback, now);
     double ratio = 0.35 + 5 * dispatch->feedback.loss;
 
+    if (dispatch->settings.repair && (silence == INT64_MAX || feedback_is_calm(&dispatch->feedback, now)))
+        return dispatch->settings.ratio;
     if (!dispatch->settings.repair || silence < STOPPED)
         return 0;
-    if (silence == INT64_MAX)
-        return dispatch->settings.ratio;
     if (silence < FEEDBACK_GONE)
         ratio *= FEWER;
     else if (dispatch->feedback.in_runs)

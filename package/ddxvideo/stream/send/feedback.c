@@ -26,12 +26,49 @@ void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int6
     budget_init(&feedback->probes, 1000 + (int64_t)((double)rate * PROBES_PART), PROBES_DEPTH, 1, now);
 }
 
+static bool is_active(const struct feedback_reporter *reporter, int64_t now) {
+    return reporter->used && now - reporter->deficit.heard < FEEDBACK_GONE;
+}
+
+/* Whether it had losses shortly before its last report. */
+static bool is_lossy(const struct feedback_reporter *reporter) {
+    return reporter->used && reporter->deficit.heard - reporter->lossy < FEEDBACK_CALM;
+}
+
+/* Whether it fell silent while it had losses, and may still need repair. */
+static bool is_missed(const struct feedback_reporter *reporter, int64_t now) {
+    return is_lossy(reporter) && !is_active(reporter, now) && now - reporter->deficit.heard < FEEDBACK_KEPT;
+}
+
 int64_t feedback_silence(const struct feedback *feedback, int64_t now) {
+    int64_t active = INT64_MIN, missed = INT64_MIN;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct feedback_reporter *reporter = &feedback->reporter[i];
+        int64_t heard = reporter->deficit.heard;
+
+        if (is_missed(reporter, now) && heard > missed)
+            missed = heard;
+        if (is_active(reporter, now) && is_lossy(reporter) && heard > active)
+            active = heard;
+    }
+    if (active != INT64_MIN)
+        return now - active;
+    if (missed != INT64_MIN)
+        return now - missed;
     return feedback->heard == INT64_MIN ? INT64_MAX : now - feedback->heard;
 }
 
-static bool is_active(const struct feedback_reporter *reporter, int64_t now) {
-    return reporter->used && now - reporter->deficit.heard < FEEDBACK_GONE;
+bool feedback_is_calm(const struct feedback *feedback, int64_t now) {
+    bool reports = false;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        if (is_missed(&feedback->reporter[i], now) ||
+            (is_active(&feedback->reporter[i], now) && is_lossy(&feedback->reporter[i])))
+            return false;
+        reports |= is_active(&feedback->reporter[i], now);
+    }
+    return reports;
 }
 
 /* ---- Reporters ---- */
@@ -44,20 +81,32 @@ static unsigned sharing(const struct feedback *feedback, uint64_t address) {
     return count;
 }
 
-/* A place for a new reporter: a free one, one of a reporter that is gone, or else one of an address that has several,
- * if the new one's address has none. NULL if there is no room. */
-static struct feedback_reporter *find_room(struct feedback *feedback, int64_t now, uint64_t address) {
-    struct feedback_reporter *shared = NULL;
+static bool is_calm(const struct feedback_reporter *reporter, int64_t now) {
+    return now - reporter->begun >= FEEDBACK_CALM && now - reporter->lossy >= FEEDBACK_CALM;
+}
+
+/* A place for a new reporter: a free one; else, if its address has none, that of a reporter that shares an address; else,
+ * if it lacks packets, that of one without losses; else, if its address has none, that of one that fell silent. NULL if
+ * there is no room. */
+static struct feedback_reporter *find_room(struct feedback *feedback, int64_t now, uint64_t address, bool lacks) {
+    struct feedback_reporter *shared = NULL, *calm = NULL, *missed = NULL;
 
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         struct feedback_reporter *reporter = &feedback->reporter[i];
 
-        if (!is_active(reporter, now))
+        if (is_missed(reporter, now))
+            missed = reporter;
+        else if (!is_active(reporter, now))
             return reporter;
-        if (sharing(feedback, reporter->address) > 1)
+        else if (sharing(feedback, reporter->address) > 1)
             shared = reporter;
+        if (is_active(reporter, now) && is_calm(reporter, now))
+            calm = reporter;
     }
-    return sharing(feedback, address) ? NULL : shared;
+    bool first = !sharing(feedback, address);
+    if (first && shared)
+        return shared;
+    return lacks && calm ? calm : first ? missed : NULL;
 }
 
 static struct feedback_reporter *find(struct feedback *feedback, uint32_t ssrc, uint64_t address) {
@@ -72,10 +121,17 @@ static struct feedback_reporter *find(struct feedback *feedback, uint32_t ssrc, 
 
 static void begin(struct feedback *feedback, struct feedback_reporter *reporter, const struct report *report,
                   uint64_t address, int64_t now) {
-    *reporter = (struct feedback_reporter){.used = true, .ssrc = report->reporter, .address = address};
+    *reporter = (struct feedback_reporter){
+        .used = true, .ssrc = report->reporter, .address = address, .begun = now, .lossy = now - FEEDBACK_CALM};
     budget_init(&reporter->reports, 8 * REPORTS, SECOND / 2, 1, now);
     init_claims(&reporter->claims, feedback->rate, CLAIMS_EACH, now);
     init_claims(&reporter->hopeless, feedback->rate, CLAIMS_HOPELESS, now);
+}
+
+/* Notes whether the reporter has losses. */
+static void note_loss(struct feedback_reporter *reporter, int64_t now) {
+    if (reporter->deficit.needed || reporter->deficit.loss > 0)
+        reporter->lossy = now;
 }
 
 static enum feedback_count verdict(int error) {
@@ -87,12 +143,13 @@ static enum feedback_count first_report(struct feedback *feedback, int64_t now, 
                                         uint64_t address) {
     struct deficit deficit = {0};
     int error = deficit_report(&deficit, &feedback->sent, &feedback->repairs, now, report);
-    struct feedback_reporter *room = error ? NULL : find_room(feedback, now, address);
+    struct feedback_reporter *room = error ? NULL : find_room(feedback, now, address, deficit.needed);
 
     if (error || !room)
         return error ? verdict(error) : FEEDBACK_FLOOD;
     begin(feedback, room, report, address, now);
     room->deficit = deficit;
+    note_loss(room, now);
     return FEEDBACK_USED;
 }
 
@@ -103,7 +160,10 @@ static enum feedback_count use(struct feedback *feedback, int64_t now, const str
         return first_report(feedback, now, report, address);
     if (!budget_take(&reporter->reports, now, 1))
         return FEEDBACK_FLOOD;
-    return verdict(deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report));
+    int error = deficit_report(&reporter->deficit, &feedback->sent, &feedback->repairs, now, report);
+    if (!error)
+        note_loss(reporter, now);
+    return verdict(error);
 }
 
 static double worst_loss(const struct feedback *feedback, int64_t now) {
@@ -112,7 +172,7 @@ static double worst_loss(const struct feedback *feedback, int64_t now) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         const struct feedback_reporter *reporter = &feedback->reporter[i];
 
-        if (is_active(reporter, now) && reporter->deficit.loss > worst)
+        if ((is_active(reporter, now) || is_missed(reporter, now)) && reporter->deficit.loss > worst)
             worst = reporter->deficit.loss;
     }
     return worst;
@@ -143,7 +203,8 @@ const struct deficit *feedback_single(const struct feedback *feedback, int64_t n
 
 /* Uses a report. */
 static void learn_loss(struct feedback *feedback, int64_t now) {
-    double worst = worst_loss(feedback, now), part = (double)feedback_silence(feedback, now) / LOSS_MEMORY;
+    double worst = worst_loss(feedback, now);
+    double part = feedback->heard == INT64_MIN ? 1 : (double)(now - feedback->heard) / LOSS_MEMORY;
 
     feedback->mean_loss += (worst - feedback->mean_loss) * (part < 1 ? part : 1);
     feedback->loss = worst > feedback->mean_loss ? worst : feedback->mean_loss;

@@ -5,7 +5,9 @@
  *
  * Reports are not trusted. They change the use of the budget, never its size. At most FEEDBACK_REPORTERS reporters are
  * kept; a reporter with an address of its own takes the place of one that shares an address with others, so that a
- * single host cannot fill the table. Each reporter, and all together, have a bucket for the repair packets that they
+ * single host cannot fill the table, and one that lacks packets the place of one that lost nothing for FEEDBACK_CALM.
+ * Reporters without losses do not stop repair in advance for receivers that were lossy when they fell silent. Each
+ * reporter, and all together, have a bucket for the repair packets that they
  * cause, of half the rate for each one: a receiver that loses almost everything, or claims to, leaves enough for the
  * pictures and for the others.
  */
@@ -17,6 +19,8 @@
 
 #define FEEDBACK_REPORTERS 8
 #define FEEDBACK_GONE INT64_C(1000000000) /* ns without a report after which a reporter is forgotten */
+#define FEEDBACK_CALM INT64_C(10000000000) /* ns without a loss after which a reporter counts as free of losses */
+#define FEEDBACK_KEPT INT64_C(60000000000) /* ns for which a lossy reporter that fell silent is remembered */
 #define FEEDBACK_HOPELESS 0.6             /* loss above which a reporter gets less */
 
 /* RECEIVED is the sum of the others. */
@@ -33,6 +37,7 @@ struct feedback_reporter {
     bool used;
     uint32_t ssrc;
     uint64_t address; /* a hash */
+    int64_t begun, lossy; /* time of the first report; of the last one with a loss, `begun` - FEEDBACK_CALM: none */
     struct deficit deficit;
     struct budget reports; /* a token for each report to read */
     struct budget claims;  /* bytes of repair packets that it may cause */
@@ -59,8 +64,11 @@ void feedback_init(struct feedback *feedback, uint32_t media, int64_t rate, int6
 /* Use a datagram from this address (a hash). True if it requests a refresh of the picture. */
 bool feedback_report(struct feedback *feedback, int64_t now, const uint8_t *data, size_t size, uint64_t address);
 
-/* ns since the last used report; INT64_MAX: none yet. */
+/* ns since the last used report, of those receivers that have losses, if there are any; INT64_MAX: none yet. */
 int64_t feedback_silence(const struct feedback *feedback, int64_t now);
+
+/* Whether receivers report, and none of them has losses. */
+bool feedback_is_calm(const struct feedback *feedback, int64_t now);
 
 /* Number of repair packets that are wanted now; *first: the oldest media packet that they must cover. */
 unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first);

@@ -7,6 +7,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#define NETWORK_PREFIX 8 /* bytes of an IPv6 address, /64 */
+
 static const char *fail(char *text, const char *what, const char *value, const char *why) {
     snprintf(text, NETWORK_ERROR_MAX, "%s %.80s: %s", what, value, why);
     return text;
@@ -194,13 +196,22 @@ bool outlet_origin(const struct outlet *outlet, const struct network_address *to
 }
 
 /* FNV-1a */
-static uint64_t hash(const void *data, size_t size) {
+static uint64_t hash(const void *data, size_t size, uint64_t sum) {
     const uint8_t *bytes = data;
-    uint64_t sum = UINT64_C(14695981039346656037);
 
     for (size_t i = 0; i < size; i++)
         sum = (sum ^ bytes[i]) * UINT64_C(1099511628211);
     return sum;
+}
+
+/* Without the port, and of an IPv6 address only the network: a single host has as many of both as it likes. */
+static uint64_t hash_host(const struct sockaddr_storage *from) {
+    const struct sockaddr_in *v4 = (const struct sockaddr_in *)from;
+    const struct sockaddr_in6 *v6 = (const struct sockaddr_in6 *)from;
+    uint64_t sum = UINT64_C(14695981039346656037) ^ from->ss_family;
+
+    return from->ss_family == AF_INET6 ? hash(&v6->sin6_addr, NETWORK_PREFIX, sum)
+                                       : hash(&v4->sin_addr, sizeof v4->sin_addr, sum);
 }
 
 ssize_t outlet_read(struct outlet *outlet, void *data, size_t size, uint64_t *address) {
@@ -211,7 +222,7 @@ ssize_t outlet_read(struct outlet *outlet, void *data, size_t size, uint64_t *ad
             continue;
         ssize_t got = recvfrom(outlet->fd[i], data, size, MSG_TRUNC, (struct sockaddr *)&from, &length);
         if (got >= 0) {
-            *address = hash(&from, length < sizeof from ? length : sizeof from);
+            *address = hash_host(&from);
             return got;
         }
     }

@@ -51,7 +51,7 @@ unsigned outlet_send(struct outlet *outlet, enum outlet_port port, const uint8_t
 
 /*
  * A datagram that came to the port of the reports: its size, which may be more than `size` (the rest is cut off), and a
- * number that stands for its sender's address. -1 if there is none.
+ * number that stands for its sender: its IPv4 address, or its IPv6 network (/64). -1 if there is none.
  */
 ssize_t outlet_read(struct outlet *outlet, void *data, size_t size, uint64_t *address);
 
