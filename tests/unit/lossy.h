@@ -11,6 +11,7 @@
 
 #define MS INT64_C(1000000)
 #define LOSSY_PACKETS 512
+#define LOSSY_QUEUE (500 * MS) /* packets that would wait longer are lost */
 #define LOSSY_JITTER 500000 /* ns */
 
 static uint64_t random_state;
@@ -90,15 +91,24 @@ struct lossy_packet {
 struct lossy {
     struct loser *loser; /* may be shared */
     int64_t delay, newest;
+    int64_t rate, busy; /* bit/s, 0: any; packets wait until the link is free */
+    int64_t queue;      /* how long the last packet waits, ns */
     unsigned head, count;
     uint64_t sent, lost;
     struct lossy_packet packet[LOSSY_PACKETS];
 };
 
 static inline void lossy_send(struct lossy *way, int64_t now, int port, const uint8_t *data, size_t size) {
-    int64_t arrival = now + way->delay + (int64_t)(random_share() * LOSSY_JITTER);
+    int64_t free = way->busy > now ? way->busy : now, arrival;
 
     way->sent++;
+    way->queue = free - now;
+    if (way->rate && free - now > LOSSY_QUEUE) {
+        way->lost++;
+        return;
+    }
+    way->busy = way->rate ? free + (int64_t)(size + 28) * 8 * 1000 * MS / way->rate : now;
+    arrival = way->busy + way->delay + (int64_t)(random_share() * LOSSY_JITTER);
     if (is_lost(way->loser, now)) {
         way->lost++;
         return;

@@ -345,8 +345,9 @@ static void simulate(const struct run *run, uint64_t seed) {
 /* Without loss the frames are as large as the limit, or as what the headers leave of the rate. */
 static bool looks_good(const struct run *run, unsigned frame) {
     int64_t clean = run->video ? run->video : wire_of(run) * 19 / 20;
+    double least = LEAST_LEVEL * (double)(clean * INTERVAL / (1000 * MS)) / 8;
 
-    return run->any_size || run->silent || frames[frame].level >= LEAST_LEVEL * (double)(clean * INTERVAL / (1000 * MS)) / 8;
+    return run->any_size || run->silent || frames[frame].level >= least;
 }
 
 /* Percent of usable frames, of the receiver that has the fewest. */

@@ -167,8 +167,8 @@ static void begin_at(struct restore *restore, uint16_t sequence) {
 
 /*
  * Takes back what a repair packet said about packets after the newest one that came. A sender covers no packets that it
- * has not sent, so media packets that come later have higher numbers; only a few may be overtaken. A forged repair packet
- * would otherwise leave packets missing that were never sent.
+ * has not sent, so media packets that come later have higher numbers; only a few may be overtaken. Otherwise packets
+ * that were never sent would be missing after a forged repair packet.
  */
 static void retract(struct restore *restore) {
     drop_rows(restore, RESTORE_CORRUPT);

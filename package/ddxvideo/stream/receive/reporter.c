@@ -4,7 +4,7 @@
 #define MS INT64_C(1000000)
 #define RATE 29500        /* bit/s */
 #define BUCKET (160 * MS) /* ten reports */
-#define KEEP 1            /* reports that must be left after one without an arrival: the next arrival is reported at once */
+#define KEEP 1            /* reports that must be left after one without an arrival, for the next arrival */
 #define SPARE 5           /* reports that must be left after a repetition */
 #define DUE (4 * MS)      /* jitter after which a packet is late */
 #define FIRST_INTERVAL (40 * MS)

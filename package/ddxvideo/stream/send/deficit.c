@@ -13,6 +13,8 @@
 #define PROBES 3           /* sent for each report in that case */
 #define LOSS_MOST 0.5 /* a higher loss counts as this */
 #define SHORT_WAY INT64_C(12000000) /* ns there and back */
+#define LEAST_PERIOD INT64_C(5000000000) /* ns in which the shortest round trip is looked for */
+#define QUEUE_PERIOD INT64_C(80000000)   /* ns; at most two frames */
 #define RUN_LONGEST 16 /* a longer run is an outage, which ends by itself */
 
 /* The send time of the newest packet that arrived. */
@@ -21,6 +23,42 @@ static int64_t newest_arrival(const struct history *media, const struct history 
     int64_t sent = history_sent(media, highest);
 
     return has_repair && history_sent(repairs, repair) > sent ? history_sent(repairs, repair) : sent;
+}
+
+static uint64_t newest_total(const struct history *media, const struct history *repairs, uint32_t highest,
+                             bool has_repair, uint32_t repair) {
+    uint64_t total = media->total[highest % HISTORY_PACKETS];
+
+    return has_repair && repairs->total[repair % HISTORY_PACKETS] > total ? repairs->total[repair % HISTORY_PACKETS]
+                                                                          : total;
+}
+
+/* Compares the shortest round trip of a short period with that of the last seconds: the difference is a queue.
+ * `arrived`: when the newest packet arrived, `total`: bytes sent with it. */
+static void learn_queue(struct deficit *deficit, int64_t now, int64_t trip, int64_t arrived, uint64_t total) {
+    if (!deficit->begun || now - deficit->least_begun >= LEAST_PERIOD) {
+        deficit->trip_least[1] = deficit->begun ? deficit->trip_least[0] : trip;
+        deficit->trip_least[0] = trip;
+        deficit->least_begun = now;
+    }
+    if (trip < deficit->trip_least[0])
+        deficit->trip_least[0] = trip;
+    if (!deficit->begun || trip < deficit->trip_now)
+        deficit->trip_now = trip;
+    int64_t least = deficit->trip_least[0] < deficit->trip_least[1] ? deficit->trip_least[0] : deficit->trip_least[1];
+    deficit->delay = trip - least;
+    if (deficit->begun && now - deficit->queue_begun < QUEUE_PERIOD)
+        return;
+    bool full = deficit->queue > DEFICIT_QUEUE;
+    deficit->queue = deficit->trip_now - least;
+    full &= deficit->queue > DEFICIT_QUEUE;
+    deficit->link = full && arrived > deficit->queue_time && total > deficit->queue_total
+                        ? (double)(total - deficit->queue_total) * 8e9 / (double)(arrived - deficit->queue_time)
+                        : 0;
+    deficit->queue_time = arrived;
+    deficit->queue_total = total;
+    deficit->queue_begun = now;
+    deficit->trip_now = trip;
 }
 
 /* `run` packets were lost after the last one that arrived. When packets arrive again, the run before it is over. */
@@ -121,6 +159,8 @@ int deficit_report(struct deficit *deficit, const struct history *media, const s
     int64_t covered = arrival + (report->age > DEFICIT_MARGIN ? report->age - DEFICIT_MARGIN : 0);
     if (deficit->begun && covered < deficit->covered)
         return -ESTALE;
+    learn_queue(deficit, now, trip, now - report->age,
+                newest_total(media, repairs, highest, report->has_repair, repair));
     deficit->trip = deficit->begun ? deficit->trip + (trip - deficit->trip) / 8 : trip;
     deficit->begun = true;
     deficit->covered = covered;

@@ -31,12 +31,19 @@
 #define DEFICIT_MARGIN INT64_C(3000000)     /* ns, jitter that does not count as a loss */
 #define DEFICIT_LATE INT64_C(60000000)      /* ns since the oldest missing frame was handed over */
 #define DEFICIT_VERY_LATE INT64_C(80000000) /* ns */
+#define DEFICIT_QUEUE INT64_C(20000000)     /* ns that packets wait before the link, above which it is full */
 #define DEFICIT_IN_RUNS 2.0                 /* mean length of runs; above it, losses certainly come in runs */
 
 struct deficit {
     bool begun;
     int64_t covered;     /* packets sent until then have arrived, are missing or lost */
     int64_t arrival;     /* send time of the newest packet that arrived */
+    int64_t trip_least[2], least_begun; /* the shortest round trips of this period of seconds and of the last one */
+    int64_t delay;       /* by how much the last one was longer, */
+    int64_t queue;       /* and the shortest one of the last short period: packets wait before the link */
+    int64_t trip_now, queue_begun, queue_time; /* of this short period: the shortest one, its start, the last arrival */
+    uint64_t queue_total; /* bytes sent until then */
+    double link;         /* bit/s that arrived in the last short period, if packets waited all the time; else 0 */
     int64_t trip;        /* ns, smoothed round trip time */
     int64_t heard;       /* time of the last report */
     uint32_t base, highest, repair; /* of the last report, extended; `repair`: the newest repair packet that arrived */
@@ -52,8 +59,8 @@ struct deficit {
 };
 
 /*
- * Use a report. 0; -EBADMSG if nothing was sent, or if packets arrived before they were sent, by its claim; -ESTALE if it
- * is older than a former report, or about forgotten packets. Packets up to REPORT_AHEAD ahead, and repair packets that
+ * Use a report. 0; -EBADMSG if nothing was sent, or if packets arrived before they were sent, by its claim; -ESTALE if
+ * it is older than a former report, or about forgotten packets. Packets up to REPORT_AHEAD ahead, and repair packets that
  * were never sent, are left out: without a key, forged repair packets can make a receiver report them.
  */
 int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,

@@ -17,6 +17,17 @@
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
 #define SPARE 0.25         /* fill level up to which a single receiver cannot empty the bucket */
 #define OUTAGE 20          /* packets lost in sequence, after which most frames are left out */
+#define LINK_FULL (50 * MS)  /* ns that packets wait before the link, above which frames are left out */
+#define LINK_FULL_NOW (65 * MS) /* the same, of the last packet that arrived, while others are on their way */
+#define LINK_FULL_PART 0.25  /* of the rate that a frame has then, if it is not left out */
+#define LINK_STEP (100 * MS) /* from one change of the rate to the next */
+#define LINK_BUCKET (80 * MS) /* what the bucket holds while the link is slower than -wire */
+#define LINK_DRAIN 0.85      /* of the link's rate, while there is a queue */
+#define LINK_FALL 0.5        /* of the rate, at least, in one step: less than the link's rate may have arrived */
+#define LINK_RISE 1.15
+#define LINK_SLOWLY 1.05
+#define LINK_LEAST 50e3      /* bit/s */
+#define LINK_PART 0.3        /* of -wire, at least: delays can be forged */
 #define YIELD 2            /* most frames that are left out in sequence for repair or in an outage, */
 #define YIELD_MOST 25      /* most of them at once, */
 #define YIELD_PART 0.3     /* and of all frames on average */
@@ -42,7 +53,8 @@ void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *se
     dispatch->next = now;
     dispatch->refreshed = now - SECOND;
     dispatch->patience = YIELD_MOST;
-    budget_init(&dispatch->budget, settings->wire - settings->wire / 200, BUCKET, BEGIN, now);
+    dispatch->wire = settings->wire - settings->wire / 200;
+    budget_init(&dispatch->budget, dispatch->wire, BUCKET, BEGIN, now);
     feedback_init(&dispatch->feedback, settings->media_ssrc, settings->wire, now);
     repair_window_init(&dispatch->window, settings->media_ssrc, settings->repair_ssrc, settings->repair_sequence);
 }
@@ -79,8 +91,49 @@ void dispatch_frame(struct dispatch *dispatch, int64_t now, uint16_t frame, cons
     dispatch->burst = BURST;
 }
 
+/* Sets the rate at which the bucket fills. While it is lower than -wire, the bucket holds less: its bytes would only
+ * wait in the link's queue. */
+static void set_rate(struct dispatch *dispatch, double rate) {
+    double most = (double)dispatch->wire, least = fmax(LINK_LEAST, most * LINK_PART);
+    int64_t packet = (int64_t)(2 * RTP_PACKET_MAX * 8 * (double)SECOND / rate);
+
+    rate = rate > most ? most : rate < least ? least : rate;
+    dispatch->budget.rate = (int64_t)rate;
+    dispatch->budget.depth = rate >= most ? BUCKET : packet > LINK_BUCKET ? packet : LINK_BUCKET;
+    if (dispatch->budget.depth > BUCKET)
+        dispatch->budget.depth = BUCKET;
+}
+
+/*
+ * The rate follows the link. If packets wait in a queue before the link, the link is full, and what arrives is its
+ * rate: the rate is set a little lower, so that the queue drains. Without a queue the rate rises again, more slowly
+ * where the link was full before.
+ */
+static void follow_link(struct dispatch *dispatch, int64_t now) {
+    const struct deficit *nearest = feedback_nearest(&dispatch->feedback, now);
+    double rate = (double)dispatch->budget.rate;
+
+    if (!nearest || now - dispatch->followed < LINK_STEP)
+        return;
+    if (nearest->link > 0) {
+        dispatch->link = nearest->link;
+        dispatch->followed = now;
+        if (rate > LINK_DRAIN * dispatch->link)
+            set_rate(dispatch, fmax(LINK_DRAIN * dispatch->link, LINK_FALL * rate));
+    } else if (nearest->queue < DEFICIT_QUEUE / 2 && dispatch->budget.rate < dispatch->wire) {
+        bool near = rate > 0.8 * dispatch->link && rate < 1.1 * dispatch->link;
+
+        dispatch->followed = now;
+        set_rate(dispatch, rate * (near ? LINK_SLOWLY : LINK_RISE));
+    }
+}
+
 void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data, size_t size, uint64_t address) {
+    uint64_t used = dispatch->feedback.count[FEEDBACK_USED];
+
     dispatch->refresh |= feedback_report(&dispatch->feedback, now, data, size, address);
+    if (dispatch->feedback.count[FEEDBACK_USED] != used)
+        follow_link(dispatch, now);
 }
 
 bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now) {
@@ -166,9 +219,9 @@ static void remember_repair(struct dispatch *dispatch, int64_t now, int64_t writ
     struct history *repairs = &dispatch->feedback.repairs;
     uint32_t number = repairs->count ? repairs->newest + 1 : (uint16_t)(dispatch->window.sequence - 1);
 
-    history_add(repairs, number, sent_at(dispatch, now), written);
     dispatch->count[DISPATCH_REPAIRS]++;
     dispatch->count[DISPATCH_BYTES] += bytes;
+    history_add(repairs, number, sent_at(dispatch, now), written, dispatch->count[DISPATCH_BYTES]);
     dispatch->repair_share += (double)bytes;
     dispatch->next = now + GAP;
 }
@@ -241,9 +294,10 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
     memcpy(to, slot->data, slot->size);
     *size = slot->size;
     repair_window_add(&dispatch->window, dispatch->esi, slot->frame, slot->data, slot->size);
-    history_add(&dispatch->feedback.sent, dispatch->esi, sent_at(dispatch, now), slot->written);
     dispatch->count[DISPATCH_SENT]++;
     dispatch->count[DISPATCH_BYTES] += media_bytes(dispatch);
+    history_add(&dispatch->feedback.sent, dispatch->esi, sent_at(dispatch, now), slot->written,
+                dispatch->count[DISPATCH_BYTES]);
     dispatch->media_share += (double)media_bytes(dispatch);
     owe_repair(dispatch, ratio);
     dispatch->head = (dispatch->head + 1) % DISPATCH_QUEUE;
@@ -323,6 +377,15 @@ static bool is_behind(struct dispatch *dispatch, int64_t now) {
            budget_ready(&dispatch->budget, repair_bytes(dispatch, first)) > now + late;
 }
 
+/* Whether packets wait before the link, so that another frame would be late. */
+static bool is_link_full(const struct dispatch *dispatch, int64_t now) {
+    const struct deficit *nearest = feedback_nearest(&dispatch->feedback, now);
+    const struct history *sent = &dispatch->feedback.sent;
+
+    return nearest && (nearest->queue > LINK_FULL ||
+                       (nearest->delay > LINK_FULL_NOW && history_sent(sent, sent->newest) > nearest->arrival));
+}
+
 /*
  * Whether a frame is left out, because repair of the frames before it takes what the bucket has for that, or because
  * nothing gets through: it would be of no use to the receiver, and have to be repaired as well. A report can be forged,
@@ -333,7 +396,10 @@ static bool yields(struct dispatch *dispatch, int64_t now) {
     double left = (fill_level(dispatch, now) - SPARE) * (double)budget_size(&dispatch->budget);
 
     dispatch->patience += dispatch->patience < YIELD_MOST ? YIELD_PART : 0;
-    if (!dispatch->settings.repair || !dispatch->window.count || !deficit || !deficit->needed)
+
+    if (is_link_full(dispatch, now))
+        left = -1;
+    else if (!dispatch->settings.repair || !dispatch->window.count || !deficit || !deficit->needed)
         left = INFINITY;
     else if (deficit->run < OUTAGE)
         left -= deficit->needed * (double)repair_bytes(dispatch, deficit->first);
@@ -366,6 +432,8 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     double least = wire * part / (1 + settings->others);
     if (silence < STOPPED && bytes < least)
         bytes = least;
+    if (is_link_full(dispatch, now) && bytes > wire * LINK_FULL_PART)
+        bytes = wire * LINK_FULL_PART;
     if (bytes > video)
         bytes = video;
     return bytes < LEAST ? LEAST : (size_t)bytes;

@@ -66,7 +66,10 @@ struct dispatch_slot {
 struct dispatch {
     struct dispatch_settings settings; /* `video` and `interval` may be changed at any time */
     uint64_t count[DISPATCH_COUNTS];
-    struct budget budget;
+    struct budget budget;     /* its rate is at most: */
+    int64_t wire;             /* bit/s, a little less than settings.wire */
+    double link;              /* bit/s of the link when it was full, 0: never */
+    int64_t followed;         /* time of the last change of the rate */
     struct feedback feedback;
     int64_t next, gap;        /* earliest time of the next packet; ns between packets */
     unsigned burst;           /* packets to send without a gap */

@@ -85,9 +85,9 @@ static bool is_calm(const struct feedback_reporter *reporter, int64_t now) {
     return now - reporter->begun >= FEEDBACK_CALM && now - reporter->lossy >= FEEDBACK_CALM;
 }
 
-/* A place for a new reporter: a free one; else, if its address has none, that of a reporter that shares an address; else,
- * if it lacks packets, that of one without losses; else, if its address has none, that of one that fell silent. NULL if
- * there is no room. */
+/* A place for a new reporter: a free one; else, if its address has none, that of a reporter that shares an address;
+ * else, if it lacks packets, that of one without losses; else, if its address has none, that of one that fell silent.
+ * NULL if there is no room. */
 static struct feedback_reporter *find_room(struct feedback *feedback, int64_t now, uint64_t address, bool lacks) {
     struct feedback_reporter *shared = NULL, *calm = NULL, *missed = NULL;
 
@@ -188,6 +188,18 @@ bool feedback_has_runs(const struct feedback *feedback, int64_t now) {
     return false;
 }
 
+const struct deficit *feedback_nearest(const struct feedback *feedback, int64_t now) {
+    const struct deficit *found = NULL;
+
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct deficit *deficit = &feedback->reporter[i].deficit;
+
+        if (is_active(&feedback->reporter[i], now) && (!found || deficit->queue < found->queue))
+            found = deficit;
+    }
+    return found;
+}
+
 const struct deficit *feedback_single(const struct feedback *feedback, int64_t now) {
     const struct deficit *found = NULL;
 
@@ -267,8 +279,12 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 bool feedback_wants_probe(struct feedback *feedback, int64_t now, size_t bytes) {
     bool wanted = false;
 
-    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++)
-        wanted |= is_active(&feedback->reporter[i], now) && feedback->reporter[i].deficit.probes;
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        struct feedback_reporter *reporter = &feedback->reporter[i];
+
+        wanted |= is_active(reporter, now) && reporter->deficit.probes &&
+                  budget_tokens(purse(reporter), now) >= (int64_t)bytes;
+    }
     return wanted && budget_tokens(&feedback->probes, now) >= (int64_t)bytes;
 }
 

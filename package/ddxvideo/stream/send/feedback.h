@@ -76,6 +76,9 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 /* Whether a receiver's losses come in runs. */
 bool feedback_has_runs(const struct feedback *feedback, int64_t now);
 
+/* The receiver that reports the shortest queue before the link; NULL if none reports. */
+const struct deficit *feedback_nearest(const struct feedback *feedback, int64_t now);
+
 /* The receiver that reports, if it is only one; else NULL. */
 const struct deficit *feedback_single(const struct feedback *feedback, int64_t now);
 

@@ -14,6 +14,7 @@ struct history {
     uint32_t newest; /* number of the last one */
     int64_t sent[HISTORY_PACKETS];
     int64_t written[HISTORY_PACKETS]; /* time at which the packet's frame was handed over */
+    uint64_t total[HISTORY_PACKETS];  /* bytes sent until then, of all streams, with this packet */
 };
 
 static inline bool history_has(const struct history *history, uint32_t number) {
@@ -29,12 +30,14 @@ static inline int64_t history_written(const struct history *history, uint32_t nu
 }
 
 /* Add a sent packet. If its number does not follow the last one, former packets are forgotten. */
-static inline void history_add(struct history *history, uint32_t number, int64_t sent, int64_t written) {
+static inline void history_add(struct history *history, uint32_t number, int64_t sent, int64_t written,
+                               uint64_t total) {
     if (number != history->newest + 1)
         history->count = 0;
     history->newest = number;
     history->sent[number % HISTORY_PACKETS] = sent;
     history->written[number % HISTORY_PACKETS] = written;
+    history->total[number % HISTORY_PACKETS] = total;
     history->count += history->count < HISTORY_PACKETS;
 }
 
