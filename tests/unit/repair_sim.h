@@ -29,6 +29,7 @@
 static struct frame {
     int64_t written;
     unsigned packets; /* 0: dropped before it was encoded */
+    unsigned number;  /* in the stream, which leaves out dropped ones */
     uint16_t sequence;
     double level; /* bytes of a frame, the mean of the last ones */
     unsigned renewing; /* the frame at which the newest renewal of the picture began, */
@@ -132,7 +133,9 @@ static void write_frame(const struct run *run) {
     }
     double before = frame_count ? frame[-1].level : (double)size;
     frame->level = before + ((count ? (double)size : 0) - before) / LEVEL;
-    dispatch_frame(&dispatch, now, (uint16_t)frame_count, packets, count);
+    frame->number = frame_count ? frame[-1].number + (count > 0) : 0;
+    if (count)
+        dispatch_frame(&dispatch, now, (uint16_t)frame->number, packets, count);
     video_bytes += frame_count < CALM ? 0 : count ? size : 0;
     frame_count++;
 }
@@ -214,7 +217,8 @@ static void got_packet(struct receiver *receiver, const uint8_t *data, size_t si
     for (; is_whole(receiver, receiver->next); receiver->next++)
         receiver->usable[receiver->next] =
             shows(receiver, receiver->next) && now - frames[receiver->next].written <= IN_TIME;
-    if (receiver->newest > receiver->next + REPAIR_FRAMES)
+    if (receiver->newest > receiver->next &&
+        frames[receiver->newest].number > frames[receiver->next].number + REPAIR_FRAMES)
         give_up(receiver);
 }
 

@@ -29,7 +29,7 @@
 #define LINK_LEAST 50e3      /* bit/s */
 #define LINK_PART 0.3        /* of -wire, at least: delays can be forged */
 #define YIELD 2            /* most frames that are left out in sequence for repair or in an outage, */
-#define YIELD_MOST 25      /* most of them at once, */
+#define YIELD_MOST 40      /* most of them at once, */
 #define YIELD_PART 0.3     /* and of all frames on average */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
@@ -38,6 +38,7 @@
 #define GAP MS             /* between packets, at most */
 #define BURST 3            /* packets of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
 #define STOPPED (200 * MS) /* without reports: they have just stopped */
+#define SILENT (300 * MS)  /* without reports: probably an outage in both directions */
 #define REDUCED 0.5        /* of the rate, then */
 #define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
 #define ADVANCE_FRAMES 8
@@ -388,8 +389,8 @@ static bool is_link_full(const struct dispatch *dispatch, int64_t now) {
 
 /*
  * Whether a frame is left out, because repair of the frames before it takes what the bucket has for that, or because
- * nothing gets through: it would be of no use to the receiver, and have to be repaired as well. A report can be forged,
- * so it never stops the video: at least each third frame is sent, and on average 70 %.
+ * nothing gets through, or no report: it would be of no use to the receiver, and have to be repaired as well after the
+ * outage. A report can be forged, so it never stops the video: at least each third frame is sent, and on average 70 %.
  */
 static bool yields(struct dispatch *dispatch, int64_t now) {
     const struct deficit *deficit = feedback_single(&dispatch->feedback, now);
@@ -397,7 +398,9 @@ static bool yields(struct dispatch *dispatch, int64_t now) {
 
     dispatch->patience += dispatch->patience < YIELD_MOST ? YIELD_PART : 0;
 
-    if (is_link_full(dispatch, now))
+    int64_t silence = feedback_silence(&dispatch->feedback, now);
+
+    if (is_link_full(dispatch, now) || (silence >= SILENT && silence < FEEDBACK_GONE))
         left = -1;
     else if (!dispatch->settings.repair || !dispatch->window.count || !deficit || !deficit->needed)
         left = INFINITY;
