@@ -203,7 +203,7 @@ TABLES = {
         intake
     """,
     "package/ddxvideo/stream/receive": """
-        frame_420 guard listen movie output reporter
+        frame_420 guard link listen movie output reporter
         answer decoder display inlet list
         viewer_state
         show

@@ -50,7 +50,11 @@ struct book {
 /* Fields of `<instance>.packets` that are shown too, in text with these words around them. */
 static const struct {
     const char *field, *before, *after;
-} rates[] = {{"wire_kbit", "wire", " kbit/s"}, {"repair_percent", "repair", " %"}};
+    bool tenths;
+} rates[] = {{"wire_kbit", "wire", " kbit/s", false},       {"repair_percent", "repair", " %", false},
+             {"video_kbit", "video", " kbit/s", false},     {"repair_kbit", "repair", " kbit/s", false},
+             {"loss_percent", "loss", " %", false},         {"run_tenths", "runs of", "", true},
+             {"freeze_ms", "longest freeze", " ms", false}};
 
 static struct book *books;
 static unsigned book_count;
@@ -133,7 +137,7 @@ static const uint64_t *number_of(const DDX_STORE_ITEM *item, const struct ddx_fr
     return (const uint64_t *)((const char *)frame->data + field->offset);
 }
 
-/* The rates at which a sender sends now. */
+/* What a stream and its link do now. */
 static void print_rates(DDX_STORE_ITEM *packets, bool json) {
     struct ddx_frame frame;
 
@@ -144,6 +148,8 @@ static void print_rates(DDX_STORE_ITEM *packets, bool json) {
 
         if (number && json)
             printf(",\"%s\":%llu", rates[i].field, (unsigned long long)*number);
+        else if (number && rates[i].tenths)
+            printf(", %s %.1f%s", rates[i].before, (double)*number / 10, rates[i].after);
         else if (number)
             printf(", %s %llu%s", rates[i].before, (unsigned long long)*number, rates[i].after);
     }

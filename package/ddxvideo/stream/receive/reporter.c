@@ -10,6 +10,7 @@
 #define FIRST_INTERVAL (40 * MS)
 #define JUMP (10000 * MS) /* a time stamp further away begins again */
 #define JUMP_REPAIR 64    /* packets lost in sequence, after which a repair packet needs the next one */
+#define RUN_LONGEST 16    /* packets; a longer run is an outage */
 #define SLOT (500 * MS)
 
 void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header,
@@ -37,13 +38,20 @@ static void rotate(struct reporter *reporter, int64_t now) {
         reporter->slot_begin = now;
 }
 
+/* `step`: from the newest number so far to this one. */
+static void expect(struct reporter *reporter, unsigned step) {
+    reporter->expected[0] += step;
+    if (step > 1)
+        reporter->run_mean += ((step <= RUN_LONGEST ? step - 1 : RUN_LONGEST) - reporter->run_mean) / 8;
+}
+
 static void arrive(struct reporter *reporter, struct reporter_stream *stream, int64_t now, uint16_t sequence) {
     rotate(reporter, now);
     reporter->received[0]++;
     if (!stream->begun)
         reporter->expected[0]++;
     else if (rtp_after(sequence, stream->highest))
-        reporter->expected[0] += (uint16_t)(sequence - stream->highest);
+        expect(reporter, (uint16_t)(sequence - stream->highest));
     if (!stream->begun || rtp_after(sequence, stream->highest))
         stream->highest = sequence;
     stream->begun = true;
@@ -105,6 +113,10 @@ static uint8_t loss_of(const struct reporter *reporter) {
         received += reporter->received[i];
     }
     return received >= expected ? 0 : (uint8_t)((expected - received) * 255u / expected);
+}
+
+unsigned reporter_loss(const struct reporter *reporter) {
+    return loss_of(reporter) * 100u / 255u;
 }
 
 int64_t reporter_deadline(const struct reporter *reporter, const struct restore *restore) {

@@ -52,6 +52,7 @@ struct reporter {
     /* losses */
     int64_t slot_begin;
     unsigned expected[REPORTER_SLOTS], received[REPORTER_SLOTS];
+    double run_mean; /* packets lost in sequence, the mean of the last runs */
 };
 
 /* `ssrc`: of this receiver, at random. `header`: bytes of IP and UDP headers, and what encryption adds. A new source
@@ -63,6 +64,9 @@ void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc
  * restore_repair() did not refuse, with its own sequence number. */
 void reporter_media(struct reporter *reporter, int64_t now, uint16_t sequence, uint32_t time, bool marker);
 void reporter_repair(struct reporter *reporter, int64_t now, uint16_t sequence);
+
+/* Loss of the last 2 s in percent. */
+unsigned reporter_loss(const struct reporter *reporter);
 
 /* Write the report that is due to to[REPORT_MAX]. Returns its size; 0: none is due. */
 size_t reporter_next(struct reporter *reporter, int64_t now, const struct restore *restore, uint8_t *to);

@@ -11,7 +11,7 @@
 #include "show.h"
 
 static const char *const reasons[] = VIEWER_REASONS;
-static const char *const names[] = {INTAKE_NAMES, GUARD_NAMES, ANSWER_NAMES};
+static const char *const names[] = {INTAKE_NAMES, GUARD_NAMES, ANSWER_NAMES, LINK_NAMES};
 
 #define MS INT64_C(1000000)
 #define NS INT64_C(1000000000)
@@ -29,12 +29,23 @@ static void fail(struct viewer *viewer, const char *what, const char *why) {
 
 /* ---- Frames ---- */
 
+/* What the link does now. */
+static uint64_t *link_of(struct viewer *viewer) {
+    uint64_t *figures = viewer->packets + INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS;
+
+    link_figures(&viewer->link, ddx_time_now(), figures);
+    figures[LINK_LOSS] = reporter_loss(&viewer->answer.reporter);
+    figures[LINK_RUN] = (uint64_t)(viewer->answer.reporter.run_mean * 10 + 0.5);
+    return figures;
+}
+
 static void show_counters(struct viewer *viewer) {
     uint64_t *to = viewer->packets;
 
     memcpy(to, viewer->intake.count, sizeof viewer->intake.count);
     memcpy(to + INTAKE_COUNTS, viewer->guard.count, sizeof viewer->guard.count);
     memcpy(to + INTAKE_COUNTS + GUARD_COUNTS, viewer->answer.count, sizeof viewer->answer.count);
+    link_of(viewer);
     counters_write(&viewer->counters);
 }
 
@@ -101,6 +112,7 @@ static void handle(struct viewer *viewer, const struct assembly_frame *frame) {
     if (!viewer->done)
         record(viewer, frame);
     if (picture) {
+        link_shown(&viewer->link, !viewer->shown, ddx_time_now());
         viewer->shown = true;
         show_picture(viewer, frame, picture, damaged || (frame->damaged && viewer->conceal));
     } else {
@@ -137,6 +149,7 @@ static bool read_packet(struct viewer *viewer, enum inlet_port port) {
 
     if (came < 0)
         return false;
+    link_packet(&viewer->link, port == INLET_REPAIR, size, now);
     if (port == INLET_REPAIR && guard_repair(&viewer->guard, data, &size) &&
         intake_put_repair(&viewer->intake, data, size))
         answer_repair(&viewer->answer, data, size, now);
@@ -192,6 +205,13 @@ static void report(struct viewer *viewer) {
                 decoder_wants_renewal(&viewer->decoder), ddx_time_now());
 }
 
+static void tell_link(struct viewer *viewer) {
+    char text[LINK_TEXT_MAX];
+
+    if (link_says(&viewer->link, ddx_time_now(), link_of(viewer), text))
+        say("%s", text);
+}
+
 /* Counts packets that give no frame, and reports in a line why they are refused. */
 static void tell_refused(struct viewer *viewer) {
     char text[GUARD_TEXT_MAX];
@@ -213,6 +233,7 @@ static void view(struct viewer *viewer) {
         take_frames(viewer);
         report(viewer);
         tell_refused(viewer);
+        tell_link(viewer);
         put_on_screen(viewer);
         if (viewer->screen.tick && !viewer->screen.tick(viewer->screen.to))
             viewer->done = true;

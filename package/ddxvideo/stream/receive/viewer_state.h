@@ -12,6 +12,7 @@
 #include "guard.h"
 #include "inlet.h"
 #include "intake.h"
+#include "link.h"
 #include "movie.h"
 #include "output.h"
 #include "program.h"
@@ -54,7 +55,8 @@ struct viewer {
     DDX_STORE_ID *id; /* NULL: no store here */
     DDX_STATS_BOOK *book;
     struct counters counters;
-    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS]; /* values of the counters */
+    uint64_t packets[INTAKE_COUNTS + GUARD_COUNTS + ANSWER_COUNTS + LINK_COUNTS]; /* values of the counters */
+    struct link link;
     struct intake intake;
     struct answer answer;
     struct decoder decoder;

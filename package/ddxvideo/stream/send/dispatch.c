@@ -296,6 +296,7 @@ static bool send_media(struct dispatch *dispatch, int64_t now, uint8_t *to, size
     *size = slot->size;
     repair_window_add(&dispatch->window, dispatch->esi, slot->frame, slot->data, slot->size);
     dispatch->count[DISPATCH_SENT]++;
+    dispatch->count[DISPATCH_MEDIA_BYTES] += media_bytes(dispatch);
     dispatch->count[DISPATCH_BYTES] += media_bytes(dispatch);
     history_add(&dispatch->feedback.sent, dispatch->esi, sent_at(dispatch, now), slot->written,
                 dispatch->count[DISPATCH_BYTES]);

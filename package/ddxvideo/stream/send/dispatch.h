@@ -33,6 +33,7 @@ enum dispatch_count {
     DISPATCH_SENT,
     DISPATCH_DROPPED, /* no room in the queue, or not an RTP packet */
     DISPATCH_REPAIRS, /* repair packets sent */
+    DISPATCH_MEDIA_BYTES, /* of media packets, IP and UDP headers included */
     DISPATCH_BYTES,   /* of everything sent, IP and UDP headers included */
     DISPATCH_OTHERS,  /* dispatch_other(): packets that may be sent, and packets that the budget could not pay for */
     DISPATCH_OTHERS_LOST,

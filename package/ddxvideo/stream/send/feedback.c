@@ -178,6 +178,18 @@ static double worst_loss(const struct feedback *feedback, int64_t now) {
     return worst;
 }
 
+void feedback_losses(const struct feedback *feedback, int64_t now, double *loss, double *run) {
+    *loss = *run = 0;
+    for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
+        const struct deficit *deficit = &feedback->reporter[i].deficit;
+
+        if (!is_active(&feedback->reporter[i], now))
+            continue;
+        *loss = deficit->loss > *loss ? deficit->loss : *loss;
+        *run = deficit->run_mean > *run ? deficit->run_mean : *run;
+    }
+}
+
 bool feedback_has_runs(const struct feedback *feedback, int64_t now) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         const struct deficit *deficit = &feedback->reporter[i].deficit;

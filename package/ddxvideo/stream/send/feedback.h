@@ -73,6 +73,9 @@ bool feedback_is_calm(const struct feedback *feedback, int64_t now);
 /* Number of repair packets that are wanted now; *first: the oldest media packet that they must cover. */
 unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first);
 
+/* The loss of the worst receiver that reports, 0 to 1, and the longest mean of lost packets in sequence; 0: none. */
+void feedback_losses(const struct feedback *feedback, int64_t now, double *loss, double *run);
+
 /* Whether a receiver's losses come in runs. */
 bool feedback_has_runs(const struct feedback *feedback, int64_t now);
 

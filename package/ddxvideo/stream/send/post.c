@@ -193,6 +193,12 @@ void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t
     pthread_mutex_unlock(&post->lock);
 }
 
+void post_losses(struct post *post, double *loss, double *run) {
+    pthread_mutex_lock(&post->lock);
+    feedback_losses(&post->dispatch.feedback, ddx_time_now(), loss, run);
+    pthread_mutex_unlock(&post->lock);
+}
+
 /* Whether frames wait that can still be sent. */
 static bool waits(struct post *post) {
     pthread_mutex_lock(&post->lock);

@@ -69,6 +69,9 @@ struct post_outcome post_collect(struct post *post);
 void post_counts(struct post *post, uint64_t dispatch[DISPATCH_COUNTS], uint64_t feedback[FEEDBACK_COUNTS],
                  struct outlet *outlet);
 
+/* Loss of the worst receiver, and lost packets in sequence: feedback_losses(). */
+void post_losses(struct post *post, double *loss, double *run);
+
 /* Send waiting packets, for at most one frame interval, and stop the thread. The rest is lost, and counted. */
 void post_stop(struct post *post);
 

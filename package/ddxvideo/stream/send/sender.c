@@ -15,7 +15,8 @@ static const char *const reasons[] = {"store", "encode", "network", "rate", NULL
 static const char *const names[SENDER_COUNTS] = {
     "packets", "bytes",      "lost_busy", "lost_route",     "lost_other",  "media",
     "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost",
-    "others",  "others_lost", "wire_kbit", "repair_percent"};
+    "others",  "others_lost", "wire_kbit", "repair_percent", "video_kbit", "loss_percent",
+    "run_tenths"};
 
 #define WAITING INT64_C(1000000000) /* ns until the sender reports that it waits for the item */
 #define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
@@ -57,16 +58,20 @@ static void measure_rate(struct sender_rate *rate, const uint64_t dispatch[DISPA
         return;
     *rate = (struct sender_rate){
         .kbit = (bytes - rate->bytes) * 8 * (SECOND / 1000) / (uint64_t)passed,
+        .video = (dispatch[DISPATCH_MEDIA_BYTES] - rate->media_bytes) * 8 * (SECOND / 1000) / (uint64_t)passed,
         .percent = media > rate->media ? (repairs - rate->repairs) * 100 / (media - rate->media) : 0,
         .begin = now,
         .bytes = bytes,
+        .media_bytes = dispatch[DISPATCH_MEDIA_BYTES],
         .media = media,
         .repairs = repairs};
 }
 
 static void show_counts(struct sender *sender) {
     uint64_t dispatch[DISPATCH_COUNTS], feedback[FEEDBACK_COUNTS];
+    double loss, run;
 
+    post_losses(&sender->post, &loss, &run);
     post_counts(&sender->post, dispatch, feedback, &sender->sent);
     const struct outlet *outlet = &sender->sent;
     measure_rate(&sender->rate, dispatch, ddx_time_now());
@@ -86,7 +91,10 @@ static void show_counts(struct sender *sender) {
                                          dispatch[DISPATCH_OTHERS],
                                          dispatch[DISPATCH_OTHERS_LOST],
                                          sender->rate.kbit,
-                                         sender->rate.percent};
+                                         sender->rate.percent,
+                                         sender->rate.video,
+                                         (uint64_t)(loss * 100 + 0.5),
+                                         (uint64_t)(run * 10 + 0.5)};
 
     memcpy(sender->counts, now, sizeof now);
 }

@@ -12,14 +12,15 @@
 #include "program.h"
 #include "ts.h"
 
-#define SENDER_COUNTS 17
+#define SENDER_COUNTS 20
 
 /* The current rate: of the last whole second, and the start of the next one. */
 struct sender_rate {
     uint64_t kbit;    /* per second, IP and UDP headers included */
     uint64_t percent; /* repair packets for each 100 media packets */
+    uint64_t video;   /* kbit/s of media packets */
     int64_t begin;
-    uint64_t bytes, media, repairs;
+    uint64_t bytes, media_bytes, media, repairs;
 };
 
 struct sender {
