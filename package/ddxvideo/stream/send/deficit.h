@@ -60,8 +60,8 @@ struct deficit {
 
 /*
  * Use a report. 0; -EBADMSG if nothing was sent, or if packets arrived before they were sent, by its claim; -ESTALE if
- * it is older than a former report, or about forgotten packets. Packets up to REPORT_AHEAD ahead, and repair packets that
- * were never sent, are left out: without a key, forged repair packets can make a receiver report them.
+ * it is older than a former report, or about forgotten packets. Packets up to REPORT_AHEAD ahead, and repair packets
+ * that were never sent, are left out: without a key, forged repair packets can make a receiver report them.
  */
 int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,
                    const struct report *report);
