@@ -31,8 +31,8 @@ store -m 64M > /dev/null 2>&1 & store=$!
 until ddxctl list > /dev/null 2>&1; do sleep 0.1; done
 ddxvideoload clip.y4m -loop > /dev/null 2>&1 & loader=$!
 until ddxctl list | grep -q video; do sleep 0.1; done
-timeout 3 ./reader > c.txt || test $? = 124
-timeout 3 python3 reader.py > python.txt || test $? = 124
+timeout 3 stdbuf -oL ./reader > c.txt || test $? = 124
+timeout 3 python3 -u reader.py > python.txt || test $? = 124
 kill "$loader" "$store"
 test "$(wc -l < c.txt)" -gt 25 && test "$(wc -l < python.txt)" -gt 10
 """
