@@ -60,7 +60,8 @@ def test_long_keys(begin: Begin, laptop: Laptop) -> None:
     read(attacker, 1)
     wait_until(lambda: [one["items"] for one in robot.shown()["machines"]] == [1])
     assert refused(robot) == KEYS and not grows(robot, before)
-    assert re.search(r"machine m1 \(1\): its record of [0-9]+x+ is left out", robot.desk.errors(robot.catalog))
+    # The records may come before the one with the machine's name.
+    assert re.search(r"machine (m1|\?) \(1\): its record of [0-9]+x+ is left out", robot.desk.errors(robot.catalog))
 
 
 def test_a_flood_of_records(begin: Begin, laptop: Laptop) -> None:
