@@ -102,8 +102,10 @@ def _add(name: str, made: pathlib.Path, root: pathlib.Path) -> None:
 
 def compile_package(out: pathlib.Path, sources: pathlib.Path, options: Sequence[str], env: dict[str, str]) -> bool:
     """Configure a package where that is needed, and compile it; returns whether anything was compiled."""
-    place, words = out / "place", "\n".join([str(out), str(sources), *options])
-    # meson and ninja keep absolute paths: a clone that was moved or copied is configured again.
+    found_in = env.get("PKG_CONFIG_SYSROOT_DIR", "")
+    place, words = out / "place", "\n".join([str(out), str(sources), found_in, *options])
+    # meson and ninja keep absolute paths, also those of other packages: a clone that was moved or copied is configured
+    # again, and so is a package that is now built with another install tree.
     if (out / "build.ninja").exists() and not (place.exists() and place.read_text() == words):
         shutil.rmtree(out)
     if not (out / "build.ninja").exists():
