@@ -82,10 +82,11 @@ def install(prefix: str, destination: str) -> None:
     stage = OUTPUT / "desktop/stage"
     shutil.rmtree(stage, ignore_errors=True)
     build(prefix, stage)
-    # Copied in one step, so that only this step needs sudo; without the owner, which is then root.
+    # Copied in one step, so that only this step needs sudo. The owner is then root, and folders that are there, such as
+    # /usr/local/lib of group staff, keep their modes: cp --preserve would change them.
     target = pathlib.Path(destination or "/")
     run([*sudo, "mkdir", "-p", target])
-    run([*sudo, "cp", "-R", "--no-dereference", "--preserve=mode,timestamps,links", f"{stage}/.", target])
+    run([*sudo, "cp", "-R", "--no-dereference", f"{stage}/.", target])
     if not destination and (sudo or os.geteuid() == 0):
         run([*sudo, "ldconfig"])
     say(f"desktop: installed in {destination}{prefix}")
@@ -104,6 +105,7 @@ def main() -> int:
     destination = sys.argv[2] if len(sys.argv) > 2 else ""
     if not prefix.startswith("/") or destination and not destination.startswith("/"):
         raise Failed("PREFIX and DESTDIR are absolute paths")
+    os.umask(0o022)  # what is installed is for all users
     install(prefix.rstrip("/") or "/", destination)
     if not destination:
         search_path(prefix)

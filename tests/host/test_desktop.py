@@ -23,7 +23,10 @@ PYTHON = ["/usr/bin/python3", "-B"]
 @pytest.fixture(scope="module")
 def installed(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
     folder = tmp_path_factory.mktemp("desktop")
-    subprocess.run(["make", "-s", "desktop", "PREFIX=/opt/ddx", f"DESTDIR={folder}"], cwd=TOP, check=True, timeout=600)
+    (folder / "opt/ddx/share/man").mkdir(parents=True)
+    (folder / "opt/ddx/share/man").chmod(0o2775)
+    subprocess.run(["make", "-s", "desktop", "PREFIX=/opt/ddx", f"DESTDIR={folder}"], cwd=TOP, check=True, timeout=600,
+                   umask=0o077)
     return folder
 
 
@@ -36,6 +39,14 @@ def test_desktop_stays_below_its_prefix(installed: pathlib.Path) -> None:
     entry = (installed / "opt/ddx/share/applications/ddxvideoview.desktop").read_text()
     assert "Exec=/opt/ddx/bin/ddxvideoview %f" in entry.splitlines()
     assert not [name for name in files if "init.d" in name or "default" in name]
+
+
+def test_desktop_is_for_all_users_and_leaves_folders_as_they_are(installed: pathlib.Path) -> None:
+    """Whatever the user's umask is."""
+    there = installed / "opt/ddx/share/man"
+    assert there.stat().st_mode & 0o7777 == 0o2775
+    assert not [path for path in (installed / "opt/ddx").rglob("*")
+                if not path.is_symlink() and path.stat().st_mode & 0o044 != 0o044]
 
 
 def test_each_installed_program_has_a_page_for_man(installed: pathlib.Path) -> None:
