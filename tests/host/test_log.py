@@ -180,19 +180,23 @@ def test_losses_are_exact(desk: Desk, compile_client: Compiler) -> None:
 
 SLOW = """
 #define _GNU_SOURCE
-#include <dlfcn.h>
+#include <stdlib.h>
 #include <unistd.h>
-int fdatasync(int fd) { (void)fd; usleep(1500000); return 0; }
+int fdatasync(int fd) { (void)fd; while (access(getenv("DDX_RELEASE"), F_OK)) usleep(10000); return 0; }
 """
 
 
 def test_a_slow_disk_does_not_delay_the_store(desk: Desk, compile_client: Compiler) -> None:
-    """Each flush takes 1.5 s and the queue is small: values are lost and counted there, none in the store."""
+    """A flush lasts until the writer has finished, and the queue is small: values are lost and counted there, none in
+    the store."""
+    release = desk.folder / "release"
     (desk.folder / "slow.c").write_text(SLOW)
     subprocess.run(["gcc", "-shared", "-fPIC", "slow.c", "-o", "slow.so"], cwd=desk.folder, check=True)
-    logger = begin(desk, CONFIG + "queue 64K\n", wrapper=("env", f"LD_PRELOAD={desk.folder}/slow.so"))
+    logger = begin(desk, CONFIG + "queue 64K\n",
+                   wrapper=("env", f"LD_PRELOAD={desk.folder}/slow.so", f"DDX_RELEASE={release}"))
     writer = write(desk, compile_client, "imu", 1500, 2000)
     expected = written(desk, writer)
+    release.touch()
     status, counters = stop(logger)
     log = logs.read(only(desk))
     found = [one.value.number for one in log.values["imu"]]
