@@ -9,8 +9,6 @@ import pytest
 
 from parts.common import TOP
 
-from .layers import TABLES, layers
-
 PARTS = TOP / "tools/parts"
 # Lowest first; modules in one line do not use each other.
 LAYERS = [{"common"}, {"defects", "processes", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},
@@ -94,92 +92,85 @@ def circle(known: dict[str, set[str]]) -> list[str]:
     return []
 
 
-def complaints(folder: pathlib.Path, table: list[set[str]]) -> list[str]:
-    called, included = calls(folder), includes(folder)
-    level = {name: number for number, layer in enumerate(table) for name in layer}
-    found = [f"{name}: not in one of the layers, or not there" for name in included.keys() ^ level.keys()]
-    for verb, known in [("includes", included), ("calls", called)]:
-        found += [f"{name} {verb} {other}" for name, others in known.items() for other in others
-                  if level.get(name, 0) < level.get(other, 0)]
-    beside = {name: {other for other in included[name] | called.get(name, set()) if level.get(name) == level.get(other)}
-              for name in included}
-    return sorted(found + circle(beside))
+# Folders of C sources, lowest first; folders in one line do not include each other.
+FOLDERS = """
+    ddx/include
+    ddx/form ddx/lib ddx/program
+    ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxvideo/include
+    ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxvideo/common
+    ddxcatalog/catalog ddxlog ddxvideo/draw ddxvideo/grab ddxvideo/save/pool ddxvideo/stream
+    ddxcatalog ddxvideo/grab/iidc ddxvideo/grab/v4l ddxvideo/health ddxvideo/load ddxvideo/play ddxvideo/recordings
+    ddxvideo/save ddxvideo/stereo ddxvideo/stream/receive ddxvideo/stream/send ddxvideo/stream/snap
+    ddxvideo/view
+"""
 
 
-def c_folders(top: pathlib.Path) -> list[str]:
-    """Folders of several modules, where circles are possible."""
-    folders = sorted({path.parent for path in top.glob("package/**/*.[ch]")})
-    return [str(folder.relative_to(top)) for folder in folders if len(includes(folder)) > 1]
-
-
-def test_each_folder_has_its_layers() -> None:
-    assert c_folders(TOP) == sorted(TABLES)
-
-
-@pytest.mark.parametrize("folder", TABLES)
-def test_c_modules_use_only_lower_layers(folder: str) -> None:
-    assert complaints(TOP / folder, layers(folder)) == []
-
-
-def test_an_include_upwards_is_found(tmp_path: pathlib.Path) -> None:
-    table = [{"low", "below"}, {"middle"}, {"high", "beside"}]
-    for name in ["low.h", "below.h", "middle.h", "high.h", "beside.h"]:
-        (tmp_path / name).write_text("")
-    (tmp_path / "middle.c").write_text('#include "middle.h"\n#include "low.h"\n#include "../far/high.h"\n')
-    (tmp_path / "high.c").write_text('#include "high.h"\n#include "beside.h"\n')
-    assert complaints(tmp_path, table) == []
-    (tmp_path / "low.c").write_text('#include <stdio.h>\n#include "middle.h"\n')
-    (tmp_path / "beside.c").write_text('#include "high.h"\n')
-    (tmp_path / "stray.h").write_text("")
-    assert complaints(tmp_path, table) == ["circle: beside high", "low includes middle",
-                                           "stray: not in one of the layers, or not there"]
-
-
-def test_a_call_upwards_is_found(tmp_path: pathlib.Path) -> None:
-    """Includes do not show calls between files whose functions are declared in one header."""
-    (tmp_path / "state.h").write_text("int low(void);\nstruct state *high(int count);\nint right(void);\n")
-    (tmp_path / "low.c").write_text('#include "state.h"\nint low(void) {\n    return 0;\n}\n')
-    (tmp_path / "high.c").write_text('#include "state.h"\nstatic int own(void) {\n    return low();\n}\n'
-                                     "struct state *high(int count) {\n    return count ? 0 : state(own);\n}\n")
-    (tmp_path / "right.c").write_text("int right(void) {\n    return 0;\n}\n")
-    table = [{"state"}, {"low"}, {"high", "right"}]
-    assert complaints(tmp_path, table) == []
-    (tmp_path / "low.c").write_text("int low(void) {\n    /* right */ return start->right + start(high);\n}\n")
-    (tmp_path / "right.c").write_text("int right(void) {\n    return *high(1);\n}\n")
-    assert complaints(tmp_path, table) == ["low calls high"]
-    (tmp_path / "high.c").write_text("struct state *high(int count) {\n    return right();\n}\n")
-    assert complaints(tmp_path, table) == ["circle: high right", "low calls high"]
-
-
-def between(top: pathlib.Path) -> dict[str, set[str]]:
-    """The folders from which each folder includes; names of headers in several folders are ignored."""
+def ups(top: pathlib.Path, table: str) -> list[str]:
+    """Folders that are not in the table, or not there, and includes from a folder that is not below."""
+    level = {f"package/{name}": number for number, line in enumerate(table.splitlines()) for name in line.split()}
     files = sorted(top.glob("package/**/*.[ch]"))
-    homes: dict[str, set[pathlib.Path]] = {}
+    homes: dict[str, set[str]] = {}
     for path in files:
-        homes.setdefault(path.name, set()).add(path.parent)
-    found: dict[str, set[str]] = {}
+        homes.setdefault(path.name, set()).add(str(path.parent.relative_to(top)))
+    found = [f"{name}: not in one of the layers, or not there" for name in set().union(*homes.values()) ^ level.keys()]
     for path in files:
-        for name in re.findall(r'^ *# *include ["<](\w+\.h)[">]', path.read_text(), re.MULTILINE):
-            home = homes.get(name, set())
-            if len(home) == 1 and path.parent not in home:
-                found.setdefault(str(path.parent.relative_to(top)), set()).add(str(min(home).relative_to(top)))
+        mine = str(path.parent.relative_to(top))
+        for name in re.findall(r'^ *# *include ["<](?:\.\.[\w./]*/)?(\w+\.h)[">]', path.read_text(), re.MULTILINE):
+            home = homes.get(name, {mine})  # several: the build's include paths choose
+            if mine not in home and all(level.get(one, 0) >= level.get(mine, 0) for one in home):
+                found.append(f"{mine}/{path.name} includes {name}")
+    return sorted(found)
+
+
+def circles(top: pathlib.Path) -> list[str]:
+    """Modules of one folder that include or call each other in a circle."""
+    found = []
+    for folder in sorted({path.parent for path in top.glob("package/**/*.[ch]")}):
+        called = calls(folder)
+        found += circle({name: (others | called.get(name, set())) - {name} for name, others in includes(folder).items()})
     return found
 
 
-def test_folders_include_each_other_in_one_direction() -> None:
-    known = between(TOP)
-    assert "package/ddxvideo/save/pool" in known["package/ddxvideo/save"]
-    assert circle(known) == []
+def test_c_folders_include_only_lower_folders() -> None:
+    assert ups(TOP, FOLDERS) == []
 
 
-def test_a_circle_of_folders_is_found(tmp_path: pathlib.Path) -> None:
-    for name, text in [("save/pool/pool.h", ""), ("save/pool/pool.c", '#include "pool.h"\n'), ("save/segment.h", ""),
-                       ("save/segment.c", '#include "pool.h"\n#include <stdio.h>\n')]:
-        (tmp_path / "package" / name).parent.mkdir(parents=True, exist_ok=True)
-        (tmp_path / "package" / name).write_text(text)
-    assert circle(between(tmp_path)) == []
-    (tmp_path / "package/save/pool/pool.h").write_text("#include <segment.h>\n")
-    assert circle(between(tmp_path)) == ["circle: package/save package/save/pool"]
+def test_c_modules_form_no_circle() -> None:
+    assert circles(TOP) == []
+
+
+def write(top: pathlib.Path, files: dict[str, str]) -> None:
+    for name, text in files.items():
+        (top / "package" / name).parent.mkdir(parents=True, exist_ok=True)
+        (top / "package" / name).write_text(text)
+
+
+def test_an_include_upwards_is_found(tmp_path: pathlib.Path) -> None:
+    table = "low\nsave/pool load\nsave"
+    write(tmp_path, {"low/output.h": "", "save/pool/pool.c": '#include "pool.h"\n#include <output.h>\n',
+                     "save/pool/pool.h": "", "save/output.h": "", "load/main.c": '#include "../low/output.h"\n',
+                     "save/segment.h": "", "save/segment.c": '#include <stdio.h>\n#include "pool.h"\n'})
+    assert ups(tmp_path, table) == []
+    write(tmp_path, {"save/pool/pool.h": "#include <segment.h>\n", "load/main.c": '# include "../save/pool/pool.h"\n',
+                     "stray/main.c": ""})
+    assert ups(tmp_path, table) == ["package/load/main.c includes pool.h", "package/save/pool/pool.h includes segment.h",
+                                    "package/stray: not in one of the layers, or not there"]
+
+
+def test_a_circle_is_found(tmp_path: pathlib.Path) -> None:
+    """Includes do not show calls between files whose functions are declared in one header."""
+    write(tmp_path, {"one/low.h": "", "one/low.c": '#include "low.h"\n#include "../two/high.h"\n', "one/high.h": "",
+                     "one/high.c": '#include "high.h"\n#include "low.h"\n',
+                     "two/state.h": "int low(void);\nstruct state *high(int count);\n",
+                     "two/low.c": '#include "state.h"\nint low(void) {\n    return 0;\n}\n',
+                     "two/high.c": "static int own(void) {\n    return low();\n}\n"
+                                   "struct state *high(int count) {\n    return count ? 0 : state(own);\n}\n"})
+    assert circles(tmp_path) == []
+    write(tmp_path, {"one/low.h": '#include "high.h"\n',
+                     "two/low.c": "int low(void) {\n    /* low */ return *high(1);\n}\n"})
+    assert circles(tmp_path) == ["circle: high low", "circle: high low"]
+    write(tmp_path, {"one/low.h": "", "two/low.c": "int low(void) {\n    /* high() */ return start->high;\n}\n"})
+    assert circles(tmp_path) == []
 
 
 # Words that only one folder may use; others use that folder's header.
