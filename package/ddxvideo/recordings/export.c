@@ -13,7 +13,7 @@
 
 #include "bytes.h"
 #include "crc32c.h"
-#include "pool_lock.h"
+#include "pool_files.h"
 #include "program.h"
 #include "verify.h"
 

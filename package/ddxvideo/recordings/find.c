@@ -11,7 +11,6 @@
 
 #include "find_file.h"
 #include "pool_files.h"
-#include "pool_lock.h"
 
 #define LOOKS_MAX 10
 

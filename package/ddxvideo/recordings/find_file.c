@@ -11,7 +11,6 @@
 #include <unistd.h>
 
 #include "pool_files.h"
-#include "pool_lock.h"
 #include "pool_names.h"
 #include "schedule.h"
 #include "y4m.h"

@@ -2,7 +2,6 @@
 /* ddxvideosave: records a video item of the store. */
 #include <string.h>
 
-#include "commands.h"
 #include "recorder.h"
 #include "schedule.h"
 

@@ -2,13 +2,235 @@
 /* The reading side of ddxvideosave, from start to end. */
 #include "recorder.h"
 
+#include <ddx_stats.h>
+#include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <stdio.h>
 #include <string.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
-#include "commands.h"
-#include "recorder_file.h"
-#include "recorder_frames.h"
-#include "repair_plain.h"
+#include "output.h"
+#include "program.h"
+#include "video_layout.h"
+#include "y4m.h"
+
+/* ---- Repair of plain files ---- */
+
+/* Repairs recordings that a killed recorder left in plain files (those of a pool: pool.h). */
+
+/* Its complete frames, and the bytes up to the end of the last one. -1: not a recording of ours. */
+static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
+    struct y4m_header header;
+    char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
+    int64_t frames = 0;
+
+    *whole = 0;
+    if (!fgets(line, sizeof line, file) || !strchr(line, '\n'))
+        return 0;
+    *strchr(line, '\n') = 0;
+    if (!y4m_parse_header(line, Y4M_SAME, &header, error) || !y4m_is_plain(&header))
+        return -1;
+    const int64_t bytes = (int64_t)video_layout_bytes(&header.geometry);
+    while (fgets(line, sizeof line, file) && strchr(line, '\n')) {
+        if (strncmp(line, "FRAME", 5))
+            return -1;
+        int64_t end = ftello(file) + bytes;
+        if (end > size || fseeko(file, end, SEEK_SET))
+            break;
+        *whole = end;
+        frames++;
+    }
+    return frames;
+}
+
+/* Repairs a file that no recorder uses; `own`: it is certainly a recording. Returns its frames; -1: not a recording. */
+static int64_t mend(const char *folder, int at, const char *name, bool own) {
+    struct stat status;
+    int64_t whole, frames = -1;
+    int fd = openat(at, name, O_RDWR | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    FILE *file = fd < 0 || flock(fd, LOCK_EX | LOCK_NB) || fstat(fd, &status) || !S_ISREG(status.st_mode)
+                     ? NULL
+                     : fdopen(fd, "r");
+
+    if (!file) {
+        if (fd >= 0)
+            close(fd);
+        return -1;
+    }
+    frames = count_frames(file, status.st_size, &whole);
+    if (own && !frames && !unlinkat(at, name, 0))
+        say("%s/%s: was left without a whole frame; removed", folder, name);
+    else if (frames > 0 && whole < status.st_size && !ftruncate(fd, whole))
+        say("%s/%s: was left within a frame; cut after its last whole one, it has %lld", folder, name,
+            (long long)frames);
+    fclose(file);
+    return frames;
+}
+
+/* Finds the file that the counters name, or without counters the newest recording. False: there is none. */
+static bool find_left(const struct output *output, DIR *list, const DDX_STATS *stats, char name[NAME_MAX + 1]) {
+    struct stat status;
+    long highest = 0;
+
+    *name = 0;
+    rewinddir(list);
+    for (const struct dirent *entry = readdir(list); entry; entry = readdir(list)) {
+        long number = output_number(output, entry->d_name);
+        bool found = stats ? !fstatat(dirfd(list), entry->d_name, &status, AT_SYMLINK_NOFOLLOW) &&
+                                 status.st_ino == stats->file_inode && status.st_dev == stats->file_device
+                           : number > highest;
+
+        if (!found)
+            continue;
+        strcpy(name, entry->d_name);
+        highest = number;
+        if (stats)
+            return true;
+    }
+    return *name;
+}
+
+/*
+ * Cuts the file that a former recorder was writing after its last whole frame, and reports it; removes a file without a
+ * frame. Repaired are the file that the counters name, if it is in this folder, and in a folder also the newest
+ * recording of this item. A file that another program records into is left alone. Frames of the former file that were
+ * written, but not counted, are counted as out.
+ */
+static void repair_plain_files(const struct output *output, DDX_STATS_BOOK *book) {
+    DDX_STATS stats;
+    char folder[PATH_MAX], name[NAME_MAX + 1];
+    uint64_t found = 0;
+
+    output_folder(output, folder);
+    ddx_stats_get(book, &stats);
+    DIR *list = opendir(folder);
+    if (list && stats.file_inode && find_left(output, list, &stats, name)) {
+        int64_t frames = mend(folder, dirfd(list), name, true);
+        uint64_t counted = stats.out - stats.file_out;
+
+        if (frames > 0 && (uint64_t)frames > counted)
+            found = (uint64_t)frames - counted;
+    }
+    if (list && output->is_folder && find_left(output, list, NULL, name))
+        mend(folder, dirfd(list), name, false);
+    if (list)
+        closedir(list);
+    ddx_stats_found(book, found);
+}
+
+/* ---- Commands ---- */
+
+/*
+ * Commands to a running recorder (ddx_request.h, item: the recorder's instance; `ddxctl record`):
+ *
+ *     recording=0   stop: frames are left out, and counted as skipped;  recording=1   continue, in a new file
+ *     split=1       the next frame begins a new recording; no frame is lost
+ *     pre_roll=N    while it is stopped, keep the last N seconds in memory, and record them first when it continues
+ */
+
+struct command {
+    const char *name;
+    int64_t minimum, maximum;
+    void (*execute)(struct recorder *recorder, int64_t value);
+};
+
+static void set_recording(struct recorder *recorder, int64_t value) {
+    if (recorder->paused != !value)
+        say("%s", value ? "recording continues, by request" : "recording stops, by request; frames are skipped");
+    recorder_set_paused(recorder, !value);
+}
+
+static void split(struct recorder *recorder, int64_t value) {
+    (void)value;
+    if (recorder->pool && recorder->recording)
+        recording_split(recorder->recording);
+    else
+        recorder_end_file(recorder);
+}
+
+static void set_pre_roll(struct recorder *recorder, int64_t value) {
+    recorder->preroll.seconds = value;
+}
+
+static const struct command commands[] = {
+    {"recording", 0, 1, set_recording},
+    {"split", 1, 1, split},
+    {"pre_roll", 0, PRE_ROLL_MAX, set_pre_roll},
+};
+
+static const struct command *find_command(const char *name) {
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
+        if (!strcmp(commands[i].name, name))
+            return &commands[i];
+    return NULL;
+}
+
+/* 0, or -errno with the reason in text. */
+static int check_request(const struct recorder *recorder, const DDX_REQUEST *request, char text[DDX_ANSWER_TEXT]) {
+    for (unsigned i = 0; i < request->count; i++) {
+        const char *name = request->change[i].name;
+        int64_t value = request->change[i].value;
+        const struct command *command = find_command(name);
+
+        if (!command) {
+            snprintf(text, DDX_ANSWER_TEXT, "%s: no such parameter", name);
+            return -EINVAL;
+        }
+        if (value < command->minimum || value > command->maximum) {
+            snprintf(text, DDX_ANSWER_TEXT, "%s: takes a whole number from %" PRId64 " to %" PRId64 ", not %" PRId64,
+                     name, command->minimum, command->maximum, value);
+            return -ERANGE;
+        }
+        if (!recorder->output.is_folder) {
+            snprintf(text, DDX_ANSWER_TEXT, "%s: records into one file; with a folder as -output there can be several",
+                     name);
+            return -EACCES;
+        }
+        int64_t fits = recorder->geometry.width /* otherwise not known yet; a later line reports it */
+                           ? preroll_seconds_max(&recorder->geometry, recorder_ring_frames(recorder))
+                           : PRE_ROLL_MAX;
+        if (command->execute == set_pre_roll && value > fits) {
+            snprintf(text, DDX_ANSWER_TEXT, "%s: %" PRId64 " s do not fit into memory, %" PRId64 " s do; more: -ring",
+                     name, value, fits);
+            return -ERANGE;
+        }
+        if (command->execute == split && recorder->paused) {
+            snprintf(text, DDX_ANSWER_TEXT, "%s: it does not record now", name);
+            return -EACCES;
+        }
+    }
+    return 0;
+}
+
+/* Takes commands from now on; if the store has no memory for that, a line reports it. */
+static void commands_open(struct recorder *recorder, DDX_STORE_ID *id) {
+    recorder->requests = ddx_requests_open(id, recorder->program.instance);
+    if (!recorder->requests)
+        say("%s: cannot receive commands: %s", recorder->program.instance, ddx_error_text(-errno));
+}
+
+/* Carries out the next command, if there is one. Waits only for a former recording that is still being written. */
+static void commands_tick(struct recorder *recorder) {
+    DDX_REQUEST request;
+    char text[DDX_ANSWER_TEXT] = "";
+
+    if (!recorder->requests || ddx_requests_take(recorder->requests, &request))
+        return;
+    int status = check_request(recorder, &request, text);
+    for (unsigned i = 0; !status && i < request.count; i++)
+        find_command(request.change[i].name)->execute(recorder, request.change[i].value);
+    ddx_requests_answer(recorder->requests, status, text);
+}
+
+static void commands_close(struct recorder *recorder) {
+    ddx_requests_close(recorder->requests);
+}
+
+/* ---- Frames ---- */
 
 static const char *const reasons[] = {"store", "ring", "write", NULL};
 

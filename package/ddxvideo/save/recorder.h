@@ -3,7 +3,9 @@
 #ifndef DDXVIDEO_RECORDER_H
 #define DDXVIDEO_RECORDER_H
 
-#include "recorder_state.h"
+#include "recorder_frames.h"
+
+#define PRE_ROLL_MAX 600 /* s */
 
 /* Record until a stop is requested. Returns the exit status. */
 int recorder_run(struct recorder *recorder);

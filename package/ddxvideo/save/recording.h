@@ -6,7 +6,30 @@
 #ifndef DDXVIDEO_RECORDING_H
 #define DDXVIDEO_RECORDING_H
 
-#include "recording_plan.h"
+#include <ddx_stats.h>
+#include <pthread.h>
+
+#include "ddxvideo.h"
+#include "output.h"
+#include "segment.h"
+
+/* Recordings of one recorder write to disk one after the other, so that their files are numbered in order. */
+struct recording_turn {
+    pthread_mutex_t lock;
+    pthread_cond_t changed;
+    unsigned begun, written; /* recordings so far */
+};
+
+/* Settings of a recording. */
+struct recording_plan {
+    const struct output *output;
+    struct pool *pool; /* NULL: one file */
+    struct ddxvideo_geometry geometry;
+    unsigned queue_frames;
+    struct recording_turn *turn;
+    uint64_t lost_store, lost_ring; /* before its first frame */
+    DDX_STATS_BOOK *book; /* counts each frame's outcome */
+};
 
 struct recording;
 

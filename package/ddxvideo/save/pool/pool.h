@@ -6,16 +6,23 @@
  * `<folder>/pool/<NNNNNN>.y4m` with its index `<NNNNNN>.index`. Names never change. A finished recording is the same
  * file with a second name, `<folder>/<item>-<NNNNNN>-<UTC>.y4m`. Several recorders of one user share a pool: each file
  * has a lock, and the pool has one for searches. Locks are bytes of `pool/lock`, which only the owner of the pool and
- * root can open, so that no other user can keep a recorder waiting (pool_lock.c).
+ * root can open, so that no other user can keep a recorder waiting (pool_files.c).
  */
 #ifndef DDXVIDEO_POOL_H
 #define DDXVIDEO_POOL_H
 
 #include "pool_files.h"
-#include "pool_finish.h"
 #include "pool_names.h"
-#include "pool_prepare.h"
 #include "pool_recover.h"
+
+/*
+ * Start a thread that recovers, and then keeps files ready; it prepares files while `busy`, which it calls, returns
+ * false. pool_take() waits for the recovery. 0 or -errno.
+ */
+int pool_prepare(struct pool *pool, bool (*busy)(void *argument), void *argument);
+
+/* The recording's rate in bytes a second: files are prepared at twice this rate, so as not to disturb it. 0: none. */
+void pool_recorded_at(struct pool *pool, uint64_t rate);
 
 /*
  * Open the pool below `folder`, or create it, for this instance of the recorder. Both texts stay the caller's, and must

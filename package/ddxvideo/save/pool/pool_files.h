@@ -4,9 +4,77 @@
 #define DDXVIDEO_POOL_FILES_H
 
 #include <dirent.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
 
 #include "index.h"
-#include "pool_state.h"
+
+#define POOL_FOLDER "pool"
+#define POOL_PATH 32 /* bytes for the name of a file in the pool */
+#define POOL_ID_MAX 999999999L /* highest number of a file: fits a long, and a name */
+#define POOL_READY 2 /* files that are kept ready */
+#define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs and the file system itself */
+
+/* A claimed file of the pool. */
+struct pool_file {
+    long id;       /* its name */
+    int fd;        /* of the file, with O_DIRECT if supported */
+    int index_fd;  /* of the index */
+    int lock_fd;   /* locked as long as it is open */
+    bool direct;
+    bool prepared; /* no metadata is left to write, except changes by this program */
+    uint64_t written; /* if not prepared: bytes that have been written once all the same */
+};
+
+struct pool {
+    const char *place, *instance; /* arguments of pool_open() */
+    int outside; /* the folder of the recordings */
+    int folder;  /* the pool in it */
+    int lock_fd; /* its byte 0 is locked by pool_lock() */
+    uint64_t bytes;
+    bool recycle;
+    uint32_t last_number; /* given last, perhaps not on the disk yet */
+    pthread_mutex_t lock; /* between threads; lock_fd is between programs */
+    struct pool_file next;
+    bool has_next; /* `next` is ready and claimed */
+    /* of the preparing thread: */
+    pthread_t thread;
+    pthread_cond_t changed;
+    bool preparing;
+    bool recovering; /* free files and numbers are not known yet */
+    atomic_bool stop;
+    _Atomic uint64_t rate; /* bytes a second of the recording */
+    bool (*busy)(void *argument);
+    void *argument;
+};
+
+/* Open the file of locks, or create it. -errno on failure, such as -EACCES if the pool belongs to another user. */
+int pool_lock_create(int folder);
+
+/* Exclude other searches for a file, in this program or another one. Waits. */
+void pool_lock(struct pool *pool);
+void pool_unlock(struct pool *pool);
+
+/* The highest number that a recorder of this pool has taken; 0: not known. The caller holds pool_lock(). */
+uint32_t pool_newest(const struct pool *pool);
+void pool_set_newest(const struct pool *pool, uint32_t number);
+
+/*
+ * For programs that read recordings; `folder` is the pool's: prevent that a file is given up or used again until the
+ * result is closed. -EAGAIN: a recorder has it. -EACCES: only the owner of the pool and root may hold files.
+ */
+int pool_hold_file(int folder, long id);
+
+/* Whether this user may hold files. */
+bool pool_can_hold(int folder);
+
+/* Whether a recorder has the file. Takes no lock, and works for any user. */
+bool pool_is_locked(int folder, long id);
+
+/* Wait until the preparing thread has finished unfinished recordings. */
+void pool_wait_for_recovery(struct pool *pool);
 
 /* Names of a file and its index in the pool's folder. */
 void pool_data_name(char name[POOL_PATH], long id);
@@ -16,7 +84,6 @@ void pool_index_name(char name[POOL_PATH], long id);
  * The number in the name of a file or an index; pool_data_id(): of a file only. 0: the pool does not make such names,
  * so it is not a file of the pool.
  */
-long pool_id(const char *name);
 long pool_data_id(const char *name);
 
 /* List a folder. NULL and errno on failure. */

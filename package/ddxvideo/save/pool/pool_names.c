@@ -11,8 +11,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "pool_files.h"
-#include "pool_lock.h"
+#include "program.h"
 
 const char *pool_name_number(const char *name, uint32_t *number) {
     size_t length = strlen(name);
@@ -56,7 +55,8 @@ static void highest_in_names(struct pool *pool, uint32_t *most) {
         closedir(folder);
 }
 
-uint32_t pool_take_number(struct pool *pool) {
+/* As pool_next_number(), between pool_lock() and pool_unlock(). */
+static uint32_t pool_take_number(struct pool *pool) {
     uint32_t most = pool_newest(pool);
 
     if (pool->last_number > most)
@@ -97,7 +97,8 @@ void pool_name(const struct pool *pool, struct index_header *header, const char 
     set_name(header, stamp);
 }
 
-void pool_renumber(struct index_header *header, uint32_t number) {
+/* Change the number of a recording whose name another file has, also in header->name. */
+static void pool_renumber(struct index_header *header, uint32_t number) {
     char stamp[32];
     const char *dash = strrchr(header->name, '-');
 
@@ -183,4 +184,57 @@ int pool_recycle(struct pool *pool, struct pool_file *file) {
         return error;
     }
     return -ENOENT;
+}
+
+/* ---- The end of a recording ---- */
+
+/* 0; -EEXIST: another file has this name; -errno. */
+static int give_name(const struct pool *pool, const struct pool_file *file, const char *name) {
+    char own[POOL_PATH];
+    struct stat this, other;
+
+    pool_data_name(own, file->id);
+    if (!linkat(pool->folder, own, pool->outside, name, 0))
+        return 0;
+    if (errno != EEXIST || fstat(file->fd, &this) || fstatat(pool->outside, name, &other, AT_SYMLINK_NOFOLLOW))
+        return -errno;
+    return this.st_ino == other.st_ino && this.st_dev == other.st_dev ? 0 : -EEXIST;
+}
+
+/* Takes another number, first in the index, before the file has such a name. 0 or -errno. */
+static int take_other_number(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked) {
+    char name[sizeof header->name];
+
+    strcpy(name, header->name);
+    if (!locked)
+        pool_lock(pool);
+    pool_renumber(header, pool_take_number(pool));
+    if (!locked)
+        pool_unlock(pool);
+    say("%s/%s: another file has this name; the recording is %s", pool->place, name, header->name);
+    int error = pool_write_header(file, header);
+    return error ? error : fsync(file->index_fd) ? -errno : 0;
+}
+
+int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *header) {
+    return pool_finish_locked(pool, file, header, false);
+}
+
+int pool_finish_locked(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked) {
+    int error = 0;
+
+    /* On the disk before another file gets the blocks that are free now: two files must not have them. */
+    if (ftruncate(file->fd, (off_t)header->bytes) || fsync(file->fd))
+        error = -errno;
+    while (!error && (error = give_name(pool, file, header->name)) == -EEXIST)
+        error = take_other_number(pool, file, header, locked);
+    if (!error && fsync(pool->outside))
+        error = -errno;
+    header->state = INDEX_NAMED; /* only with the name on the disk: otherwise a power cut would delete the recording */
+    if (!error)
+        error = pool_write_header(file, header);
+    if (!error && fsync(file->index_fd))
+        error = -errno;
+    pool_release(file);
+    return error;
 }

@@ -4,7 +4,7 @@
 #define DDXVIDEO_POOL_NAMES_H
 
 #include "index.h"
-#include "pool_state.h"
+#include "pool_files.h"
 
 /* The number in a recording's name, <item>-<number>-<UTC>.y4m; returns the end of the item's name. NULL: no number. */
 const char *pool_name_number(const char *name, uint32_t *number);
@@ -15,16 +15,19 @@ const char *pool_name_number(const char *name, uint32_t *number);
  */
 uint32_t pool_next_number(struct pool *pool);
 
-/* As pool_next_number(), between pool_lock() and pool_unlock(). */
-uint32_t pool_take_number(struct pool *pool);
-
 /* Write instance, item, number, and a name with the current time into the header. */
 void pool_name(const struct pool *pool, struct index_header *header, const char *item, uint32_t number);
 
-/* Change the number of a recording whose name another file has, also in header->name. */
-void pool_renumber(struct index_header *header, uint32_t number);
-
 /* Give up the oldest recording: its file is claimed, loses its name, and becomes INDEX_RAW. -ENOENT: there is none. */
 int pool_recycle(struct pool *pool, struct pool_file *file);
+
+/*
+ * Cut the file to header->bytes, give it its name, and close it. These bytes and the index are on the disk. If another
+ * file has that name, the recording gets another number, after a line. 0 or -errno.
+ */
+int pool_finish(struct pool *pool, struct pool_file *file, struct index_header *header);
+
+/* As pool_finish(); `locked`: between pool_lock() and pool_unlock(). */
+int pool_finish_locked(struct pool *pool, struct pool_file *file, struct index_header *header, bool locked);
 
 #endif

@@ -11,8 +11,7 @@
 
 #include "crc32c.h"
 #include "pool_files.h"
-#include "pool_finish.h"
-#include "pool_lock.h"
+#include "pool_names.h"
 #include "program.h"
 
 #define LOOKED_AT 32 /* last frames that are verified: a disk may lack frames that it reported as written */

@@ -3,7 +3,7 @@
 #ifndef DDXVIDEO_POOL_RECOVER_H
 #define DDXVIDEO_POOL_RECOVER_H
 
-#include "pool_state.h"
+#include "pool_files.h"
 
 /* Finish all of them; waits for the disk. 0, or the first -errno. */
 int pool_recover(struct pool *pool);
