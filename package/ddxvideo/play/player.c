@@ -1,10 +1,154 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "player.h"
 
+#include <ddx.h>
 #include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <time.h>
+
+#include "text.h"
+#include "video_layout.h"
+
+/* The text below the picture: the frame, and what is missing. */
+struct caption_facts {
+    const char *name; /* of the item */
+    bool shown;       /* a picture is on display: */
+    int frame;        /* its number */
+    double rate;      /* frames a second, 0 if unknown */
+    int64_t age;      /* of the picture, ns since its capture */
+    struct watch_view writer;
+    const char *missing; /* missing now; NULL: nothing */
+    int64_t since;       /* ns since it is missing */
+    bool stale;          /* the picture is old */
+};
+
+/* ---- Still ---- */
+
+static void still_close(struct still *still) {
+    free(still->bytes);
+    *still = (struct still){.size = 0};
+}
+
+/* 0, or -ENOMEM: then there is no picture. */
+static int still_take(struct still *still, const struct ddxvideo_picture *picture) {
+    size_t size = video_layout_bytes(&picture->geometry);
+
+    if (size != still->size) {
+        still_close(still);
+        still->bytes = malloc(size);
+        if (!still->bytes)
+            return -ENOMEM;
+        still->size = size;
+    }
+    video_layout_copy(&still->picture, picture, still->bytes);
+    return 0;
+}
+
+/* ---- Monitor ---- */
+
+#define AGAIN INT64_C(500000000) /* ns */
+
+static void complain(struct monitor *monitor, const char *reason) {
+    if (strcmp(monitor->said, reason) != 0)
+        say("%s; trying again", reason);
+    snprintf(monitor->said, sizeof monitor->said, "%s", reason);
+}
+
+/* Whether a screen is open; tries to open one, at most twice a second. */
+static bool monitor_ready(struct monitor *monitor) {
+    int64_t now = ddx_time_now();
+    const char *error;
+
+    if (monitor->surface)
+        return true;
+    if (monitor->tried && now - monitor->tried < AGAIN)
+        return false;
+    monitor->tried = now;
+    monitor->surface = screen_open(&monitor->choice, &error);
+    if (!monitor->surface) {
+        complain(monitor, error);
+        return false;
+    }
+    say("shown at %s", screen_name(monitor->surface));
+    *monitor->said = 0;
+    return true;
+}
+
+static void monitor_close(struct monitor *monitor) {
+    surface_close(monitor->surface);
+    monitor->surface = NULL;
+}
+
+/* Close the screen, which was lost for this reason. */
+static void monitor_lose(struct monitor *monitor, const char *reason) {
+    complain(monitor, reason);
+    monitor_close(monitor);
+    monitor->tried = ddx_time_now();
+}
+
+/* ---- Caption ---- */
 
 #define NS INT64_C(1000000000)
+#define MS INT64_C(1000000)
+#define MARGIN 2 /* pixels, times the scale */
+#define GROUND 0x000000
+#define PLAIN 0xffffff
+#define ALARM 0xffc020
+
+static void write_frame(const struct caption_facts *facts, char *text, size_t size) {
+    snprintf(text, size, "%s  frame %d", facts->name, facts->frame);
+    if (facts->rate > 0)
+        text_append(text, size, "  %.1f/s", facts->rate);
+    if (facts->age < NS)
+        text_append(text, size, "  age %d ms", (int)(facts->age / MS));
+    else
+        text_append(text, size, "  age %lld s", (long long)(facts->age / NS));
+    if (facts->writer.counted)
+        text_append(text, size, "  lost %llu", (unsigned long long)facts->writer.lost);
+}
+
+static void write_missing(const struct caption_facts *facts, char *text, size_t size) {
+    time_t begin = time(NULL) - (time_t)(facts->since / NS);
+    struct tm wall;
+    char clock[16] = "";
+
+    if (localtime_r(&begin, &wall))
+        strftime(clock, sizeof clock, "%H:%M:%S", &wall);
+    snprintf(text, size, "%s since %s (%lld s)", facts->missing, clock, (long long)(facts->since / NS));
+}
+
+/* Write the lines. `wanted`: with the first one. The second one is written whenever something is missing. */
+static struct caption caption_make(const struct caption_facts *facts, bool wanted) {
+    struct caption caption = {.line = {"", ""}};
+
+    if (wanted && facts->shown)
+        write_frame(facts, caption.line[0], sizeof caption.line[0]);
+    if (facts->missing)
+        write_missing(facts, caption.line[1], sizeof caption.line[1]);
+    return caption;
+}
+
+static void caption_draw(const struct caption *caption, const struct canvas *canvas) {
+    int scale = text_scale(canvas->height), margin = MARGIN * scale;
+    int height = TEXT_CELL_HEIGHT * scale + margin, y = canvas->height;
+
+    for (int i = 1; i >= 0; i--) {
+        const char *line = caption->line[i];
+
+        if (!*line)
+            continue;
+        y -= height;
+        struct canvas ground =
+            paint_part(canvas, 0, y, (int)strlen(line) * TEXT_CELL_WIDTH * scale + 2 * margin, height);
+        paint_all(&ground, GROUND);
+        text_write(canvas, margin, y + margin, scale, i ? ALARM : PLAIN, line);
+    }
+}
+
+/* ---- Player ---- */
+
 #define WAIT 0.1          /* s, of a wait for the next frame; also between checks for a stop */
 #define PATIENCE NS       /* frames are missing after this time, or after three periods */
 #define RATE_SPAN NS      /* the rate is counted over this time */

@@ -3,13 +3,39 @@
 #ifndef DDXVIDEO_PLAY_PLAYER_H
 #define DDXVIDEO_PLAY_PLAYER_H
 
+#include <ddxvideo.h>
+#include <stddef.h>
+#include <stdint.h>
+
 #include "as_420.h"
-#include "caption.h"
 #include "layout.h"
-#include "monitor.h"
 #include "paint.h"
 #include "program.h"
-#include "still.h"
+#include "screen.h"
+#include "surface.h"
+#include "watch.h"
+
+/* A copy of a picture, which lasts longer than the frame in the store. All 0 at first: no picture. */
+struct still {
+    struct ddxvideo_picture picture; /* its planes are in: */
+    unsigned char *bytes;
+    size_t size;
+};
+
+/*
+ * Opens the screen again and again; each reason why it cannot be used is reported once. `choice` is set, the rest 0 at
+ * first.
+ */
+struct monitor {
+    struct screen_choice choice;
+    struct surface *surface; /* NULL: none now */
+    int64_t tried;           /* time of the last attempt, ns of CLOCK_MONOTONIC */
+    char said[256];          /* reason of the last failure */
+};
+
+struct caption {
+    char line[2][128]; /* an empty line is left out */
+};
 
 /* Set by main(); all others are 0 at first. */
 struct player {

@@ -1,13 +1,68 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include "input.h"
 
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
+#include <string.h>
+#include <unistd.h>
 
 #include "control.h"
-#include "save.h"
+#include "image.h"
+#include "program.h"
+
+/* ---- Save ---- */
+
+#define NAMES 1000 /* of one frame */
+
+/* A name that no file has yet. */
+static void choose_name(const struct view *view, char *path, size_t size) {
+    const char *name = view->source->name;
+    int frame = view->shot->picture.stamp.frame;
+
+    snprintf(path, size, "./%s-%06d.png", name, frame);
+    for (int i = 2; i < NAMES && !access(path, F_OK); i++)
+        snprintf(path, size, "./%s-%06d-%d.png", name, frame, i);
+}
+
+static int save_as(const struct ddxvideo_picture *picture, const char *path) {
+    const struct ddxvideo_geometry *geometry = &picture->geometry;
+    AVFrame *image = image_new(geometry->width, geometry->height);
+    int error = image ? image_draw(image, picture, 0, 0, geometry->width, geometry->height) : -ENOMEM;
+
+    if (!error)
+        error = image_save(image, IMAGE_PNG, path);
+    av_frame_free(&image);
+    return error;
+}
+
+/*
+ * Write into the current folder `video-000123.png`, or `video-000123-2.png` if that file exists: all pixels of all
+ * fields, even if some are not on display. A message has the file's name or the error.
+ */
+static void save_shot(struct view *view) {
+    char path[200];
+
+    if (!view->shot) {
+        view_say(view, "there is no frame to save");
+        return;
+    }
+    choose_name(view, path, sizeof path);
+    int error = save_as(&view->shot->picture, path);
+    if (error) {
+        view_say(view, "%s: %s", path + 2, strerror(-error));
+        say("%s: %s", path + 2, strerror(-error));
+    } else {
+        view_say(view, "saved %s", path + 2);
+    }
+}
 
 #define WHEEL 1.25 /* factor of one step of the wheel */
+
+static void help(struct view *view, int number) {
+    (void)number;
+    view->help = !view->help;
+}
 
 struct key {
     int key;
@@ -31,17 +86,18 @@ static void quit(struct view *view, int number) {
     view->quit = true;
 }
 
-static void help(struct view *view, int number) {
-    (void)number;
-    view->help = !view->help;
-}
-
 static void full(struct view *view, int number) {
     bool wanted = number && !view->full;
 
     if (wanted != view->full)
         surface_full(view->surface, wanted);
     view->full = wanted;
+}
+
+static void zoom(struct view *view, const struct surface_event *event) {
+    if (view->fitted.count)
+        layout_zoom_at(&view->fitted, &view->zoom, pow(WHEEL, event->steps), event->x, event->y);
+    view->dirty = true;
 }
 
 static void set_fit(struct view *view, enum layout_fit fit) {
@@ -129,12 +185,6 @@ static void point(struct view *view, const struct surface_event *event) {
     view->x = event->x;
     view->y = event->y;
     view->inside = true;
-    view->dirty = true;
-}
-
-static void zoom(struct view *view, const struct surface_event *event) {
-    if (view->fitted.count)
-        layout_zoom_at(&view->fitted, &view->zoom, pow(WHEEL, event->steps), event->x, event->y);
     view->dirty = true;
 }
 

@@ -9,7 +9,6 @@
 #include <unistd.h>
 
 #include "frames.h"
-#include "frames_index.h"
 #include "picture_convert.h"
 #include "program.h"
 #include "source.h"
