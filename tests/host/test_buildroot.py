@@ -150,7 +150,7 @@ def test_desk_programs_use_libsrtp_without_openssl() -> None:
 def test_desk_programs_contain_the_patched_libdc1394() -> None:
     """Linked statically; the system's library lacks the patch."""
     root = native.build()
-    assert "/grab/iidc/bus.c" in (OUTPUT / "desk/ddxvideo/compile_commands.json").read_text()
+    assert "/grab/iidc/iidc_camera.c" in (OUTPUT / "desk/ddxvideo/compile_commands.json").read_text()
     assert "dc1394" not in run(["ldd", root / "usr/bin/ddxvideo1394"], env=native.environment(root))
     symbols = run(["nm", root / native.LIBRARIES / "libdc1394.a"])
     assert "U libusb_cancel_transfer" in symbols and "raw1394" not in symbols

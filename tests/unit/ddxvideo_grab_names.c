@@ -3,7 +3,6 @@
 #include "check.h"
 #include "geometry.h"
 #include "input.h"
-#include "picture_size.h"
 
 static void test_sizes(void) {
     static const struct {

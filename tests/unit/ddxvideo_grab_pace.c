@@ -2,7 +2,6 @@
 /* Numbers and times of frames of a camera that sends no numbers, and times of a clock that is set. */
 #include "check.h"
 #include "pace.h"
-#include "wall.h"
 
 #define MS INT64_C(1000000)
 #define PERIOD (40 * MS)

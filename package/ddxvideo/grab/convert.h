@@ -4,11 +4,13 @@
 #define DDXVIDEO_CONVERT_H
 
 #include <ddxvideo.h>
+#include <libavutil/frame.h>
 #include <stddef.h>
 
 #include "direct.h"
-#include "jpeg.h"
 #include "pixels.h"
+
+struct jpeg;
 
 /* Planes that the converter owns. */
 struct picture {

@@ -7,8 +7,173 @@
 #include <string.h>
 
 #include "geometry.h"
-#include "publish.h"
-#include "settings.h"
+
+/* Reasons of loss, in the order of the names given to ddx_stats_open(). */
+enum { LOST_DRIVER, LOST_ERROR, LOST_AWAY, LOST_STORE };
+
+/* ---- Frames into the store ---- */
+
+#define CREATE_AGAIN_NS INT64_C(500000000)
+
+/* Reports each new error of the store once; 0: none. */
+static void complain(const struct grabber *grabber, const char *item, int error) {
+    static int said;
+
+    if (error == -EPROTOTYPE && !*item && error != said)
+        say("%s: its readers have it open in a layout other than %s; restart them, until then its frames are lost",
+            grabber->name, grabber->camera->layout->name);
+    else if (error && error != said)
+        say("%s%s: %s", grabber->name, item, ddx_error_text(error));
+    said = error;
+}
+
+/* Creates the items for the current geometry, if needed. False if that is not possible now. */
+static bool have_items(struct grabber *grabber) {
+    const struct ddxvideo_geometry *wanted = &grabber->geometry;
+    int64_t now = ddx_time_now();
+    const struct ddxvideo_geometry *made = &grabber->created;
+    bool same_size = wanted->width == made->width && wanted->height == made->height;
+
+    if (grabber->video && same_size && video_layout_of(wanted->format) == video_layout_of(made->format))
+        return true;
+    if (now < grabber->create)
+        return false;
+    grabber->create = now + CREATE_AGAIN_NS;
+    ddx_store_done_item(grabber->video);
+    grabber->video = NULL;
+    int error = ddxvideo_create(grabber->id, grabber->name, wanted, &grabber->video);
+    if (error) {
+        complain(grabber, "", error);
+        return false;
+    }
+    if (!grabber->created.width)
+        ddx_stats_published(grabber->book, ddx_store_written(grabber->video));
+    grabber->created = *wanted;
+    if (!grabber->counter)
+        error = ddxvideo_counter_create(grabber->id, grabber->name, &grabber->counter);
+    complain(grabber, ".frame", error);
+    return true;
+}
+
+static int write_frame(struct grabber *grabber, const struct camera_frame *from, uint64_t position, int64_t time) {
+    struct ddxvideo_frame frame;
+    int error = ddxvideo_loan(grabber->video, &grabber->geometry, &frame);
+
+    if (error)
+        return error;
+    error = converter_run(&grabber->converter, from->data, from->size,
+                          frame.plane, frame.stride);
+    if (error) {
+        ddx_store_cancel(grabber->video);
+        return error;
+    }
+    frame.stamp = (struct ddxvideo_stamp){.frame = (int)(position & INT32_MAX),
+                                          .time = time,
+                                          .wall_offset = ddxvideo_wall_offset(),
+                                          .source_sequence = from->sequence,
+                                          .source_lost = (int64_t)grabber->count.lost};
+    ddx_stats_publishing(grabber->book, ddx_store_written(grabber->video) + 1);
+    error = ddxvideo_publish(grabber->video, &frame);
+    if (!error && grabber->counter)
+        ddxvideo_counter_write(grabber->counter, frame.stamp.frame);
+    return error;
+}
+
+/* Convert a wanted frame into the store, and count it. `time`: of its capture. */
+static void publish(struct grabber *grabber, const struct camera_frame *from, uint64_t position, int64_t time) {
+    ddx_stats_in(grabber->book, 1, 0);
+    if (!have_items(grabber)) {
+        ddx_stats_lost(grabber->book, LOST_STORE, 1);
+        return;
+    }
+    int error = write_frame(grabber, from, position, time);
+    if (!error)
+        ddx_stats_out(grabber->book, 1, ddx_time_now() - time);
+    else if (error == -EBADMSG)
+        ddx_stats_lost(grabber->book, LOST_ERROR, 1);
+    else
+        ddx_stats_lost(grabber->book, LOST_STORE, 1);
+    if (error != -EBADMSG)
+        complain(grabber, "", error);
+}
+
+/* Close the items. */
+static void publish_end(struct grabber *grabber) {
+    ddx_store_done_item(grabber->counter);
+    ddx_store_done_item(grabber->video);
+}
+
+/* ---- Settings ---- */
+
+/* The camera's settings in the store: item `<name>.parameters`, and requests. */
+
+#define AGAIN_NS INT64_C(100000000)    /* some cameras change a control with each frame */
+#define REFUSED_NS INT64_C(1000000000) /* between two attempts to create an item that the store refuses */
+
+/* Call when the camera was opened. */
+static void settings_begin(struct grabber *grabber) {
+    controls_begin(&grabber->controls, grabber->camera);
+    grabber->changed = true;
+    grabber->settings = 0;
+}
+
+static void serve(struct grabber *grabber) {
+    DDX_REQUEST request;
+    char text[DDX_ANSWER_TEXT] = "";
+    int status;
+
+    if (ddx_requests_take(grabber->requests, &request))
+        return;
+    if (!camera_is_open(grabber->camera)) {
+        status = -ENODEV;
+        snprintf(text, sizeof text, "the camera is not there now: %.128s", grabber->state);
+    } else {
+        status = controls_change(&grabber->controls, grabber->camera, &request, text);
+        grabber->changed = true;
+    }
+    /* Before the answer, so that a program that gets it finds the new values. */
+    if (!status && grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
+        grabber->changed = false;
+    ddx_requests_answer(grabber->requests, status, text);
+}
+
+/* Creates the two items, if needed; reports each new error once. 0 or -errno. */
+static int open_items(struct grabber *grabber) {
+    static int said;
+    int error = 0;
+
+    if (!grabber->parameters)
+        error = ddxvideo_parameters_create(grabber->id, grabber->name, &grabber->parameters);
+    bool refused = error;
+    if (!grabber->requests && !(grabber->requests = ddx_requests_open(grabber->id, grabber->name)))
+        error = -errno;
+    if (error && error != said)
+        say("%s%s: %s", grabber->name, refused ? ".parameters" : ": its settings cannot be changed",
+            ddx_error_text(error));
+    said = error;
+    return error;
+}
+
+/* Answer a request, if there is one; write the parameters, if they have changed. Call it often. */
+static void settings_tick(struct grabber *grabber) {
+    int64_t now = ddx_time_now();
+
+    if (grabber->requests)
+        serve(grabber);
+    if (!grabber->changed || now < grabber->settings)
+        return;
+    grabber->settings = now + (open_items(grabber) ? REFUSED_NS : AGAIN_NS);
+    if (grabber->parameters && !ddxvideo_parameters_write(grabber->parameters, &grabber->controls.list))
+        grabber->changed = grabber->requests == NULL;
+}
+
+/* Close the items. */
+static void settings_end(struct grabber *grabber) {
+    ddx_requests_close(grabber->requests);
+    ddx_store_done_item(grabber->parameters);
+}
+
+/* ---- Grabber ---- */
 
 static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 

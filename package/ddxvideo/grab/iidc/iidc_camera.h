@@ -3,11 +3,26 @@
 #ifndef DDXVIDEO_IIDC_CAMERA_H
 #define DDXVIDEO_IIDC_CAMERA_H
 
-#include "bus.h"
+#include <dc1394/dc1394.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
 #include "camera.h"
 #include "pace.h"
 #include "setup.h"
-#include "wall.h"
+
+/* Finds, lists and opens cameras on FireWire and USB. The requested camera. */
+struct bus_wish {
+    uint64_t guid; /* 0: not known yet; then this number in the order of GUIDs counts: */
+    unsigned number;
+};
+
+/* "2" or "00b09d0100abcdef" (16 digits, with or without 0x). False: neither. */
+bool bus_parse(const char *text, struct bus_wish *wish);
+
+/* Print all cameras with their modes and rates. Returns the exit status. */
+int bus_list(void);
 
 #define IIDC_BUFFERS 8
 

@@ -8,7 +8,7 @@
 #include "grabber.h"
 #include "input.h"
 #include "negotiate.h"
-#include "picture_size.h"
+#include "geometry.h"
 #include "v4l_camera.h"
 
 /* The options as text. */

@@ -2,10 +2,187 @@
 #include "v4l_camera.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
+#include <string.h>
+#include <sys/mman.h>
 
-#include "device_open.h"
-#include "v4l_controls.h"
+#include "controls.h"
+#include "negotiate.h"
+
+/* ---- Open ---- */
+
+#define LARGE_PICTURE (1 << 20) /* bytes; larger pictures get fewer buffers */
+#define FEW_BUFFERS 5
+
+/* Requests an event when another signal comes in. */
+static void listen_to_source(int fd) {
+    struct v4l2_event_subscription source = {.type = V4L2_EVENT_SOURCE_CHANGE};
+    int input = 0;
+
+    if (!device_ioctl(fd, VIDIOC_G_INPUT, &input))
+        source.id = (unsigned)input;
+    device_ioctl(fd, VIDIOC_SUBSCRIBE_EVENT, &source);
+}
+
+static int check_abilities(struct device *device, char *why, size_t size) {
+    struct v4l2_capability able;
+    int error = device_ioctl(device->fd, VIDIOC_QUERYCAP, &able);
+
+    if (error == -ENOTTY || error == -EINVAL) {
+        snprintf(why, size, "no video device");
+        return -EINVAL;
+    }
+    if (error) {
+        snprintf(why, size, "%s", strerror(-error));
+        return error;
+    }
+    snprintf(device->card, sizeof device->card, "%.32s", (const char *)able.card);
+    if (!(able.device_caps & V4L2_CAP_VIDEO_CAPTURE) || !(able.device_caps & V4L2_CAP_STREAMING)) {
+        snprintf(why, size, "%s gives no pictures here; another device of it may", device->card);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+static int map_buffers(struct device *device) {
+    for (unsigned i = 0; i < device->buffers; i++) {
+        struct v4l2_buffer buffer = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP, .index = i};
+        int error = device_ioctl(device->fd, VIDIOC_QUERYBUF, &buffer);
+
+        if (error)
+            return error;
+        void *data = mmap(NULL, buffer.length, PROT_READ, MAP_SHARED, device->fd, (off_t)buffer.m.offset);
+        if (data == MAP_FAILED)
+            return -errno;
+        device->buffer[i].data = data;
+        device->buffer[i].size = buffer.length;
+        error = device_ioctl(device->fd, VIDIOC_QBUF, &buffer);
+        if (error)
+            return error;
+    }
+    return 0;
+}
+
+static int start(struct device *device, char *why, size_t size) {
+    bool large = device->geometry.width * device->geometry.height > LARGE_PICTURE;
+    struct v4l2_requestbuffers request = {
+        .count = large ? FEW_BUFFERS : DEVICE_BUFFERS, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    int error = device_ioctl(device->fd, VIDIOC_REQBUFS, &request);
+
+    if (!error) {
+        device->buffers = request.count < DEVICE_BUFFERS ? request.count : DEVICE_BUFFERS;
+        error = map_buffers(device);
+    }
+    if (!error)
+        error = device_ioctl(device->fd, VIDIOC_STREAMON, &type);
+    if (error == -EBUSY)
+        snprintf(why, size, "in use by another program");
+    else if (error)
+        snprintf(why, size, "does not start: %s", strerror(-error));
+    device->streaming = !error;
+    return error;
+}
+
+/*
+ * Open the camera, set it up and start the stream. 0, or -errno with the reason in one line at `why`; then it is
+ * closed. -EINVAL: this camera cannot do what is requested.
+ */
+static int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size) {
+    memset(device, 0, sizeof *device);
+    device->fd = open(wish->path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    if (device->fd < 0) {
+        int error = -errno;
+        bool missing = error == -ENOENT || error == -ENODEV || error == -ENXIO;
+
+        snprintf(why, size, "%s",
+                 missing           ? "not there"
+                 : error == -EBUSY ? "in use by another program"
+                                   : strerror(-error));
+        return error;
+    }
+    int error = check_abilities(device, why, size);
+    if (!error)
+        error = negotiate(device, wish, why, size);
+    if (!error)
+        error = start(device, why, size);
+    if (error)
+        device_close(device);
+    else
+        listen_to_source(device->fd);
+    return error;
+}
+
+/* ---- Controls ---- */
+
+/* Whether its value is a number that fits a parameter. */
+static bool is_number(const struct v4l2_queryctrl *query) {
+    switch (query->type) {
+    case V4L2_CTRL_TYPE_INTEGER:
+    case V4L2_CTRL_TYPE_BOOLEAN:
+    case V4L2_CTRL_TYPE_MENU:
+    case V4L2_CTRL_TYPE_INTEGER_MENU:
+    case V4L2_CTRL_TYPE_BITMASK:
+    case V4L2_CTRL_TYPE_BUTTON: return !(query->flags & V4L2_CTRL_FLAG_DISABLED);
+    default: return false;
+    }
+}
+
+/* Reads range, flags and value. */
+static void describe(struct controls *controls, int i, int fd, const struct v4l2_queryctrl *query) {
+    bool button = query->type == V4L2_CTRL_TYPE_BUTTON;
+    struct v4l2_control now = {.id = query->id};
+
+    controls->kind[i] = button                                   ? CONTROL_BUTTON
+                        : query->type == V4L2_CTRL_TYPE_BITMASK ? CONTROL_BITS
+                                                                 : CONTROL_NUMBER;
+    controls->list.parameter[i].minimum = button ? 0 : query->minimum;
+    controls->list.parameter[i].maximum = button ? 1 : query->maximum;
+    controls->list.parameter[i].step = query->step > 0 ? query->step : 1;
+    controls->list.parameter[i].initial = button ? 0 : query->default_value;
+    controls->list.parameter[i].flags =
+        (query->flags & (V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_GRABBED) ? DDX_VIDEO_PARAMETER_READ_ONLY : 0) |
+        (query->flags & V4L2_CTRL_FLAG_INACTIVE ? DDX_VIDEO_PARAMETER_AUTOMATIC : 0);
+    if (!button && !(query->flags & V4L2_CTRL_FLAG_WRITE_ONLY) && !device_ioctl(fd, VIDIOC_G_CTRL, &now))
+        controls->list.parameter[i].value = now.value;
+}
+
+static void add(struct controls *controls, int fd, const struct v4l2_queryctrl *query) {
+    struct v4l2_event_subscription follow = {.type = V4L2_EVENT_CTRL, .id = query->id};
+    int i = is_number(query) ? controls_add(controls, query->id, (const char *)query->name) : -1;
+
+    if (i < 0)
+        return;
+    describe(controls, i, fd, query);
+    device_ioctl(fd, VIDIOC_SUBSCRIBE_EVENT, &follow);
+}
+
+/* Fill the empty list, and subscribe to the events of its controls. */
+static void v4l_controls_list(struct controls *controls, int fd) {
+    struct v4l2_queryctrl query = {.id = V4L2_CTRL_FLAG_NEXT_CTRL};
+
+    for (; !device_ioctl(fd, VIDIOC_QUERYCTRL, &query); query.id |= V4L2_CTRL_FLAG_NEXT_CTRL)
+        add(controls, fd, &query);
+}
+
+/* Read a control that has changed again. */
+static void v4l_controls_follow(struct controls *controls, int fd, uint32_t id) {
+    struct v4l2_queryctrl query = {.id = id};
+    int i = controls_find(controls, id);
+
+    if (i >= 0 && !device_ioctl(fd, VIDIOC_QUERYCTRL, &query))
+        describe(controls, i, fd, &query);
+}
+
+/* 0, or -errno. */
+static int v4l_controls_set(int fd, uint32_t id, int value) {
+    struct v4l2_control control = {.id = id, .value = value};
+
+    return device_ioctl(fd, VIDIOC_S_CTRL, &control);
+}
+
+/* ---- Camera ---- */
 
 #define MS INT64_C(1000000)
 #define SECOND (1000 * MS)
