@@ -31,7 +31,7 @@ Matcher = Callable[[Grey, Grey], NDArray[Any]]
 
 
 class Settings(ctypes.Structure):
-    """struct matcher_settings of matcher_settings.h."""
+    """struct matcher_settings of matcher.h."""
     _fields_ = [(name, ctypes.c_int) for name in ("width", "height", "disparities", "uniqueness", "agreement",
                                                   "speckle")] + [("variant", ctypes.c_char_p)]
 

@@ -24,8 +24,7 @@ REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "re
 REPORT = [f"stream/{name}.c" for name in ("budget", "coefficients", "gf256", "repair", "report", "rtp", "symbol")] + [
     f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
 SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
-Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_layout", "y4m_parse",
-                                       "y4m_read")]
+Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 # Sources of each target, below a package, and libraries.

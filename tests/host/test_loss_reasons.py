@@ -11,7 +11,7 @@ PROGRAMS = {
     "package/ddxlog/log/logger.c": "`ddxlog`",
     "package/ddxlog/play/replay.c": "`ddxvideoload`, `ddxlog -replay`",
     "package/ddxvideo/grab/grabber.c": "`ddxvideoV4L`, `ddxvideo1394`",
-    "package/ddxvideo/load/player.c": "`ddxvideoload`, `ddxlog -replay`",
+    "package/ddxvideo/load/main.c": "`ddxvideoload`, `ddxlog -replay`",
     "package/ddxvideo/play/player.c": "`ddxvideoplay`",
     "package/ddxvideo/save/recorder.c": "`ddxvideosave`",
     "package/ddxvideo/stereo/main.c": "`ddxvideoSVS`",

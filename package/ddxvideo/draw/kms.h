@@ -8,7 +8,7 @@
 #include <stdint.h>
 #include <xf86drmMode.h>
 
-#include "screen_choice.h"
+#include "surface.h"
 
 struct kms_buffer {
     uint32_t handle, frame; /* DRM's ids; 0: none */

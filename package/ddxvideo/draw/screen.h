@@ -3,7 +3,6 @@
 #ifndef DDXVIDEO_SCREEN_H
 #define DDXVIDEO_SCREEN_H
 
-#include "screen_choice.h"
 #include "surface.h"
 
 /*

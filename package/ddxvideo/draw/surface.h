@@ -12,6 +12,13 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Which screen to use, and its mode. */
+struct screen_choice {
+    const char *output; /* a connector's name, such as "HDMI-A-1"; NULL: the first with a monitor */
+    int width, height;  /* of the mode, pixels; 0: the mode that the monitor prefers */
+    bool keys;          /* report keys of the terminal on standard input as events */
+};
+
 /* Pixels to be filled: 0x00RRGGBB, rows from the top. */
 struct canvas {
     uint32_t *pixel;

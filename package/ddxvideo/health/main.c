@@ -1,11 +1,213 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* Kills programs that hang, so that runsv starts them again, and feeds the watchdog as long as that is sufficient. */
+#include <ddx.h>
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/watchdog.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <sys/ioctl.h>
 #include <time.h>
+#include <unistd.h>
 
-#include "hw_watchdog.h"
 #include "program.h"
-#include "liveness.h"
+
+struct hw_watchdog {
+    const char *path;
+    int file; /* -1: not open */
+    int timeout; /* seconds, as set in the hardware */
+};
+
+#define WATCH_STORE "store" /* the name of the store's service */
+#define WATCH_MAX 32        /* services */
+
+struct watched {
+    char name[DDX_NAME_MAX + 1];
+    int32_t pid;    /* 0: not running */
+    bool down;      /* it is disabled */
+    uint64_t signs; /* number of the item's last value */
+    bool began;     /* a value has come from this pid; before it, silence means nothing */
+    int64_t silent; /* ns since the last value */
+    unsigned kills; /* of this pid; more than one if the first one had no effect */
+    bool seen;      /* in the folder, at this check */
+};
+
+struct liveness {
+    struct watched service[WATCH_MAX];
+    unsigned count;
+    bool answered;   /* the store has, at the last check */
+    int64_t refused; /* ns of waiting for the store since its last answer */
+};
+
+/* ---- The hardware watchdog ---- */
+
+/* The hardware watchdog: it resets the machine unless it is fed. It cannot be stopped once it is open. */
+
+/* Open it. If it is missing, try again: its driver may be loaded later. 0 if it is open, otherwise -errno. */
+static int hw_watchdog_open(struct hw_watchdog *watchdog, int timeout) {
+    if (watchdog->file >= 0)
+        return 0;
+    watchdog->file = open(watchdog->path, O_WRONLY | O_CLOEXEC);
+    if (watchdog->file < 0)
+        return -errno;
+    watchdog->timeout = timeout;
+    /* Some hardware has a fixed time, which it reports. */
+    if (ioctl(watchdog->file, WDIOC_SETTIMEOUT, &watchdog->timeout))
+        ioctl(watchdog->file, WDIOC_GETTIMEOUT, &watchdog->timeout);
+    return 0;
+}
+
+static void hw_watchdog_feed(const struct hw_watchdog *watchdog) {
+    if (watchdog->file >= 0)
+        ioctl(watchdog->file, WDIOC_KEEPALIVE, 0);
+}
+
+/* ---- Which services are alive ---- */
+
+/*
+ * Finds out which services are alive. runsv knows which of them run (/run/service/<name>/supervise). A program is alive
+ * if it writes its item `<name>.stats`, as each program does once a second; the store is alive if it answers.
+ *
+ * Silence is counted in this program's own running time, from check to check: if the machine, or the host of a virtual
+ * machine, stops all programs, none of them counts as dead.
+ */
+
+#define SUFFIX ".stats"
+#define LOOK_MAX INT64_C(2000000000) /* ns that count at most between two checks */
+
+/* The service of this name, or NULL. */
+static struct watched *liveness_find(const struct liveness *liveness, const char *name) {
+    for (unsigned i = 0; i < liveness->count; i++)
+        if (!strcmp(liveness->service[i].name, name))
+            return (struct watched *)(uintptr_t)&liveness->service[i];
+    return NULL;
+}
+
+static bool path_of(char *path, size_t size, const char *folder, const char *name, const char *file) {
+    return snprintf(path, size, "%s/%s/%s", folder, name, file) < (int)size;
+}
+
+/* The process that runsv runs; 0 if there is none, or no runsv for the folder yet. */
+static int32_t read_pid(const char *folder, const char *name) {
+    char path[256];
+    int pid = 0;
+    FILE *file = path_of(path, sizeof path, folder, name, "supervise/pid") ? fopen(path, "re") : NULL;
+
+    if (!file)
+        return 0;
+    if (fscanf(file, "%d", &pid) != 1)
+        pid = 0;
+    fclose(file);
+    return pid;
+}
+
+static void look_at(struct liveness *liveness, const char *folder, const char *name) {
+    char path[256];
+    struct watched *service = liveness_find(liveness, name);
+
+    if (!service) {
+        if (liveness->count == WATCH_MAX || strlen(name) > DDX_NAME_MAX - strlen(SUFFIX))
+            return;
+        service = &liveness->service[liveness->count++];
+        *service = (struct watched){.pid = 0};
+        strcpy(service->name, name);
+    }
+    service->seen = true;
+    service->down = path_of(path, sizeof path, folder, name, "down") && !access(path, F_OK);
+    int32_t pid = read_pid(folder, name);
+    if (pid != service->pid) {
+        service->pid = pid;
+        service->began = false;
+        service->silent = 0;
+        service->kills = 0;
+        if (!strcmp(name, WATCH_STORE))
+            liveness->refused = 0;
+    }
+}
+
+static void look_at_folder(struct liveness *liveness, const char *folder) {
+    for (unsigned i = 0; i < liveness->count; i++)
+        liveness->service[i].seen = false;
+    DIR *list = opendir(folder);
+    if (!list)
+        return;
+    for (const struct dirent *entry; (entry = readdir(list)) != NULL;)
+        if (*entry->d_name != '.')
+            look_at(liveness, folder, entry->d_name);
+    closedir(list);
+    for (unsigned i = liveness->count; i-- > 0;)
+        if (!liveness->service[i].seen)
+            liveness->service[i] = liveness->service[--liveness->count];
+}
+
+static void note_sign(struct liveness *liveness, const struct ddx_item_info *item) {
+    char name[DDX_NAME_MAX + 1];
+    size_t length = strlen(item->name), suffix = strlen(SUFFIX);
+
+    if (length <= suffix || strcmp(item->name + length - suffix, SUFFIX) != 0)
+        return;
+    memcpy(name, item->name, length - suffix);
+    name[length - suffix] = 0;
+    struct watched *service = liveness_find(liveness, name);
+    /* A value of its previous process is no sign of life. */
+    if (!service || !service->pid || item->writer_pid != service->pid || item->sequence == service->signs)
+        return;
+    service->signs = item->sequence;
+    service->began = true;
+    service->silent = 0;
+}
+
+/* Check all services in `folder`, and the items of the store. Waits at most 5 s for its answer. */
+static void liveness_look(struct liveness *liveness, const char *folder, DDX_STORE_ID *id) {
+    static int64_t last;
+    struct ddx_item_info *items;
+    unsigned count;
+
+    look_at_folder(liveness, folder);
+    int64_t begin = ddx_time_now(), passed = last ? begin - last : 0;
+    last = begin;
+    liveness->answered = !ddx_store_list(id, NULL, &items, &count);
+    if (!liveness->answered) {
+        /* No other program can be checked now. A missing store refuses at once, a hanging store blocks. */
+        liveness->refused += ddx_time_now() - begin;
+        return;
+    }
+    liveness->refused = 0;
+    for (unsigned i = 0; i < liveness->count; i++)
+        liveness->service[i].silent += passed < LOOK_MAX ? passed : LOOK_MAX;
+    for (unsigned i = 0; i < count; i++)
+        note_sign(liveness, &items[i]);
+    free(items);
+}
+
+/* Whether it should run and does, but has been silent for `limit` ns. */
+static bool liveness_is_silent(const struct liveness *liveness, const struct watched *service, int64_t limit) {
+    if (!service->pid || service->down)
+        return false;
+    if (!strcmp(service->name, WATCH_STORE))
+        return liveness->refused >= limit;
+    return service->began && service->silent >= limit;
+}
+
+/* Let runsv kill it and start it again; counts the kill. 0 or -errno. */
+static int liveness_kill(struct watched *service, const char *folder) {
+    char path[256];
+
+    if (!path_of(path, sizeof path, folder, service->name, "supervise/control"))
+        return -ENAMETOOLONG;
+    int file = open(path, O_WRONLY | O_NONBLOCK | O_CLOEXEC);
+    if (file < 0)
+        return -errno;
+    int result = write(file, "k", 1) == 1 ? 0 : -errno;
+    close(file);
+    service->kills++;
+    return result;
+}
+
+/* ---- Program ---- */
 
 #define NS INT64_C(1000000000)
 #define UNANSWERED 4 /* s of waiting for the store; a request gives up after five */

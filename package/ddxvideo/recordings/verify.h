@@ -4,8 +4,23 @@
 
 #include <stddef.h>
 
-#include "check.h"
 #include "find.h"
+#include "index.h"
+#include "y4m.h"
+
+struct check {
+    const struct index_file *index;
+    uint32_t frames;   /* in the index */
+    uint64_t position; /* of the next byte */
+    uint32_t frame;    /* the current one */
+    uint32_t sum;      /* checksum of its bytes so far */
+    uint32_t bad;      /* frames that do not match */
+    uint32_t first;    /* the first bad frame; `last`: of those that follow it without a gap */
+    uint32_t last;
+    uint64_t behind;   /* bytes after the last frame */
+    uint32_t head;     /* checksum of the bytes before the first frame; `line`: their beginning */
+    char line[Y4M_HEADER_MAX];
+};
 
 /* A file that is verified while it is read. */
 struct verify {

@@ -9,9 +9,20 @@
 #define DDXVIDEO_STEREO_SOURCE_H
 
 #include <program.h>
+#include <stdint.h>
 
 #include "calibration.h"
-#include "luma.h"
+#include "ddxvideo.h"
+
+struct luma {
+    const uint8_t *at;
+    long stride;
+    uint8_t *made; /* for pictures without a luminance plane */
+    size_t size;
+};
+
+/* A table from samples to full range. */
+void luma_levels(int range, uint8_t level[256]);
 
 /* Reasons for losses, in the order of the names in ddx_stats_open(). */
 enum { LOST_LATE, LOST_PAIR, LOST_PICTURE, LOST_STORE };
