@@ -10,6 +10,12 @@
 #include "queue.h"
 #include "ring.h"
 
+/*
+ * The keeper's eventfd, opened and closed by the keeper; -1 while the keeper does not run. A variable, so that this
+ * layer does not depend on the keeper.
+ */
+extern int ddx_connection_waker __attribute__((visibility("hidden")));
+
 #define DDX_RETRY 50000000         /* ns between attempts to reconnect to the store */
 #define DDX_ANSWER_WAIT 5000000000 /* ns that the store may take to answer */
 
@@ -114,5 +120,23 @@ int ddx_item_copies(const DDX_STORE_ITEM *item);
 
 /* Set the layout that ddx_store_field() describes, if it differs. 0, -ENOMEM. */
 int ddx_item_set_layout(DDX_STORE_ITEM *item, const struct ddx_layout *layout);
+
+void ddx_message_init(struct ddx_message *message, uint32_t operation, const DDX_STORE_ITEM *item);
+
+/* Open a new connection to the store. 0, or -errno, and then the handle is unchanged. */
+int ddx_connection_open(DDX_STORE_ITEM *item);
+
+/* Send; the keeper sends the messages that the socket does not take now. With `lock` held. As ddx_queue_send(). */
+int ddx_connection_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
+                 const int *fds, unsigned fd_count);
+
+/* Have the keeper look at all items. */
+void ddx_connection_wake_keeper(void);
+
+/* Both take ownership of the descriptor, also on failure. */
+int ddx_term_new(struct ddx_term **term, uint32_t epoch, const struct ddx_layout *layout, const struct ddx_layout *own,
+                 int control_fd, bool writable);
+int ddx_term_add_slot(struct ddx_term *term, unsigned slot, int fd);
+void ddx_term_free(struct ddx_term *term);
 
 #endif

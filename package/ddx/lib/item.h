@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
-/* Opening items of this machine's store; remote.c adds the items of other machines. */
+/* Opening items of this machine's store; request.c adds the items of other machines. */
 #ifndef DDX_ITEM_H
 #define DDX_ITEM_H
 

@@ -11,9 +11,9 @@
 
 #include "fault.h"
 #include "receive.h"
-#include "connection.h"
-#include "reader_take.h"
-#include "writer_readers.h"
+#include "handle.h"
+#include "reader.h"
+#include "writer_role.h"
 
 #define SOON DDX_QUEUE_PAUSE /* ms until the keeper tries an item again that its owner is using */
 

@@ -9,8 +9,7 @@
 #include "fault.h"
 #include "futex.h"
 #include "receive.h"
-#include "connection.h"
-#include "writer_readers.h"
+#include "handle.h"
 #include "writer_role.h"
 
 #define REFUSAL 5 /* ms to wait for the store to refuse a reader whose pins cannot be checked */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: LGPL-2.1-or-later */
 /* A reader gets a frame: it attaches to the item, waits for the wanted frame, and pins it. With `lock` held. */
-#ifndef DDX_READER_TAKE_H
-#define DDX_READER_TAKE_H
+#ifndef DDX_READER_H
+#define DDX_READER_H
 
 #include "handle.h"
 
