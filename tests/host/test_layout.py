@@ -190,7 +190,7 @@ def test_all_lists_of_layouts_are_equal() -> None:
     header = (TOP / "package/ddxvideo/include/ddxvideo.h").read_text()
     numbers = {name: int(number) for name, number in re.findall(r"DDX_VIDEO_(\w+) = (\d+)", header)}
     assert names[0] == "YUV420P" and [numbers[name] for name in names[1:]] == [16, 17, 18, 19, 20]
-    ctl = re.search(r"from_16\[\] = \{(.*?)\}", (TOP / "package/ddx/ddxctl/fields.c").read_text())
+    ctl = re.search(r"from_16\[\] = \{(.*?)\}", (TOP / "package/ddx/ddxctl/show.c").read_text())
     assert ctl and re.findall(r"\w+", ctl[1]) == names[1:]
     python = (TOP / "package/ddx/python/ddxvideo.py").read_text()
     assert re.findall(r'^    Layout\("(\w+)"', python, re.M) == names

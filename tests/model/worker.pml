@@ -185,7 +185,7 @@ active proctype worker() {
     }
 turn:
 end_turn:
-    if /* worker.c hear() */
+    if /* store/main.c, hear() */
     :: atomic { HAS_REQUEST(0) -> client = 0 }
     :: atomic { HAS_REQUEST(1) -> client = 1 }
     :: atomic { HAS_REQUEST(2) -> client = 2 }

@@ -5,15 +5,12 @@
 #include "../lib/fault.h"
 #include "adopt.h"
 #include "budget.h"
-#include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
 #include "log.h"
-#include "memfd_name.h"
-#include "notify.h"
-#include "readers.h"
 #include "send.h"
+#include "readers.h"
 
 #define OFFERED 16 /* descriptors to free when an offer arrived without all of its files: the client offers again */
 #define NOT_OURS "no store made these files, or they belong to another item"

@@ -1,11 +1,140 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
+#include "budget.h"
+
+#include <fcntl.h>
 #include <limits.h>
 #include <stdio.h>
+#include <string.h>
+#include <unistd.h>
 
-#include "budget.h"
+#include "files.h"
 #include "items.h"
-#include "leftover.h"
-#include "retired.h"
+#include "log.h"
+
+/* ---- Leftovers ---- */
+
+/* Items that no client has open: they remain readable until other items need their memory or their descriptors. */
+
+#define BOOK "DDX_STATS" /* see ddx_stats.h */
+
+static bool is_left(const struct item *item, const struct item *except) {
+    return !item->handles && item != except;
+}
+
+static bool any_below(const struct item *item, int below) {
+    const struct epoch *epoch = item->epoch;
+
+    if (item->notice_fd >= 0 && item->notice_fd < below)
+        return true;
+    if (!epoch)
+        return false;
+    for (unsigned i = 0; i < DDX_SLOTS_MAX; i++)
+        if (epoch->slot_fd[i] >= 0 && epoch->slot_fd[i] < below)
+            return true;
+    return epoch->control_fd < below;
+}
+
+/* Whether the item is charged to this account (NULL: any). */
+static bool is_paid_by(const struct item *item, const struct checkpoint_account *payer) {
+    return !payer || checkpoint_account(item) == payer || (item->epoch && checkpoint_account(item->epoch) == payer);
+}
+
+/*
+ * The item to drop first: the one written longest ago; counters only if no other item is left, because they record the
+ * frames that a dead program has lost. Not `except` (or NULL), which needs the room; `below`: only an item with a
+ * descriptor below this number; `payer`: only an item charged to this account (NULL: any). NULL: there is none.
+ */
+static struct item *leftover_first(const struct store *store, const struct item *except, int below,
+                                   const struct checkpoint_account *payer) {
+    struct item *found = NULL;
+    int64_t oldest = INT64_MAX;
+    bool found_book = false;
+
+    for (struct item *item = store->items; item; item = item->next) {
+        struct ddx_ring_frame frame = {.time = 0};
+
+        if (!is_left(item, except) || !any_below(item, below) || !is_paid_by(item, payer))
+            continue;
+        if (item->epoch)
+            ddx_ring_peek(item->epoch->control, &frame);
+        bool book = !strcmp(item->type, BOOK);
+        /* The first one in any case: its frame may have the time INT64_MAX. */
+        if (!found || (book != found_book ? found_book : frame.time < oldest)) {
+            oldest = frame.time;
+            found = item;
+            found_book = book;
+        }
+    }
+    return found;
+}
+
+/* Memory and descriptors that dropping all of these items would free. */
+static uint64_t leftover_bytes(const struct store *store, const struct item *except) {
+    uint64_t sum = 0;
+
+    for (const struct item *item = store->items; item; item = item->next)
+        if (is_left(item, except))
+            sum += item_reserved(item);
+    return sum;
+}
+
+static unsigned leftover_files(const struct store *store, const struct item *except) {
+    unsigned sum = 0;
+
+    for (const struct item *item = store->items; item; item = item->next)
+        if (is_left(item, except) && item->epoch)
+            sum += item->epoch->slots + 1 + (item->epoch->readers_fd >= 0) + (item->notice_fd >= 0);
+    return sum;
+}
+
+/* Drop the item because `whom` needs `what` (for the log). Commits, which closes the item's files. */
+static void leftover_drop(struct item *victim, const char *what, const char *whom) {
+    log_line("%s: dropped, no program has it open and its %s needed for %s", victim->name, what, whom);
+    epoch_retire(victim, victim->epoch);
+    victim->epoch = NULL;
+    item_drop_if_unused(victim);
+    files_commit();
+}
+
+/* ---- Descriptors ---- */
+
+/* If frames are small, descriptors run out before memory does: then items that no client has open are dropped. */
+
+#define WANTED_MAX (DDX_SLOTS_MAX + 8u) /* an item's frames and its other files */
+#define NEEDED "descriptors are"
+
+/* Number of free descriptors, up to `wanted`. */
+static unsigned count_free(unsigned wanted) {
+    int fd[WANTED_MAX];
+    unsigned count = 0;
+
+    while (count < wanted && (fd[count] = fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 0)) >= 0)
+        count++;
+    for (unsigned i = 0; i < count; i++)
+        close(fd[i]);
+    return count;
+}
+
+bool descriptors_for_item(struct item *item, unsigned count) {
+    const struct store *store = item->store;
+    unsigned wanted = count < WANTED_MAX ? count : WANTED_MAX, found;
+    struct item *victim;
+
+    while ((found = count_free(wanted)) < wanted && found + leftover_files(store, item) >= wanted &&
+           (victim = leftover_first(store, item, INT_MAX, NULL)))
+        leftover_drop(victim, NEEDED, item->name);
+    return found >= wanted;
+}
+
+bool descriptors_below(struct store *store, int number) {
+    struct item *victim = leftover_first(store, NULL, number, NULL);
+
+    if (victim)
+        leftover_drop(victim, NEEDED, "a connection");
+    return victim != NULL;
+}
+
+/* ---- Memory ---- */
 
 #define REQUEST 65536u /* bytes of checkpointed memory that one request may take */
 

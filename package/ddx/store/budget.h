@@ -8,6 +8,15 @@
 
 #include "state.h"
 
+/*
+ * Free `count` descriptors for the item by dropping other items. False, and no item is dropped, if that would not free
+ * enough.
+ */
+bool descriptors_for_item(struct item *item, unsigned count);
+
+/* The same for one descriptor with a number below `number`. */
+bool descriptors_below(struct store *store, int number);
+
 uint64_t budget_used(struct store *store);
 uint64_t budget_reserved(const struct store *store);
 /* Whether this item's reservation may become `reserved`. Drops items without a holder, oldest first, to free memory. */

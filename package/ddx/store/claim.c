@@ -6,16 +6,12 @@
 #include "../lib/futex.h"
 #include "budget.h"
 #include "claim.h"
-#include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
 #include "log.h"
-#include "memfd_name.h"
-#include "notify.h"
-#include "readers.h"
-#include "retired.h"
 #include "send.h"
+#include "readers.h"
 
 #define BESIDE 4 /* other descriptors of an epoch: control page, notice, the readers' one, the one to watch its end */
 

@@ -5,6 +5,10 @@
 
 #include "state.h"
 
+void epoch_retire(struct item *item, struct epoch *epoch); /* takes ownership; NULL is allowed */
+uint64_t retired_bytes(const struct store *store, const struct item *item); /* NULL: of dropped items */
+void retired_sweep(struct store *store);
+
 struct item *item_find(const struct store *store, const char *name);
 /* NULL and errno: ENOMEM, EDQUOT. */
 struct item *item_add(struct store *store, const char *name, const char *type, const struct ddx_layout *layout);

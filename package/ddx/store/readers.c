@@ -5,15 +5,12 @@
 
 #include "../lib/fault.h"
 #include "budget.h"
-#include "descriptors.h"
 #include "epoch.h"
 #include "files.h"
 #include "items.h"
 #include "log.h"
-#include "memfd_name.h"
-#include "notify.h"
-#include "readers.h"
 #include "send.h"
+#include "readers.h"
 
 /* ns */
 #define STOPPED 100000000   /* without an answer, after which a writer seems to be stopped */

@@ -107,7 +107,7 @@ struct item {
     struct ended ended[ENDED];
 };
 
-/* An epoch that has ended: see retired.h. */
+/* An epoch that has ended: see items.c. */
 struct retired {
     struct retired *next;
     const struct item *item; /* NULL: it was dropped */
