@@ -25,7 +25,7 @@ REPORT = [f"stream/{name}.c" for name in ("budget", "coefficients", "gf256", "re
     f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
 SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
-MCAP = [f"mcap/{name}.c" for name in ("bytes", "define", "order", "read", "unpack")] + [
+MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {

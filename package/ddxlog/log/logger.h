@@ -9,7 +9,7 @@
 #ifndef DDXLOG_LOGGER_H
 #define DDXLOG_LOGGER_H
 
-#include "logger_state.h"
+#include "disk.h"
 
 /* Log until a request to stop; returns the program's exit status. */
 int logger_run(struct logger *logger);

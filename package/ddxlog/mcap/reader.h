@@ -48,7 +48,7 @@ struct mcap_reader {
     unsigned metadata_count;
     size_t defined; /* bytes of schemas, channels and metadata */
     struct loaded one; /* of mcap_chunk() */
-    /* order.c */
+    /* the order of messages: */
     unsigned *order; /* places by their first time */
     unsigned next;   /* in it */
     struct loaded *active;

@@ -3,12 +3,32 @@
 
 #include <errno.h>
 #include <inttypes.h>
+#include <poll.h>
 #include <replay_clock.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-#include "items.h"
-#include "line.h"
+/* Lines on standard input; signals are served while waiting. */
+
+/* Wait for the next line on standard input. False: end of input, or a request to stop. */
+static bool replay_wait_line(struct replay *replay) {
+    for (;;) {
+        struct pollfd input = {.fd = STDIN_FILENO, .events = POLLIN};
+        char c;
+
+        program_tick(replay->book);
+        if (program_stopping())
+            return false;
+        if (poll(&input, 1, 200) <= 0)
+            continue;
+        ssize_t size = read(STDIN_FILENO, &c, 1);
+        if (size <= 0)
+            return false;
+        if (c == '\n')
+            return true;
+    }
+}
 
 static const char *const reasons[] = {"store", NULL};
 enum { LOST_STORE };

@@ -3,7 +3,7 @@
 #ifndef DDXLOG_REPLAY_H
 #define DDXLOG_REPLAY_H
 
-#include "replay_state.h"
+#include "items.h"
 
 /* Replay; returns the program's exit status. */
 int replay_run(struct replay *replay);
