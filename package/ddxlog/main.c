@@ -5,12 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "ddx_time.h"
 #include "export.h"
 #include "logger.h"
 #include "recover.h"
 #include "replay.h"
-
-#define NS 1e9
 
 struct words {
     const char *config, *replay, *recover, *export, *prefix, *except, *rate, *from, *to, *clock, *tick;
@@ -35,7 +34,7 @@ static bool parse_seconds(const char *text, int64_t *ns) {
 
     if (end == text || *end || !isfinite(seconds) || fabs(seconds) > 1e9)
         return false;
-    *ns = (int64_t)(seconds * NS);
+    *ns = (int64_t)(seconds * SECOND);
     return true;
 }
 

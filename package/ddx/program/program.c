@@ -12,11 +12,11 @@
 #include <sys/random.h>
 #include <time.h>
 
+#include "ddx_time.h"
 #include "descriptors.h"
 #include "version.h"
 
-#define NS INT64_C(1000000000)
-#define PATIENCE (5 * NS) /* with readers that do not read */
+#define PATIENCE (5 * SECOND) /* with readers that do not read */
 #define OPTIONS_MAX 24
 
 static const char *program_name = "ddx";
@@ -199,7 +199,7 @@ void program_tick(DDX_STATS_BOOK *book) {
     if (program_report_wanted())
         program_report(book);
     int64_t now = ddx_time_now();
-    if (now - written >= NS) {
+    if (now - written >= SECOND) {
         written = now;
         ddx_stats_write(book);
     }
@@ -214,8 +214,8 @@ bool program_sleep_until(int64_t time, DDX_STATS_BOOK *book) {
         int64_t now = ddx_time_now();
         if (now >= time)
             return true;
-        int64_t until = time - now > NS / 5 ? now + NS / 5 : time;
-        struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
+        int64_t until = time - now > SECOND / 5 ? now + SECOND / 5 : time;
+        struct timespec deadline = {.tv_sec = (time_t)(until / SECOND), .tv_nsec = (long)(until % SECOND)};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &deadline, NULL);
     }
 }
@@ -228,7 +228,7 @@ bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_
             say("%s: a reader is stopped, or reads rarely: this program no longer waits for it",
                 ddx_store_item_name(item));
             *patient = false;
-        } else if (!program_sleep_until(ddx_time_now() + NS / 1000, book)) {
+        } else if (!program_sleep_until(ddx_time_now() + SECOND / 1000, book)) {
             return false;
         }
     }
@@ -236,7 +236,7 @@ bool program_wait_for_room(const DDX_STORE_ITEM *item, bool *patient, DDX_STATS_
 }
 
 bool program_try_again(int error, DDX_STATS_BOOK *book) {
-    return error == -ENOBUFS && program_sleep_until(ddx_time_now() + NS / 200, book);
+    return error == -ENOBUFS && program_sleep_until(ddx_time_now() + SECOND / 200, book);
 }
 
 DDX_STORE_ID *program_connect(const struct program *program) {
@@ -263,7 +263,7 @@ DDX_STORE_ITEM *program_await(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK
         int error = errno;
         if (error != ECONNREFUSED)
             say("%s: %s", name, ddx_error_text(-error));
-        if (error != ECONNREFUSED || !program_sleep_until(ddx_time_now() + NS / 50, book)) {
+        if (error != ECONNREFUSED || !program_sleep_until(ddx_time_now() + SECOND / 50, book)) {
             errno = error == ECONNREFUSED ? EINTR : error;
             return NULL;
         }
@@ -288,11 +288,11 @@ DDX_STORE_ITEM *program_find(DDX_STORE_ID *id, const char *name, DDX_STATS_BOOK 
             return item;
         int error = errno;
         bool failed = error != ENOENT && error != ECONNREFUSED;
-        if (failed || (!said && ddx_time_now() - begin > NS)) {
+        if (failed || (!said && ddx_time_now() - begin > SECOND)) {
             say("%s%s: %s", failed ? "" : "waiting for ", name, ddx_error_text(-error));
             said = true;
         }
-        if (failed || !program_sleep_until(ddx_time_now() + NS / 50, book)) {
+        if (failed || !program_sleep_until(ddx_time_now() + SECOND / 50, book)) {
             errno = failed ? error : EINTR;
             return NULL;
         }

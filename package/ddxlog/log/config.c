@@ -8,7 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define NS INT64_C(1000000000)
+#include "ddx_time.h"
+
 #define MIB ((uint64_t)1 << 20)
 
 /* "256M"; false if the text is not a size within the bounds. */
@@ -45,7 +46,7 @@ static int read_output(const struct config_file *line, char **words, struct conf
 
             if (*minutes < '0' || *minutes > '9' || *end || number < 1 || number > 1440)
                 return config_wrong(line, "%s: a whole number from 1 to 1440 is allowed", *words);
-            config->age = number * 60 * NS;
+            config->age = number * 60 * SECOND;
         }
         if (keep && !parse_size(keep, 2 * MIB, UINT64_MAX, &config->keep))
             return config_wrong(line, "%s: a size of 2M or more is allowed, with K, M or G", *words);
@@ -80,7 +81,7 @@ static int read_rule(const struct config_file *line, char **words, struct config
         if (!schedule_parse_speed(rate, &speed) || !speed.num)
             return config_wrong(
                 line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is logged", *word);
-        rule.period = schedule_scale(NS, speed.den, speed.num);
+        rule.period = schedule_scale(SECOND, speed.den, speed.num);
     }
     if (config->rule_count == CONFIG_RULES_MAX)
         return config_wrong(line, "more than %d lines of items", CONFIG_RULES_MAX);
@@ -115,7 +116,7 @@ static int complete(struct config_file *file, struct config *config) {
 int config_read(const char *path, struct config *config, char *error) {
     struct config_file file = {.path = path, .error = error};
 
-    *config = (struct config){.segment = 256 * MIB, .age = 60 * 60 * NS, .queue = 4 * MIB};
+    *config = (struct config){.segment = 256 * MIB, .age = 60 * 60 * SECOND, .queue = 4 * MIB};
     int result = config_file_read(&file, read_words, config);
     if (!result)
         result = complete(&file, config);

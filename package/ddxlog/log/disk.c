@@ -12,13 +12,14 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
+
 /* Functions that return int return 0 or -errno. */
 
 /* ---- Files ---- */
 
 /* One file of a log. */
 
-#define NS INT64_C(1000000000)
 #define LOSSES_TOPIC "ddxlog/lost"
 #define NUMBER "{\"type\":\"integer\"}"
 static const char losses_schema[] =
@@ -30,7 +31,7 @@ static int64_t wall_now(void) {
     struct timespec wall;
 
     clock_gettime(CLOCK_REALTIME, &wall);
-    return wall.tv_sec * NS + wall.tv_nsec;
+    return wall.tv_sec * SECOND + wall.tv_nsec;
 }
 
 /* A time of CLOCK_MONOTONIC as wall time, as in the file; also for times before CLOCK_MONOTONIC's start. */

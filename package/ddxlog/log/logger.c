@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "recover.h"
 
 /* ---- Mender ---- */
@@ -404,7 +405,6 @@ static bool item_take(struct logger *logger, struct item *item) {
 static const char *const reasons[] = {"store", "queue", "write", NULL};
 
 #define POLL_NS INT64_C(5000000)
-#define NS INT64_C(1000000000)
 
 /* One look at each item. */
 static void turn(struct logger *logger) {
@@ -432,7 +432,7 @@ static void log_items(struct logger *logger) {
         program_tick(logger->book);
         int64_t now = ddx_time_now();
         next = next + POLL_NS > now ? next + POLL_NS : now + POLL_NS;
-        struct timespec until = {.tv_sec = (time_t)(next / NS), .tv_nsec = (long)(next % NS)};
+        struct timespec until = {.tv_sec = (time_t)(next / SECOND), .tv_nsec = (long)(next % SECOND)};
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, NULL);
     }
 }

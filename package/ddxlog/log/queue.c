@@ -6,10 +6,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "ddx_time.h"
 #include "program.h"
 
 #define ALIGNMENT 16
-#define NS INT64_C(1000000000)
 
 static size_t room_for(size_t size) {
     return (sizeof(struct queue_entry) + size + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
@@ -74,7 +74,7 @@ void queue_close(struct queue *queue) {
 }
 
 struct queue_entry *queue_next(struct queue *queue, int64_t deadline, bool *end) {
-    struct timespec until = {.tv_sec = (time_t)(deadline / NS), .tv_nsec = (long)(deadline % NS)};
+    struct timespec until = {.tv_sec = (time_t)(deadline / SECOND), .tv_nsec = (long)(deadline % SECOND)};
     int error = 0;
 
     pthread_mutex_lock(&queue->lock);

@@ -9,6 +9,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
+
 /* Lines on standard input; signals are served while waiting. */
 
 /* Wait for the next line on standard input. False: end of input, or a request to stop. */
@@ -33,9 +35,8 @@ static bool replay_wait_line(struct replay *replay) {
 static const char *const reasons[] = {"store", NULL};
 enum { LOST_STORE };
 
-#define NS INT64_C(1000000000)
 #define POLL_NS INT64_C(5000000)
-#define AHEAD_NS NS              /* with -clock: time for the other replays to get ready */
+#define AHEAD_NS SECOND          /* with -clock: time for the other replays to get ready */
 #define LOOP_NS INT64_C(10000000) /* between the last value and the first one again */
 
 /* The CLOCK_MONOTONIC time at which a log time is replayed. */
@@ -53,7 +54,7 @@ static bool wait_for_readers(struct replay *replay) {
     int64_t begin = ddx_time_now();
 
     while (items_readers(replay) < replay->readers) {
-        if (!said && ddx_time_now() - begin > NS) {
+        if (!said && ddx_time_now() - begin > SECOND) {
             say("waiting for %ld readers of each item", replay->readers);
             said = true;
         }

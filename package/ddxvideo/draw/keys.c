@@ -8,12 +8,12 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "surface.h"
 
 #define ESCAPE 27
 #define DELETE 127
 #define BEYOND_UNICODE 0x110000
-#define MS INT64_C(1000000)
 
 /* If the program loses the foreground at this moment, it gets an error instead of a stop. */
 static sigset_t hold_signals(void) {

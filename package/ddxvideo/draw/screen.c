@@ -10,10 +10,10 @@
 #include <sys/eventfd.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "keys.h"
 #include "kms.h"
 
-#define MS INT64_C(1000000)
 #define LOOK (1000 * MS) /* between checks for the monitor */
 
 struct screen {

@@ -6,6 +6,7 @@
 #include <poll.h>
 #include <string.h>
 
+#include "ddx_time.h"
 #include "geometry.h"
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
@@ -177,13 +178,11 @@ static void settings_end(struct grabber *grabber) {
 
 static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 
-#define MS INT64_C(1000000)
-#define SECOND (1000 * MS)
 #define UNPLUGGED "unplugged, waiting for it"
 #define LASTS_NS SECOND
 #define RETRY_NS (200 * MS)     /* between two attempts to open the camera */
 #define POLL_MS 50              /* longest wait; requests and signals are checked after it */
-#define PATIENCE_NS SECOND      /* without a frame; then the stream is restarted. For a slow camera, four periods */
+#define PATIENCE_NS SECOND  /* without a frame; then the stream is restarted. For a slow camera, four periods */
 #define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras take that long */
 #define LOST_SAID_NS (10 * SECOND)
 

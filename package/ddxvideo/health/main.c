@@ -13,6 +13,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "program.h"
 
 struct hw_watchdog {
@@ -209,16 +210,15 @@ static int liveness_kill(struct watched *service, const char *folder) {
 
 /* ---- Program ---- */
 
-#define NS INT64_C(1000000000)
 #define UNANSWERED 4 /* s of waiting for the store; a request gives up after five */
 #define RECORDER "ddxvideosave"
-#define AGAIN (5 * NS) /* until a kill without effect is repeated */
+#define AGAIN (5 * SECOND) /* until a kill without effect is repeated */
 
 static const char *folder = "/run/service", *device = "/dev/watchdog";
 static long silence = 6, timeout = 30;
 
 static int64_t limit_of(const struct watched *service) {
-    return (strcmp(service->name, WATCH_STORE) != 0 ? silence : UNANSWERED) * NS;
+    return (strcmp(service->name, WATCH_STORE) != 0 ? silence : UNANSWERED) * SECOND;
 }
 
 static void kill_silent(struct liveness *liveness) {

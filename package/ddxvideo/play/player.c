@@ -8,6 +8,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "ddx_time.h"
 #include "text.h"
 #include "video_layout.h"
 
@@ -90,8 +91,6 @@ static void monitor_lose(struct monitor *monitor, const char *reason) {
 
 /* ---- Caption ---- */
 
-#define NS INT64_C(1000000000)
-#define MS INT64_C(1000000)
 #define MARGIN 2 /* pixels, times the scale */
 #define GROUND 0x000000
 #define PLAIN 0xffffff
@@ -101,22 +100,22 @@ static void write_frame(const struct caption_facts *facts, char *text, size_t si
     snprintf(text, size, "%s  frame %d", facts->name, facts->frame);
     if (facts->rate > 0)
         text_append(text, size, "  %.1f/s", facts->rate);
-    if (facts->age < NS)
+    if (facts->age < SECOND)
         text_append(text, size, "  age %d ms", (int)(facts->age / MS));
     else
-        text_append(text, size, "  age %lld s", (long long)(facts->age / NS));
+        text_append(text, size, "  age %lld s", (long long)(facts->age / SECOND));
     if (facts->writer.counted)
         text_append(text, size, "  lost %llu", (unsigned long long)facts->writer.lost);
 }
 
 static void write_missing(const struct caption_facts *facts, char *text, size_t size) {
-    time_t begin = time(NULL) - (time_t)(facts->since / NS);
+    time_t begin = time(NULL) - (time_t)(facts->since / SECOND);
     struct tm wall;
     char clock[16] = "";
 
     if (localtime_r(&begin, &wall))
         strftime(clock, sizeof clock, "%H:%M:%S", &wall);
-    snprintf(text, size, "%s since %s (%lld s)", facts->missing, clock, (long long)(facts->since / NS));
+    snprintf(text, size, "%s since %s (%lld s)", facts->missing, clock, (long long)(facts->since / SECOND));
 }
 
 /* Write the lines. `wanted`: with the first one. The second one is written whenever something is missing. */
@@ -150,8 +149,8 @@ static void caption_draw(const struct caption *caption, const struct canvas *can
 /* ---- Player ---- */
 
 #define WAIT 0.1          /* s, of a wait for the next frame; also between checks for a stop */
-#define PATIENCE NS       /* frames are missing after this time, or after three periods */
-#define RATE_SPAN NS      /* the rate is counted over this time */
+#define PATIENCE SECOND   /* frames are missing after this time, or after three periods */
+#define RATE_SPAN SECOND  /* the rate is counted over this time */
 #define BACKGROUND 0x000000
 
 enum { LOST_SCREEN, LOST_BAD };
@@ -166,7 +165,7 @@ static const char *const absent[] = {[WATCH_NO_STORE] = "no store",
                                      [WATCH_WRITTEN] = "no frame"};
 
 static int64_t patience_of(const struct player *player) {
-    return player->rate > 0 && player->rate < 3 ? (int64_t)(3 * (double)NS / player->rate) : PATIENCE;
+    return player->rate > 0 && player->rate < 3 ? (int64_t)(3 * (double)SECOND / player->rate) : PATIENCE;
 }
 
 /* While frames come, only the store can be missing: frames do not need it. Its report on the writer may be older. */
@@ -247,7 +246,7 @@ static void count_rate(struct player *player) {
     if (player->first && player->sequence > player->first && span < RATE_SPAN)
         return;
     player->rate = player->first && player->sequence > player->first
-                       ? (double)(player->sequence - player->first) * (double)NS / (double)span
+                       ? (double)(player->sequence - player->first) * (double)SECOND / (double)span
                        : 0;
     player->first = player->sequence;
     player->counted = player->written;
@@ -385,7 +384,7 @@ static bool wait_for_frame(struct player *player) {
             ddx_store_done_item(player->item);
             player->item = NULL;
         }
-        program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)NS), player->book);
+        program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)SECOND), player->book);
     }
     return false;
 }
@@ -394,7 +393,7 @@ static void step(struct player *player) {
     bool dark = !player->monitor.surface;
 
     if (!monitor_ready(&player->monitor)) {
-        program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)NS), player->book);
+        program_sleep_until(ddx_time_now() + (int64_t)(WAIT * (double)SECOND), player->book);
         return;
     }
     bool fresh = !dark && wait_for_frame(player);

@@ -6,10 +6,10 @@
 #include <string.h>
 #include <time.h>
 
+#include "ddx_time.h"
 #include "program.h"
 
 #define PAUSE INT64_C(400000000) /* ns between two checks */
-#define NS INT64_C(1000000000)
 
 static const struct ddx_item_info *find(const struct ddx_item_info *items, unsigned count, const char *name) {
     for (unsigned i = 0; i < count; i++)
@@ -72,7 +72,7 @@ static struct watch_view ask(struct watch *watch) {
 /* False: a stop is requested. */
 static bool pause_then(struct watch *watch, struct watch_view view) {
     int64_t until = ddx_time_now() + PAUSE;
-    struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
+    struct timespec deadline = {.tv_sec = (time_t)(until / SECOND), .tv_nsec = (long)(until % SECOND)};
 
     pthread_mutex_lock(&watch->lock);
     view.since = view.state == watch->view.state && watch->view.since ? watch->view.since : ddx_time_now();

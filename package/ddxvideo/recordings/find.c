@@ -10,14 +10,13 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "pool_files.h"
 #include "pool_names.h"
 #include "schedule.h"
 #include "y4m.h"
 
 /* ---- One file ---- */
-
-#define NS INT64_C(1000000000)
 
 /* A frame lasts until the next one, the last one as long as the others. */
 static int64_t lasts(int64_t first, int64_t last, uint64_t frames) {
@@ -113,7 +112,7 @@ static void read_name(struct found *found) {
     const char *end = pool_name_number(found->name, &found->number);
 
     if (end && strptime(strrchr(end, '-') + 1, "%Y%m%dT%H%M%SZ", &utc))
-        found->wall = (int64_t)timegm(&utc) * NS;
+        found->wall = (int64_t)timegm(&utc) * SECOND;
     if (!end)
         end = found->name + strlen(found->name) - strlen(".y4m");
     size_t length = (size_t)(end - found->name);

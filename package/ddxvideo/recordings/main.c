@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "bytes.h"
+#include "ddx_time.h"
 #include "descriptors.h"
 #include "export.h"
 #include "find.h"
@@ -20,8 +21,6 @@
 #include "version.h"
 
 /* ---- Show ---- */
-
-#define NS INT64_C(1000000000)
 
 /* The number of files of a recording; they follow each other in folder->file from `first` on. */
 static unsigned show_count(const struct folder *folder, unsigned first) {
@@ -42,7 +41,7 @@ static void show_name(const struct found *found, char name[NAME_MAX + 1]) {
 }
 
 static void utc(int64_t wall, char text[32]) {
-    time_t seconds = (time_t)(wall / NS);
+    time_t seconds = (time_t)(wall / SECOND);
     struct tm fields;
 
     if (!wall || !strftime(text, 32, "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&seconds, &fields)))
@@ -92,7 +91,7 @@ static void show_json(const struct found *file, unsigned count, const struct fou
     else
         quoted(begin);
     printf(",\"frames\":%" PRIu64 ",\"seconds\":%" PRId64 ".%03d,\"bytes\":%" PRIu64 ",\"state\":\"%s\"", sum->frames,
-           sum->duration / NS, (int)(sum->duration % NS / 1000000), sum->bytes, found_state_name(sum->state));
+           sum->duration / SECOND, (int)(sum->duration % SECOND / 1000000), sum->bytes, found_state_name(sum->state));
     if (sum->id)
         printf(",\"lost\":{\"store\":%" PRIu64 ",\"ring\":%" PRIu64 "}", sum->lost_store, sum->lost_ring);
     else
@@ -112,8 +111,8 @@ static void show_line(unsigned count, const struct found *sum, const char *name,
     if (sum->id)
         snprintf(lost, sizeof lost, "%" PRIu64, sum->lost_store + sum->lost_ring);
     printf("%-20s %-20s %5u %8" PRIu64 " %9" PRId64 ".%d %8" PRIu64 " %6s  %s\n", name, begin, count, sum->frames,
-           sum->duration / NS, (int)(sum->duration % NS / (NS / 10)), (sum->bytes + (1 << 20) - 1) >> 20, lost,
-           found_state_name(sum->state));
+           sum->duration / SECOND, (int)(sum->duration % SECOND / (SECOND / 10)), (sum->bytes + (1 << 20) - 1) >> 20,
+           lost, found_state_name(sum->state));
 }
 
 /* Print a line on the room left on the disk. The remaining time is at the rate of the running recordings so far. */

@@ -5,11 +5,11 @@
 #include <stdio.h>
 #include <time.h>
 
+#include "ddx_time.h"
 #include "program.h"
 #include "free_space.h"
 
-#define NS INT64_C(1000000000)
-#define RATE_PERIOD (5 * NS)
+#define RATE_PERIOD (5 * SECOND)
 
 struct rate {
     uint64_t out;
@@ -25,7 +25,8 @@ static void measure(struct disk_watch *watch, struct rate *rate) {
         return;
     ddx_stats_get(watch->book, &stats);
     if (rate->time)
-        rate->bytes = (uint64_t)((double)(stats.out - rate->out) * watch->frame_bytes * (double)NS / (double)passed);
+        rate->bytes =
+            (uint64_t)((double)(stats.out - rate->out) * watch->frame_bytes * (double)SECOND / (double)passed);
     rate->out = stats.out;
     rate->time = now;
 }

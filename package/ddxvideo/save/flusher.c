@@ -4,9 +4,8 @@
 #include <errno.h>
 #include <time.h>
 
+#include "ddx_time.h"
 #include "program.h"
-
-#define NS INT64_C(1000000000)
 
 /* Not before the next file is on the disk: otherwise nothing there would show that the recording continues. */
 static bool may_finish(const struct flusher *flusher, const struct segment *segment) {
@@ -17,7 +16,7 @@ static bool may_finish(const struct flusher *flusher, const struct segment *segm
 
 /* Waits for work or for the next flush. False if there will be no more work. */
 static bool wait_for_work(struct flusher *flusher, int64_t until) {
-    struct timespec deadline = {.tv_sec = (time_t)(until / NS), .tv_nsec = (long)(until % NS)};
+    struct timespec deadline = {.tv_sec = (time_t)(until / SECOND), .tv_nsec = (long)(until % SECOND)};
     bool timeout = false;
 
     pthread_mutex_lock(&flusher->lock);

@@ -3,10 +3,10 @@
 
 #include <stdlib.h>
 
+#include "ddx_time.h"
 #include "program.h"
 #include "video_layout.h"
 
-#define NS INT64_C(1000000000)
 #define USUAL_RATE 25 /* of a source without a known rate */
 
 static unsigned limit_of(unsigned queue_frames) {
@@ -82,7 +82,7 @@ uint64_t preroll_put(struct preroll *preroll, unsigned queue_frames, const struc
     if (!preroll->seconds || (!preroll->memory && !set_up(preroll, queue_frames, view)))
         return gone + 1 + frame->missed;
     while (preroll->count && (preroll->count == preroll->limit ||
-                              frame->published - preroll->frame[preroll->oldest].published > preroll->seconds * NS))
+                              frame->published - preroll->frame[preroll->oldest].published > preroll->seconds * SECOND))
         gone += drop_oldest(preroll);
     unsigned at = (preroll->oldest + preroll->count++) % preroll->limit;
     video_layout_copy(&preroll->picture[at], view, preroll->memory + at * preroll->bytes);

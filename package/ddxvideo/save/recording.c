@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "crc32c.h"
+#include "ddx_time.h"
 #include "flusher.h"
 #include "frame_queue.h"
 #include "program.h"
@@ -186,7 +187,6 @@ static void *recording_write(void *argument) {
 
 /* ---- The thread that reads ---- */
 
-#define NS INT64_C(1000000000)
 #define QUEUE_FRAMES 64
 #define QUEUE_BYTES_MAX (UINT64_C(256) << 20)
 #define QUEUE_FRAMES_MIN 8
@@ -239,7 +239,7 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
         goto no_queue;
     error = plan->pool && bytes + Y4M_HEADER_WRITTEN > pool_file_bytes(plan->pool) ? -EFBIG : 0;
     if (!error)
-        error = flusher_start(&recording->flusher, plan->pool ? NS / 2 : NS * 3 / 4, &recording->error);
+        error = flusher_start(&recording->flusher, plan->pool ? SECOND / 2 : SECOND * 3 / 4, &recording->error);
     if (error)
         goto no_flusher;
     frame_queue_cut(&recording->queue); /* a file begins: the writing thread opens it, and may wait for the disk */

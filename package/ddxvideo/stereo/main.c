@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "calibration.h"
+#include "ddx_time.h"
 #include "matcher.h"
 #include "source.h"
 
@@ -328,7 +329,6 @@ static int ranger_run(struct ranger *ranger, DDX_STORE_ID *id, const struct pair
 
 /* ---- Program ---- */
 
-#define MS INT64_C(1000000)
 #define WAIT 0.1 /* s; a signal does not end a wait, so waits are short */
 
 static const char *const reasons[] = {"late", "pair", "picture", "store", NULL};

@@ -4,6 +4,8 @@
 #include <errno.h>
 #include <stdlib.h>
 
+#include "ddx_time.h"
+
 /* ---- Luminance ---- */
 
 /* The luminance of pictures of each layout, 8 bits a pixel. */
@@ -56,8 +58,6 @@ void luma_levels(int range, uint8_t level[256]) {
 
 /* ---- Pairs ---- */
 
-#define MS INT64_C(1000000)
-#define SECOND (1000 * MS)
 #define WINDOW (20 * MS)  /* used if the frame rate is unknown */
 #define LONELY (200 * MS) /* plus two frame periods: a frame waits this long for the other camera */
 #define STRANGE SECOND    /* if times differ by more than this, neither frame waits */

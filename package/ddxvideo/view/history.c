@@ -3,9 +3,8 @@
 
 #include <stdlib.h>
 
+#include "ddx_time.h"
 #include "video_layout.h"
-
-#define NS INT64_C(1000000000)
 
 bool history_open(struct history *history, unsigned capacity, uint64_t limit) {
     *history = (struct history){.capacity = capacity, .limit = limit};
@@ -126,12 +125,12 @@ double history_rate(struct history *history, int64_t now) {
 
     pthread_mutex_lock(&history->lock);
     for (int64_t at = history->next - 1; at >= 0 && count < HISTORY_CAME; at--) {
-        if (now - history->came[at % HISTORY_CAME].arrival > NS)
+        if (now - history->came[at % HISTORY_CAME].arrival > SECOND)
             break;
         first = history->came[at % HISTORY_CAME].captured;
         last = count ? last : first;
         count++;
     }
     pthread_mutex_unlock(&history->lock);
-    return count > 1 && last > first ? (count - 1) * (double)NS / (double)(last - first) : count;
+    return count > 1 && last > first ? (count - 1) * (double)SECOND / (double)(last - first) : count;
 }

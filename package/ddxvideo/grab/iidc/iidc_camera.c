@@ -10,6 +10,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "ddx_time.h"
 #include "iidc_controls.h"
 #include "library_log.h"
 #include "modes.h"
@@ -233,8 +234,7 @@ int bus_list(void) {
 
 /* ---- Camera ---- */
 
-#define SECOND INT64_C(1000000000)
-#define AGAIN_NS (3 * SECOND)       /* between attempts while the buses do not change */
+#define AGAIN_NS (3 * SECOND)   /* between attempts while the buses do not change */
 #define ANSWER_NS (SECOND * 9 / 10) /* libdc1394 waits one second for an answer */
 #define BUFFER_MEMORY (6 << 20)     /* of the kernel's 16 MiB for all USB devices */
 #define FEW_BUFFERS 3

@@ -8,6 +8,7 @@
 #include <sys/mman.h>
 
 #include "controls.h"
+#include "ddx_time.h"
 #include "negotiate.h"
 
 /* ---- Open ---- */
@@ -184,8 +185,6 @@ static int v4l_controls_set(int fd, uint32_t id, int value) {
 
 /* ---- Camera ---- */
 
-#define MS INT64_C(1000000)
-#define SECOND (1000 * MS)
 #define ORDER_NS (50 * MS) /* or half a period: longest wait of a frame for an earlier one */
 
 static struct v4l_camera *v4l_of(struct camera *camera) {

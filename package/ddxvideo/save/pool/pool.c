@@ -10,6 +10,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "ddx_time.h"
 #include "program.h"
 
 /* ---- The thread that keeps files ready ---- */
@@ -20,8 +21,7 @@
  */
 
 #define CHUNK (1u << 20)
-#define NS INT64_C(1000000000)
-#define PAUSE (NS / 20)
+#define PAUSE (SECOND / 20)
 #define SLOWEST (UINT64_C(8) << 20) /* bytes a second, if little or nothing is recorded */
 #define LOOK 5 /* s; another program may have taken the ready files */
 
@@ -48,7 +48,7 @@ static unsigned pool_ready(struct pool *pool) {
 }
 
 static void pause_for(int64_t time) {
-    struct timespec duration = {.tv_sec = (time_t)(time / NS), .tv_nsec = (long)(time % NS)};
+    struct timespec duration = {.tv_sec = (time_t)(time / SECOND), .tv_nsec = (long)(time % SECOND)};
 
     clock_nanosleep(CLOCK_MONOTONIC, 0, &duration, NULL);
 }
@@ -56,7 +56,7 @@ static void pause_for(int64_t time) {
 /* How long to leave the disk alone after a chunk that took `took` ns. */
 static int64_t pause_after(const struct pool *pool, int64_t took) {
     uint64_t rate = 2 * pool->rate > SLOWEST ? 2 * pool->rate : SLOWEST;
-    int64_t rest = (int64_t)(CHUNK * (uint64_t)NS / rate) - took;
+    int64_t rest = (int64_t)(CHUNK * (uint64_t)SECOND / rate) - took;
 
     return rest > took ? rest : took;
 }
