@@ -6,13 +6,6 @@ from typing import Any
 
 import pytest
 
-import bench_record
-import buildroot
-import crash
-import endurance
-import killed
-import powercut
-from parts.guest import machine
 from parts.testing import campaign
 from parts.testing.campaign import Campaign
 
@@ -81,55 +74,3 @@ def test_a_truncated_line_does_not_count(make: Make) -> None:
     assert again.results == {"whole": 1}
     again.add("next", 2)
     assert make().results == {"whole": 1, "next": 2}
-
-
-@pytest.mark.parametrize("content", ["", "[]\n", "[1, 2]\n[3]\n", '{"about": {}}\n{"x": 1}\n', "\0\0\n", "3\n"])
-def test_an_invalid_results_file_is_replaced(make: Make, tmp_path: pathlib.Path, content: str) -> None:
-    (tmp_path / "run.jsonl").write_text(content)
-    assert not make().results
-
-
-@pytest.mark.parametrize("tool, options, leftovers", [
-    (bench_record, {"duration": 60}, []),
-    (crash, {}, []),
-    (endurance, {}, []),
-    (killed, {"seed": 1}, ["disk.qcow2"]),
-    (powercut, {"cuts": 9, "seed": 1, "naive": False}, ["pool.log"]),
-], ids=lambda value: getattr(value, "__name__", ""))
-def test_each_tool_starts_over_with_another_image(tool: Any, options: dict[str, Any], leftovers: list[str],
-                                                  image: pathlib.Path, tmp_path: pathlib.Path,
-                                                  monkeypatch: pytest.MonkeyPatch) -> None:
-    """A disk overlay of another image, and the logged writes of another build, cannot be used."""
-    monkeypatch.setattr(tool, "WORK", tmp_path)
-    run = tool.campaign([image], **options)
-    run.add("step", {})
-    for name in leftovers:
-        (tmp_path / name).touch()
-    assert tool.campaign([image], **options).results
-    change_one_byte(image)
-    assert not tool.campaign([image], **options).results
-    assert not any((tmp_path / name).exists() for name in leftovers)
-
-
-def test_the_first_of_two_builds_is_kept_only_for_the_same_sources(tmp_path: pathlib.Path,
-                                                              monkeypatch: pytest.MonkeyPatch) -> None:
-    built: list[str] = []
-    place = tmp_path / "board"
-    (place / "root").mkdir(parents=True)
-    monkeypatch.setattr(buildroot, "OUTPUT", tmp_path)
-
-    def build(_: str) -> None:
-        built.append("image")
-        for name in ("disk.img", "rootfs.squashfs"):
-            (place / name).write_bytes(b"1")
-
-    monkeypatch.setattr(buildroot, "image", build)
-    monkeypatch.setattr(buildroot, "make", lambda *words, show: built.append(words[-1]))
-    monkeypatch.setenv("DDX_COMMIT", "abc")
-    sources = ""
-    monkeypatch.setattr(machine, "sources", lambda _: sources)
-    for sources, expected in (("one", ["image", "clean", "image"]), ("one", ["image"]),
-                              ("two", ["image", "clean", "image"])):
-        built.clear()
-        buildroot.reproduce("board")
-        assert built == expected
