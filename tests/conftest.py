@@ -5,8 +5,8 @@ Tests marked `long` take minutes of video or many repetitions; `make test-long` 
 outcome of each test is written to $DDX_RESULTS (JSON lines), a long one's also to output/long/<board>.jsonl, with its
 figures (pytest's record_property). A long test that passed with this image and these programs is not run again.
 
-An assertion that fails in a test marked `strict` gets no second chance. A test is marked if its code has names of what
-was lost or torn.
+Each test is marked `strict` or `retry`, itself or its module. An assertion that fails in a strict test gets no second
+chance: tests that judge frames, values and counters are strict.
 """
 import functools
 import json
@@ -14,7 +14,6 @@ import os
 import pathlib
 import shutil
 import time
-import types
 from collections.abc import Iterator
 
 import pytest
@@ -28,9 +27,6 @@ LONG = OUTPUT / "long"
 SECONDS = 600
 USUAL = os.getpriority(os.PRIO_PROCESS, 0)
 LATER = USUAL + 10  # of tests that wait for no frame
-
-
-FRAMES = {"lost", "torn"}
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -47,6 +43,10 @@ def long_results() -> Campaign:
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     tier = config.getoption("tier")
+    unmarked = {str(item.path) for item in items
+                if not item.get_closest_marker("strict") and not item.get_closest_marker("retry")}
+    if unmarked:
+        raise pytest.UsageError(f"neither strict nor retry (see pytest.ini): {', '.join(sorted(unmarked))}")
     dropped = []
     for item in items:
         is_long = item.get_closest_marker("long") is not None
@@ -56,17 +56,6 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             dropped.append(item)
     config.hook.pytest_deselected(items=dropped)
     items[:] = [item for item in items if item not in dropped]
-
-
-def names(code: types.CodeType) -> set[str]:
-    """Of all that the code of a function uses, and the functions inside; also words that are keys."""
-    found = {*code.co_names, *code.co_varnames, *(one for one in code.co_consts if isinstance(one, str))}
-    return found.union(*(names(one) for one in code.co_consts if isinstance(one, types.CodeType)))
-
-
-def pytest_itemcollected(item: pytest.Item) -> None:
-    if isinstance(item, pytest.Function) and names(item.function.__code__) & FRAMES:
-        item.add_marker("strict")
 
 
 def why(report: pytest.TestReport) -> str:

@@ -3,10 +3,14 @@
 import pathlib
 import time
 
+import pytest
+
 from parts.common import PATIENCE
 from parts.guest.qemu import USERSPACE, Guest
 from parts.media.recording import FileSystem
 from parts.release import version
+
+pytestmark = pytest.mark.retry
 
 
 def test_boots_through_grub_from_slot_a(guest: Guest) -> None:

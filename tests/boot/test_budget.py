@@ -16,6 +16,8 @@ from parts.media.counters import Counters
 from parts.release import budget
 from parts.release.budget import MIB
 
+pytestmark = pytest.mark.retry
+
 # A second of this guest is 500 million instructions, independent of the host and its load.
 COUNTED = ("-icount", "shift=1")
 

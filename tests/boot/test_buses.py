@@ -7,6 +7,8 @@ from parts.guest.qemu import Boot
 
 from .conftest import BOARD
 
+pytestmark = pytest.mark.retry
+
 # Part of the path in /sys/devices of a disk on this bus only.
 SEEN_AS = {"virtio": "/virtio", "ide": "/ata", "ahci": "/ata", "usb": "/usb", "nvme": "/nvme/", "sd": "/mmc_host/"}
 DRIVER = {"ide": "ata_piix", "ahci": "ahci"}

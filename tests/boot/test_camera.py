@@ -12,6 +12,8 @@ from parts.media.recording import FileSystem
 
 from . import camera
 
+pytestmark = pytest.mark.strict
+
 SECONDS = 1  # of the clip: 25 frames
 SHOWN_MS = 200
 

@@ -11,6 +11,8 @@ from parts.guest.qemu import Guest
 from . import camera
 from .camera import GRABBER
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.fixture(scope="module")
 def guest(camera_guest: Guest) -> Guest:

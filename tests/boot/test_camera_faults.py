@@ -16,7 +16,7 @@ from . import camera
 from .camera import GRABBER
 from .figures import Figure, uptime
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.strict, pytest.mark.long]
 
 PERIOD = 40_000_000  # ns
 SOON = 2.0  # s until frames come again

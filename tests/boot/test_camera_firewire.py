@@ -17,6 +17,8 @@ from parts.media.counters import Counters
 
 from . import camera
 
+pytestmark = pytest.mark.strict
+
 CAMERAS = 5
 SECOND = 8000  # bus cycles
 STORE = 64  # MiB; the image's setting is too small for five such pictures

@@ -15,7 +15,7 @@ from parts.media.clip import HEIGHT, WIDTH, picture
 from . import camera
 from .camera import GRABBER, Reader
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.strict, pytest.mark.long]
 
 SHOWN_MS, FRAMES = 200, 25
 ROOM = 8  # frames of any size that a reader may lag behind

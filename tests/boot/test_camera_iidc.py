@@ -12,6 +12,8 @@ from parts.guest.qemu import Guest
 from . import camera, iidc
 from .iidc import CODINGS, FRAMES, Camera, Grabber, expected, wrong
 
+pytestmark = pytest.mark.strict
+
 
 @pytest.fixture(scope="module")
 def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:

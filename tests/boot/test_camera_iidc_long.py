@@ -14,7 +14,7 @@ from parts.media import counters
 from . import camera, iidc
 from .iidc import FRAMES, Camera, Grabber, expected, wrong
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 SECONDS = 600  # --seconds that the full number of replugs is for
 FRAMES_COME = "'back after\\|Test Cam'"
 MODES = ["160x120_YUV444", "320x240_YUV422", "640x480_YUV411", "640x480_YUV422", "640x480_RGB8", "640x480_MONO8",
@@ -51,6 +51,7 @@ def guid_of(port: int) -> str:
     return f"00b09d010000000{port}"
 
 
+@pytest.mark.strict
 def test_each_mode(guest: Guest) -> None:
     one = Camera(guest, ms=100)
     one.plug()
@@ -80,6 +81,7 @@ def test_parts_of_the_picture(guest: Guest) -> None:
     one.unplug()
 
 
+@pytest.mark.strict
 def test_two_cameras_are_two_instances(guest: Guest) -> None:
     """Each is found by its GUID; when one is unplugged, the other goes on."""
     cameras = [Camera(guest, port, guid_of(port)) for port in (0, 1)]

@@ -17,6 +17,8 @@ from parts.media.recording import FileSystem
 from . import camera
 from .camera import GRABBER, plug, unplug
 
+pytestmark = pytest.mark.strict
+
 SOON = 2.0  # s
 NODE = "/dev/video0"
 FRAMES = 25

@@ -12,7 +12,7 @@ from parts.media.recording import FileSystem, compare
 
 from . import camera
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 SECONDS = 4
 FRAMES = SECONDS * default_clip.RATE

@@ -3,7 +3,11 @@
 import pathlib
 import time
 
+import pytest
+
 from parts.guest.qemu import Guest
+
+pytestmark = pytest.mark.retry
 
 
 def test_no_console_without_provisioning(closed: Guest) -> None:

@@ -12,6 +12,8 @@ from parts.image import tables
 
 from .test_slots import fill_slot_b
 
+pytestmark = pytest.mark.retry
+
 SAVE, SEND, REAR = "ddxvideosave", "ddxvideosend", "ddxvideosend.rear"
 
 

@@ -16,7 +16,7 @@ from parts.guest.slow_disk import SlowDisk
 from .conftest import BOARD
 from .figures import Figure, uptime
 
-pytestmark = [
+pytestmark = [pytest.mark.strict, 
     pytest.mark.long,
     pytest.mark.skipif(BOARD != machine.DEV, reason="its programs are for the development image's processor"),
 ]

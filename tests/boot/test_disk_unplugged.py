@@ -14,7 +14,7 @@ from parts.guest.slow_disk import FILE_SYSTEMS, OPTIONS
 from .figures import Figure, uptime
 from .test_disk import SOON, source_is_unaffected, wait_for_out
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.strict, pytest.mark.long]
 
 DISK = "usb-storage"
 

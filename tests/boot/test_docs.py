@@ -7,7 +7,7 @@ import pytest
 import docs
 from parts.guest.qemu import Boot
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 
 def test_each_command_of_the_technicians_page(boot: Boot, image: pathlib.Path, work: pathlib.Path) -> None:

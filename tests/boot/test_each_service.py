@@ -18,7 +18,7 @@ from .figures import Figure, uptime
 from .test_control import runs, services
 from .test_health import HEALTH, hang, state
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 SERVICES = tables.services()
 LOOKED_AFTER = [name for name in SERVICES if name != HEALTH]  # the watchdog supervises it: test_health.py

@@ -11,7 +11,7 @@ from parts.guest import machine
 from .conftest import BOARD
 from .figures import Figure
 
-pytestmark = [
+pytestmark = [pytest.mark.retry, 
     pytest.mark.long,
     pytest.mark.skipif(BOARD != machine.DEV, reason="tools/endurance.py starts the development image's machine"),
 ]

@@ -12,6 +12,8 @@ from parts.common import SBIN, TOP, run
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 
+pytestmark = pytest.mark.retry
+
 NOISE = 2**20
 ROOM = 64  # MiB beyond the image's size, as on a real card
 

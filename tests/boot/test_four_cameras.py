@@ -22,7 +22,7 @@ from parts.media.recording import FileSystem
 from . import camera, iidc
 from .figures import Figure
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.strict, pytest.mark.long]
 
 SECONDS = 60
 LEAST = SECONDS // 4  # frames of each item, at least

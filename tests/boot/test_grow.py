@@ -12,6 +12,8 @@ from parts.guest import session, testdisk
 from parts.guest.qemu import Boot, Guest
 from parts.media.recording import FileSystem
 
+pytestmark = pytest.mark.retry
+
 CARD = 32 << 30  # bytes
 # Seconds after the recordings' check began: while table and file system grow; while the changes are written to disk.
 CUTS = [1.5, 6.0]

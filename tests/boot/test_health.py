@@ -14,6 +14,8 @@ from parts.media.recording import FileSystem
 from . import camera
 from .figures import Figure, uptime
 
+pytestmark = pytest.mark.retry
+
 SAVE, HEALTH = "ddxvideosave", "ddxhealth"
 BACK = 30.0    # s until a program that hangs is replaced; the goal is 10, but emulated machines are slow
 TIMEOUT = 20   # s; the watchdog's
@@ -53,6 +55,7 @@ def pictures(guest: Guest, work: pathlib.Path) -> list[int]:
     return found
 
 
+@pytest.mark.strict
 @pytest.mark.long
 def test_a_recorder_that_hangs_is_replaced_and_its_loss_is_counted(
         boot: Boot, work: pathlib.Path, clip: pathlib.Path, record_property: Figure) -> None:

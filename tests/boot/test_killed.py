@@ -12,7 +12,7 @@ from parts.guest import machine
 from .conftest import BOARD
 from .figures import Figure
 
-pytestmark = [
+pytestmark = [pytest.mark.retry, 
     pytest.mark.long,
     pytest.mark.skipif(BOARD != machine.DEV, reason="tools/killed.py starts the development image's machine"),
 ]

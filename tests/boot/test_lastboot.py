@@ -8,7 +8,7 @@ from parts.guest.qemu import Boot, Guest
 
 from .test_control import run
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 RESET = ("-action", "reboot=reset")
 WORDS = "the last words of this machine"

@@ -2,9 +2,13 @@
 """The logger in the image is off by default; switched on, it logs every value of a clip's items, readable by others."""
 import pathlib
 
+import pytest
+
 from parts.guest import qemu, session
 from parts.media import clip as default_clip, logs
 from parts.media.recording import FileSystem
+
+pytestmark = pytest.mark.strict
 
 FRAMES = default_clip.RATE * default_clip.SHORT
 RATE = 4  # speed factor

@@ -10,6 +10,8 @@ import pytest
 
 from parts.common import MORTAL, PATIENCE, TOP, wait_until
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.mark.long
 def test_a_guest_to_look_around_in() -> None:

@@ -11,6 +11,8 @@ from parts.release import manifest
 
 from .conftest import BOARD
 
+pytestmark = pytest.mark.retry
+
 # Kinds of lines, and the word that is falsified. Ports are scanned from outside in test_ssh.py and test_ports.py.
 SPOILT = {"applet": 1, "program": 1, "kernel": 1, "module": 1, "group": 2, "user": 2, "service": 1, "disk": 2,
           "partition": 3}

@@ -20,7 +20,7 @@ from . import camera
 from .camera import GRABBER, MS
 from .figures import Figure
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 PROMPT = 100_000  # µs from capture to decoded picture, 99th percentile
 WINDOW = 9        # s; six windows in the minute, without its beginning and end

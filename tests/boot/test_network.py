@@ -15,6 +15,8 @@ from .segment import Segment
 from .test_control import run, runs, services
 from .test_privileges import unconfined
 
+pytestmark = pytest.mark.retry
+
 PROVISION = """\
 hostname=robot1
 network=eth0 dhcp

@@ -12,7 +12,7 @@ from parts.media.seen import Seen, ppm
 
 from . import camera
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 RECORDED = 15
 

@@ -16,7 +16,7 @@ from .outsider import ARP, GUEST_IPV4, GUEST_MAC, IP4, IPV4, MAC, TCP, Outsider,
 from .scan import ALL, SYN, listening
 from .test_control import runs
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 SECONDS = 4
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBkvAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcdAbcd someone@there"

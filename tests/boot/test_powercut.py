@@ -14,7 +14,7 @@ from parts.guest.qemu import Boot, Guest
 
 from .figures import Figure
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 CUTS = {False: 10, True: 4}
 SECONDS = 12  # of recording before the cuts

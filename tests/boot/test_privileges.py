@@ -8,6 +8,8 @@ from parts.common import wait_until
 from parts.guest import session
 from parts.guest.qemu import Guest
 
+pytestmark = pytest.mark.retry
+
 # Supervisors, mount scripts, the shells that the test's provisioning file opened, and `console` without input, which
 # only sleeps.
 ROOTS = {"init", "recordings-disk", "runsvdir", "runsv", "mdev", "sh", "console", "sleep", "grep", "readlink"}

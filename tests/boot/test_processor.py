@@ -10,6 +10,8 @@ from parts.guest.qemu import Guest
 
 from .conftest import BOARD
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.mark.long
 @pytest.mark.parametrize("cpu", machine.meta(BOARD).get("other_cpu", "").split())

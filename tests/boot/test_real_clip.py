@@ -7,7 +7,7 @@ import pytest
 from parts.guest import qemu, session, testdisk
 from parts.media.footage import footage as make_footage
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 FRAMES = 200
 SLOWLY = 0.4

@@ -2,9 +2,13 @@
 """No frame is lost, counted from outside; a loss that is provoked is found."""
 import pathlib
 
+import pytest
+
 from parts.guest import qemu, session
 from parts.media import clip as default_clip, counters, y4m
 from parts.media.recording import FileSystem
+
+pytestmark = pytest.mark.strict
 
 
 def test_every_frame_is_recorded_bit_exact_and_in_order(recorded: session.Result) -> None:

@@ -15,6 +15,8 @@ from parts.guest.qemu import Boot, Guest
 from parts.media import counters, y4m
 from parts.media.recording import FileSystem
 
+pytestmark = pytest.mark.retry
+
 SAVE = "ddxvideosave"
 STICK_MB = 64
 SLOW = 3_000_000  # bytes a second: slow enough to pull the stick out in time

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """The boot menu's rescue entry, chosen over the serial line: a shell without services and their file systems."""
 
+import pytest
+
 from parts.guest.channel import Timeout
 from parts.guest.qemu import USERSPACE, Boot, Guest
+
+pytestmark = pytest.mark.retry
 
 OWN = "/usr/libexec/ddx/own-partition"
 DOWN = "\x1b[B"

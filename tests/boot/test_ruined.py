@@ -15,7 +15,7 @@ from parts.guest.session import LOAD, SAVE
 
 from .figures import Figure, uptime
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 SETTINGS, RECORDINGS = 5, 6
 # As docs/boards.md says.

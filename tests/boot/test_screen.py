@@ -18,6 +18,8 @@ from parts.media import clip
 from parts.media.seen import Image as Picture
 from parts.media.seen import Seen, glyphs, ppm
 
+pytestmark = pytest.mark.retry
+
 PLAY, ITEM = "ddxvideoplay", "screen"
 SETTINGS = f"/data/ddx/{PLAY}.conf"
 DUMPS = 30  # screens with different frames

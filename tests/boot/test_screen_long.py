@@ -13,7 +13,7 @@ from .conftest import BOARD
 from .test_screen import (ITEM, PLAY, console_of, load, number, sample, start, view, wait_for_alarm, wait_for_frame,
                           watch)
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 DUMPS, SECONDS = 500, 900
 HOUR = 6      # times --seconds, which is ten minutes by default

@@ -3,7 +3,11 @@
 import pathlib
 import subprocess
 
+import pytest
+
 from parts.common import TOP
+
+pytestmark = pytest.mark.retry
 
 
 def test_our_shell_parses_every_script(root: pathlib.Path) -> None:

@@ -2,9 +2,13 @@
 """The serial line belongs to the robot: bytes that a device sends there from power-on are not commands."""
 import time
 
+import pytest
+
 from parts.guest.qemu import USERSPACE, Guest
 
 from .noise import PAUSE, SENTENCE, Noise
+
+pytestmark = pytest.mark.retry
 
 
 def test_the_machine_boots_while_a_device_sends(closed: Guest, noise: Noise) -> None:

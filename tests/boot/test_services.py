@@ -2,11 +2,15 @@
 """Services run as their own users and are restarted."""
 import time
 
+import pytest
+
 from parts.guest import session
 from parts.guest.qemu import Guest
 
 from .test_control import runs
 from .test_health import hang
+
+pytestmark = pytest.mark.retry
 
 SUPERVISE = "/run/service/ddxvideosave/supervise"
 USERS = {"store": "ddxstore", "ddxvideosave": "ddxsave"}

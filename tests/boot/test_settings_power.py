@@ -11,7 +11,7 @@ from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 
 from .figures import Figure
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 DICE = 3  # disks with random lost writes for each cut
 

@@ -11,6 +11,8 @@ from parts.disk import mbr
 from parts.disk.disk import Disk
 from parts.guest.qemu import Boot, Guest
 
+pytestmark = pytest.mark.retry
+
 SLOT = {"A": 34816 * 512, "B": 165888 * 512}  # see board/common/disk.cfg
 SLOT_BYTES = 64 << 20
 

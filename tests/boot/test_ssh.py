@@ -17,6 +17,8 @@ from parts.release import manifest
 
 from .test_control import runs
 
+pytestmark = pytest.mark.retry
+
 SECONDS = 4
 
 

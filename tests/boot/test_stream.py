@@ -4,8 +4,12 @@ import json
 import pathlib
 import re
 
+import pytest
+
 from parts.guest import qemu, session, testdisk
 from parts.media import clip as default_clip
+
+pytestmark = pytest.mark.strict
 
 SECONDS = 8
 FRAMES = SECONDS * default_clip.RATE

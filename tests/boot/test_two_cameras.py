@@ -15,7 +15,7 @@ from parts.media.recording import FileSystem
 from . import camera
 from .figures import Figure
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.strict, pytest.mark.long]
 
 SIZES = {"video": (352, 288), "rear": (176, 144)}
 SECONDS = 10

@@ -13,7 +13,7 @@ from parts.guest.qemu import Guest
 from .camera import value
 from .segment import Segment
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 ITEM = "ddxvideosave.stats"
 

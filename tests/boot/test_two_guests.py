@@ -17,7 +17,7 @@ from . import camera
 from .figures import Figure
 from .segment import Segment
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 SEED, DROP, DUPLICATE = "17", 30.0, 10.0
 QUIET, BAD = 2, 10  # s of the clip's 20 with a good network, then with a bad one

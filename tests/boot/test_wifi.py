@@ -11,7 +11,7 @@ from parts.guest.qemu import Boot, Guest
 from .test_control import run
 from .test_privileges import ADDRESSES
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 NAME, PHRASE, OTHER = "Robot Hall", 'correct "horse" = #1', "another one altogether"
 PROVISION = f"""\

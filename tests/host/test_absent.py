@@ -10,6 +10,8 @@ from parts.common import TOP
 
 from . import absent
 
+pytestmark = pytest.mark.retry
+
 SKIPPED, FAILED = pytest.skip.Exception, pytest.fail.Exception
 
 

@@ -14,6 +14,8 @@ import pytest
 from .programs import Process, make_clip
 from .stream import Stream, finish
 
+pytestmark = pytest.mark.retry
+
 LISTEN = """
 import socket, struct, sys
 group = sys.argv[1]

@@ -25,6 +25,8 @@ from parts.bench.loss_run import Case as LossCase
 from parts.bench.measure import Case, Slice, Store, cpus, percentile, run_slice
 from parts.common import MORTAL, TOP
 
+pytestmark = pytest.mark.retry
+
 Run = Callable[..., Slice]
 CASE = Case("cif-1x2-zerocopy", 152064, 2, "zerocopy", 15000, 40, ("ddx", "futex"))  # slowly: the machine may be busy
 
@@ -39,6 +41,7 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Run]:
     store.end()
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("peer, mode", [("futex", "zerocopy"), ("futex", "copy"), ("ddx", "zerocopy"), ("ddx", "copy"),
                                         ("ddx", "direct")])
 def test_frames_arrive_whole(measured: Run, peer: str, mode: str) -> None:
@@ -49,6 +52,7 @@ def test_frames_arrive_whole(measured: Run, peer: str, mode: str) -> None:
     assert found.p50 > 0 and found.writer_cpu > 0 and found.reader_cpu > 0
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("peer", ["futex", "ddx"])
 def test_a_frame_that_is_not_sent_is_lost(measured: Run, peer: str) -> None:
     for number in (20, 50):  # one in the middle, and the last one
@@ -57,6 +61,7 @@ def test_a_frame_that_is_not_sent_is_lost(measured: Run, peer: str) -> None:
         assert len(found.latency) + found.lost == CASE.frames * CASE.readers
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("mode", ["zerocopy", "copy", "direct"])
 def test_a_torn_frame_is_counted(measured: Run, mode: str) -> None:
     for _ in range(10):

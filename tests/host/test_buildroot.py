@@ -15,7 +15,7 @@ from parts.common import OUTPUT, TOP, run
 from parts.guest import machine
 from parts.image import cyclonedds, native
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.retry, pytest.mark.computes]
 
 PYTHON = "/usr/bin/python3"
 OURS = sorted(name for name, path in trees.defconfigs().items() if path.is_relative_to(trees.BUILDROOT))

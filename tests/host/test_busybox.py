@@ -8,7 +8,7 @@ from parts.common import Failed, entries, run
 from parts.image import busybox
 from parts.image.archive import Archive
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.retry, pytest.mark.computes]
 
 
 @pytest.fixture(scope="module")

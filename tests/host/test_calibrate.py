@@ -16,6 +16,8 @@ from .absent import module
 from .programs import TOP
 from .stereo_rules import found, write_clip
 
+pytestmark = pytest.mark.retry
+
 SIZE, FIELDS = "W64 H48", "XDDX_FIELDS=2"
 
 

@@ -16,6 +16,8 @@ from .programs import Desk, stop, wait_until
 from .stereo_rules import SVS, check_sum, ranged, settled, start, write_calibration, write_clip
 from .test_options import run
 
+pytestmark = pytest.mark.retry
+
 WIDTH, HEIGHT = 64, 16
 
 
@@ -83,6 +85,7 @@ def test_a_missing_calibration(tmp_path: pathlib.Path) -> None:
     refused(tmp_path / "none.yml", "No such file or directory; ddxvideocalib makes a calibration")
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("size, fields, text", [
     ((128, 32), 2, "stereo.yml: is for pictures of 128x32, and these are 64x16"),
     (None, 2, "stereo.yml: is not for pictures of 64x16: its centres lie outside"),

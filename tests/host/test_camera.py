@@ -10,6 +10,8 @@ import pytest
 
 from .programs import Desk, stop, wait_until
 
+pytestmark = pytest.mark.retry
+
 GRABBER, IIDC = "ddxvideoV4L", "ddxvideo1394"
 
 
@@ -33,6 +35,7 @@ def test_wrong_usage_is_one_line(desk: Desk, arguments: list[str], text: str) ->
     assert text in result.stderr and result.stderr.count("\n") == 1
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("camera, state", [("/dev/video99", "not there"), ("/dev/null", "no video device")])
 def test_the_v4l_grabber_waits_and_reports_why_once(desk: Desk, camera: str, state: str) -> None:
     grabber = desk.start(GRABBER, "--camera", camera, "-size", "CIF")

@@ -9,6 +9,8 @@ import pytest
 from parts.testing import campaign
 from parts.testing.campaign import Campaign
 
+pytestmark = pytest.mark.retry
+
 Make = Callable[..., Campaign]
 
 
@@ -50,6 +52,7 @@ def test_steps_are_done_once(make: Make, tmp_path: pathlib.Path) -> None:
     assert make(seed=1).results == {"step 0": {"n": 0}, "step 1": "again", "step 2": {"n": 2}}
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("what", ["image", "commit", "options"])
 def test_another_build_starts_over(make: Make, image: pathlib.Path, tmp_path: pathlib.Path, what: str,
                                    capsys: pytest.CaptureFixture[str]) -> None:

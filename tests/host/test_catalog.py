@@ -19,6 +19,8 @@ from parts.link.loss import NOTHING, Iid
 
 from .programs import ROOT, Compiler, Counters, Desk, Process, library_folder, lost, stop, wait_until
 
+pytestmark = pytest.mark.retry
+
 VALUES = 200
 STEP = 4  # values at a time: fewer than are kept for a reader that missed some
 KEPT = 8  # small values, for readers that missed them
@@ -123,6 +125,7 @@ def machines(begin: Begin) -> tuple[Machine, Machine]:
     return begin("robot", "laptop")
 
 
+@pytest.mark.strict
 def test_a_mirror_equals_its_origin_byte_for_byte(machines: tuple[Machine, Machine]) -> None:
     robot, laptop = machines
     writer = robot.start("write", "sensor")
@@ -191,6 +194,7 @@ def test_nothing_is_sent_without_a_reader(machines: tuple[Machine, Machine], lin
     read(laptop.start("read", "robot", "left"), 1)
 
 
+@pytest.mark.strict
 def test_values_lost_on_the_way_are_sent_again_or_counted(machines: tuple[Machine, Machine], link: Link) -> None:
     robot, laptop = machines
     writer = robot.start("write", "sensor")
@@ -340,6 +344,7 @@ def test_times_of_a_mirror_are_in_the_reader_s_clock(begin: Begin) -> None:
     wait_until(agrees)
 
 
+@pytest.mark.strict
 def test_values_not_sent_are_counted_once(begin: Begin) -> None:
     """The end that leaves them out counts them; the other end counts the values that were sent."""
     robot, laptop = begin("robot", "laptop", rules="bandwidth 8K\nitem slow rate=2\nitem *\n")
@@ -373,6 +378,7 @@ def test_items_with_the_same_topic_name(machines: tuple[Machine, Machine]) -> No
         assert read(laptop.start("read", "robot", name), 1)[0].startswith(f"{count:02x}000000")
 
 
+@pytest.mark.strict
 def test_a_machine_that_loses_its_address(machines: tuple[Machine, Machine], link: Link) -> None:
     """And gets it back, as after an expired lease. DDS alone would not notice."""
     robot, laptop = machines

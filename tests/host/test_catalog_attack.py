@@ -17,6 +17,8 @@ from .test_catalog import Machine, link, read
 from .test_catalog_lasting import look
 from .test_catalog_peers import HERE, Begin, Laptop, begin, laptop, others
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["begin", "laptop", "link", "others"]  # fixtures
 
 MOST = 16384  # KiB by which the catalog may grow under any attack

@@ -16,6 +16,8 @@ from parts.link.loss import NOTHING, Iid
 from .programs import Compiler, Process, lost, wait_until
 from .test_catalog import Machine, begin, link, machines, read, write
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["begin", "link", "machines"]  # fixtures
 
 PARTITIONS, SUBSCRIPTIONS = 1000, 10000  # in ten minutes
@@ -58,6 +60,7 @@ def test_growth_is_detected() -> None:
     assert grown(looks(*[(5000, 10 + i // 4) for i in range(15)])) != []
 
 
+@pytest.mark.strict
 @pytest.mark.long
 def test_a_thousand_partitions(machines: tuple[Machine, Machine], link: Link, pytestconfig: pytest.Config,
                                record_property: Figure) -> None:
@@ -94,6 +97,7 @@ def readers(machine: Machine) -> int:
     return sum(one["readers"] for one in items if re.fullmatch("i[0-9]+", one["name"]))
 
 
+@pytest.mark.strict
 @pytest.mark.long
 def test_ten_thousand_subscriptions(machines: tuple[Machine, Machine], pytestconfig: pytest.Config,
                                     record_property: Figure) -> None:

@@ -22,6 +22,8 @@ from .absent import not_made
 from .programs import Compiler, Process, lost, stop, wait_until
 from .test_catalog import Machine, link, read, write
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["link"]  # a fixture
 
 HERE = pathlib.Path(__file__).parent
@@ -203,6 +205,7 @@ def fix(number: int) -> dict[str, Any]:
             "altitude": 519.0 + number, "position_covariance": [0.5] * 9, "position_covariance_type": number}
 
 
+@pytest.mark.strict
 def test_ros_reads_items_as_its_own_messages(begin: Begin, laptop: Laptop) -> None:
     """Every value arrives, in order and equal."""
     robot = begin("item imu as=sensor_msgs/msg/Imu topic=/imu/data\n"
@@ -232,6 +235,7 @@ def test_an_item_that_does_not_match_its_message_is_reported(begin: Begin) -> No
     wait_until(lambda: robot.desk.errors(robot.catalog) == said)
 
 
+@pytest.mark.strict
 def test_ros_sees_pictures(begin: Begin, laptop: Laptop) -> None:
     """Pictures of each common camera layout arrive with the expected bytes."""
     layouts = {"YUV420P": "rgb8", "RGB24": "rgb8", "GREY8": "mono8"}
@@ -264,6 +268,7 @@ def test_a_late_subscriber_of_ros_gets_the_newest_value(begin: Begin, laptop: La
         put(writer, imu(4))
 
 
+@pytest.mark.strict
 def test_a_value_that_is_too_large_for_a_message_is_reported(begin: Begin, laptop: Laptop) -> None:
     """A picture that would have 17 MB as rgb8."""
     robot = begin("item large as=sensor_msgs/msg/Image topic=/large\n")
@@ -281,6 +286,7 @@ def test_a_value_that_is_too_large_for_a_message_is_reported(begin: Begin, lapto
 TWIST = f"struct {{ {VECTOR} linear; {VECTOR} angular; }}"
 
 
+@pytest.mark.strict
 def test_ros_writes_an_item(begin: Begin, laptop: Laptop) -> None:
     """A program of the robot has declared the item. Each value arrives once, in order, after both ends have found each
     other; before that DDS guarantees nothing, so ROS sends until the first value has arrived."""

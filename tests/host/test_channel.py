@@ -16,6 +16,8 @@ import pytest
 
 from parts.guest.channel import Channel, Timeout
 
+pytestmark = pytest.mark.retry
+
 
 def relay(far: socket.socket, terminal: int) -> None:
     """Copy in both directions until one side has closed."""

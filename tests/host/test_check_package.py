@@ -7,7 +7,7 @@ import lint
 import pytest
 from parts.common import TOP, Failed
 
-pytestmark = [pytest.mark.computes, pytest.mark.skipif(not buildroot.present(), reason=(
+pytestmark = [pytest.mark.retry, pytest.mark.computes, pytest.mark.skipif(not buildroot.present(), reason=(
     "no checkout of Buildroot, neither BUILDROOT= nor one made by `make image`: check-package judged nothing of ours"))]
 
 FAULTS = {

@@ -16,6 +16,8 @@ from parts.image import foreign, native
 
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 ALONE = """
 import pathlib, sys
 from parts.common import alone, say

@@ -10,6 +10,8 @@ import pytest
 
 from .programs import ROOT
 
+pytestmark = pytest.mark.retry
+
 STATUS = ("cat", "/proc/self/status")
 
 

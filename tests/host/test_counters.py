@@ -16,6 +16,8 @@ from parts.common import MORTAL
 from .programs import (ROOT, Counters, Desk, Process, lost, make_clip, pictures, preload, result, start_recorder,
                        stop, wait_until)
 
+pytestmark = pytest.mark.strict
+
 PICTURE = 64 * 48 * 3 // 2
 
 

@@ -13,6 +13,8 @@ import pytest
 
 from .programs import ROOT, Desk, Process, make_clip, result, stop, wait_until
 
+pytestmark = pytest.mark.retry
+
 FRAMES = 50
 LIMIT = 256    # open descriptors, and descriptors in flight
 STOPPED = 8    # readers

@@ -17,6 +17,8 @@ from parts.image import rootfs
 from .appliance import Appliance
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}"
            for name in ("storage", "recordings-disk", "settings-copy", "restore.awk", "disk", "init-action")}
 SCRIPTS["overlay/etc/init.d/S15storage"] = "etc/init.d/S15storage"

@@ -12,6 +12,8 @@ from defects import noticed
 from parts.common import TOP, Failed
 from parts.defects import DEFECTS, Defect, plant
 
+pytestmark = pytest.mark.retry
+
 
 def test_all_apply_together(tmp_path: pathlib.Path) -> None:
     for name in {name for one in DEFECTS for name in one.files}:

@@ -17,6 +17,8 @@ from parts.image import native
 
 from .programs import (TOP, Desk, make_clip, pictures, read_y4m, result, start_recorder, stop, times, wait_until)
 
+pytestmark = pytest.mark.retry
+
 PYTHON = ["/usr/bin/python3", "-B"]
 
 
@@ -207,6 +209,7 @@ def test_the_program_in_the_readme(desk: Desk, environment: dict[str, str], tmp_
     assert result(loader)[0] == 0
 
 
+@pytest.mark.strict
 def test_example_edges(desk: Desk, installed: pathlib.Path, environment: dict[str, str],
                        tmp_path: pathlib.Path) -> None:
     """C++ with OpenCV, built with CMake: each output picture has its source's capture time."""

@@ -5,11 +5,15 @@ from __future__ import annotations
 import pathlib
 import shutil
 
+import pytest
+
 import build
 from parts.common import OUTPUT
 from parts.image import native
 
 from .appliance import Appliance
+
+pytestmark = pytest.mark.retry
 
 # Name in /dev, number, expected owner, group and mode.
 DEVICES = [

@@ -17,6 +17,8 @@ from parts.testing import crash_loop
 
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 SAVE, SEND = "ddxvideosave", "ddxvideosend"
 SERVICES = tuple(tables.services())
 OTHERS = tuple(name for name in SERVICES if name != "store")

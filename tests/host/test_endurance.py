@@ -8,6 +8,8 @@ import pytest
 
 import endurance
 
+pytestmark = pytest.mark.retry
+
 FEW = 40
 LOOKS = 2  # samples; the first and the last are judged, each once the logger has released old requests
 FIRST = {"available": 200_000, "descriptors": 300, "processes": 90, "files": 400,

@@ -9,6 +9,8 @@ import pytest
 
 from .events import play, write_clips
 
+pytestmark = pytest.mark.retry
+
 SEEDS = range(20)
 RED = ()  # seeds that found a defect
 SIDE_BY_SIDE = 4  # scripts in parallel: they mostly wait

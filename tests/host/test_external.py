@@ -17,6 +17,8 @@ from parts.guest import machine
 from parts.image import busybox, ffmpeg, native, rootfs, tables
 from parts.release import manifest, renew
 
+pytestmark = pytest.mark.retry
+
 FILES = {
     "external.desc": "name: MINE\ndesc: a robot\n",
     "external.mk": "include $(sort $(wildcard $(BR2_EXTERNAL_MINE_PATH)/package/*/*.mk))\n",

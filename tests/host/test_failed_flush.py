@@ -15,6 +15,8 @@ from .test_faults import clip
 from .test_pool import recordings
 from .test_recordings import run
 
+pytestmark = pytest.mark.strict
+
 __all__ = ["clip"]  # a fixture
 
 

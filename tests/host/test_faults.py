@@ -15,6 +15,8 @@ import pytest
 from .programs import (Compiler, Counters, Desk, Process, frame_md5, header_of, lost, make_clip, pictures, record,
                        result, start_recorder, stop, times, wait_until)
 
+pytestmark = pytest.mark.strict
+
 PICTURE = 64 * 48 * 3 // 2
 
 

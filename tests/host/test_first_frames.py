@@ -9,6 +9,8 @@ import pytest
 
 from .programs import Counters, Desk, lost, make_clip, pictures, result, stop, wait_until
 
+pytestmark = pytest.mark.strict
+
 COUNTS = [1, 2, 3, 8, 9, 10, 11, 30]  # around 8, the number that the store keeps for a recorder
 
 

@@ -24,6 +24,8 @@ from parts.disk import mbr
 from parts.flash import blockio, blockmap, provision, target
 from parts.media.recording import FileSystem
 
+pytestmark = pytest.mark.retry
+
 MIB = 2**20
 ENVIRONMENT = {**os.environ, **SBIN, "LC_ALL": "C"}
 

@@ -8,6 +8,8 @@ import pytest
 from parts.disk import mbr
 from parts.image import native
 
+pytestmark = pytest.mark.retry
+
 TABLE = """label: dos
 label-id: 0xdd5601de
 start=2048, size=2048, type=c, bootable

@@ -9,6 +9,8 @@ import pytest
 from parts.common import TOP, run
 from parts.image import native
 
+pytestmark = pytest.mark.retry
+
 HEADERS = sorted((TOP / "package/ddx/include").glob("*.h"))
 
 

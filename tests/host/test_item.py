@@ -9,6 +9,8 @@ import pytest
 
 from .programs import Compiler, Desk, make_clip, stop, wait_until
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.mark.parametrize("test", ["cif", "4k", "hostile", "layouts", "false_formats", "paper_writer", "no_video",
                                   "parameters"])

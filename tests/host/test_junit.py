@@ -20,6 +20,8 @@ from parts.testing.suite import Suite
 
 from .test_suite import places
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["places"]
 # The schema of Jenkins' xUnit plugin, of which GitLab reads a part.
 SUMS = {"name", "time", "tests", "failures", "errors"}

@@ -9,6 +9,8 @@ import pytest
 
 from parts.common import TOP
 
+pytestmark = pytest.mark.retry
+
 PARTS = TOP / "tools/parts"
 # Lowest first; modules in one line do not use each other.
 LAYERS = [{"common"}, {"defects", "processes", "trees"}, {"image", "disk", "link"}, {"media"}, {"guest"},

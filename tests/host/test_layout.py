@@ -15,6 +15,8 @@ from .programs import TOP, Compiler, Desk, lost, pictures, start_recorder, stop,
 from .rtp_source import H264, Source, encode
 from .stream import Stream, finish
 
+pytestmark = pytest.mark.retry
+
 Image = NDArray[numpy.uint8]
 FILES = {"C422": "YUV422P", "C444": "YUV444P", "Cmono": "GREY8", "Cmono16": "GREY16"}
 LAYOUTS = [*FILES.values(), "RGB24"]
@@ -45,6 +47,7 @@ def load(desk: Desk, clip: pathlib.Path, layout: str, *options: object) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("tag", FILES)
 def test_recordings_are_bit_exact(desk: Desk, tag: str) -> None:
     """Into the store and out again, to a file and to a pool with right checksums; C422 has an odd height, the others

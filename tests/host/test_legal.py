@@ -5,6 +5,8 @@ import pathlib
 import legal
 import pytest
 
+pytestmark = pytest.mark.retry
+
 # The end of legal-info's README for the mini-ITX image.
 README = """
 Due to technical limitations or lack of license definition in the package

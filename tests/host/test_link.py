@@ -18,6 +18,8 @@ from parts.link.relay import Way as RelayWay
 
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 PEER = (sys.executable, "-B", "-S", str(pathlib.Path(__file__).with_name("udp_peer.py")))
 PORT, GROUP = 8000, "239.255.20.5"
 COUNT, SIZE, HEADERS = 1500, 100, 28
@@ -143,6 +145,7 @@ def test_ipv6() -> None:
         assert link.counts().down[0].ports[PORT] == Flow(30, 30 * (SIZE + 48), 10, 20, 20 * (SIZE + 48))
 
 
+@pytest.mark.strict
 def test_the_maximum_per_second() -> None:
     """In any interval of a second, not only in those of a clock."""
     way, flow = RelayWay(0), Flow()
@@ -160,6 +163,7 @@ def runs(lost: list[bool]) -> list[int]:
     return [len(list(group)) for bad, group in itertools.groupby(lost) if bad]
 
 
+@pytest.mark.strict
 @pytest.mark.parametrize("pattern, rate, length", [(loss.EveryThird(), 1 / 3, 1), (loss.Iid(0.1), 0.1, 1 / 0.9),
                                                    (loss.Iid(0.3), 0.3, 1 / 0.7), (loss.Bursts(0.3), 0.3, 5),
                                                    (loss.Bursts(0.1, 3), 0.1, 3), (loss.Outages(0.3), 0.3, 40),

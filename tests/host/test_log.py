@@ -16,6 +16,8 @@ from parts.media import logs
 from .log_rules import CONFIG, begin, check_log, check_sample, files, losses, only, write, written
 from .programs import ROOT, Compiler, Desk, library_folder, lost, stop, wait_until
 
+pytestmark = pytest.mark.strict
+
 
 def test_every_value_of_every_item(desk: Desk, compile_client: Compiler) -> None:
     logger = begin(desk)

@@ -12,6 +12,8 @@ from parts.media import logs
 from .log_rules import CONFIG, begin, check_log, only, write, written
 from .programs import ROOT, Compiler, Desk, library_folder, stop, wait_until
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory, compile_client: Compiler) -> pathlib.Path:

@@ -13,6 +13,8 @@ import pytest
 from . import log_rules
 from .programs import ROOT, TOP, Desk, library_folder, stop, wait_until
 
+pytestmark = pytest.mark.strict
+
 MIB = 1 << 20
 LIMIT = 200 * MIB  # address space; these logs once took 3 to 10 times as much
 MAGIC = b"\x89MCAP0\r\n"

@@ -16,6 +16,8 @@ from .log_rules import begin, check_sample, only, write, written
 from .programs import (ROOT, Compiler, Counters, Desk, lost, make_clip, pictures, read_y4m, start_recorder, stop, times,
                        wait_until)
 
+pytestmark = pytest.mark.strict
+
 Replayed = list[tuple[str, bytes, int]]  # item, bytes, ns since the first
 
 

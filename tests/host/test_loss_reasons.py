@@ -2,7 +2,11 @@
 """docs/architecture.md lists each reason for which a program can lose a frame, in the program's order."""
 import re
 
+import pytest
+
 from parts.common import TOP
+
+pytestmark = pytest.mark.retry
 
 PAGE = TOP / "docs/architecture.md"
 # The source with a list of reasons: the programs built from it.

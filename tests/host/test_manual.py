@@ -12,6 +12,8 @@ from parts.common import TOP, entries, run
 from parts.image import native
 from parts.release import manual, manual_calls, manual_programs
 
+pytestmark = pytest.mark.retry
+
 NOT_ON_A_DESK = {"serial", "confine", "ddxgrow"}  # only in the appliance
 
 

@@ -10,6 +10,8 @@ from parts.common import SBIN, Failed
 from parts.disk import mbr
 from parts.disk.mbr import Partition
 
+pytestmark = pytest.mark.retry
+
 LAYOUT = """label: dos
 1 : start=2048, size=32768, type=c
 4 : start=296960, type=f

@@ -11,6 +11,8 @@ import pytest
 from parts import common
 from parts.release import needs
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.mark.computes
 def test_a_package_in_a_part_that_a_target_does_not_install_is_named() -> None:

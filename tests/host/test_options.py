@@ -11,6 +11,8 @@ import pytest
 
 from .programs import ROOT, Desk, library_folder, make_clip, wait_until
 
+pytestmark = pytest.mark.retry
+
 LOADER, SAVER, SENDER, DECODE = "ddxvideoload", "ddxvideosave", "ddxvideosend", "decode"
 SNAP, VIEW, SVS = "ddxvideosnap", "ddxvideoview", "ddxvideoSVS"
 

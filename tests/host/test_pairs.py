@@ -16,6 +16,8 @@ from .programs import (TOP, Counters, Desk, Process, pictures, start_recorder, s
                        wait_until)
 from .stereo_rules import SVS, check_sum, settled, start, write_calibration
 
+pytestmark = pytest.mark.strict
+
 WIDTH, HEIGHT = 64, 16
 LEFT = f"{WIDTH}x{HEIGHT}"
 PERIOD, WINDOW = 40, 20  # ms

@@ -6,7 +6,11 @@ import itertools
 import pathlib
 import subprocess
 
+import pytest
+
 from .programs import ROOT, Compiler, Desk, make_clip, pictures, start_recorder, stop, times
+
+pytestmark = pytest.mark.strict
 
 
 def plane_sum(plane: bytes) -> int:

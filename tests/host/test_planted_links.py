@@ -10,6 +10,8 @@ import pytest
 
 from .appliance import USERS, Appliance, with_service
 
+pytestmark = pytest.mark.retry
+
 SECRET = "root's own\n"
 LIMITS = "s131072\nn3\n"  # svlogd's settings of a log
 

@@ -9,6 +9,8 @@ import pytest
 
 from .programs import Desk, ffmpeg, header_of, make_clip, pictures, record
 
+pytestmark = pytest.mark.retry
+
 FRAMES = 20
 # "long": the longest likely header, with large numbers and all our parameters.
 HEADERS = {"plain": "F25:1 Ip A1:1 C420jpeg",

@@ -13,6 +13,8 @@ import pytest
 
 from .programs import Desk, Process, ffmpeg, lost, make_clip, pictures, start_recorder, stop, times, wait_until
 
+pytestmark = pytest.mark.strict
+
 SEGMENT = 4 << 20
 PICTURE = 352 * 288 * 3 // 2
 HEADER = struct.Struct("<8sIIQQqqQQII128s192s3II")

@@ -14,6 +14,8 @@ import pytest
 from .programs import Desk, Process, lost, make_clip, preload, start_recorder, stop, wait_until
 from .test_pool import recordings, small_disk
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["small_disk"]  # a fixture
 FRAMES = 30  # CIF frames: more than one file holds
 OTHER = 12345  # a user that does not exist

@@ -12,6 +12,8 @@ from .programs import Desk, lost, make_clip, pictures, start_recorder, stop, wai
 from .test_pool import SEGMENT, recordings
 from .test_pool import small_disk as pool_disk
 
+pytestmark = pytest.mark.strict
+
 __all__ = ["pool_disk"]  # a fixture
 
 FRAMES = 30  # CIF frames: more than one file holds

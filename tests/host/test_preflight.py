@@ -15,7 +15,7 @@ from parts.common import TOP
 # A user without rights, and the group of that user.
 OTHER = ("setpriv", "--reuid", "65534", "--regid", "65534", "--clear-groups")
 
-pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="makes namespaces and file systems")
+pytestmark = [pytest.mark.retry, pytest.mark.skipif(os.geteuid() != 0, reason="makes namespaces and file systems")]
 
 
 @pytest.fixture(name="tree")

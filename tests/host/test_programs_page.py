@@ -16,6 +16,8 @@ from parts.guest.native_machine import NativeMachine
 from parts.image import busybox, ffmpeg
 from parts.media import clip
 
+pytestmark = pytest.mark.retry
+
 NAME, USER, NUMBER = "ddxvideodark", "ddxdark", "910"
 PAGE = TOP / "docs/programs.md"
 TABLE = "package/ddxvideo/programs.txt"

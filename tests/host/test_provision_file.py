@@ -9,6 +9,8 @@ import build
 from parts.common import OUTPUT, TOP
 from parts.image import native
 
+pytestmark = pytest.mark.retry
+
 KEY = "ssh-ed25519 AAAAC3NzaC1lZDI1NTE5AAAAIBkvAbcd+/9 someone@there"
 
 

@@ -10,6 +10,8 @@ import pytest
 
 from .programs import TOP, Desk
 
+pytestmark = pytest.mark.retry
+
 CLIENT = pathlib.Path(__file__).with_name("python_client.py")
 MODULES = TOP / "package/ddx/python"
 

@@ -17,6 +17,8 @@ from parts.common import PATIENCE, TOP, Failed
 from parts.guest import qemu
 from parts.guest.qmp import Monitor
 
+pytestmark = pytest.mark.retry
+
 GREETING = b'{"QMP": {"version": {}, "capabilities": []}}\n'
 DONE = b'{"return": {}}\n'
 

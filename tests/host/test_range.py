@@ -21,6 +21,8 @@ from .programs import TOP, Desk, pictures, result, stop
 from .stereo_rules import (check_sum, disparities_in, found, ranged, run_clip, settled, write_calibration,
                            write_clip)
 
+pytestmark = pytest.mark.retry
+
 STEREO = TOP / "package/ddxvideo/stereo"
 CALIBRATE = STEREO / "calibrate.py"
 

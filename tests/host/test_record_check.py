@@ -6,6 +6,8 @@ import pytest
 
 from parts.media.record_check import Found, numbers_lost
 
+pytestmark = pytest.mark.strict
+
 CLIP = 50  # frames, played in a loop
 
 

@@ -12,6 +12,8 @@ from .programs import Desk, lost, pictures, start_recorder, stop, wait_until
 from .test_pool import COUNT, PICTURE, check_files, clip, index_of, recordings, start
 from .test_recordings import listed
 
+pytestmark = pytest.mark.strict
+
 __all__ = ["clip"]  # a fixture
 
 

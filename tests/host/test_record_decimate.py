@@ -11,6 +11,8 @@ from .programs import Desk, header_of, lost, pictures, start_recorder, stop, wai
 from .test_pool import COUNT, clip, index_of, recordings, stall, start
 from .test_record_commands import count, reached
 
+pytestmark = pytest.mark.strict
+
 __all__ = ["clip"]  # a fixture
 
 

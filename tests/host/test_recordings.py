@@ -16,6 +16,8 @@ import pytest
 from .programs import Desk, lost, pictures, preload, start_recorder, stop, wait_until
 from .test_pool import COUNT, clip, index_of, lose_frames, recordings, start
 
+pytestmark = pytest.mark.strict
+
 LONG = "ddxrecordings"
 __all__ = ["clip"]  # a fixture
 

@@ -14,6 +14,8 @@ from .programs import Desk, start_recorder, stop
 from .test_pool import HEADER, index_of, recordings
 from .test_recordings import flip, run
 
+pytestmark = pytest.mark.retry
+
 FRAMES = 2
 SIDE = 4
 HEAD = 2  # flag in the header: the first line has a checksum

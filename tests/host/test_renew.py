@@ -8,6 +8,8 @@ import pytest
 from parts import trees
 from parts.release import renew
 
+pytestmark = pytest.mark.retry
+
 CONFIG = """# a comment
 BR2_x86_64=y
 BR2_PACKAGE_FFMPEG_DECODERS="h264"

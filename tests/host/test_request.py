@@ -10,6 +10,8 @@ import pytest
 
 from .programs import Compiler, Desk, Process, wait_until
 
+pytestmark = pytest.mark.retry
+
 
 def serve(desk: Desk, compile_client: Compiler, ms: int = 0) -> Process:
     server = desk.start(compile_client("request_client"), "serve", "thing", ms)

@@ -16,6 +16,8 @@ from parts.common import MORTAL
 from .programs import (ROOT, Counters, Desk, ffmpeg, frame_md5, header_of, lost, make_clip, pictures, record, result,
                        start_recorder, stop, times, wait_until)
 
+pytestmark = pytest.mark.strict
+
 MILLISECOND = 1_000_000
 # Makes FFmpeg's converter equal ours: chroma samples lie on the left luma column before and after.
 SAME_CONVERSION = ("scale=in_h_chr_pos=0:out_h_chr_pos=0:"

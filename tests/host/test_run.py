@@ -18,6 +18,8 @@ from parts.media.likeness import Likeness
 from parts.media.recording import FileSystem
 from parts.media.report import About, Report, Stage
 
+pytestmark = pytest.mark.retry
+
 MS = 1_000_000
 PERIODS = 5  # camera periods that each frame of the clip is shown for
 
@@ -176,6 +178,7 @@ def test_a_damaged_clip_is_named_with_its_frame(tmp_path: pathlib.Path) -> None:
             list(y4m.read(path)[1])
 
 
+@pytest.mark.strict
 def test_the_keys_and_values_of_the_report() -> None:
     histogram = [0] * 736
     histogram[5], histogram[40], histogram[735] = 3, 2, 1

@@ -10,6 +10,8 @@ import pytest
 import sbom
 from parts.common import OUTPUT, Failed
 
+pytestmark = pytest.mark.retry
+
 ELF = b"\x7fELF" + bytes(60)
 
 

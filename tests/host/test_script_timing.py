@@ -15,6 +15,8 @@ from parts.common import TOP
 from .appliance import Appliance
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 THING = "run/service/thing"
 
 

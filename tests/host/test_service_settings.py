@@ -12,6 +12,8 @@ import pytest
 from .appliance import USERS, Appliance, with_service
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 # Maps 64 MiB of shared memory, then allocates 64 MiB, a MiB at a time; writes how many it got, and dies with fewer.
 GREEDY = """
 #include <stdio.h>

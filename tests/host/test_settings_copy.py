@@ -13,6 +13,8 @@ from parts.common import TOP
 
 from .appliance import Appliance, with_service
 
+pytestmark = pytest.mark.retry
+
 SCRIPTS = {f"overlay/usr/libexec/ddx/{name}": f"usr/libexec/ddx/{name}" for name in ("settings-copy", "restore.awk")}
 SAVE = "/usr/libexec/ddx/settings-copy save"
 RESTORE = "/usr/libexec/ddx/settings-copy restore /rec"

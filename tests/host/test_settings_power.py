@@ -21,6 +21,8 @@ from parts.testing.settings_cut import TOGGLES, cuts, toggle, wrong
 
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 SIZE = 24 << 20  # bytes; several groups, so there is a second superblock, as in the appliance
 SECTOR = 512     # for marks, after the file system
 ENVIRONMENT = {**os.environ, **SBIN}

@@ -12,7 +12,7 @@ import pytest
 
 from parts.common import TOP
 
-pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="holds a lock of apt's")
+pytestmark = [pytest.mark.retry, pytest.mark.skipif(os.geteuid() != 0, reason="holds a lock of apt's")]
 APT = """#!/bin/sh
 echo "$@" >> "$CALLS"
 seq 2000

@@ -13,6 +13,8 @@ from parts.common import TOP, run
 
 from .appliance import Appliance
 
+pytestmark = pytest.mark.retry
+
 Block = dict[str, str]
 NAMES = ("slot", "left", "begun", "failed")
 MOUNT = "mount -t vfat -o rw,noatime,nosuid,nodev,noexec"

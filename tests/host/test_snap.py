@@ -15,6 +15,8 @@ from parts.media.seen import read_text
 
 from .programs import Desk, ffmpeg, make_clip
 
+pytestmark = pytest.mark.retry
+
 Image = NDArray[numpy.uint8]
 CONVERSION = "scale=in_color_matrix=bt601:out_color_matrix=bt601:flags=bicubic+accurate_rnd+full_chroma_int"
 # Largest mean difference of samples in a correct picture.

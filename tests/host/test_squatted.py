@@ -17,6 +17,8 @@ from .log_rules import CONFIG, only
 from .programs import TOP, Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_until
 from .stream import Stream, finish
 
+pytestmark = pytest.mark.retry
+
 SQUATTER = """
 import sys, ddx
 store = ddx.Store(timeout=30)
@@ -55,6 +57,7 @@ def without(desk: Desk, process: Process, item: str, why: str = "the item has an
     assert found(), desk.errors(process)
 
 
+@pytest.mark.strict
 def test_a_clip_is_played_and_recorded(desk: Desk, squat: Squat) -> None:
     squat(desk, *(f"ddxvideosave.{what}" for what in ("stats", "disk", "request", "answer")),
           "ddxvideoload.stats", "video.frame", "video.parameters")

@@ -11,6 +11,8 @@ import pytest
 from .programs import Desk, Process, lost, make_clip, pictures, start_recorder, stop, wait_until
 from .test_record_commands import command, count, reached
 
+pytestmark = pytest.mark.strict
+
 
 class StalledDisk:
     """A recorder's disk that hangs between stall() and go_on(), for syncs or for the first open."""

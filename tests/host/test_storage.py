@@ -13,6 +13,8 @@ from parts.common import TOP
 
 from .programs import wait_until
 
+pytestmark = pytest.mark.retry
+
 DISKS = {"DDXDATA": "/data", "DDXREC": "/rec", "DDXTEST": "/test"}
 # Refuses the first mounts of a folder, `refuse.<folder>` times; then records it as mounted.
 MOUNT = """#!/bin/sh

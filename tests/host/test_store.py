@@ -23,6 +23,8 @@ from parts.image import native
 
 from .programs import ROOT, TOP, Compiler, Desk, library_folder, send_signal, stop, wait_until
 
+pytestmark = pytest.mark.retry
+
 BUILT = TOP / "output"
 
 

@@ -12,6 +12,8 @@ import pytest
 
 from parts.common import MORTAL, OUTPUT
 
+pytestmark = pytest.mark.retry
+
 TESTS = OUTPUT / "desk/ddx/tests"
 Figure = Callable[[str, object], None]
 SEEDS = 10  # per test; 200 in all

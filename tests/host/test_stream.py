@@ -12,6 +12,8 @@ from parts.media import clip as numbered_clip
 from .programs import lost, preload, result, send_signal, stop, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording
 
+pytestmark = pytest.mark.strict
+
 FRAMES = numbered_clip.RATE  # in the clip's second
 CODECS = ["h264", "mpeg4"]
 

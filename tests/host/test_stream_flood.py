@@ -19,6 +19,8 @@ from .lasting import Lasted, Memory, grown, lasting
 from .programs import Process
 from .stream import PORT
 
+pytestmark = pytest.mark.retry
+
 FLOOD = pathlib.Path(__file__).with_name("flood.py")
 RATE = 10000  # datagrams a second, at either end
 WIRE = 1000   # kbit/s

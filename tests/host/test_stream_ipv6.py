@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import pathlib
 
+import pytest
+
 from parts.media import clip as numbered_clip
 
 from .programs import Process, ffmpeg, pictures, wait_until
 from .stream import GROUP, Stream, finish, printed
+
+pytestmark = pytest.mark.strict
 
 GROUP_IPV6 = "ff15::5"
 ONE_SECOND = 1

@@ -14,6 +14,8 @@ from .programs import Process, result, stop, wait_until
 from .rtp_rules import captured
 from .stream import PORT, RELAYED, TO_RELAY, Stream, finish, make_key, printed, turn
 
+pytestmark = pytest.mark.strict
+
 FRAMES = numbered_clip.RATE
 # Receivers: port, key, and decode's message.
 RECEIVERS = {"wrong": (8010, "other.key", "it is encrypted with another key than that of -key other.key"),

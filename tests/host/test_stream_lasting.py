@@ -15,6 +15,8 @@ from parts.media import clip as numbered_clip
 from . import two_ends
 from .lasting import Lasted, grown, lasting
 
+pytestmark = pytest.mark.retry
+
 WIRE = 250  # kbit/s
 SECONDS = 20  # of the clip, which is played in a loop
 FRAMES = SECONDS * numbered_clip.RATE
@@ -38,6 +40,7 @@ def test_wrong_pictures_and_growth_are_found() -> None:
     assert grown([{"decode": 4000}, *flat]) == [] and grown([*flat, {"decode": 12000}]) != []
 
 
+@pytest.mark.strict
 @pytest.mark.long
 @pytest.mark.parametrize("name", LEAST)
 def test_minutes_of_a_pattern(tmp_path: pathlib.Path, clip: pathlib.Path, name: str, pytestconfig: pytest.Config,

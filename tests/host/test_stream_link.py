@@ -15,6 +15,8 @@ from . import two_ends
 from .stream import PORT
 from .two_ends import Run
 
+pytestmark = pytest.mark.retry
+
 WIRE = 250  # kbit/s
 LOSS = Iid(0.3)
 SECONDS, SHORT = 8, 3
@@ -41,6 +43,7 @@ def test_wrong_numbers_are_found() -> None:
     assert two_ends.wrong_numbers(late, late) == late
 
 
+@pytest.mark.strict
 def test_with_reports(tmp_path: pathlib.Path, clip: pathlib.Path) -> None:
     run = two_ends.run(tmp_path, clip, LOSS, LOSS, "-wire", WIRE)
     say(run)

@@ -14,6 +14,8 @@ from parts.media import clip as numbered_clip
 from .programs import Counters, Process, lost, result, send_signal, wait_until
 from .stream import TO_RELAY, Stream, drawn, finish, printed, stop_recording, turn
 
+pytestmark = pytest.mark.strict
+
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
 # Frames until pictures are whole again on decode's request: for H.264 the current renewal and one more; for MPEG-4 a

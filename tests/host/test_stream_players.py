@@ -17,6 +17,8 @@ from parts.media import clip as numbered_clip
 from .programs import ROOT, Desk, pictures, wait_until
 from .stream import Stream, make_key
 
+pytestmark = pytest.mark.retry
+
 SECONDS = 4
 FRAMES = SECONDS * numbered_clip.RATE
 CODECS = ["h264", "mpeg4"]

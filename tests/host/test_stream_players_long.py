@@ -24,7 +24,7 @@ WHITELIST = "file,udp,rtp,srtp,crypto"
 CIPHERS = "srtp-cipher=aes-128-icm,srtp-auth=hmac-sha1-80,srtcp-cipher=aes-128-icm,srtcp-auth=hmac-sha1-80"
 
 __all__ = ["SECONDS"]  # of the clip
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 
 @pytest.fixture(params=["open", "key"])

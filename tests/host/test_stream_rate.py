@@ -17,6 +17,8 @@ from . import two_ends
 from .programs import lost, stop, wait_until
 from .stream import TO_RELAY, Stream, finish
 
+pytestmark = pytest.mark.strict
+
 WIRES = [100, 250, 2000]  # kbit/s
 FRAMES, RATE, LARGE = 50, 25, 12
 

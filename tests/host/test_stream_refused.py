@@ -10,6 +10,8 @@ from .programs import lost, make_clip, stop, wait_until
 from .rtp_source import H264, MPEG4, Frames, Source, encode, large_h264, large_mpeg4, memory_mib
 from .stream import Stream, finish
 
+pytestmark = pytest.mark.strict
+
 MOST = 150  # MiB; one picture of 16000x16000 has 366
 SIZE = "a stream of 16000x16000 that cannot be shown: more than 11184810 pixels, what the store can hold"
 FORMAT = "a stream that cannot be shown: its samples have more than 8 bits, or it is RGB"

@@ -16,6 +16,8 @@ from .programs import Compiler, wait_until
 from .rtp_source import H264, Frames, encode, payloads
 from .stream import PORT, Stream, finish
 
+pytestmark = pytest.mark.strict
+
 WINDOW = 25  # frames
 SSRC = 7
 REPAIR = PORT + 2

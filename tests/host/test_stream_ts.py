@@ -14,6 +14,8 @@ from .programs import ffmpeg, pictures, result
 from .rtp_rules import captured
 from .stream import RELAYED, Stream, finish
 
+pytestmark = pytest.mark.strict
+
 TS = 188
 PAT, VIDEO = 0, 256  # PIDs
 SECONDS = 1

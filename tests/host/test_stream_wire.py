@@ -16,6 +16,8 @@ from .programs import ffmpeg, pictures, result, wait_until
 from .rtp_rules import broken_rules, captured, parse
 from .stream import PORT, RELAYED, TO_RELAY, Stream, find_numbers, finish, printed, stop_recording
 
+pytestmark = pytest.mark.strict
+
 FRAMES = 150
 BITRATE = 200  # kbit/s
 LOW = 110

@@ -12,6 +12,8 @@ from parts.common import wait_until
 from parts.guest.native_machine import NativeMachine
 from parts.media import clip, counters
 
+pytestmark = pytest.mark.retry
+
 SEND, LAPTOP = "ddxvideosend", "ddxvideosend.laptop"
 
 

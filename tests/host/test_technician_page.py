@@ -16,6 +16,8 @@ from parts.media import clip
 
 from .programs import Desk, ffmpeg, record
 
+pytestmark = pytest.mark.retry
+
 # Replaces a program that needs a robot: records its arguments.
 NOTES = '#!/bin/sh\nfor word in "${0##*/}" "$@"; do printf "%s\\n" "$word"; done >> "$HOME/words"\n'
 

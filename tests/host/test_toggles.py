@@ -11,6 +11,8 @@ import pytest
 
 from parts.guest.native_machine import NativeMachine
 
+pytestmark = pytest.mark.retry
+
 SAVE, SEND, REAR = "ddxvideosave", "ddxvideosend", "ddxvideosend.rear"
 Services = dict[str, dict[str, object]]
 

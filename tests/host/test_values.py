@@ -10,6 +10,8 @@ import pytest
 
 from .programs import Compiler, Desk, wait_until
 
+pytestmark = pytest.mark.retry
+
 
 @pytest.fixture
 def sensor(desk: Desk, compile_client: Compiler) -> Desk:

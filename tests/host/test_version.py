@@ -12,6 +12,8 @@ from parts.release import version
 
 from .programs import ROOT
 
+pytestmark = pytest.mark.retry
+
 
 def number() -> str:
     found = re.search(r"^  version: '(.*)',$", (TOP / "package/ddx/meson.build").read_text(), re.M)

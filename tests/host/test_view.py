@@ -26,6 +26,8 @@ from .test_python import MODULES
 from .test_snap import rgb
 from .window import Window
 
+pytestmark = pytest.mark.strict
+
 WIDTH, HEIGHT = 352, 288
 
 

@@ -14,6 +14,8 @@ from .programs import Desk, result
 from .test_view import check, display, make_clip, play
 from .window import Window
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["display"]  # the fixture
 FRAMES = 40
 HOUR = 6      # times --seconds, which is ten minutes by default

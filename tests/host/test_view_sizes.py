@@ -11,6 +11,8 @@ from .programs import Desk, result
 from .test_view import HEIGHT, WIDTH, display, make_clip, middle
 from .window import Window
 
+pytestmark = pytest.mark.retry
+
 __all__ = ["display"]  # the fixture
 FRAMES, FIELDS, KEYS = 3, 16, 9
 STEP = 50  # levels between frames

@@ -25,7 +25,7 @@ ENOUGH = 60  # pictures
 VLC = ["vlc", "-I", "cli", "--no-audio", "--vout", "yuv", "--yuv-chroma", "I420", "--yuv-yuv4mpeg2", "--yuv-file"]
 BYTES = 352 * 288 * 3 // 2 + len("FRAME\n")
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.retry, pytest.mark.long]
 
 
 @pytest.fixture(params=["h264", "mpeg4"])

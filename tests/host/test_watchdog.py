@@ -13,6 +13,8 @@ import pytest
 
 from .programs import Desk, Process, send_signal, wait_until
 
+pytestmark = pytest.mark.retry
+
 NOT_FED = "the watchdog is not fed"
 WELL = "all is well again"
 GIVEN_UP = "and it cannot be killed"  # logged every five seconds, checked every second

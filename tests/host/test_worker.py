@@ -13,6 +13,8 @@ import pytest
 
 from .programs import KEEP, Compiler, Desk, Process, lost, make_clip, pictures, stop, wait_until, worker_of
 
+pytestmark = pytest.mark.retry
+
 Figure = Callable[[str, object], None]
 LATE = 50_000  # us; largest delay of a frame
 RATE = 25      # frames a second

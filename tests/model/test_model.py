@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.strict, pytest.mark.computes]
 
 HERE = pathlib.Path(__file__).parent
 RING, WORKER = HERE / "ring.pml", HERE / "worker.pml"
