@@ -64,7 +64,7 @@ def parse(arguments: list[str]) -> dict[str, str]:
     for argument in arguments:
         name, sign, value = argument.partition("=")
         if name not in words or not sign:
-            raise Failed(f"what is {argument}? Possible are {'=, '.join(WORDS)}=")
+            raise Failed(f"unknown word {argument}; expected one of {'=, '.join(WORDS)}=")
         words[name] = value
     for name in ["YES", "FILE"]:
         if words[name] not in ("", "0", "1"):

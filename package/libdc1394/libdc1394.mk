@@ -10,7 +10,7 @@ LIBDC1394_LICENSE = LGPL-2.1+
 LIBDC1394_LICENSE_FILES = COPYING
 LIBDC1394_INSTALL_STAGING = YES
 LIBDC1394_DEPENDENCIES = host-pkgconf libusb
-# The examples would want SDL and X11; FireWire goes through the kernel, not through libraw1394.
+# The examples would need SDL and X11; FireWire goes through the kernel, not through libraw1394.
 LIBDC1394_CONF_OPTS = --disable-examples --without-x --disable-doxygen-doc
 LIBDC1394_CONF_ENV = ac_cv_path_SDL_CONFIG=no
 

@@ -436,7 +436,7 @@ def test_refuses_bad_words(image: pathlib.Path, tmp_path: pathlib.Path) -> None:
     for words, because in [(["BOARD=dev"], "which disk?"), (["DEV=/dev/null"], "which image?"),
                            (["BOARD=../x", "DEV=/dev/null"], "not the name of a board"),
                            (["BOARD=no-such", "DEV=/dev/null"], "build it first"),
-                           (["COLOR=red"], "what is COLOR=red?"), (["YES=yes"], "say YES=1"),
+                           (["COLOR=red"], "unknown word COLOR=red"), (["YES=yes"], "say YES=1"),
                            ([f"IMAGE={TOP}/Makefile", "DEV=/dev/null"], "is not a disk image")]:
         status, text = tool(*words)
         assert (status, because in text, text.count("\n")) == (2, True, 1), text
