@@ -4,7 +4,7 @@
 fewer than 500 lines. single_callers.py [FOLDER below package/]
 
 A module is a source file, a header, or both with one name in one folder. It has a unit test if a file of tests/ or
-bench/ includes its header, or a test's meson.build or tools/fuzz.py names its source.
+bench/ includes its header, or if a meson.build has its source in a test.
 """
 import collections
 import pathlib
@@ -24,10 +24,9 @@ def included(path: pathlib.Path) -> list[str]:
 def tested(top: pathlib.Path) -> set[str]:
     """Names of modules that tests and benchmarks use directly."""
     names = {name for folder in ("tests", "bench") for path in (top / folder).rglob("*.[ch]") for name in included(path)}
-    for path in [*top.glob("package/**/meson.build"), top / "tools/fuzz.py"]:
-        text = path.read_text()
-        tests = re.search(r"^# The tests are part|^# Numbers and times|^STREAM = ", text, re.MULTILINE)
-        names |= set(re.findall(r"(\w+)\.c'", text[tests.start():] if tests else ""))
+    for path in top.glob("package/**/meson.build"):
+        products, tests, after = path.read_text().partition("get_option('tests')")
+        names |= set(re.findall(r"(\w+)\.c'", after if tests else products if path.parent.name == "tests" else ""))
     return names
 
 

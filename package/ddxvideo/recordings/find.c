@@ -16,7 +16,7 @@
 #include "schedule.h"
 #include "y4m.h"
 
-/* ---- One file ---- */
+/* ---- Facts on one file ---- */
 
 /* A frame lasts until the next one, the last one as long as the others. */
 static int64_t lasts(int64_t first, int64_t last, uint64_t frames) {
