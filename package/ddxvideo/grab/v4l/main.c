@@ -1,15 +1,330 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* ddxvideoV4L: grabs from a Video4Linux camera into the store. */
+#include <errno.h>
+#include <fcntl.h>
 #include <libavutil/log.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 
+#include "camera.h"
+#include "controls.h"
+#include "ddx_time.h"
+#include "device.h"
+#include "geometry.h"
 #include "grabber.h"
 #include "input.h"
 #include "negotiate.h"
-#include "geometry.h"
-#include "v4l_camera.h"
+#include "reorder.h"
+
+/* A Video4Linux camera as the grabber uses it. */
+struct v4l_camera {
+    struct camera camera; /* first, since the grabber uses this part */
+    struct device_wish wish;
+    struct device device;
+    struct order order;
+    struct v4l2_buffer taken[DEVICE_BUFFERS]; /* of waiting frames */
+};
+
+/* ---- Open ---- */
+
+#define LARGE_PICTURE (1 << 20) /* bytes; larger pictures get fewer buffers */
+#define FEW_BUFFERS 5
+
+/* Requests an event when another signal comes in. */
+static void listen_to_source(int fd) {
+    struct v4l2_event_subscription source = {.type = V4L2_EVENT_SOURCE_CHANGE};
+    int input = 0;
+
+    if (!device_ioctl(fd, VIDIOC_G_INPUT, &input))
+        source.id = (unsigned)input;
+    device_ioctl(fd, VIDIOC_SUBSCRIBE_EVENT, &source);
+}
+
+static int check_abilities(struct device *device, char *why, size_t size) {
+    struct v4l2_capability able;
+    int error = device_ioctl(device->fd, VIDIOC_QUERYCAP, &able);
+
+    if (error == -ENOTTY || error == -EINVAL) {
+        snprintf(why, size, "no video device");
+        return -EINVAL;
+    }
+    if (error) {
+        snprintf(why, size, "%s", strerror(-error));
+        return error;
+    }
+    snprintf(device->card, sizeof device->card, "%.32s", (const char *)able.card);
+    if (!(able.device_caps & V4L2_CAP_VIDEO_CAPTURE) || !(able.device_caps & V4L2_CAP_STREAMING)) {
+        snprintf(why, size, "%s gives no pictures here; another device of it may", device->card);
+        return -EINVAL;
+    }
+    return 0;
+}
+
+static int map_buffers(struct device *device) {
+    for (unsigned i = 0; i < device->buffers; i++) {
+        struct v4l2_buffer buffer = {.type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP, .index = i};
+        int error = device_ioctl(device->fd, VIDIOC_QUERYBUF, &buffer);
+
+        if (error)
+            return error;
+        void *data = mmap(NULL, buffer.length, PROT_READ, MAP_SHARED, device->fd, (off_t)buffer.m.offset);
+        if (data == MAP_FAILED)
+            return -errno;
+        device->buffer[i].data = data;
+        device->buffer[i].size = buffer.length;
+        error = device_ioctl(device->fd, VIDIOC_QBUF, &buffer);
+        if (error)
+            return error;
+    }
+    return 0;
+}
+
+static int start(struct device *device, char *why, size_t size) {
+    bool large = device->geometry.width * device->geometry.height > LARGE_PICTURE;
+    struct v4l2_requestbuffers request = {
+        .count = large ? FEW_BUFFERS : DEVICE_BUFFERS, .type = V4L2_BUF_TYPE_VIDEO_CAPTURE, .memory = V4L2_MEMORY_MMAP};
+    int type = V4L2_BUF_TYPE_VIDEO_CAPTURE;
+    int error = device_ioctl(device->fd, VIDIOC_REQBUFS, &request);
+
+    if (!error) {
+        device->buffers = request.count < DEVICE_BUFFERS ? request.count : DEVICE_BUFFERS;
+        error = map_buffers(device);
+    }
+    if (!error)
+        error = device_ioctl(device->fd, VIDIOC_STREAMON, &type);
+    if (error == -EBUSY)
+        snprintf(why, size, "in use by another program");
+    else if (error)
+        snprintf(why, size, "does not start: %s", strerror(-error));
+    device->streaming = !error;
+    return error;
+}
+
+/*
+ * Open the camera, set it up and start the stream. 0, or -errno with the reason in one line at `why`; then it is
+ * closed. -EINVAL: this camera cannot do what is requested.
+ */
+static int device_open(struct device *device, const struct device_wish *wish, char *why, size_t size) {
+    memset(device, 0, sizeof *device);
+    device->fd = open(wish->path, O_RDWR | O_NONBLOCK | O_CLOEXEC);
+    if (device->fd < 0) {
+        int error = -errno;
+        bool missing = error == -ENOENT || error == -ENODEV || error == -ENXIO;
+
+        snprintf(why, size, "%s",
+                 missing           ? "not there"
+                 : error == -EBUSY ? "in use by another program"
+                                   : strerror(-error));
+        return error;
+    }
+    int error = check_abilities(device, why, size);
+    if (!error)
+        error = negotiate(device, wish, why, size);
+    if (!error)
+        error = start(device, why, size);
+    if (error)
+        device_close(device);
+    else
+        listen_to_source(device->fd);
+    return error;
+}
+
+/* ---- Controls ---- */
+
+/* Whether its value is a number that fits a parameter. */
+static bool is_number(const struct v4l2_queryctrl *query) {
+    switch (query->type) {
+    case V4L2_CTRL_TYPE_INTEGER:
+    case V4L2_CTRL_TYPE_BOOLEAN:
+    case V4L2_CTRL_TYPE_MENU:
+    case V4L2_CTRL_TYPE_INTEGER_MENU:
+    case V4L2_CTRL_TYPE_BITMASK:
+    case V4L2_CTRL_TYPE_BUTTON: return !(query->flags & V4L2_CTRL_FLAG_DISABLED);
+    default: return false;
+    }
+}
+
+/* Reads range, flags and value. */
+static void describe(struct controls *controls, int i, int fd, const struct v4l2_queryctrl *query) {
+    bool button = query->type == V4L2_CTRL_TYPE_BUTTON;
+    struct v4l2_control now = {.id = query->id};
+
+    controls->kind[i] = button                                   ? CONTROL_BUTTON
+                        : query->type == V4L2_CTRL_TYPE_BITMASK ? CONTROL_BITS
+                                                                 : CONTROL_NUMBER;
+    controls->list.parameter[i].minimum = button ? 0 : query->minimum;
+    controls->list.parameter[i].maximum = button ? 1 : query->maximum;
+    controls->list.parameter[i].step = query->step > 0 ? query->step : 1;
+    controls->list.parameter[i].initial = button ? 0 : query->default_value;
+    controls->list.parameter[i].flags =
+        (query->flags & (V4L2_CTRL_FLAG_READ_ONLY | V4L2_CTRL_FLAG_GRABBED) ? DDX_VIDEO_PARAMETER_READ_ONLY : 0) |
+        (query->flags & V4L2_CTRL_FLAG_INACTIVE ? DDX_VIDEO_PARAMETER_AUTOMATIC : 0);
+    if (!button && !(query->flags & V4L2_CTRL_FLAG_WRITE_ONLY) && !device_ioctl(fd, VIDIOC_G_CTRL, &now))
+        controls->list.parameter[i].value = now.value;
+}
+
+static void add(struct controls *controls, int fd, const struct v4l2_queryctrl *query) {
+    struct v4l2_event_subscription follow = {.type = V4L2_EVENT_CTRL, .id = query->id};
+    int i = is_number(query) ? controls_add(controls, query->id, (const char *)query->name) : -1;
+
+    if (i < 0)
+        return;
+    describe(controls, i, fd, query);
+    device_ioctl(fd, VIDIOC_SUBSCRIBE_EVENT, &follow);
+}
+
+/* Fill the empty list, and subscribe to the events of its controls. */
+static void v4l_controls_list(struct controls *controls, int fd) {
+    struct v4l2_queryctrl query = {.id = V4L2_CTRL_FLAG_NEXT_CTRL};
+
+    for (; !device_ioctl(fd, VIDIOC_QUERYCTRL, &query); query.id |= V4L2_CTRL_FLAG_NEXT_CTRL)
+        add(controls, fd, &query);
+}
+
+/* Read a control that has changed again. */
+static void v4l_controls_follow(struct controls *controls, int fd, uint32_t id) {
+    struct v4l2_queryctrl query = {.id = id};
+    int i = controls_find(controls, id);
+
+    if (i >= 0 && !device_ioctl(fd, VIDIOC_QUERYCTRL, &query))
+        describe(controls, i, fd, &query);
+}
+
+/* 0, or -errno. */
+static int v4l_controls_set(int fd, uint32_t id, int value) {
+    struct v4l2_control control = {.id = id, .value = value};
+
+    return device_ioctl(fd, VIDIOC_S_CTRL, &control);
+}
+
+/* ---- Camera ---- */
+
+#define ORDER_NS (50 * MS) /* or half a period: longest wait of a frame for an earlier one */
+
+static struct v4l_camera *v4l_of(struct camera *camera) {
+    return (struct v4l_camera *)camera;
+}
+
+static int v4l_open(struct camera *camera, char *why, size_t size) {
+    struct v4l_camera *v4l = v4l_of(camera);
+
+    v4l->wish.width = camera->width;
+    v4l->wish.height = camera->height;
+    v4l->wish.fields = camera->fields;
+    v4l->wish.layout = camera->layout;
+    int error = device_open(&v4l->device, &v4l->wish, why, size);
+    if (error)
+        return error;
+    camera->fd = v4l->device.fd;
+    snprintf(camera->card, sizeof camera->card, "%s", v4l->device.card);
+    camera->pixels = v4l->device.pixels;
+    camera->geometry = v4l->device.geometry;
+    order_restart(&v4l->order);
+    return 0;
+}
+
+static void v4l_close(struct camera *camera) {
+    device_close(&v4l_of(camera)->device);
+    camera->fd = -1;
+}
+
+/* How long a frame waits for an earlier one. */
+static int64_t patience_for_order(const struct camera *camera) {
+    return camera->period > 0 && camera->period < 2 * ORDER_NS ? camera->period / 2 : ORDER_NS;
+}
+
+static int64_t v4l_due(const struct camera *camera) {
+    return order_due(&((const struct v4l_camera *)camera)->order, patience_for_order(camera));
+}
+
+/* The capture time, if the driver has it by CLOCK_MONOTONIC. */
+static int64_t time_of(const struct v4l2_buffer *buffer) {
+    bool monotonic = (buffer->flags & V4L2_BUF_FLAG_TIMESTAMP_MASK) == V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC;
+
+    return monotonic ? buffer->timestamp.tv_sec * SECOND + buffer->timestamp.tv_usec * 1000 : 0;
+}
+
+static bool next_in_order(struct v4l_camera *v4l, int64_t now, struct camera_frame *frame) {
+    unsigned slot;
+
+    if (!order_next(&v4l->order, now, patience_for_order(&v4l->camera), &slot))
+        return false;
+    const struct v4l2_buffer *buffer = &v4l->taken[slot];
+    *frame = (struct camera_frame){.data = v4l->device.buffer[slot].data,
+                                   .size = buffer->bytesused,
+                                   .time = time_of(buffer),
+                                   .damaged = (buffer->flags & V4L2_BUF_FLAG_ERROR) != 0,
+                                   .sequence = buffer->sequence,
+                                   .slot = slot};
+    return true;
+}
+
+static int v4l_take(struct camera *camera, int64_t now, struct camera_frame *frame) {
+    struct v4l_camera *v4l = v4l_of(camera);
+    struct v4l2_buffer buffer;
+    int error = 0;
+
+    while (!error && !next_in_order(v4l, now, frame)) {
+        error = now < INT64_MAX ? device_take(&v4l->device, &buffer) : -EAGAIN;
+        if (error)
+            break;
+        v4l->taken[buffer.index] = buffer;
+        if (!order_add(&v4l->order, buffer.sequence, buffer.index, now))
+            error = device_give(&v4l->device, &buffer);
+    }
+    return error;
+}
+
+static int v4l_give(struct camera *camera, const struct camera_frame *frame) {
+    struct v4l_camera *v4l = v4l_of(camera);
+
+    return device_give(&v4l->device, &v4l->taken[frame->slot]);
+}
+
+static enum camera_event v4l_events(struct camera *camera, struct controls *controls) {
+    enum camera_event found = CAMERA_NOTHING;
+    struct v4l2_event event;
+
+    while (!device_ioctl(camera->fd, VIDIOC_DQEVENT, &event)) {
+        if (event.type == V4L2_EVENT_SOURCE_CHANGE)
+            return CAMERA_OTHER_SIGNAL;
+        v4l_controls_follow(controls, camera->fd, event.id);
+        found = CAMERA_CONTROLS_CHANGED;
+    }
+    return found;
+}
+
+static void v4l_list(struct camera *camera, struct controls *controls) {
+    v4l_controls_list(controls, camera->fd);
+}
+
+static void v4l_refresh(struct camera *camera, struct controls *controls) {
+    for (int i = 0; i < controls->list.count; i++)
+        v4l_controls_follow(controls, camera->fd, controls->id[i]);
+}
+
+static int v4l_set(struct camera *camera, uint32_t id, int value) {
+    return v4l_controls_set(camera->fd, id, value);
+}
+
+/* Start as closed; the caller then fills in `wish`. */
+static void v4l_camera_init(struct v4l_camera *v4l) {
+    static const struct camera_functions functions = {.open = v4l_open,
+                                                      .close = v4l_close,
+                                                      .take = v4l_take,
+                                                      .give = v4l_give,
+                                                      .due = v4l_due,
+                                                      .events = v4l_events,
+                                                      .list = v4l_list,
+                                                      .refresh = v4l_refresh,
+                                                      .set = v4l_set};
+
+    *v4l = (struct v4l_camera){.camera = {.call = &functions, .name = v4l->wish.path, .fd = -1}, .device = {.fd = -1}};
+}
+
+/* ---- Program ---- */
 
 /* The options as text. */
 struct words {
