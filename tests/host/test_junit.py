@@ -1,20 +1,16 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""`make test JUNIT=file`: read like a CI does, and compared with pytest's file of the same tests."""
+"""`make test JUNIT=file`: read like a CI does."""
 from __future__ import annotations
 
-import json
 import os
 import pathlib
-import shutil
-import subprocess
 import sys
-import tempfile
 import xml.etree.ElementTree as xml
 
 import pytest
 
 import gate
-from parts.common import TOP, Failed
+from parts.common import Failed
 from parts.testing import junit, suite
 from parts.testing.suite import Suite
 
@@ -29,19 +25,6 @@ ATTRIBUTES = {"testsuites": SUMS, "testsuite": SUMS | {"skipped", "timestamp"},
               "testcase": {"name", "classname", "time"}, "failure": {"message"}, "skipped": {"message"},
               "system-out": set()}
 INSIDE = {"testsuites": {"testsuite"}, "testsuite": {"testcase"}, "testcase": {"failure", "skipped", "system-out"}}
-TESTS = """\
-import pytest
-def test_passes(): pass
-def test_fails(): assert 1 == 2, "a\\x00b \\x1b[31m \\ud800 <&> \\u00e4"
-@pytest.mark.skipif(True, reason="no <hardware> here")
-def test_skips(): pass
-def test_skips_later(): pytest.skip("not today")
-@pytest.mark.xfail(reason="a known one")
-def test_is_known(): assert False
-@pytest.fixture
-def bad(): raise OSError("not set up")
-def test_has_no_fixture(bad): pass
-"""
 
 
 def seconds(element: xml.Element) -> float:
@@ -77,28 +60,6 @@ def read(path: pathlib.Path) -> dict[str, tuple[str, str]]:
         found[case.attrib["name"]] = kind, case[0].attrib.get("message", case[0].text or "") if kinds else ""
     assert len(found) == len(list(root.iter("testcase")))
     return found
-
-
-def test_the_file_equals_pytest_s(places: pathlib.Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PYTEST_ADDOPTS", f"--junitxml={places}/theirs.xml")
-    run = Suite(strict=True)
-    with tempfile.TemporaryDirectory(prefix="junit-", dir=TOP / "output") as name:
-        shutil.copy(TOP / "tests/conftest.py", name)
-        (pathlib.Path(name) / "test_it.py").write_text(TESTS)
-        with junit.written(places / "ours.xml", run):
-            run.pytest([], ["-q", name])
-    ours = read(places / "ours.xml")
-    theirs = {}
-    for case in xml.parse(places / "theirs.xml").getroot().iter("testcase"):
-        kind = {"failure": "failed", "error": "failed", "skipped": "skipped"}[case[0].tag] if len(case) else "passed"
-        theirs[case.attrib["name"]] = kind, case[0].attrib["message"] if kind == "skipped" else ""
-    assert len(ours) == len(theirs) == 6
-    assert {name.rpartition("::")[2]: (kind, why if kind == "skipped" else "")
-            for name, (kind, why) in ours.items()} == theirs
-    # And equal to the results of the run.
-    lines = [json.loads(line) for line in suite.RESULTS.read_text().splitlines()]
-    cases = {case.attrib["name"]: case.attrib["time"] for case in xml.parse(places / "ours.xml").iter("testcase")}
-    assert {line["name"]: f"{line['seconds']:.3f}" for line in lines} == cases
 
 
 def test_tests_of_all_kinds(places: pathlib.Path) -> None:
@@ -144,15 +105,3 @@ def test_a_results_file_that_cannot_be_written(name: str, places: pathlib.Path, 
         gate.main()
     assert status.value.code == 2 and str(places / name) in capsys.readouterr().err
     assert (places / "pipe").is_fifo()
-
-
-def test_a_relative_name_belongs_to_the_folder_where_make_was_called(tmp_path: pathlib.Path) -> None:
-    def command(*words: str, cwd: pathlib.Path = TOP) -> str:
-        done = subprocess.run(["sh", "-c", 'cd "$0" && exec make --dry-run "$@"', cwd, *words], text=True, check=True,
-                              stdout=subprocess.PIPE, env={"PATH": "/usr/bin:/bin"})
-        return next(line for line in done.stdout.splitlines() if "gate.py" in line)
-
-    assert f"-junit '{TOP}/my tests.xml'" in command("test", "JUNIT=my tests.xml")
-    assert f"-junit '{tmp_path}/a/b.xml'" in command("-C", str(TOP), "test", "JUNIT=a/b.xml", cwd=tmp_path)
-    assert "-junit '/a/b.xml' 'some words'" in command("test", "JUNIT=/a/b.xml", "T=some words")
-    assert "-junit" not in command("test") and "-long -junit" in command("test-long", "JUNIT=it.xml")
