@@ -43,7 +43,7 @@ def library() -> ctypes.CDLL:
     gcc = ["gcc", "-O2", "-g", "-fPIC", "-std=gnu11", f"-I{STEREO}"]
     for kind in KINDS:
         run([*gcc, f"-m{kind}", "-c", STEREO / f"kernel_{kind}.c", "-o", out / f"{kind}.o"])
-    files = [STEREO / f"{name}.c" for name in ("kernel_scalar", "kernel", "matcher")]
+    files = [STEREO / f"{name}.c" for name in ("kernel_scalar", "matcher")]
     run([*gcc, "-shared", *files, *(out / f"{kind}.o" for kind in KINDS), "-o", out / "matcher.so"])
     found = ctypes.CDLL(str(out / "matcher.so"))
     found.matcher_new.restype = found.matcher_variant.restype = ctypes.c_void_p

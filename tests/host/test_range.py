@@ -190,7 +190,7 @@ def compile_for_pentium_2(folder: pathlib.Path) -> pathlib.Path:
         for kind in ("mmx", "sse2", "avx2"):
             subprocess.run([*gcc, f"-m{kind}", "-c", STEREO / f"kernel_{kind}.c", "-o", folder / f"{kind}.o"],
                            check=True, capture_output=True)
-        files = [STEREO / f"{name}.c" for name in ("kernel_scalar", "kernel", "matcher")]
+        files = [STEREO / f"{name}.c" for name in ("kernel_scalar", "matcher")]
         subprocess.run([*gcc, "-static", TOP / "tests/host/matcher_client.c", *files, *folder.glob("*.o"), "-o",
                         folder / "matcher"], check=True, capture_output=True)
     except subprocess.CalledProcessError as error:
