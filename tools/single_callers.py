@@ -23,7 +23,8 @@ def included(path: pathlib.Path) -> list[str]:
 
 def tested(top: pathlib.Path) -> set[str]:
     """Names of modules that tests and benchmarks use directly."""
-    names = {name for folder in ("tests", "bench") for path in (top / folder).rglob("*.[ch]") for name in included(path)}
+    names = {name for folder in ("tests", "bench") for path in (top / folder).rglob("*.[ch]")
+             for name in included(path)}
     for path in top.glob("package/**/meson.build"):
         products, tests, after = path.read_text().partition("get_option('tests')")
         names |= set(re.findall(r"(\w+)\.c'", after if tests else products if path.parent.name == "tests" else ""))

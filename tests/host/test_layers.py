@@ -128,8 +128,10 @@ def circles(top: pathlib.Path) -> list[str]:
     """Modules of one folder that include or call each other in a circle."""
     found = []
     for folder in sorted({path.parent for path in top.glob("package/**/*.[ch]")}):
-        called = calls(folder)
-        found += circle({name: (others | called.get(name, set())) - {name} for name, others in includes(folder).items()})
+        known = includes(folder)
+        for name, others in calls(folder).items():
+            known[name] |= others - {name}
+        found += circle(known)
     return found
 
 
@@ -155,7 +157,8 @@ def test_an_include_upwards_is_found(tmp_path: pathlib.Path) -> None:
     assert ups(tmp_path, table) == []
     write(tmp_path, {"save/pool/pool.h": "#include <segment.h>\n", "load/main.c": '# include "../save/pool/pool.h"\n',
                      "stray/main.c": ""})
-    assert ups(tmp_path, table) == ["package/load/main.c includes pool.h", "package/save/pool/pool.h includes segment.h",
+    assert ups(tmp_path, table) == ["package/load/main.c includes pool.h",
+                                    "package/save/pool/pool.h includes segment.h",
                                     "package/stray: not in one of the layers, or not there"]
 
 
