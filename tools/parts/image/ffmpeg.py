@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""FFmpeg and x264 for the development image, from Debian's source packages, with the parts that the product has.
+"""FFmpeg for the development image, from Debian's source package, with the parts that the product has.
 
-The same versions as Debian's libraries, which the programs are built with, so these take their place in the image:
-Debian's own would bring 130 MB of libraries along.
+The same version as Debian's libraries, which the programs are built with, so these take their place in the image:
+Debian's own would bring 130 MB of libraries along. x264, which needs no other library, is Debian's.
 """
 import os
 import pathlib
@@ -22,16 +22,11 @@ def options() -> list[str]:
 
 
 def build(tree: pathlib.Path, sources: dict[str, pathlib.Path]) -> None:
-    jobs = f"-j{os.cpu_count()}"
-    run(["./configure", f"--prefix={tree}/usr", "--enable-shared", "--disable-cli", "--disable-opencl",
-         "--bit-depth=8", "--chroma-format=420", f"--extra-cflags={OPTIMIZE}"], cwd=sources["x264"])
-    run(["make", jobs, "install-lib-shared"], cwd=sources["x264"])
     run(["./configure", f"--prefix={tree}/usr", "--enable-shared", "--disable-static",
-         f"--optflags={OPTIMIZE}", *options()],
-        cwd=sources["ffmpeg"], env={"PKG_CONFIG_PATH": f"{tree}/usr/lib/pkgconfig"})
-    run(["make", jobs, "install-libs"], cwd=sources["ffmpeg"])
+         f"--optflags={OPTIMIZE}", *options()], cwd=sources["ffmpeg"])
+    run(["make", f"-j{os.cpu_count()}", "install-libs"], cwd=sources["ffmpeg"])
 
 
 def ffmpeg() -> pathlib.Path:
     """An install tree: usr/lib/*.so."""
-    return foreign.built("FFmpeg", ["x264", "ffmpeg"], [CONFIG, pathlib.Path(__file__)], build)
+    return foreign.built("FFmpeg", ["ffmpeg"], [CONFIG, pathlib.Path(__file__)], build)
