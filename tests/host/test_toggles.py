@@ -83,6 +83,17 @@ def test_a_service_without_its_file_fails_and_names_it(root: pathlib.Path, tmp_p
         assert "there is no /test/clip.y4m" in robot.sh("ddxctl logs ddxvideoload")
 
 
+def test_a_disabled_service_is_not_started_and_the_way_is_named(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
+    with NativeMachine(root, tmp_path) as robot:
+        robot.sh(f"ddxctl disable {SAVE}")
+        for word in ("start", "restart"):
+            status, text = robot.run(f"ddxctl {word} {SAVE} 2>&1")
+            assert status == 1, text
+            way = f"`ddxctl enable {SAVE}` starts it, also after each boot"
+            assert text.splitlines()[-1] == f"ddxctl: {SAVE} is disabled; {way}"
+        assert services(robot)[SAVE]["state"] == "stopped"
+
+
 def test_health_complains_without_a_camera(root: pathlib.Path, tmp_path: pathlib.Path) -> None:
     with NativeMachine(root, tmp_path) as robot:
         runs(robot, "ddxvideoV4L")
