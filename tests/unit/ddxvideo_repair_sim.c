@@ -10,26 +10,31 @@
 
 #define VIDEO 130000 /* bit/s at most, as in tools/bench_loss.py */
 
-/* The mean of four seeds, with both round trip times. */
+#ifndef SEEDS
+#define SEEDS 4
+#endif
+
+/* The mean of four seeds, with both round trip times. With a sanitizer, which looks at memory and not at figures, one
+ * seed is enough. */
 static void expect(struct run run, double figure, double least_video) {
     double sum = 0, video = 0, mean = 0, most = 0, gap = 0;
 
-    for (unsigned i = 0; i < 4; i++) {
+    for (unsigned i = 0; i < SEEDS; i++) {
         run.trip = i % 2 ? 4 * MS : 10 * MS;
         run.receivers = run.receivers ? run.receivers : 1;
         simulate(&run, 1 + i);
         check_books(&run);
         double part = usable(&run, CALM, FRAMES);
-        sum += part / 4;
-        video += video_kbit() / 4;
-        mean += kbit(0, FRAMES) / 4;
+        sum += part / SEEDS;
+        video += video_kbit() / SEEDS;
+        mean += kbit(0, FRAMES) / SEEDS;
         most = fmax(most, peak());
         gap = fmax(gap, longest_gap(&run));
         printf("%s%.2f", i ? ", " : run.name, part);
     }
     printf(": usable %.2f %% of %g, longest gap %.1f s, video %.0f, wire %.1f, at most %.1f kbit/s\n", sum, figure, gap,
            video, mean, most);
-    CHECK(sum >= figure && video >= least_video);
+    CHECK(SEEDS < 4 || (sum >= figure && video >= least_video));
 }
 
 /* Loss begins at frame 1000: half a second later, frames are usable again. */
