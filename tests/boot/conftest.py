@@ -9,15 +9,15 @@ from typing import Any
 import pytest
 
 import build
-from parts.common import OUTPUT
+from parts.common import OUTPUT, run
 from parts.disk import disk
-from parts.guest import machine, qemu, session, testdisk
+from parts.guest import firewire, machine, qemu, session, testdisk
 from parts.guest.machine import Machine
 from parts.image import native
 from parts.media import clip as default_clip
 from parts.testing import evidence, suite
 
-from . import camera
+from . import camera, iidc
 from .noise import Noise, noisy
 
 BOARD = os.environ.get("BOARD") or machine.DEV
@@ -26,7 +26,13 @@ MACHINES = machine.machines(BOARD)
 OFTEN = ("test_slots.py",)
 WORK = OUTPUT / "test" / BOARD / os.environ.get("PYTEST_XDIST_WORKER", "")
 # Tests that share one of these guests run in one process; other tests are grouped by file.
-SHARED = {"guest": "clip", "recorded": "clip", "closed": "clip", "camera_guest": "camera"}
+SHARED = {"guest": "clip", "recorded": "clip", "closed": "clip", "camera_guest": "camera", "bus_guest": "bus",
+          "recorder": "recorder"}
+# Groups that take longest. They come first, so that no process waits for the other one's long group at the end.
+LONGEST = ("clip", "bus", "camera", "recorder", "test_flash.py", "test_ssh.py", "test_network.py", "test_stream.py")
+CARD = 32 << 30    # bytes; the disk of `recorder`
+STICK_MB = 64
+SLOW = 3_000_000   # bytes a second: slow enough to pull the stick out in time
 # Evidence of the guests that stopped during this test, which may fail only after that.
 GONE: list[evidence.Evidence] = []
 NOISE: dict[qemu.Guest, Noise] = {}
@@ -58,7 +64,15 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     dropped = [item for item in items if BOARD == machine.DEV and item.path.name not in OFTEN
                and any(name in item.name for name in second)]
     config.hook.pytest_deselected(items=dropped)
-    items[:] = [item for item in items if item not in dropped]
+    items[:] = sorted((item for item in items if item not in dropped), key=turn)
+
+
+def turn(item: pytest.Item) -> int:
+    """pytest-xdist hands out groups in this order."""
+    if item.path.parent != pathlib.Path(__file__).parent:
+        return -1
+    group = together(item).split()[0]
+    return LONGEST.index(group) if group in LONGEST else len(LONGEST)
 
 
 # pytest_collection_modifyitems would be too late: xdist has read the groups by then.
@@ -160,6 +174,43 @@ def camera_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterato
         camera.prepare(running)
         running.sh("/etc/init.d/S*ddxvideosave stop")
         camera.vivid(running)
+        with kept(running):
+            yield running
+
+
+@pytest.fixture(scope="session")
+def bus_guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[qemu.Guest]:
+    """A guest for cameras on buses that a program or a module simulates; no grabber and no recorder runs."""
+    second, jpeg = default_clip.write(work / "second.y4m", 1), work / "second.mjpeg"
+    run(["ffmpeg", "-v", "error", "-y", "-i", second, "-q:v", "3", "-pix_fmt", "yuvj422p", "-f", "mjpeg", jpeg])
+    # The store's usual memory is too small for the pictures of five FireWire cameras.
+    more: dict[str, pathlib.Path | str] = {"feed.mjpeg": jpeg, "store.conf": "m=64M\n"}
+    if board.board == machine.DEV:  # the module is built for the development image's kernel alone
+        more.update(firewire.files(work))
+    with iidc.booted(boot, work, board, "bus", more) as running:
+        with kept(running):
+            yield running
+
+
+@pytest.fixture(scope="session")
+def stick(work: pathlib.Path) -> pathlib.Path:
+    path = work / "stick.img"
+    path.unlink(missing_ok=True)
+    run(["mkfs.vfat", "-C", path, str(STICK_MB << 10)])
+    return path
+
+
+@pytest.fixture(scope="session")
+def recorder(boot: qemu.Boot, work: pathlib.Path, clip: pathlib.Path, stick: pathlib.Path) -> Iterator[qemu.Guest]:
+    """A machine with a disk larger than the image, which records continuously into files of 8 MB, with a slow stick
+    plugged in."""
+    disk = testdisk.make(work / "stick-test.img", clip, {"ddxvideoload.conf": "loop=\nreaders=1\n",
+                                                         "ddxvideosave.conf": "segment=8\n"})
+    extra = ("-device", "qemu-xhci,id=usb",
+             "-drive", f"if=none,id=stick,file={stick},format=raw,cache=unsafe,throttling.bps-write={SLOW}",
+             "-device", "usb-storage,bus=usb.0,drive=stick,id=stick,removable=on")
+    with boot("recorder", size=CARD, test_disk=disk, extra=extra, more_memory=64) as running:
+        running.shell()
         with kept(running):
             yield running
 

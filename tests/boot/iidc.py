@@ -113,7 +113,8 @@ def booted(boot: qemu.Boot, work: pathlib.Path, board: Machine, name: str,
     disk = camera.disk(work, board.board, clip, {**files(work), **(more or {})})
     with boot(name, test_disk=disk, more_memory=128) as guest:
         camera.prepare(guest)
-        guest.sh("for name in ddxvideosave ddxvideoV4L; do /etc/init.d/S*$name stop; done; modprobe vhci_hcd")
+        guest.sh("for name in ddxvideosave ddxvideoV4L; do /etc/init.d/S*$name stop; done; "
+                 "modprobe -a uvcvideo vhci_hcd")
         yield guest
 
 

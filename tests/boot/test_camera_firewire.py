@@ -4,13 +4,12 @@ development image's kernel simulates the card and the cameras."""
 import contextlib
 import dataclasses
 import functools
-import pathlib
 import time
 from collections.abc import Iterator
 
 import pytest
 
-from parts.guest import firewire, guest_camera, machine, qemu, testdisk
+from parts.guest import firewire, machine
 from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 from parts.media.counters import Counters
@@ -21,7 +20,6 @@ pytestmark = pytest.mark.strict
 
 CAMERAS = 5
 SECOND = 8000  # bus cycles
-STORE = 64  # MiB; the image's setting is too small for five such pictures
 ROOM = 8  # frames that a reader may lag behind
 GRABBER = "ddxvideo1394"
 
@@ -36,18 +34,12 @@ class Captured:
 
 
 @pytest.fixture(scope="module")
-def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:
+def guest(bus_guest: Guest, board: Machine) -> Iterator[Guest]:
     if board.board != machine.DEV:
         pytest.skip("the module is built for the development image's kernel alone")
-    programs = guest_camera.programs(work, board.board)
-    files: dict[str, pathlib.Path | str] = {**firewire.files(work), "frames": programs["frames"],
-                                            "store.conf": f"m={STORE}M\n"}
-    disk = testdisk.make(work / "firewire.img", None, files)
-    with boot("camera-firewire", test_disk=disk, more_memory=2 * STORE) as running:
-        running.shell()
-        running.sh("cp /test/frames /tmp && chmod 755 /tmp/frames")
-        firewire.load(running, CAMERAS)
-        yield running
+    firewire.load(bus_guest, CAMERAS)
+    yield bus_guest
+    bus_guest.sh(f"[ ! -e {firewire.CONTROL} ] || rmmod {firewire.NAME}")  # other tests find only their own cameras
 
 
 def parse(text: str) -> Captured:

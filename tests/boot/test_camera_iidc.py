@@ -1,12 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """An IIDC camera on USB: usbfs, libusb and libdc1394 are real; a program simulates the camera."""
-import pathlib
 from collections.abc import Iterator
 
 import pytest
 
-from parts.guest import qemu
-from parts.guest.machine import Machine
 from parts.guest.qemu import Guest
 
 from . import camera, iidc
@@ -16,9 +13,8 @@ pytestmark = pytest.mark.strict
 
 
 @pytest.fixture(scope="module")
-def guest(boot: qemu.Boot, work: pathlib.Path, board: Machine) -> Iterator[Guest]:
-    with iidc.booted(boot, work, board, "camera-iidc") as running:
-        yield running
+def guest(bus_guest: Guest) -> Guest:
+    return bus_guest
 
 
 @pytest.fixture

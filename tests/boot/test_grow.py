@@ -8,13 +8,14 @@ import pytest
 
 from parts.common import run
 from parts.disk import mbr
-from parts.guest import session, testdisk
+from parts.guest import session
 from parts.guest.qemu import Boot, Guest
 from parts.media.recording import FileSystem
 
+from .conftest import CARD
+
 pytestmark = pytest.mark.retry
 
-CARD = 32 << 30  # bytes
 # Seconds after the recordings' check began: while table and file system grow; while the changes are written to disk.
 CUTS = [1.5, 6.0]
 
@@ -28,19 +29,18 @@ def wait_until_grown(guest: Guest) -> None:
     guest.wait_until("grep -q '^ddxgrow: done' /run/log/ddxgrow")
 
 
-def test_recordings_get_the_whole_disk(boot: Boot, work: pathlib.Path, clip: pathlib.Path) -> None:
-    test_disk = testdisk.make(work / "clip.img", clip)
-    with boot("grow", size=CARD, test_disk=test_disk) as guest:
-        guest.shell()
-        wait_until_grown(guest)
-        assert room(guest) > 0.95 * CARD
-        session.wait_for_recording(guest)
-        said = guest.sh("/usr/libexec/ddx/grow 2>&1")  # as on the next boot
-        assert "ddxgrow: /dev/vda: nothing to do" in said and "Nothing to do!" in said  # the latter from resize2fs
-        guest.sh("/etc/init.d/S*ddxvideosave stop; mount -o remount,ro /rec")
-        snapshot = guest.snapshot()
-        assert mbr.partition(snapshot, 6).end == CARD
-        assert [name for name in FileSystem(snapshot).names() if name.endswith(".y4m")]
+def test_recordings_get_the_whole_disk(recorder: Guest) -> None:
+    wait_until_grown(recorder)
+    assert room(recorder) > 0.95 * CARD
+    session.wait_for_recording(recorder)
+    said = recorder.sh("/usr/libexec/ddx/grow 2>&1")  # as on the next boot
+    assert "ddxgrow: /dev/vda: nothing to do" in said and "Nothing to do!" in said  # the latter from resize2fs
+    recorder.sh("/etc/init.d/S*ddxvideosave stop; mount -o remount,ro /rec")
+    snapshot = recorder.snapshot()
+    assert mbr.partition(snapshot, 6).end == CARD
+    assert [name for name in FileSystem(snapshot).names() if name.endswith(".y4m")]
+    # Other tests of this guest begin with one recording.
+    recorder.sh("mount -o remount,rw /rec; rm /rec/*.y4m; /etc/init.d/S*ddxvideosave start")
 
 
 @pytest.fixture(scope="module")

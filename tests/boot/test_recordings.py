@@ -4,44 +4,20 @@ import json
 import pathlib
 import subprocess
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from parts.common import PATIENCE, run
-from parts.guest import testdisk
-from parts.guest.qemu import Boot, Guest
+from parts.guest.qemu import Guest
 from parts.media import counters, y4m
 from parts.media.recording import FileSystem
+
+from .conftest import STICK_MB
 
 pytestmark = pytest.mark.retry
 
 SAVE = "ddxvideosave"
-STICK_MB = 64
-SLOW = 3_000_000  # bytes a second: slow enough to pull the stick out in time
-USB = ("-device", "qemu-xhci,id=usb")
-
-
-@pytest.fixture(scope="module")
-def stick(work: pathlib.Path) -> pathlib.Path:
-    path = work / "stick.img"
-    path.unlink(missing_ok=True)
-    run(["mkfs.vfat", "-C", path, str(STICK_MB << 10)])
-    return path
-
-
-@pytest.fixture(scope="module")
-def recorder(boot: Boot, work: pathlib.Path, clip: pathlib.Path, stick: pathlib.Path) -> Iterator[Guest]:
-    """A machine that records continuously into files of 8 MB, with a slow stick plugged in."""
-    disk = testdisk.make(work / "stick-test.img", clip, {"ddxvideoload.conf": "loop=\nreaders=1\n",
-                                                         "ddxvideosave.conf": "segment=8\n"})
-    extra = (*USB, "-drive", f"if=none,id=stick,file={stick},format=raw,cache=unsafe,throttling.bps-write={SLOW}",
-             "-device", "usb-storage,bus=usb.0,drive=stick,id=stick,removable=on")
-    with boot("recordings", test_disk=disk, extra=extra, more_memory=64) as guest:
-        guest.shell()
-        guest.wait_until("ls /rec/*.y4m | wc -l | grep -q '[3-9]'")
-        yield guest
 
 
 def ctl(guest: Guest, words: str, seconds: float = PATIENCE) -> tuple[int, str]:
@@ -63,6 +39,7 @@ def listed(guest: Guest) -> list[dict[str, Any]]:
 
 
 def test_a_running_recording_is_listed_as_one(recorder: Guest) -> None:
+    recorder.wait_until("ls /rec/*.y4m | wc -l | grep -q '[3-9]'")
     found = listed(recorder)
     assert [one["state"] for one in found] == ["recording"] and len(found[0]["files"]) > 1
 
