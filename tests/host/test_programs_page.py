@@ -21,11 +21,12 @@ pytestmark = pytest.mark.retry
 NAME, USER, NUMBER = "ddxvideodark", "ddxdark", "910"
 PAGE = TOP / "docs/programs.md"
 TABLE = "package/ddxvideo/programs.txt"
-# Run in the copy with its tools: compiles the needed packages quickly, and makes the root of them.
+# Run in the copy with its tools: compiles the needed packages, with the options of the desk build, so that ccache has
+# all but the page's program; and makes the root of them.
 BUILD = """
 import pathlib, sys
 from parts.image import native, rootfs
-packages = native.build("desk", ["-Doptimization=0", "-Ddebug=false"], ["ddx", "ddxservice", "ddxvideo"])
+packages = native.build("desk", chosen=["ddx", "ddxservice", "ddxvideo"], tests=False)
 root, shell, kernel, codecs = map(pathlib.Path, sys.argv[1:])
 rootfs.assemble(root, shell, kernel, [packages, codecs])
 """

@@ -6,12 +6,19 @@ import shutil
 from collections.abc import Sequence
 
 from parts import defects, trees
-from parts.common import OUTPUT, TOP, alone, fingerprint, run, say, step
+from parts.common import HOST_CACHE, OUTPUT, TOP, alone, fingerprint, run, say, step
 from parts.image import cyclonedds, dc1394, srtp
 
 PACKAGES = ["ddx", "ddxcatalog", "ddxgrow", "ddxlog", "ddxservice", "ddxvideo"]  # ours
 LIBRARIES = srtp.LIBRARIES
-MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized"]
+# Debuggers then find the sources from the top of any clone, also those of an object that another clone compiled.
+MAPPED = f"-ffile-prefix-map={TOP}=."
+MESON = ["--prefix=/usr", "--sysconfdir=/etc", "--buildtype=debugoptimized", f"-Dc_args={MAPPED}",
+         f"-Dcpp_args={MAPPED}"]
+# Where ccache is installed, as on each machine that runs the tests, meson uses it: what any build of any clone compiled
+# with the same options is not compiled again. Paths are relative, so that clones share.
+CCACHE = {"CCACHE_DIR": str(HOST_CACHE / "ccache"), "CCACHE_BASEDIR": str(TOP), "CCACHE_NOHASHDIR": "1",
+          "CCACHE_MAXSIZE": "1G"}
 
 
 def packages() -> list[str]:
@@ -103,7 +110,8 @@ def _add(name: str, made: pathlib.Path, root: pathlib.Path) -> None:
 def compile_package(out: pathlib.Path, sources: pathlib.Path, options: Sequence[str], env: dict[str, str]) -> bool:
     """Configure a package where that is needed, and compile it; returns whether anything was compiled."""
     found_in = env.get("PKG_CONFIG_SYSROOT_DIR", "")
-    place, words = out / "place", "\n".join([str(out), str(sources), found_in, *options])
+    env = {**env, **CCACHE}
+    place, words = out / "place", "\n".join([str(out), str(sources), found_in, *MESON, *options])
     # meson and ninja keep absolute paths, also those of other packages: a clone that was moved or copied is configured
     # again, and so is a package that is now built with another install tree.
     if (out / "build.ninja").exists() and not (place.exists() and place.read_text() == words):
