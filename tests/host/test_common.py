@@ -60,6 +60,8 @@ def test_a_second_run_waits_for_the_first(tmp_path: pathlib.Path) -> None:
 
 
 TESTS = """
+import pytest
+pytestmark = pytest.mark.retry
 def test_good(tmp_path):
     (tmp_path / "clip").write_text("large")
 def test_bad(tmp_path):
