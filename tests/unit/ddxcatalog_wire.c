@@ -258,6 +258,32 @@ static void test_the_bucket(void) {
     CHECK(!bucket_take(&bucket, large, INT64_C(10000000000)));
     bucket_begin(&bucket, 0, 0);
     CHECK(bucket_take(&bucket, 1 << 24, 0) && bucket_take(&bucket, 1 << 24, 0));
+    CHECK(bucket_take_other(&bucket, 1 << 24, 0) && bucket_take_other(&bucket, 1 << 24, 0));
+}
+
+/* In ten seconds: packets without new values get half of the limit at most, and values what these leave. */
+static void test_bytes_without_values(void) {
+    enum { rate = 100000, size = 400, sent = 500 };
+    struct bucket bucket;
+    size_t values = 0, others = 0;
+
+    bucket_begin(&bucket, rate, 0);
+    for (int64_t ms = 0; ms < 10000; ms++) {
+        if (bucket_take_other(&bucket, sent, ms * 1000000))
+            others += sent;
+        if (bucket_take(&bucket, size, ms * 1000000)) {
+            bucket_correct(&bucket, size, sent);
+            values += sent;
+        }
+    }
+    CHECK(others > 4 * rate && others < 6 * rate);
+    CHECK(values > 4 * rate && others + values < 11 * rate);
+    for (int64_t ms = 10000; ms < 20000; ms++)
+        if (bucket_take(&bucket, size, ms * 1000000)) { /* to three readers, or to none */
+            bucket_correct(&bucket, size, ms & 1 ? 3 * sent : 0);
+            others += ms & 1 ? 3 * sent : 0;
+        }
+    CHECK(others > 13 * rate && others < 17 * rate);
 }
 
 /* The other clock is 5000 s ahead; a delay in one direction only is an error of half of it, within the bound. */
@@ -357,6 +383,7 @@ int main(void) {
     test_topics();
     test_names();
     test_the_bucket();
+    test_bytes_without_values();
     test_the_offset_of_a_clock();
     test_a_field_that_is_called_as_one_of_ours();
     test_a_message_and_what_is_none();

@@ -190,6 +190,7 @@ int catalog_run(struct catalog *catalog) {
 
     identity_begin(&catalog->identity, catalog->program.port);
     bucket_begin(&catalog->bucket, catalog->config.bandwidth, ddx_time_now());
+    catalog->config.network.bucket = catalog->config.bandwidth ? &catalog->bucket : NULL;
     catalog->book = program_book(&catalog->program, reasons);
     catalog->id = program_connect(&catalog->program);
     if (catalog->id && !program_attach(&catalog->program, catalog->book, catalog->id, NULL))

@@ -20,6 +20,7 @@ struct network_share {
 
 struct network {
     dds_entity_t domain, participant, waitset;
+    struct bucket *bucket; /* or NULL */
     uint32_t address[NETWORK_ADDRESSES]; /* of this machine when it was opened; IPv4, as DDS uses here */
     unsigned addresses;
     char interface[IF_NAMESIZE]; /* the configured interface, or "" */
@@ -29,6 +30,10 @@ struct network {
 
 /* The addresses at which other machines can reach this one, of one interface or (NULL) of all. Returns their number. */
 unsigned network_addresses(const char *interface, uint32_t address[NETWORK_ADDRESSES]);
+
+/* While true, the bytes of packets that this thread sends are those of a value: they are added to network_sent. */
+extern __thread bool network_sends;
+extern __thread size_t network_sent;
 
 /* -errno for the return value of a DDS function; positive values are not errors. */
 int network_error(dds_return_t result);

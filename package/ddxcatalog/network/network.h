@@ -12,6 +12,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "bucket.h"
 #include "description.h"
 
 #define NETWORK_PEERS 16
@@ -24,6 +25,7 @@ struct network_options {
     const char *interface;            /* NULL: chosen automatically, not the loopback interface */
     const char *peers[NETWORK_PEERS]; /* addresses that are contacted one by one, ended by NULL */
     bool unicast;                     /* use no multicast */
+    struct bucket *bucket;            /* the limit of all sent bytes; NULL: none. It outlives the network */
 };
 
 struct network;
@@ -73,7 +75,8 @@ unsigned network_writer_readers(struct network_writer *writer, unsigned *came);
 
 /*
  * Send a message. `wall`: its time, ns of wall time. The caller provides room for four bytes after message[size], which
- * are overwritten. -EAGAIN: readers have not confirmed earlier messages, and sending would have to wait; -EINVAL.
+ * are overwritten. -EAGAIN: sending would have to wait, since the limit of bytes does not allow it now, or readers have
+ * not confirmed earlier messages; -EINVAL.
  */
 int network_write(struct network_writer *writer, unsigned char *message, size_t size, int64_t wall);
 

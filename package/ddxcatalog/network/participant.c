@@ -2,6 +2,7 @@
 #include "internal.h"
 
 #include <ctype.h>
+#include <dds/ddsi/ddsi_tran.h>
 #include <dds/ddsrt/time.h>
 #include <errno.h>
 #include <stdio.h>
@@ -23,6 +24,10 @@
 #define LINGER DDS_SECS(1)
 /* The first free pair of ports, so that they are known in advance. The last pair of domain 232 is below port 65536. */
 #define PAIRS "50"
+#define FRAGMENT 1480 /* bytes of a datagram in a packet; headers of IP and Ethernet come before them */
+#define HEADERS 34
+#define PROBES (50 * 500u) /* bytes by which a peer is asked at the start, on each of the pairs */
+#define UDP 8
 #define PORTS "<ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>" PAIRS "</MaxAutoParticipantIndex>"
 
 int network_error(dds_return_t result) {
@@ -70,11 +75,27 @@ static char *settings(const struct network_options *options) {
     return text;
 }
 
+__thread bool network_sends;
+__thread size_t network_sent;
+static struct bucket *bucket; /* of the one network of this program */
+
+/* Called by threads of DDS, and by those that write. */
+static bool may_send(size_t bytes) {
+    size_t datagram = bytes + UDP, sent = datagram + HEADERS * ((datagram + FRAGMENT - 1) / FRAGMENT);
+
+    if (!network_sends)
+        return bucket_take_other(bucket, sent, ddsrt_time_monotonic().v);
+    network_sent += sent;
+    return true;
+}
+
 static int join(struct network *network, const struct network_options *options) {
     char *text = settings(options);
 
     if (!text)
         return -ENOMEM;
+    network->bucket = bucket = options->bucket;
+    ddsi_may_send = bucket ? may_send : NULL;
     network->domain = dds_create_domain(options->domain, text);
     free(text);
     network->participant = network->domain < 0 ? network->domain : dds_create_participant(options->domain, NULL, NULL);
@@ -90,6 +111,8 @@ int network_open(const struct network_options *options, struct network **result)
     for (const char *const *peer = options->peers; *peer; peer++)
         if (!is_plain(*peer))
             return -EINVAL;
+        else if (options->bucket) /* the peers that are named last would never be asked */
+            bucket_grant(options->bucket, PROBES);
     struct network *network = calloc(1, sizeof *network);
     if (!network)
         return -ENOMEM;

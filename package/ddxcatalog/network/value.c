@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 #include <dds/ddsi/ddsi_serdata.h>
+#include <dds/ddsrt/time.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -71,17 +72,29 @@ unsigned network_writer_readers(struct network_writer *writer, unsigned *came) {
 }
 
 int network_write(struct network_writer *writer, unsigned char *message, size_t size, int64_t wall) {
+    struct bucket *bucket = writer->network->bucket;
     size_t padding = -size & 3;
 
+    if (bucket && !bucket_take(bucket, size, ddsrt_time_monotonic().v))
+        return -EAGAIN;
     memset(message + size, 0, padding);
     message[3] = (unsigned char)padding;
     const ddsrt_iovec_t part = {.iov_base = message, .iov_len = size + padding};
     struct ddsi_serdata *data = ddsi_serdata_from_ser_iov(writer->type, SDK_DATA, 1, &part, size + padding);
-    if (!data)
+    if (!data) {
+        if (bucket)
+            bucket_correct(bucket, size, 0);
         return -EINVAL;
+    }
     data->timestamp.v = wall;
     data->statusinfo = 0;
-    return network_error(dds_forwardcdr(writer->writer, data));
+    network_sends = true;
+    network_sent = 0;
+    dds_return_t result = dds_forwardcdr(writer->writer, data);
+    network_sends = false;
+    if (bucket)
+        bucket_correct(bucket, size, network_sent);
+    return network_error(result);
 }
 
 int network_reader_open(struct network *network, const char *topic, const struct description *description, size_t size,
