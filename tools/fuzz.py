@@ -27,6 +27,9 @@ SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
+CATALOG = TOP / "package/ddxcatalog"
+NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", "records", "stamps", "type", "value")
+           ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "repair": (VIDEO, REPAIR, []), "report": (VIDEO, REPORT, ["-lm"]),
@@ -35,7 +38,7 @@ FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=f
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
 NEEDS = ("llvm-symbolizer",)  # clang's sanitizers start it, for the names of functions
 LONGEST = 8192  # bytes of an input
-FOREIGN = "rtps"  # fuzzes Cyclone DDS instead of our sources: tests/fuzz/rtps.c
+FOREIGN = "rtps"  # fuzzes Cyclone DDS, and the catalog's folder for it: tests/fuzz/rtps.c
 ALL = sorted([*TARGETS, FOREIGN])
 
 
@@ -76,10 +79,12 @@ def build_foreign() -> pathlib.Path:
     program, source, library = FUZZ / f"fuzz-{FOREIGN}", TOP / f"tests/fuzz/{FOREIGN}.c", cyclonedds_fuzzed.fuzzed()
 
     def compile_it() -> None:
-        run(["clang", *FLAGS, f"-isystem{library / 'include'}", source, library / "libddsc.a", "-o", program])
+        run(["clang", *FLAGS, f"-isystem{library / 'include'}", *(f"-I{folder}" for folder in folders), source,
+             *NETWORK, library / "libddsc.a", "-o", program])
 
-    step(f"fuzz: {program.name}", program.with_suffix(".stamp"), fingerprint([source], library.name, *FLAGS),
-         compile_it)
+    folders = [CATALOG / "network", CATALOG / "wire"]
+    step(f"fuzz: {program.name}", program.with_suffix(".stamp"),
+         fingerprint([source, *folders], library.name, *FLAGS), compile_it)
     return program
 
 

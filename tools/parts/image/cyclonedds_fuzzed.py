@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Cyclone DDS for the fuzz target `rtps`: compiled with sanitizers, and with a defect that has a switch."""
+"""Cyclone DDS for the fuzz target `rtps`: compiled with sanitizers, and with defects that have a switch."""
 import os
 import pathlib
 import shutil
@@ -13,13 +13,20 @@ from parts.image import cyclonedds, foreign
 # build it allow all three.
 FLAGS = ["-gline-tables-only", "-O1", "-fsanitize=fuzzer-no-link,address,undefined",
          "-fno-sanitize=alignment,function,nonnull-attribute", "-fno-sanitize-recover=all"]
-# No packet of the target reaches the interface for programs or the values of writers (tests/fuzz/rtps.c): those files
-# are compiled quickly, without sanitizers.
-IDLE = """
-file(GLOB idle "${CMAKE_CURRENT_SOURCE_DIR}/ddsc/src/*.c" "${CMAKE_CURRENT_SOURCE_DIR}/cdr/src/*.c")
-set_source_files_properties(${idle} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O0;-g0")
+# What packets of the target do not reach is compiled quickly, without sanitizers: most of the interface for programs,
+# and transports and settings that it does not have.
+REACHED = ("builtin", "read", "reader", "rhc", "rhc_default", "serdata_builtintopic", "serdata_default",
+           "sertype_default", "whc")
+OTHERS = ("config", "debmon", "eth", "nwinterfaces", "pcap", "portmapping", "raweth", "tcp", "threadmon", "vnet")
+IDLE = f"""
+file(GLOB idle "${{CMAKE_CURRENT_SOURCE_DIR}}/ddsc/src/*.c")
+list(FILTER idle EXCLUDE REGEX "/dds_({'|'.join(REACHED)})[.]c$")
+file(GLOB others "${{CMAKE_CURRENT_SOURCE_DIR}}/ddsi/src/*.c")
+list(FILTER others INCLUDE REGEX "/ddsi_({'|'.join(OTHERS)})[.]c$")
+set_source_files_properties(${{idle}} ${{others}} PROPERTIES COMPILE_OPTIONS "-fno-sanitize=all;-O0;-g0")
 """
-PATCH, SWITCH = TOP / "tests/fuzz/rtps-broken.patch", TOP / "tests/defects/broken.h"
+PATCHES = [TOP / "tests/fuzz/rtps-broken.patch", TOP / "tests/fuzz/rtps-often.patch"]
+SWITCH = TOP / "tests/defects/broken.h"
 HEADERS = ["src/core/ddsc/include", "src/core/ddsc/src", "src/core/ddsi/include", "src/core/ddsi/src",
            "src/core/cdr/include", "src/ddsrt/include"]  # also those that are not installed
 SEEDS = "fuzz/fuzz_handle_rtps_message/fuzz_handle_rtps_message_seed_corpus.zip"
@@ -29,7 +36,8 @@ def build(tree: pathlib.Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         source = cyclonedds.unpack(folder)
-        run(["patch", "-p1", "--force", f"--input={PATCH}"], cwd=source)
+        for patch in PATCHES:
+            run(["patch", "-p1", "--force", f"--input={patch}"], cwd=source)
         with (source / "src/core/CMakeLists.txt").open("a") as lists:
             lists.write(IDLE)
         run(["cmake", "-S", source, "-B", folder / "build", "-DCMAKE_C_COMPILER=clang",
@@ -50,6 +58,6 @@ def build(tree: pathlib.Path) -> None:
 def fuzzed() -> pathlib.Path:
     """libddsc.a, its headers in `include`, and in `seeds` the inputs that its authors have. The network is needed the
     first time only."""
-    key = fingerprint([pathlib.Path(__file__), PATCH, SWITCH, *cyclonedds.patches()], run(["clang", "--version"]),
+    key = fingerprint([pathlib.Path(__file__), *PATCHES, SWITCH, *cyclonedds.patches()], run(["clang", "--version"]),
                       cyclonedds.DIGEST, *cyclonedds.options())
     return foreign.kept("cyclonedds-fuzzed", key, build)
