@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-2.0-or-later
 """SSH: only keys in ddx.txt can log in; recordings can be copied; no other port is open."""
+import contextlib
 import pathlib
 import re
+import socket
 import subprocess
 from collections.abc import Iterator
 
@@ -20,6 +22,7 @@ from .test_control import runs
 pytestmark = pytest.mark.retry
 
 SECONDS = 4
+WAITING = 5  # connections of an address that have not logged in: dropbear's own limit
 
 
 class Robot:
@@ -70,6 +73,17 @@ def test_the_provisioned_key_logs_in(robot: Robot) -> None:
 def test_another_key_is_refused(robot: Robot) -> None:
     done = robot.ssh("true", key="other")
     assert done.returncode == 255 and "Permission denied (publickey)" in done.stderr  # not even a password prompt
+
+
+def test_few_connections_wait_for_a_login(robot: Robot) -> None:
+    """All of them, and what they start, yield to the robot's programs."""
+    with contextlib.ExitStack() as stack:
+        clients = [stack.enter_context(socket.create_connection(("127.0.0.1", robot.port), PATIENCE))
+                   for _ in range(WAITING + 3)]
+        assert sum(client.recv(4) == b"SSH-" for client in clients) == WAITING
+        assert set(robot.guest.sh("cut -d' ' -f19 $(pidof dropbear | sed 's,[0-9]*,/proc/&/stat,g')").split()) == {"10"}
+    robot.guest.wait_until("test $(pidof dropbear | wc -w) = 1")  # there is room again
+    assert robot.ssh("cut -d' ' -f19 /proc/self/stat").stdout == "10\n"
 
 
 def test_recordings_can_be_copied(robot: Robot, tmp_path: pathlib.Path) -> None:

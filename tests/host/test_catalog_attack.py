@@ -26,6 +26,7 @@ MOST = 16384  # KiB by which the catalog may grow under any attack
 DEEP, KEYS = 16, 1000  # as in hostile_catalog.py
 FORGED, PARTICIPANTS = 2000, 64
 LIMIT = 4096  # bytes a second
+ENDPOINTS, TOO_LONG, LEASE = 2048, 17000, 30
 FEW = 4096  # KiB by which it may grow for these: a participant needs 6 KiB
 PORT = 7410   # of the first catalog of a network
 NEAR, FAR = 5001, 5002  # ports that forged participants name
@@ -120,6 +121,14 @@ def participant(number: int, address: str, port: int, more: bytes = b"") -> byte
     return packet(number, [struct.pack("<HH", 0, 16) + b"\0\1\0\xc7" + b"\0\1\0\xc2" + struct.pack("<iI", 0, 1) + body])
 
 
+def writer(number: int, sequence: int) -> bytes:
+    """The announcement of a writer by this participant."""
+    guid = prefix_of(number) + struct.pack(">I", sequence << 8 | 3)  # without a key
+    name = parameter(5, struct.pack("<I", 4) + b"abc\0")
+    body = b"\0\3\0\0" + parameter(0x5a, guid) + name + parameter(7, name[4:]) + parameter(1, b"")
+    return struct.pack("<HH", 0, 16) + b"\0\0\3\xc7" + b"\0\0\3\xc2" + struct.pack("<iI", 0, sequence) + body
+
+
 def announce(link: Link, packets: list[bytes]) -> None:
     """Send them from the operator to the robot, a few at a time."""
     text = f"""
@@ -153,6 +162,43 @@ def test_forged_participants(begin: Begin, link: Link) -> None:
     wait_until(lambda: sent(link, NEAR) > PARTICIPANTS * 100)
     assert sent(link, FAR) == 0
     assert sent(link, NEAR) < 3 * sum(map(len, near))
+
+
+def test_forged_writers(begin: Begin, link: Link) -> None:
+    """And a participant that says too much about itself."""
+    robot, operator = begin("multicast no\n"), link.operator[0]
+    before, own = look(robot.catalog)[0], participant(1, operator.address, NEAR)
+    writers = [writer(1, sequence) for sequence in range(1, ENDPOINTS + 100)]
+    packets = [packet(1, writers[i:i + 10]) for i in range(0, len(writers), 10)]
+    large = participant(2, operator.address, NEAR, parameter(0x2c, struct.pack("<I", TOO_LONG) + bytes(TOO_LONG)))
+    announce(link, [large])
+    wait_until(lambda: refused(robot) == 1)
+
+    def all_have_come() -> bool:
+        announce(link, [own, *packets])
+        return refused(robot) > 100
+
+    wait_until(all_have_come)
+    assert refused(robot) < 200 and not grows(robot, before)
+
+
+@pytest.mark.long
+def test_a_forged_participant_is_forgotten(begin: Begin, link: Link) -> None:
+    """However long it is to be kept: then there is room for others."""
+    robot, operator = begin("multicast no\n"), link.operator[0]
+    near = [participant(number, operator.address, NEAR) for number in range(PARTICIPANTS)]
+    since = time.monotonic()
+    announce(link, near)
+    wait_until(lambda: sent(link, NEAR) > 0)
+
+    def goes_on() -> bool:
+        before = sent(link, NEAR)
+        time.sleep(3)
+        return sent(link, NEAR) > before
+
+    assert goes_on()
+    wait_until(lambda: not goes_on(), LEASE * 3)
+    assert time.monotonic() - since > LEASE and refused(robot) == 0
 
 
 def test_the_limit_of_bytes(begin: Begin, link: Link) -> None:
