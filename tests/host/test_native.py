@@ -7,7 +7,7 @@ import subprocess
 
 import pytest
 
-from parts.common import run
+from parts.common import TOP, run
 from parts.image import native
 
 pytestmark = pytest.mark.retry
@@ -30,7 +30,7 @@ def test_a_clone_takes_over_what_another_one_compiled(tmp_path: pathlib.Path, mo
         (sources / "meson.build").write_text("project('word', 'c')\nexecutable('word', 'main.c')\n")
         (sources / "main.c").write_text('#include "word.h"\nint main(void) { return WORD; }\n')
         (sources / "word.h").write_text("#define WORD 0\n")
-        monkeypatch.setattr(native, "MESON", [word.replace(str(native.TOP), str(top)) for word in meson])
+        monkeypatch.setattr(native, "MESON", [word.replace(str(TOP), str(top)) for word in meson])
         monkeypatch.setitem(native.CCACHE, "CCACHE_BASEDIR", str(top))
         assert native.compile_package(out, sources, [], {}) and hits() == expected
         info = run(["readelf", "--debug-dump=info", out / "word"])

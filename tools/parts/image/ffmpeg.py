@@ -13,6 +13,7 @@ from parts.image import foreign
 # Half the processor time of the usual -O3. The pictures are the same, and the loops that take time are in assembly.
 OPTIMIZE = "-O1"
 CONFIG = TOP / "board/common/ffmpeg.config"
+SOURCE = "ffmpeg"  # the name of Debian's source package
 
 
 def options() -> list[str]:
@@ -29,4 +30,4 @@ def build(tree: pathlib.Path, sources: dict[str, pathlib.Path]) -> None:
 
 def ffmpeg() -> pathlib.Path:
     """An install tree: usr/lib/*.so."""
-    return foreign.built("FFmpeg", ["ffmpeg"], [CONFIG, pathlib.Path(__file__)], build)
+    return foreign.built("FFmpeg", [SOURCE], [CONFIG, pathlib.Path(__file__)], build)

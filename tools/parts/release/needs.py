@@ -25,7 +25,7 @@ ROOTFS = TOOLS / "parts/image/rootfs.py"
 UNUSED = {"run": {TOOLS / "parts/image/cyclonedds.py"}}
 TESTS = [path for path in sorted((TOP / "tests").rglob("*.py")) if not path.stem.endswith("_long")]
 BARE = ["git", "make", "sudo", "ca-certificates"]  # on a new machine, beside Debian's smallest
-WRAPPERS = ("ccache", "env", "nice", "setpriv", "sudo", "timeout", "unshare")
+WRAPPERS = frozenset("ccache env nice setpriv sudo timeout unshare".split())
 STARTERS = {"run", "output", "Popen", "check_output", "check_call", "call"}
 WORD = re.compile(r"[A-Za-z][\w.+-]*")
 
