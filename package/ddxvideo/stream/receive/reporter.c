@@ -2,8 +2,8 @@
 #include "reporter.h"
 
 #define MS INT64_C(1000000)
-#define RATE 29500        /* bit/s */
-#define BUCKET (160 * MS) /* ten reports */
+#define RATE 59000        /* bit/s */
+#define BUCKET (160 * MS) /* twenty reports */
 #define KEEP 1            /* reports that must be left after one without an arrival, for the next arrival */
 #define SPARE 5           /* reports that must be left after a repetition */
 #define DUE (4 * MS)      /* jitter after which a packet is late */

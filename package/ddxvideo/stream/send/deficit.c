@@ -111,7 +111,9 @@ static void decide(struct deficit *deficit, const struct history *media, const s
 
     learn_run(deficit, history_between(media, deficit->arrival, deficit->covered) +
                            history_between(repairs, deficit->arrival, deficit->covered));
-    deficit->needed = deficit->missing + history_until(media, deficit->highest, deficit->covered);
+    deficit->needed = deficit->missing;
+    if (deficit->delay <= DEFICIT_QUEUE) /* else the newest packets may wait before the link, and repair as well */
+        deficit->needed += history_until(media, deficit->highest, deficit->covered);
     deficit->wanted = deficit->probes = 0;
     if (!deficit->needed)
         return;

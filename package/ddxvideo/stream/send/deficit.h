@@ -19,7 +19,7 @@
  *   lost as well. After the first arrival all missing packets are sent at once. Repair packets that were sent again at
  *   each report emptied the bucket before the outage was over (outages of 40 ms: 46 % usable instead of 85 %). The mean
  *   length of the runs is 1.4 at 30 % independent loss, and 3 to 5 in bursts.
- * - Silence: a receiver with missing packets reports every 10 ms. So silence means that nothing is missing, or that
+ * - Silence: a receiver with missing packets reports every 5 ms. So silence means that nothing is missing, or that
  *   nothing arrives. No packet is sent: without a report, repair packets cost more picture quality than they save.
  */
 #ifndef DDXVIDEO_DEFICIT_H

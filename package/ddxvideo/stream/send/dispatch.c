@@ -11,9 +11,13 @@
 #define SECOND INT64_C(1000000000)
 #define BUCKET (300 * MS)
 #define FULL 0.85           /* fill level of the bucket, kept for bursts of reported losses */
+#define FULL_IN_RUNS 0.5    /* the same where losses come in runs: after each the bucket is less full, and smaller frames
+                               for a while would look worse than a bucket that is never full */
 #define FULL_ONE_WAY 0.5    /* the same without reports, for frames of different sizes only */
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
-#define HORIZON 4          /* frames in which the fill level is restored */
+#define HORIZON 4           /* frames in which the fill level is restored */
+#define HORIZON_IN_RUNS 12  /* the same where losses come in runs */
+#define RUNS_BEGIN 1.4      /* mean length of runs at 30 % independent loss; from one more on, all come in runs */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
 #define SPARE 0.25         /* fill level up to which a single receiver cannot empty the bucket */
 #define OUTAGE 20          /* packets lost in sequence, after which most frames are left out */
@@ -33,7 +37,7 @@
 #define YIELD_PART 0.3     /* and of all frames on average */
 #define LEAST 100          /* bytes of a frame; less is not worth its headers */
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
-#define LEAST_ALONE 0.45   /* the same for a single receiver whose losses do not come in runs */
+#define LEAST_ALONE 0.45   /* the same for a single receiver */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
 #define GAP MS             /* between packets, at most */
 #define BURST 3            /* packets of a frame that go at once: few frames are larger, and 3.6 kB fit each queue */
@@ -415,14 +419,30 @@ static bool yields(struct dispatch *dispatch, int64_t now) {
     return yes;
 }
 
+/* How far losses come in runs, 0 to 1. */
+static double part_in_runs(const struct dispatch *dispatch, int64_t now) {
+    double loss, run;
+
+    feedback_losses(&dispatch->feedback, now, &loss, &run);
+    return run < RUNS_BEGIN || loss <= 0 ? 0 : run < RUNS_BEGIN + 1 ? run - RUNS_BEGIN : 1;
+}
+
+/* Bytes that the next frame and its repair may take more than the rate, since the bucket is fuller than it should be;
+ * negative: less. */
+static double spare_bytes(struct dispatch *dispatch, int64_t now, bool one_way) {
+    double runs = part_in_runs(dispatch, now), full = FULL + runs * (FULL_IN_RUNS - FULL);
+    double tokens = (double)budget_tokens(&dispatch->budget, now), size = (double)budget_size(&dispatch->budget);
+
+    return (tokens - (one_way ? FULL_ONE_WAY : full) * size) / (HORIZON + runs * (HORIZON_IN_RUNS - HORIZON));
+}
+
 size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
     const struct dispatch_settings *settings = &dispatch->settings;
     int64_t silence = feedback_silence(&dispatch->feedback, now);
     double frame = (double)settings->interval / (8.0 * SECOND); /* bytes of a frame at 1 bit/s */
-    double wire = (double)dispatch->budget.rate * frame, video = (double)settings->video * frame;
-    double full = silence < FEEDBACK_GONE ? FULL : FULL_ONE_WAY;
-    bool in_runs = feedback_has_runs(&dispatch->feedback, now);
-    double spare = (double)budget_tokens(&dispatch->budget, now) - full * (double)budget_size(&dispatch->budget);
+    double wire = (double)dispatch->budget.rate * frame;
+    double video = settings->video ? (double)settings->video * frame : wire * DISPATCH_VIDEO;
+    double spare = spare_bytes(dispatch, now, silence >= FEEDBACK_GONE);
 
     if (is_behind(dispatch, now) || yields(dispatch, now))
         return 0;
@@ -430,9 +450,9 @@ size_t dispatch_allowance(struct dispatch *dispatch, int64_t now) {
         wire *= REDUCED;
         spare = spare > 0 ? 0 : spare;
     }
-    double bytes = (wire + spare / HORIZON) / (1 + part_beside(dispatch, now));
+    double bytes = (wire + spare) / (1 + part_beside(dispatch, now));
     bytes -= FRAME_HEADERS + (double)settings->header;
-    double part = !in_runs && feedback_single(&dispatch->feedback, now) ? LEAST_ALONE : LEAST_PART;
+    double part = feedback_single(&dispatch->feedback, now) ? LEAST_ALONE : LEAST_PART;
     double least = wire * part / (1 + settings->others);
     if (silence < STOPPED && bytes < least)
         bytes = least;

@@ -24,6 +24,8 @@
 #include "repair.h"
 
 #define DISPATCH_QUEUE 256  /* media packets that wait */
+#define DISPATCH_VIDEO 0.7  /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes pictures
+                             * little, and there is a reserve for repair before reports say how much it takes */
 #define DISPATCH_RATIO 2.3  /* of repair packets to media packets, for 30 % loss in bursts */
 
 enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
@@ -42,7 +44,7 @@ enum dispatch_count {
 
 struct dispatch_settings {
     int64_t wire;     /* bit/s of everything sent to a receiver, 50,000 at least: the bucket must hold a packet */
-    int64_t video;    /* bit/s of encoded frames, at most */
+    int64_t video;    /* bit/s of encoded frames, at most; 0: DISPATCH_VIDEO of the rate */
     int64_t interval; /* ns from frame to frame */
     size_t header;    /* bytes added to an RTP packet: IP and UDP headers, encryption */
     bool repair;      /* repair packets are sent */

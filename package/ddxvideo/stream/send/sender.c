@@ -133,7 +133,8 @@ static int64_t interval_of(const struct ddxvideo_geometry *geometry) {
 
 static struct encoder_settings encoder_settings(const struct sender *sender) {
     /* MPEG-4's encoder makes frames for this rate, and follows a lower one only partly. */
-    long bitrate = sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
+    long most = (long)((double)sender->wire * DISPATCH_VIDEO);
+    long bitrate = !sender->bitrate ? most : sender->bitrate < sender->wire ? sender->bitrate : sender->wire;
 
     return (struct encoder_settings){.type = sender->type, .bitrate = bitrate * 1000, .fast = sender->fast};
 }
