@@ -158,7 +158,7 @@ static void step(struct input *input) {
     case CHANGE: send_report(input, n, true); break;
     case DATA: send_data(input, n); break;
     case ROOM: assert(dispatch_allowance(&dispatch, now) <= WIRE / 8); break;
-    case REFRESH: dispatch_wants_refresh(&dispatch, now); break;
+    case REFRESH: dispatch_wants_refresh(&dispatch, now, &(size_t){0}); break;
     }
 }
 

@@ -341,20 +341,22 @@ static void check_loss_memory(void) {
     loss = 0;
 }
 
+/* A whole picture at most each four seconds; in between, renewals. */
 static void check_refresh(void) {
     struct report report = {.reporter = 1, .media = SSRC, .refresh = true};
     uint8_t data[REPORT_MAX];
-    size_t size = report_write(data, &report);
+    size_t size = report_write(data, &report), whole;
 
     begin(1000000);
-    CHECK(!dispatch_wants_refresh(&dispatch, now));
-    for (int i = 0; i < 3; i++) {
+    CHECK(!dispatch_wants_refresh(&dispatch, now, &whole));
+    for (int i = 0; i < 9; i++) {
         dispatch_report(&dispatch, now, data, size, 1);
         dispatch_report(&dispatch, now, data, size, 2);
-        CHECK(dispatch_wants_refresh(&dispatch, now));
+        CHECK(dispatch_wants_refresh(&dispatch, now, &whole) && (whole > 0) == (i % 4 == 0));
+        CHECK(whole <= (size_t)budget_tokens(&dispatch.budget, now) / 2);
         dispatch_report(&dispatch, now, data, size, 1);
         now += 999 * MS;
-        CHECK(!dispatch_wants_refresh(&dispatch, now));
+        CHECK(!dispatch_wants_refresh(&dispatch, now, &whole));
         now += MS;
     }
 }

@@ -161,16 +161,16 @@ static void test_refresh_h264(void) {
     open_encoder(&encoder, RTP_H264, false);
     for (int i = 0; i < 3 * RATE; i++) {
         if (i == 2 * RATE)
-            encoder_refresh(&encoder);
+            encoder_refresh(&encoder, false);
         struct encoded encoded = encode(&encoder, i, 0);
         if (i && look_at(&encoded).recoveries)
             begun = i;
         CHECK(begun < 0 || begun == 2 * RATE);
     }
     CHECK_EQUAL(begun, 2 * RATE);
-    encoder_refresh(&encoder);
+    encoder_refresh(&encoder, false);
     encode(&encoder, 3 * RATE, 0);
-    encoder_refresh(&encoder); /* during a renewal */
+    encoder_refresh(&encoder, false); /* during a renewal */
     for (int i = 1; i <= WAVE + 2; i++) {
         struct encoded encoded = encode(&encoder, 3 * RATE + i, 0);
         if (look_at(&encoded).recoveries)
@@ -180,12 +180,28 @@ static void test_refresh_h264(void) {
     encoder_close(&encoder);
 }
 
+/* A whole picture is one key frame, with parameter sets. */
+static void test_whole_h264(void) {
+    struct encoder encoder;
+    open_encoder(&encoder, RTP_H264, false);
+    for (int i = 0; i < 2 * RATE; i++) {
+        if (i == 10)
+            encoder_refresh(&encoder, true);
+        struct encoded encoded = encode(&encoder, i, i == 10 ? 2 * BYTES : 0);
+        struct parts parts = look_at(&encoded);
+        CHECK_EQUAL(parts.keys, i == 0 || i == 10);
+        CHECK(!parts.keys || parts.sets == 2);
+        CHECK(i != 10 || encoded.size < 3 * BYTES);
+    }
+    encoder_close(&encoder);
+}
+
 static void test_refresh_mpeg4(void) {
     struct encoder encoder;
     open_encoder(&encoder, RTP_MPEG4, false);
     for (int i = 0; i < RATE; i++) {
         if (i == 10)
-            encoder_refresh(&encoder);
+            encoder_refresh(&encoder, false);
         struct encoded encoded = encode(&encoder, i, 0);
         const uint8_t *at = encoded.data;
         struct mpeg4_vol vol;
@@ -201,6 +217,7 @@ int main(void) {
     test_sizes();
     test_rates();
     test_refresh_h264();
+    test_whole_h264();
     test_refresh_mpeg4();
     return 0;
 }

@@ -120,12 +120,17 @@ static void write_frame(const struct run *run) {
     struct dispatch_packet packets[MOST];
     struct frame *frame = &frames[frame_count];
     size_t allowed = dispatch_allowance(&dispatch, now);
+    size_t whole = 0;
+    bool wants = allowed && dispatch_wants_refresh(&dispatch, now, &whole);
+    allowed = whole > allowed ? whole : allowed;
     size_t size = frame_count ? (size_t)((double)allowed * (1 - run->smaller) * (0.7 + 0.6 * random_share())) : 4000;
     unsigned count = !allowed ? 0 : size <= 800 ? 1 : size <= 1160 ? 2 : (unsigned)(size + 1159) / 1160;
 
     *frame = (struct frame){.written = now, .packets = count, .sequence = sequence};
-    renewal |= count && dispatch_wants_refresh(&dispatch, now);
+    renewal |= wants && !whole;
     renew(frame);
+    if (whole)
+        frame->renewing = frame->renewed = frame_count;
     for (unsigned i = 0; i < count; i++) {
         packets[i].data = data[i];
         size_t part = size * (i + 1) / count - size * i / count;

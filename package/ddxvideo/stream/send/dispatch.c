@@ -32,6 +32,8 @@
 #define LINK_SLOWLY 1.05
 #define LINK_LEAST 50e3      /* bit/s */
 #define LINK_PART 0.3        /* of -wire, at least: delays can be forged */
+#define WHOLE_EVERY (4 * SECOND) /* from one whole picture to the next */
+#define WHOLE_PART 0.35      /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
 #define YIELD 2            /* most frames that are left out in sequence for repair or in an outage, */
 #define YIELD_MOST 40      /* most of them at once, */
 #define YIELD_PART 0.3     /* and of all frames on average */
@@ -57,6 +59,7 @@ void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *se
     dispatch->settings = *settings;
     dispatch->next = now;
     dispatch->refreshed = now - SECOND;
+    dispatch->whole = now - WHOLE_EVERY;
     dispatch->patience = YIELD_MOST;
     dispatch->wire = settings->wire - settings->wire / 200;
     budget_init(&dispatch->budget, dispatch->wire, BUCKET, BEGIN, now);
@@ -141,11 +144,16 @@ void dispatch_report(struct dispatch *dispatch, int64_t now, const uint8_t *data
         follow_link(dispatch, now);
 }
 
-bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now) {
+bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now, size_t *whole) {
     if (!dispatch->refresh || now - dispatch->refreshed < SECOND)
         return false;
     dispatch->refresh = false;
     dispatch->refreshed = now;
+    *whole = 0;
+    if (now - dispatch->whole < WHOLE_EVERY)
+        return true;
+    dispatch->whole = now;
+    *whole = (size_t)((double)budget_tokens(&dispatch->budget, now) * WHOLE_PART / (1 + dispatch->settings.others));
     return true;
 }
 

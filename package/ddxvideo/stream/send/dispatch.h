@@ -86,7 +86,7 @@ struct dispatch {
     unsigned skipped; /* frames that were left out in sequence, for repair or in an outage, */
     double patience;  /* and those that still may be */
     bool refresh;
-    int64_t refreshed;
+    int64_t refreshed, whole; /* times of the last renewal, and of the last whole picture */
     struct repair_window window;
     struct dispatch_slot queue[DISPATCH_QUEUE];
 };
@@ -118,7 +118,11 @@ int64_t dispatch_deadline(struct dispatch *dispatch, int64_t now);
  * wire. If so, they are taken from the budget; if not, the packet counts as lost. */
 bool dispatch_other(struct dispatch *dispatch, int64_t now, size_t size);
 
-/* Whether a receiver needs a whole picture. True at most once a second; that ends the request. */
-bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now);
+/*
+ * Whether a receiver needs a whole picture. True at most once a second; that ends the request. *whole: bytes of a whole
+ * picture that may be sent at once; 0: the next frames must renew the picture, because one was sent less than four
+ * seconds ago. So requests, which can be forged, do not fill the rate with bad pictures.
+ */
+bool dispatch_wants_refresh(struct dispatch *dispatch, int64_t now, size_t *whole);
 
 #endif

@@ -134,7 +134,7 @@ static int add_sets(struct encode_h264 *encoder, struct encoded *encoded) {
 }
 
 int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_picture *picture, int64_t number,
-                        size_t wanted, struct encoded *encoded) {
+                        bool key, size_t wanted, struct encoded *encoded) {
     x264_picture_t in, out;
     x264_nal_t *nal;
     int count;
@@ -143,6 +143,7 @@ int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_pictu
     x264_encoder_reconfig(encoder->x264, &encoder->param);
     x264_picture_init(&in);
     in.i_pts = number;
+    in.i_type = key ? X264_TYPE_IDR : X264_TYPE_AUTO;
     in.img.i_csp = X264_CSP_I420;
     in.img.i_plane = 3;
     for (int i = 0; i < 3; i++) { /* x264 copies them */

@@ -66,12 +66,12 @@ int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *pictu
 
     encoder->key = false;
     return encoder->type == RTP_H264
-               ? encode_h264_picture(&encoder->h264, picture, number, wanted, encoded)
+               ? encode_h264_picture(&encoder->h264, picture, number, key, wanted, encoded)
                : encode_mpeg4_picture(&encoder->mpeg4, picture, number, key, wanted, encoded);
 }
 
-void encoder_refresh(struct encoder *encoder) {
-    if (encoder->type == RTP_H264)
+void encoder_refresh(struct encoder *encoder, bool whole) {
+    if (encoder->type == RTP_H264 && !whole)
         x264_encoder_intra_refresh(encoder->h264.x264);
     else
         encoder->key = true;

@@ -46,9 +46,10 @@ int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *pictu
                    struct encoded *encoded);
 
 /*
- * Let receivers begin at one of the next frames: H.264's next frames renew the picture column by column (after the
- * current renewal, if there is one); MPEG-4's next frame is a key frame.
+ * Let receivers begin at one of the next frames. H.264: `whole`: the next frame is a key frame; else the next frames
+ * renew the picture column by column (after the current renewal, if there is one), without a frame that looks worse.
+ * MPEG-4's next frame is a key frame.
  */
-void encoder_refresh(struct encoder *encoder);
+void encoder_refresh(struct encoder *encoder, bool whole);
 
 #endif

@@ -148,9 +148,9 @@ size_t post_allowance(struct post *post) {
     return bytes;
 }
 
-bool post_wants_refresh(struct post *post) {
+bool post_wants_refresh(struct post *post, size_t *whole) {
     pthread_mutex_lock(&post->lock);
-    bool wants = dispatch_wants_refresh(&post->dispatch, ddx_time_now());
+    bool wants = dispatch_wants_refresh(&post->dispatch, ddx_time_now(), whole);
     pthread_mutex_unlock(&post->lock);
     return wants;
 }

@@ -49,8 +49,8 @@ void post_set_interval(struct post *post, int64_t interval);
 /* Bytes that the next frame may have; 0: skip it, since former frames are not sent yet. */
 size_t post_allowance(struct post *post);
 
-/* Whether a receiver needs a picture to begin with. True at most once a second. */
-bool post_wants_refresh(struct post *post);
+/* Whether a receiver needs a picture to begin with, and the bytes of it; see dispatch_wants_refresh(). */
+bool post_wants_refresh(struct post *post, size_t *whole);
 
 /*
  * Hand over the packets of an encoded frame, number `frame` of the stream, which was written at `written`. Its first

@@ -229,8 +229,11 @@ static void handle(struct sender *sender, const struct ddx_frame *frame) {
         ddx_stats_lost(sender->book, LOST_RATE, 1);
         return;
     }
-    if (post_wants_refresh(&sender->post))
-        encoder_refresh(&sender->encoder);
+    size_t whole;
+    if (post_wants_refresh(&sender->post, &whole)) {
+        encoder_refresh(&sender->encoder, whole > 0);
+        sender->wanted = whole > sender->wanted ? whole : sender->wanted;
+    }
     const struct ddxvideo_picture *picture;
     error = as_420(&sender->as_420, &view, &picture);
     if (!error)
