@@ -26,7 +26,7 @@ MOST = 16384  # KiB by which the catalog may grow under any attack
 DEEP, KEYS = 16, 1000  # as in hostile_catalog.py
 FORGED, PARTICIPANTS = 2000, 64
 LIMIT = 4096  # bytes a second
-ENDPOINTS, TOO_LONG, LEASE = 2048, 17000, 30
+ENDPOINTS, TOO_LONG, LEASE, LEASES = 2048, 17000, 30, 300
 FEW = 4096  # KiB by which it may grow for these: a participant needs 6 KiB
 PORT = 7410   # of the first catalog of a network
 NEAR, FAR = 5001, 5002  # ports that forged participants name
@@ -110,12 +110,12 @@ def packet(number: int, messages: list[bytes]) -> bytes:
         struct.pack("<BBH", 0x15, 5, len(message)) + message for message in messages)
 
 
-def participant(number: int, address: str, port: int, more: bytes = b"") -> bytes:
-    """The announcement of a participant with a lease of an hour, to which discovery is to be sent at this address."""
+def participant(number: int, address: str, port: int, more: bytes = b"", lease: int = 3600) -> bytes:
+    """The announcement of a participant with a lease in seconds, and the address that discovery is to be sent to."""
     prefix = prefix_of(number)
     locator = struct.pack("<iI", 1, port) + bytes(12) + socket.inet_aton(address)
     body = b"".join([b"\0\3\0\0", parameter(0x15, b"\2\1\0\0"), parameter(0x16, b"\1\x10\0\0"),
-                     parameter(2, struct.pack("<iI", 3600, 0)), parameter(0x50, prefix + b"\0\0\1\xc1"),
+                     parameter(2, struct.pack("<iI", lease, 0)), parameter(0x50, prefix + b"\0\0\1\xc1"),
                      parameter(0x58, struct.pack("<I", 0xc3f)), parameter(0x31, locator), parameter(0x32, locator),
                      parameter(0x0f, struct.pack("<I", 0)), more, parameter(1, b"")])
     return packet(number, [struct.pack("<HH", 0, 16) + b"\0\1\0\xc7" + b"\0\1\0\xc2" + struct.pack("<iI", 0, 1) + body])
@@ -180,6 +180,15 @@ def test_forged_writers(begin: Begin, link: Link) -> None:
 
     wait_until(all_have_come)
     assert refused(robot) < 200 and not grows(robot, before)
+
+
+def test_leases_that_end_at_once(begin: Begin, link: Link) -> None:
+    """A new participant is then forgotten while it is still being made."""
+    robot, operator = begin("multicast no\n"), link.operator[0]
+    for first in range(0, 3 * LEASES, LEASES):
+        announce(link, [participant(first + i, operator.address, NEAR, lease=0) for i in range(LEASES)])
+    wait_until(lambda: robot.catalog.poll() is not None or refused(robot) > LEASES)
+    assert robot.catalog.poll() is None
 
 
 @pytest.mark.long
