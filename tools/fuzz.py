@@ -43,7 +43,7 @@ ALL = sorted([*TARGETS, FOREIGN])
 
 
 def compiled(source: pathlib.Path, words: list[str], folder: pathlib.Path) -> pathlib.Path:
-    """The object in `folder`. ccache takes most from another clone's build: to compile them all takes a minute."""
+    """The object in `folder`; ccache has it if another clone compiled the same."""
     folder.mkdir(exist_ok=True)
     target = folder / f"{source.parent.name}-{source.stem}.o"
     run(["ccache", "clang", *words, "-c", source, "-o", target], env=native.CCACHE)
