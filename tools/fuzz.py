@@ -25,6 +25,8 @@ REPORT = [f"stream/{name}.c" for name in ("budget", "coefficients", "gf256", "re
     f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
 SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
+MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
+    f"common/{name}.c" for name in ("video_item", "video_layout")]
 MCAP = [f"mcap/{name}.c" for name in ("bytes", "read", "reader")] + [
     str(FORM / f"{name}.c") for name in ("declaration", "form", "schema")]
 CATALOG = TOP / "package/ddxcatalog"
@@ -32,8 +34,8 @@ NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", 
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
-    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "repair": (VIDEO, REPAIR, []), "report": (VIDEO, REPORT, ["-lm"]),
-    "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []), "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
+    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "repair": (VIDEO, REPAIR, []),
+    "report": (VIDEO, REPORT, ["-lm"]), "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []), "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
 NEEDS = ("llvm-symbolizer",)  # clang's sanitizers start it, for the names of functions
@@ -58,8 +60,8 @@ def build(target: str, broken: bool) -> pathlib.Path:
     if broken:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names, needed = TARGETS[target]
-    folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/send", VIDEO / "common", VIDEO / "include",
-               TOP / "package/ddx/include"]
+    folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/send", VIDEO / "coded", VIDEO / "common",
+               VIDEO / "include", TOP / "package/ddx/include"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 

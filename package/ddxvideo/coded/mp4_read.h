@@ -1,0 +1,53 @@
+/* SPDX-License-Identifier: GPL-2.0-or-later */
+/* Reads MP4 files that mp4_write.h describes, and no others; each byte of their boxes is compared. */
+#ifndef DDXVIDEO_MP4_READ_H
+#define DDXVIDEO_MP4_READ_H
+
+#include "mp4_write.h"
+
+/* Whether a file with these first 8 bytes is an MP4 file, of any program. */
+bool mp4_is_any(const uint8_t first[8]);
+
+/* Parse block 0; *end: where the table begins, 0 if the file is not finished. False: not a file of ours. */
+bool mp4_read_head(const uint8_t block[MP4_BLOCK], struct mp4_format *format, uint64_t *end);
+
+/* The content of `avcC` in a block 0 that mp4_write_head() wrote: a decoder takes the parameter sets in this form. */
+const uint8_t *mp4_decoder_record(const uint8_t block[MP4_BLOCK], size_t *size);
+
+/* Parse the begin of a fragment. False if it is none. Its time and size are those in the file, whatever they are. */
+bool mp4_read_fragment(const uint8_t from[MP4_FRAGMENT], struct mp4_fragment *fragment);
+
+/* A file's frames, one after the other. */
+struct mp4_file {
+    int fd;
+    uint64_t size;
+    struct mp4_format format;
+    uint64_t end;    /* where the table begins; 0: not finished */
+    uint64_t at;     /* of the next fragment */
+    uint32_t frames; /* so far */
+    uint64_t time;   /* of the last one */
+};
+
+/* Read block 0 of a regular file, which stays the caller's. 0, -EBADMSG (not a file of ours), or -errno. */
+int mp4_open(struct mp4_file *file, int fd);
+
+enum mp4_next {
+    MP4_FRAME,  /* the frame's bytes begin at file->at - fragment->bytes */
+    MP4_END,    /* the last frame was the last one, whole */
+    MP4_CUT,    /* an unfinished file ends within a frame, or in a table; a finished one before its table */
+    MP4_DAMAGED /* another thing is where a frame should begin, or a frame has an impossible time */
+};
+
+/* The next whole frame. Anything else leaves `file->at` after the last whole one. */
+enum mp4_next mp4_next_frame(struct mp4_file *file, struct mp4_fragment *fragment);
+
+/* Back to the first frame. */
+void mp4_rewind(struct mp4_file *file);
+
+/*
+ * All whole frames from the beginning, for mp4_finish(); the caller frees them. Returns their number, and in *last what
+ * follows them; or -ENOMEM.
+ */
+int64_t mp4_entries(struct mp4_file *file, struct mp4_entry **entries, enum mp4_next *last);
+
+#endif
