@@ -13,9 +13,9 @@ PAGE = TOP / "docs/architecture.md"
 PROGRAMS = {
     "package/ddxcatalog/catalog/catalog.c": "`catalog`",
     "package/ddxlog/log/logger.c": "`ddxlog`",
-    "package/ddxlog/play/replay.c": "`ddxvideoload`, `ddxlog -replay`",
+    "package/ddxlog/play/replay.c": "`ddxlog -replay`",
     "package/ddxvideo/grab/grabber.c": "`ddxvideoV4L`, `ddxvideo1394`",
-    "package/ddxvideo/load/main.c": "`ddxvideoload`, `ddxlog -replay`",
+    "package/ddxvideo/load/main.c": "`ddxvideoload`",
     "package/ddxvideo/play/player.c": "`ddxvideoplay`",
     "package/ddxvideo/save/recorder.c": "`ddxvideosave`",
     "package/ddxvideo/stereo/main.c": "`ddxvideoSVS`",

@@ -1,13 +1,13 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* ddxvideoload: plays a Y4M file into the store. */
+/* ddxvideoload: plays a Y4M or MP4 file into the store. */
 #include <errno.h>
 #include <replay_clock.h>
 #include <string.h>
 
+#include "clip.h"
 #include "program.h"
 #include "schedule.h"
 #include "video_layout.h"
-#include "y4m.h"
 
 struct player {
     /* settings: */
@@ -19,7 +19,7 @@ struct player {
     const char *clock; /* name of the DDX_REPLAY_CLOCK to follow; NULL: start at once */
     struct schedule_speed speed;
     /* state: */
-    struct y4m_reader file;
+    struct clip file;
     struct schedule schedule;
     struct schedule_pace pace;
     DDX_STATS_BOOK *book;
@@ -29,6 +29,7 @@ struct player {
     bool begun;
     bool patient;      /* waits for readers, which set the pace */
     bool cut;          /* a line has reported that the file ends within a frame */
+    bool damaged;      /* the previous frame could not be decoded */
     int64_t not_before; /* with a clock: earlier frames are left out */
     uint64_t frame;    /* number of the next frame */
     int64_t published; /* time of the last frame; before the first one, of the start */
@@ -37,8 +38,8 @@ struct player {
 /* ---- Player ---- */
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
-enum { LOST_STORE };
-static const char *const reasons[] = {"store", NULL};
+enum { LOST_STORE, LOST_DECODE };
+static const char *const reasons[] = {"store", "decode", NULL};
 
 #define POLL_NS INT64_C(5000000)
 
@@ -46,8 +47,8 @@ static void report(const struct player *player) {
     say("%s: %s", player->program.argument, player->file.error);
 }
 
-static int exit_status(enum y4m_result result) {
-    return result == Y4M_BAD ? EXIT_USAGE : EXIT_FAILED;
+static int exit_status(enum clip_result result) {
+    return result == CLIP_BAD ? EXIT_USAGE : EXIT_FAILED;
 }
 
 /* False on a request to stop. */
@@ -165,15 +166,26 @@ static int publish(struct player *player, struct ddxvideo_frame *frame, int64_t 
     return EXIT_OK;
 }
 
+/* A frame that cannot be decoded is left out, and counted; the first of several is reported. */
+static void count_damaged(struct player *player, int64_t recorded) {
+    if (!player->damaged)
+        say("%s: %s; frames are left out up to one that can be decoded", player->program.argument, player->file.error);
+    player->damaged = true;
+    schedule_next(&player->schedule, recorded);
+    ddx_stats_in(player->book, 1, 0);
+    ddx_stats_lost(player->book, LOST_DECODE, 1);
+    player->frame++;
+}
+
 /* Play the rest of the file. */
-static enum y4m_result play_pass(struct player *player, int *status) {
+static enum clip_result play_pass(struct player *player, int *status) {
     while (!program_stopping()) {
         struct ddxvideo_frame frame;
         int64_t recorded;
 
         if (player->patient && !program_wait_for_room(player->video, &player->patient, player->book))
             break;
-        int error = ddxvideo_loan(player->video, &player->file.header.geometry, &frame);
+        int error = ddxvideo_loan(player->video, &player->file.geometry, &frame);
         if (program_try_again(error, player->book)) /* a file can wait */
             continue;
         if (error == -ENOBUFS) /* stop was requested */
@@ -181,18 +193,24 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         if (error) {
             say("%s: %s", player->name, ddx_error_text(error));
             *status = EXIT_FAILED;
-            return Y4M_ERROR;
+            return CLIP_ERROR;
         }
-        enum y4m_result result = y4m_read(&player->file, frame.plane, &recorded);
-        if (result != Y4M_OK) {
+        enum clip_result result = clip_read(&player->file, frame.plane, &recorded);
+        if (result == CLIP_DAMAGED) {
             ddx_store_cancel(player->video);
-            if (result == Y4M_BAD && player->file.cut && (player->file.frames || program_stopping())) {
+            count_damaged(player, recorded);
+            continue;
+        }
+        player->damaged = false;
+        if (result != CLIP_OK) {
+            ddx_store_cancel(player->video);
+            if (result == CLIP_BAD && player->file.cut && (player->file.frames || program_stopping())) {
                 if (!program_stopping() && !player->cut) /* reported once, even with -loop */
                     report(player);
                 player->cut = true;
-                return Y4M_END;
+                return CLIP_END;
             }
-            if (result != Y4M_END) {
+            if (result != CLIP_END) {
                 report(player);
                 *status = exit_status(result);
             }
@@ -200,25 +218,25 @@ static enum y4m_result play_pass(struct player *player, int *status) {
         }
         *status = publish(player, &frame, recorded);
         if (*status)
-            return Y4M_ERROR;
+            return CLIP_ERROR;
     }
-    return Y4M_OK;
+    return CLIP_OK;
 }
 
 static int play(struct player *player) {
     int status = EXIT_OK;
-    const struct ddxvideo_geometry *geometry = &player->file.header.geometry;
+    const struct ddxvideo_geometry *geometry = &player->file.geometry;
 
     if (!geometry->rate_num)
         say("%s: no usable frame rate in the header, using 25", player->program.argument);
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
                   geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
     player->patient = !player->speed.num && player->readers;
-    while (play_pass(player, &status) == Y4M_END && player->loop && player->file.frames &&
+    while (play_pass(player, &status) == CLIP_END && player->loop && player->file.frames &&
            !program_stopping()) {
-        enum y4m_result result = y4m_rewind(&player->file);
+        enum clip_result result = clip_rewind(&player->file);
 
-        if (result != Y4M_OK) {
+        if (result != CLIP_OK) {
             report(player);
             return exit_status(result);
         }
@@ -254,7 +272,7 @@ static int show_parameters(struct player *player, DDX_STORE_ID *id) {
 static int open_items(struct player *player, DDX_STORE_ID *id) {
     if (!program_attach(&player->program, player->book, id, NULL))
         return EXIT_FAILED;
-    int error = ddxvideo_create(id, player->name, &player->file.header.geometry, &player->video);
+    int error = ddxvideo_create(id, player->name, &player->file.geometry, &player->video);
     if (error) {
         say("%s: %s", player->name, ddx_error_text(error));
         return EXIT_FAILED;
@@ -272,12 +290,12 @@ static int player_run(struct player *player) {
     int status;
 
     y4m_stop_when(program_stopping);
-    enum y4m_result result = y4m_open(&player->file, player->program.argument, player->format);
-    if (result != Y4M_OK) {
+    enum clip_result result = clip_open(&player->file, player->program.argument, player->format);
+    if (result != CLIP_OK) {
         status = program_stopping() ? EXIT_OK : exit_status(result);
         if (status)
             report(player);
-        y4m_close(&player->file);
+        clip_close(&player->file);
         return status;
     }
     player->book = program_book(&player->program, reasons);
@@ -291,7 +309,7 @@ static int player_run(struct player *player) {
     ddx_store_done_item(player->counter);
     ddx_store_done_item(player->video);
     ddx_store_close(id);
-    y4m_close(&player->file);
+    clip_close(&player->file);
     return status;
 }
 
@@ -318,13 +336,13 @@ int main(int argc, char **argv) {
     player.program = (struct program){
         .name = "ddxvideoload",
         .positional = "FILE",
-        .purpose = "Plays a Y4M file into the store, as a video item; its frame numbers go into item `<name>.frame`,\n"
-                   "its settings into `<name>.parameters`.\n"
+        .purpose = "Plays a Y4M file, or an MP4 file of ddxvideosave, into the store, as a video item; its frame\n"
+                   "numbers go into item `<name>.frame`, its settings into `<name>.parameters`.\n"
                    "Each frame is written when it is due: by the times that ddxvideosave recorded, or else by the\n"
                    "frame rate in the file. A late frame is written late, at most two in the time of one; none is\n"
                    "left out. Pictures in another layout are converted.",
         .notes = "The time of a frame in the item is its due time: the time of the first frame plus its recorded\n"
-                 "time (divided by X; with -rate 0 as recorded). FILE may be a pipe, and `-` is standard\n"
+                 "time (divided by X; with -rate 0 as recorded). A Y4M FILE may be a pipe, and `-` is standard\n"
                  "input: ffmpeg ... | ddxvideoload -. A file that ends within a frame is played up to there; a line\n"
                  "says so.",
         .options = options,

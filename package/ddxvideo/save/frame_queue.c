@@ -76,6 +76,13 @@ static void copy_in(struct frame_queue *queue, uint64_t at, const unsigned char 
     memcpy(queue->memory, bytes + first, size - first);
 }
 
+bool frame_queue_has_room(struct frame_queue *queue, size_t bytes) {
+    pthread_mutex_lock(&queue->lock);
+    bool room = bytes <= queue->size - used(queue) && queue->frames_put - queue->frames_taken < queue->frame_limit;
+    pthread_mutex_unlock(&queue->lock);
+    return room;
+}
+
 bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int count,
                     const struct frame_queue_facts *facts) {
     size_t bytes = 0;
@@ -83,10 +90,7 @@ bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int 
     for (int i = 0; i < count; i++)
         bytes += pieces[i].iov_len;
 
-    pthread_mutex_lock(&queue->lock);
-    bool room = bytes <= queue->size - used(queue) && queue->frames_put - queue->frames_taken < queue->frame_limit;
-    pthread_mutex_unlock(&queue->lock);
-    if (!room)
+    if (!frame_queue_has_room(queue, bytes))
         return false;
 
     /* Outside the lock: no other thread reads the free space, and only this thread reduces it. */

@@ -30,6 +30,7 @@ struct frame_queue_facts {
     uint64_t sequence; /* in the store */
     int frame;         /* the source's number */
     unsigned lost_store, lost_ring; /* frames lost before this one */
+    uint32_t step;     /* of an MP4 file: struct mp4_entry */
 };
 
 struct frame_queue_frame {
@@ -62,6 +63,9 @@ void frame_queue_free(struct frame_queue *queue);
 unsigned frame_queue_level(struct frame_queue *queue);
 
 /* ---- The thread that puts ---- */
+
+/* Whether a frame of that many bytes fits. */
+bool frame_queue_has_room(struct frame_queue *queue, size_t bytes);
 
 /* A frame, in pieces. False if there is no room; nothing was put then. */
 bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int count,

@@ -5,14 +5,55 @@
 #include "recorder.h"
 #include "schedule.h"
 
+#define QUALITY 18      /* as good as it looks: x264's crf */
+#define QUALITY_LEAST 10
+#define QUALITY_MOST 40
+#define BITRATE_MOST 1000000
+
+static bool ends_with(const char *text, const char *end) {
+    size_t length = strlen(text), part = strlen(end);
+
+    return length >= part && !strcmp(text + length - part, end);
+}
+
+/* Chooses Y4M or MP4; -1 for a number that was not given. */
+static void choose_format(struct recorder *recorder, const char *format, long quality, long bitrate) {
+    bool mp4 = ends_with(recorder->place, ".mp4"), h264 = format ? !strcmp(format, "h264") : mp4;
+
+    if (format && !h264 && strcmp(format, "y4m"))
+        program_bad_usage("-format %s: y4m or h264 is needed", format);
+    if (format && mp4 && !h264)
+        program_bad_usage("-format y4m: -output %s is the name of an MP4 file; name it .y4m", recorder->place);
+    if (h264 && ends_with(recorder->place, ".y4m"))
+        program_bad_usage("-format h264: -output %s is the name of a Y4M file; name it .mp4", recorder->place);
+    if (!h264 && (quality >= 0 || bitrate >= 0))
+        program_bad_usage("%s: Y4M has each picture as it is; it is for -format h264",
+                          quality >= 0 ? "-quality" : "-bitrate");
+    if (quality > 0 && quality < QUALITY_LEAST)
+        program_bad_usage("-quality %ld: a whole number from %d (best) to %d is needed, or 0, lossless", quality,
+                          QUALITY_LEAST, QUALITY_MOST);
+    if (!quality && bitrate > 0)
+        program_bad_usage("-bitrate: with -quality 0, lossless, frames take what they need; leave one out");
+    if (h264 && recorder->segment)
+        program_bad_usage("-segment: prepared files hold Y4M only; leave it out, or record with -format y4m");
+    recorder->coded = h264;
+    recorder->h264 = (struct h264_settings){quality < 0 ? QUALITY : quality, bitrate < 0 ? 0 : bitrate};
+}
+
 int main(int argc, char **argv) {
     struct recorder recorder = {.name = "video"};
-    const char *full = "stop", *start = "recording", *rate = NULL;
-    long pre_roll = 0;
+    const char *full = "stop", *start = "recording", *rate = NULL, *format = NULL;
+    long pre_roll = 0, quality = -1, bitrate = -1;
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to record (default: video)", OPTION_NAME, &recorder.name, 0, 0},
-        {"output", "FILE|DIR|-", "the Y4M file to write, or a folder for <name>-<number>-<UTC>.y4m", OPTION_TEXT,
+        {"output", "FILE|DIR|-", "the file to write, or a folder for <name>-<number>-<UTC>.y4m or .mp4", OPTION_TEXT,
          &recorder.place, 0, 0},
+        {"format", "y4m|h264", "Y4M, or H.264 in MP4 (default: what the name of -output ends in, or y4m)", OPTION_TEXT,
+         &format, 0, 0},
+        {"quality", "N", "of H.264: 10 (best) to 40, or 0, lossless (default: 18)", OPTION_NUMBER, &quality, 0,
+         QUALITY_MOST},
+        {"bitrate", "KBIT", "of H.264: at most so many kbit a second (default: as many as the quality needs)",
+         OPTION_NUMBER, &bitrate, 1, BITRATE_MOST},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,
          &recorder.queue_frames, 2, 100000},
         {"keep", "FRAMES", "in the store for a recorder that comes late (default: 8, and of small pictures 25)",
@@ -34,19 +75,20 @@ int main(int argc, char **argv) {
 
     recorder.program = (struct program){
         .name = "ddxvideosave",
-        .purpose = "Records a video item of the store as Y4M, each frame with its time; ddxvideoload plays it back.\n"
+        .purpose = "Records a video item of the store as Y4M or MP4, each frame with its time; ddxvideoload plays it back.\n"
                    "Begins with the first frame that is written after the start, however long that takes.",
         .notes = "`-` is standard output, for a player; the counters go to standard error then.\n"
                  "A file that exists is overwritten, unless the last recorder did not end as told: then the next free\n"
                  "one of FILE, FILE-2 ... (before the extension) is taken. In a folder nothing is overwritten, and a\n"
                  "change of the picture's size or rate begins a new file. Counters: lost.store = overwritten in\n"
                  "the store before it was read, lost.ring = the disk was too slow, lost.write = the disk failed,\n"
-                 "lost.restart = no recorder ran.",
+                 "lost.encode = the encoder failed, lost.restart = no recorder ran.",
         .options = options,
     };
     program_start(&recorder.program, argc, argv);
     if (!recorder.place)
         program_bad_usage("-output is missing");
+    choose_format(&recorder, format, quality, bitrate);
     recorder.recycle = !strcmp(full, "recycle");
     if (!recorder.recycle && strcmp(full, "stop"))
         program_bad_usage("-full %s: stop or recycle is needed", full);

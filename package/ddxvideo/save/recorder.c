@@ -8,11 +8,13 @@
 #include <fcntl.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "mp4_read.h"
 #include "output.h"
 #include "program.h"
 #include "video_layout.h"
@@ -22,7 +24,7 @@
 
 /* Repairs recordings that a killed recorder left in plain files (those of a pool: pool.h). */
 
-/* Its complete frames, and the bytes up to the end of the last one. -1: not a recording of ours. */
+/* Complete frames of a Y4M file, and the bytes up to the end of the last one. -1: not a recording of ours. */
 static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     struct y4m_header header;
     char line[Y4M_HEADER_MAX], error[Y4M_ERROR_MAX];
@@ -47,6 +49,38 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
     return frames;
 }
 
+/*
+ * Finishes an MP4 file, as its recorder would have, after its last whole frame. A finished one is left as it is. Returns
+ * its frames; -1: not a recording of ours, or damaged in the middle.
+ */
+static int64_t finish_mp4(const char *folder, const char *name, int fd, int64_t size) {
+    struct mp4_file file;
+    struct mp4_entry *entries;
+    enum mp4_next last;
+    int error = size < MP4_BLOCK ? 0 : mp4_open(&file, fd);
+
+    if (size < MP4_BLOCK || error)
+        return error ? -1 : 0;
+    int64_t frames = mp4_entries(&file, &entries, &last);
+    if (frames > 0 && !file.end && last != MP4_DAMAGED) {
+        error = ftruncate(fd, (off_t)file.at) ? -errno : mp4_finish(fd, &file.format, entries, (uint32_t)frames);
+        if (error)
+            say("%s/%s: was left unfinished, and cannot be finished: %s; it can be played", folder, name,
+                strerror(-error));
+        else
+            say("%s/%s: was left unfinished; finished after its last whole frame, it has %lld", folder, name,
+                (long long)frames);
+    }
+    free(entries);
+    return last == MP4_DAMAGED ? -1 : frames;
+}
+
+static bool is_mp4(int fd) {
+    uint8_t first[8];
+
+    return pread(fd, first, sizeof first, 0) == sizeof first && mp4_is_any(first);
+}
+
 /* Repairs a file that no recorder uses; `own`: it is certainly a recording. Returns its frames; -1: not a recording. */
 static int64_t mend(const char *folder, int at, const char *name, bool own) {
     struct stat status;
@@ -61,10 +95,11 @@ static int64_t mend(const char *folder, int at, const char *name, bool own) {
             close(fd);
         return -1;
     }
-    frames = count_frames(file, status.st_size, &whole);
+    bool mp4 = is_mp4(fd);
+    frames = mp4 ? finish_mp4(folder, name, fd, status.st_size) : count_frames(file, status.st_size, &whole);
     if (own && !frames && !unlinkat(at, name, 0))
         say("%s/%s: was left without a whole frame; removed", folder, name);
-    else if (frames > 0 && whole < status.st_size && !ftruncate(fd, whole))
+    else if (!mp4 && frames > 0 && whole < status.st_size && !ftruncate(fd, whole))
         say("%s/%s: was left within a frame; cut after its last whole one, it has %lld", folder, name,
             (long long)frames);
     fclose(file);
@@ -95,7 +130,8 @@ static bool find_left(const struct output *output, DIR *list, const DDX_STATS *s
 }
 
 /*
- * Cuts the file that a former recorder was writing after its last whole frame, and reports it; removes a file without a
+ * Cuts the file that a former recorder was writing after its last whole frame, finishes it if it is MP4, and reports
+ * it; removes a file without a
  * frame. Repaired are the file that the counters name, if it is in this folder, and in a folder also the newest
  * recording of this item. A file that another program records into is left alone. Frames of the former file that were
  * written, but not counted, are counted as out.
@@ -232,7 +268,7 @@ static void commands_close(struct recorder *recorder) {
 
 /* ---- Frames ---- */
 
-static const char *const reasons[] = {"store", "ring", "write", NULL};
+static const char *const reasons[] = {"store", "ring", "write", "encode", NULL};
 
 /* Frames that the store keeps while the recorder gets no processor: at first, and one second if KEEP_BYTES suffice. */
 #define KEEP_FRAMES 8
@@ -385,7 +421,7 @@ int recorder_run(struct recorder *recorder) {
     recorder->begin = ddx_time_now();
     recorder->frame = -1;
     recorder->turn = (struct recording_turn){.lock = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER};
-    int error = output_check(&recorder->output, recorder->place, recorder->name, "y4m");
+    int error = output_check(&recorder->output, recorder->place, recorder->name, recorder->coded ? "mp4" : "y4m");
     if (error) {
         say("-output %s: %s; name a file or a folder that can be written", recorder->place, strerror(-error));
         return EXIT_FAILED;

@@ -122,6 +122,7 @@ static void begin_file(struct recorder *recorder, const struct ddxvideo_picture 
     struct recording_plan plan = {.output = &recorder->output,
                                   .pool = recorder->pool,
                                   .geometry = view->geometry,
+                                  .h264 = recorder->coded ? &recorder->h264 : NULL,
                                   .queue_frames = frames,
                                   .turn = &recorder->turn,
                                   .lost_store = recorder->lost_store,
@@ -144,9 +145,11 @@ static bool same_header(const struct ddxvideo_geometry *a, const struct ddxvideo
 }
 
 /* Make sure that the current file fits this frame. False if it cannot be recorded. */
-static bool recorder_choose_file(struct recorder *recorder, const struct ddxvideo_picture *view) {
+static bool recorder_choose_file(struct recorder *recorder, const struct ddxvideo_picture *view,
+                                 const struct recording_frame *frame) {
     if (!recorder->recording || recorder->output.is_folder) {
-        if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry))
+        if (!recorder->recording || !same_header(recording_geometry(recorder->recording), &view->geometry) ||
+            recording_is_gap(recorder->recording, view, frame))
             begin_file(recorder, view);
         return !recorder->done;
     }
@@ -231,6 +234,8 @@ static bool put_into_queue(struct recorder *recorder, const struct ddxvideo_pict
         bool has_room = recording_put(recorder->recording, view, frame);
 
         recorder->level = recording_level(recorder->recording);
+        if (recorder->coded)
+            recorder->disk.frame_bytes = recording_frame_bytes(recorder->recording);
         return has_room;
     }
     ddx_stats_lost(recorder->book, LOST_RING, 1);
@@ -248,7 +253,7 @@ static void put(struct recorder *recorder, const struct ddxvideo_picture *view, 
         count_missed(recorder, frame->missed, number);
     ddx_stats_in(recorder->book, 1, frame->sequence);
     ddx_stats_write(recorder->book); /* before the frame can be on the disk: each frame found there was counted */
-    if (!recorder_choose_file(recorder, view)) {
+    if (!recorder_choose_file(recorder, view, frame)) {
         ddx_stats_lost(recorder->book, LOST_WRITE, 1);
     } else {
         bool full = !put_into_queue(recorder, view, frame);
@@ -319,9 +324,15 @@ static void give_up(struct recorder *recorder, const struct recording_frame *fra
 }
 
 /* A new start would fail again: the exit status is that of bad input. */
-static void refuse_layout(struct recorder *recorder, int format) {
-    say("%s: its pictures are %s, which no Y4M file can hold; ddxlog records it, with the line: item %s",
-        recorder->name, ddxvideo_layout_name(format), recorder->name);
+static void refuse_layout(struct recorder *recorder, const struct ddxvideo_geometry *geometry) {
+    const char *layout = ddxvideo_layout_name(geometry->format);
+
+    if (y4m_has(geometry->format))
+        say("%s: its pictures are %dx%d in %s, and H.264 %s; record them with -format y4m", recorder->name,
+            geometry->width, geometry->height, layout, h264_refusal(geometry));
+    else
+        say("%s: its pictures are %s, which no %s file can hold; ddxlog records it, with the line: item %s",
+            recorder->name, layout, recorder->coded ? "MP4 or Y4M" : "Y4M", recorder->name);
     recorder->status = EXIT_USAGE;
     recorder->done = true;
 }
@@ -333,8 +344,9 @@ void recorder_handle(struct recorder *recorder, const struct ddx_frame *frame) {
     int error = recorder->done ? 0 : ddxvideo_view_any(recorder->video, frame->data, &view);
     if (error == -EPROTOTYPE)
         recorder_fail(recorder, recorder->name, error);
-    if (!error && !recorder->done && !y4m_has(view.geometry.format))
-        refuse_layout(recorder, view.geometry.format);
+    if (!error && !recorder->done &&
+        (recorder->coded ? h264_refusal(&view.geometry) != NULL : !y4m_has(view.geometry.format)))
+        refuse_layout(recorder, &view.geometry);
     if (!error && !recorder->done)
         look(recorder, &view);
     bool wanted = decimate_wants(&recorder->decimate, frame->sequence, 1);

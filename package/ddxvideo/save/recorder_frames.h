@@ -28,6 +28,8 @@ struct recorder {
     long queue_frames; /* as requested, see recording_queue_frames() */
     long keep_frames;  /* that the store is asked to keep; 0: recorder_run() decides */
     long segment;      /* MB of a file of the pool; 0: no pool */
+    bool coded;        /* H.264 in MP4, not Y4M */
+    struct h264_settings h264;
     bool recover;      /* finish unfinished recordings, and exit */
     bool paused;       /* frames are left out until a command to record */
     bool recycle;      /* on a full disk, the oldest recording is given up */
@@ -46,7 +48,7 @@ struct recorder {
     struct recording *recording; /* the current one; NULL before the first frame */
     struct backlog backlog;      /* former ones, still being written to disk */
     struct recording_turn turn;
-    uint64_t lost_store, lost_ring; /* since the last recorded frame, for the index entry of the next one */
+    uint64_t lost_store, lost_ring; /* since the last recorded frame, for the index entry or stamp of the next one */
     int64_t begin;               /* time of the start */
     bool awaited;                /* the item did not exist when the recorder started */
     bool said_waiting;           /* the wait for the item was reported */

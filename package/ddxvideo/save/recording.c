@@ -6,6 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "coded_frames.h"
 #include "crc32c.h"
 #include "ddx_time.h"
 #include "flusher.h"
@@ -29,7 +30,10 @@ struct recording {
     uint32_t file_frames;
     bool split;                     /* the next frame begins another recording */
     _Atomic uint32_t begins;        /* bit N: after the queue's cut N (modulo their number) another recording begins */
-    uint64_t lost_store, lost_ring; /* since the last frame that was put */
+    uint64_t lost_store, lost_ring, lost_encode; /* since the last frame that was put */
+    struct coded_frames coded; /* of MP4 files */
+    bool encoder_failed;       /* reported; frames are lost */
+    uint64_t all_bytes, all_frames; /* put so far */
     _Atomic uint32_t lost_store_last, lost_ring_last; /* after the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
@@ -106,6 +110,7 @@ static void begin_file(struct recording *recording) {
     if (recording->plan.pool)
         recording->session = segment->index->header.session;
     segment->begin = recording->position;
+    segment->format = recording->plan.h264 ? &recording->coded.format : NULL;
     flusher_add(&recording->flusher, segment);
     recording->segment = segment;
 }
@@ -224,6 +229,28 @@ unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsign
 
 /* ---- Begin and end ---- */
 
+#define CODED_BYTES_MAX (UINT64_C(64) << 20)
+#define CODED_FRAMES_MIN 4  /* raw ones: two of them must be free for each frame */
+#define CODED_LEAST 2048    /* bytes of a frame, for the length of the list */
+#define CODED_LIST_MAX 8192
+
+/* For encoded frames: the memory of the usual queue, within bounds, and a longer list of frames. */
+static int init_coded_queue(struct recording *recording, size_t raw) {
+    uint64_t memory = (uint64_t)recording->plan.queue_frames * raw, least = CODED_FRAMES_MIN * (uint64_t)raw;
+
+    if (memory > CODED_BYTES_MAX)
+        memory = CODED_BYTES_MAX;
+    if (memory < least)
+        memory = least;
+    memory += MP4_BLOCK + 2 * H264_ROOM;
+    uint64_t list = memory / CODED_LEAST;
+    if (list > CODED_LIST_MAX)
+        list = CODED_LIST_MAX;
+    if (list < recording->plan.queue_frames)
+        list = recording->plan.queue_frames;
+    return frame_queue_init(&recording->queue, (unsigned)list, (size_t)(memory / list + 1));
+}
+
 int recording_begin(const struct recording_plan *plan, struct recording **result) {
     struct recording *recording = calloc(1, sizeof *recording);
 
@@ -234,7 +261,10 @@ int recording_begin(const struct recording_plan *plan, struct recording **result
     recording->lost_store = plan->lost_store;
     recording->lost_ring = plan->lost_ring;
     size_t bytes = video_layout_bytes(&plan->geometry) + Y4M_FRAME_LINE_WRITTEN;
-    int error = frame_queue_init(&recording->queue, plan->queue_frames, bytes);
+    int error = plan->h264 ? coded_frames_open(&recording->coded, &plan->geometry, plan->h264) : 0;
+    if (!error)
+        error = plan->h264 ? init_coded_queue(recording, bytes)
+                           : frame_queue_init(&recording->queue, plan->queue_frames, bytes);
     if (error)
         goto no_queue;
     error = plan->pool && bytes + Y4M_HEADER_WRITTEN > pool_file_bytes(plan->pool) ? -EFBIG : 0;
@@ -255,6 +285,7 @@ no_thread:
 no_flusher:
     frame_queue_free(&recording->queue);
 no_queue:
+    coded_frames_close(&recording->coded);
     free(recording);
     return error;
 }
@@ -274,6 +305,7 @@ int recording_finish(struct recording *recording, char *path) {
     pthread_join(recording->thread, NULL);
     int error = recording->error;
     strcpy(path, recording->path);
+    coded_frames_close(&recording->coded);
     frame_queue_free(&recording->queue);
     free(recording);
     return error;
@@ -314,24 +346,83 @@ static bool refuse(struct recording *recording) {
     return false;
 }
 
-bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
-                   const struct recording_frame *frame) {
-    char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
-    size_t bytes = video_layout_bytes(&recording->plan.geometry) + sizeof line;
-
-    recording->lost_store += frame->missed;
-    if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&
-        !end_file(recording) && is_full(recording, bytes))
-        return refuse(recording);
-
+static struct frame_queue_facts facts_of(const struct recording *recording, const struct ddxvideo_picture *view,
+                                         const struct recording_frame *frame) {
     struct frame_queue_facts facts = {.published = frame->published,
                                      .time = capture_time(view, frame->published),
                                      .sequence = frame->sequence,
                                      .frame = view->stamp.frame,
                                      .lost_store = (unsigned)recording->lost_store,
                                      .lost_ring = (unsigned)recording->lost_ring};
+
     if (view->stamp.wall_offset && __builtin_add_overflow(facts.time, view->stamp.wall_offset, &facts.wall))
         facts.wall = 0;
+    return facts;
+}
+
+static void is_put(struct recording *recording, size_t bytes) {
+    recording->file_bytes += bytes;
+    recording->file_frames++;
+    recording->all_bytes += bytes;
+    recording->all_frames++;
+    recording->lost_store = recording->lost_ring = recording->lost_encode = 0;
+}
+
+/* ---- Into MP4 ---- */
+
+bool recording_is_gap(const struct recording *recording, const struct ddxvideo_picture *view,
+                      const struct recording_frame *frame) {
+    return recording->plan.h264 && coded_frames_is_gap(&recording->coded, capture_time(view, frame->published));
+}
+
+static void encoder_failed(struct recording *recording, int frame) {
+    if (!recording->encoder_failed)
+        say("losing frames from %d on: the encoder failed", frame);
+    recording->encoder_failed = true;
+    ddx_stats_lost(recording->plan.book, LOST_ENCODE, 1);
+    recording->lost_encode++;
+}
+
+/* The queue must have room for any frame before it is encoded: later frames refer to each that was. */
+static bool put_coded(struct recording *recording, const struct ddxvideo_picture *view,
+                      const struct recording_frame *frame) {
+    struct frame_queue_facts facts = facts_of(recording, view, frame);
+    struct stamp stamp = {.sequence = facts.sequence,
+                          .frame = facts.frame,
+                          .source_sequence = view->stamp.source_sequence,
+                          .time = facts.time,
+                          .wall = facts.wall,
+                          .lost_store = facts.lost_store,
+                          .lost_ring = facts.lost_ring,
+                          .lost_encode = (uint32_t)recording->lost_encode};
+    struct coded_frame coded;
+
+    if (!frame_queue_has_room(&recording->queue, coded_frames_room(&recording->plan.geometry)))
+        return refuse(recording);
+    if (coded_frames_next(&recording->coded, view, &stamp, &coded)) {
+        encoder_failed(recording, facts.frame);
+        return true;
+    }
+    recording->encoder_failed = false;
+    facts.header = (unsigned)coded.piece[0].iov_len;
+    facts.step = coded.step;
+    frame_queue_put(&recording->queue, coded.piece, 3, &facts); /* has room */
+    is_put(recording, coded.piece[0].iov_len + coded.piece[1].iov_len + coded.piece[2].iov_len);
+    return true;
+}
+
+/* ---- Into Y4M ---- */
+
+static bool put_plain(struct recording *recording, const struct ddxvideo_picture *view,
+                      const struct recording_frame *frame) {
+    char header[Y4M_HEADER_WRITTEN], line[Y4M_FRAME_LINE_WRITTEN];
+    size_t bytes = video_layout_bytes(&recording->plan.geometry) + sizeof line;
+
+    if (recording->plan.pool && recording->file_bytes && (recording->split || is_full(recording, bytes)) &&
+        !end_file(recording) && is_full(recording, bytes))
+        return refuse(recording);
+
+    struct frame_queue_facts facts = facts_of(recording, view, frame);
     bool first = !recording->file_bytes;
     if (first) {
         recording->start = facts.time;
@@ -352,10 +443,14 @@ bool recording_put(struct recording *recording, const struct ddxvideo_picture *v
     }
     if (!frame_queue_put(&recording->queue, pieces, count, &facts))
         return refuse(recording);
-    recording->file_bytes += total;
-    recording->file_frames++;
-    recording->lost_store = recording->lost_ring = 0;
+    is_put(recording, total);
     return true;
+}
+
+bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
+                   const struct recording_frame *frame) {
+    recording->lost_store += frame->missed;
+    return recording->plan.h264 ? put_coded(recording, view, frame) : put_plain(recording, view, frame);
 }
 
 void recording_split(struct recording *recording) {
@@ -370,6 +465,11 @@ void recording_missed(struct recording *recording, uint64_t frames) {
 
 const struct ddxvideo_geometry *recording_geometry(const struct recording *recording) {
     return &recording->plan.geometry;
+}
+
+unsigned recording_frame_bytes(const struct recording *recording) {
+    return (unsigned)(recording->all_frames ? recording->all_bytes / recording->all_frames
+                                            : video_layout_bytes(&recording->plan.geometry));
 }
 
 uint64_t recording_queue_bytes(const struct recording *recording) {

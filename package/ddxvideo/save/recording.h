@@ -10,6 +10,7 @@
 #include <pthread.h>
 
 #include "ddxvideo.h"
+#include "h264_encode.h"
 #include "output.h"
 #include "segment.h"
 
@@ -25,6 +26,7 @@ struct recording_plan {
     const struct output *output;
     struct pool *pool; /* NULL: one file */
     struct ddxvideo_geometry geometry;
+    const struct h264_settings *h264; /* MP4 with H.264, of a geometry that h264_refusal() takes; NULL: Y4M */
     unsigned queue_frames;
     struct recording_turn *turn;
     uint64_t lost_store, lost_ring; /* before its first frame */
@@ -47,7 +49,7 @@ uint64_t recording_frame_memory(const struct ddxvideo_geometry *geometry);
 
 /*
  * Begin to record. The writing thread opens the first file, so that the caller does not wait for the disk. 0 or -errno;
- * -EFBIG if a frame does not fit into a file of the pool.
+ * -EFBIG if a frame does not fit into a file of the pool, -EIO if the encoder cannot be opened.
  */
 int recording_begin(const struct recording_plan *plan, struct recording **recording);
 
@@ -59,11 +61,19 @@ struct recording_frame {
 };
 
 /*
- * Copy a frame into the queue. Never waits. False if the queue is full: then the frame is counted as lost, also in the
- * index entry of the next one.
+ * Copy a frame into the queue, encoded if `plan.h264` is set. Never waits for the disk. False if the queue is full: then
+ * the frame is counted as lost, also in the index entry or stamp of the next one. So is a frame whose encoding failed;
+ * a line reports that, and the result is true.
  */
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame);
+
+/* Whether this frame comes so long after the previous one that an MP4 file cannot express it. */
+bool recording_is_gap(const struct recording *recording, const struct ddxvideo_picture *view,
+                      const struct recording_frame *frame);
+
+/* Bytes of a frame in the files, on average; before the first one, those of the picture. */
+unsigned recording_frame_bytes(const struct recording *recording);
 
 /*
  * In a pool: the next frame begins a new recording, without a gap to this one. Does not wait: while the queue has no

@@ -130,6 +130,7 @@ static int open_plain(const struct output *output, struct segment *segment) {
     if (segment->fd < 0)
         return segment->fd;
     segment->regular = !fstat(segment->fd, &status) && S_ISREG(status.st_mode);
+    segment->named = segment->regular && strcmp(output->place, "-") != 0;
     ddx_stats_file(segment->book, segment->regular ? status.st_dev : 0, segment->regular ? status.st_ino : 0);
     return 0;
 }
@@ -168,6 +169,7 @@ static int open_pooled(const struct output *output, struct pool *pool, uint32_t 
 static void release(struct segment *segment) {
     free(segment->index);
     free(segment->latency);
+    free(segment->entries);
     free(segment);
 }
 
@@ -258,6 +260,26 @@ ssize_t segment_write(struct segment *segment, const unsigned char *bytes, size_
     return error ? error : done;
 }
 
+/* Notes a frame for the table of an MP4 file: reading all of it again at the end would take minutes. */
+static void note_entry(struct segment *segment, const struct frame_queue_frame *frame) {
+    uint32_t count = segment->frames;
+
+    if (!segment->named || segment->forgot)
+        return;
+    if (count == segment->entries_max) {
+        uint32_t more = count ? count * 2 : 4096;
+        struct mp4_entry *entries = reallocarray(segment->entries, more, sizeof *entries);
+
+        segment->forgot = !entries;
+        if (!entries)
+            return;
+        segment->entries = entries;
+        segment->entries_max = more;
+    }
+    segment->entries[count] =
+        (struct mp4_entry){(uint32_t)(frame->end - frame->begin) - MP4_FRAGMENT, frame->facts.step};
+}
+
 void segment_add(struct segment *segment, const struct frame_queue_frame *frame, uint32_t sum) {
     int64_t latency = ddx_time_now() - frame->facts.published;
 
@@ -265,6 +287,8 @@ void segment_add(struct segment *segment, const struct frame_queue_frame *frame,
         segment_index_add(segment, frame, sum, latency);
     else
         ddx_stats_out(segment->book, 1, latency);
+    if (segment->format)
+        note_entry(segment, frame);
     segment->adding++;
     segment->whole = frame->end - segment->begin;
     segment->frames++; /* after the entry, so that a thread that reads the count finds the entry */
@@ -339,11 +363,30 @@ static void cut(struct segment *segment) {
             strerror(errno));
 }
 
+/* Makes a plain MP4 file of fragments. If that fails, they remain: the next recorder tries again. */
+static int write_table(struct segment *segment) {
+    int error = segment->forgot ? -ENOMEM
+                                : mp4_finish(segment->fd, segment->format, segment->entries, segment->safe_frames);
+
+    if (error) {
+        say("%s: has no table, so players cannot seek in it, %s; start the recorder again to add it", segment->path,
+            strerror(-error));
+        if (ftruncate(segment->fd, (off_t)segment->safe))
+            *segment->unsafe = true;
+    }
+    return error;
+}
+
 static int finish_plain(struct segment *segment, bool failed) {
     int error = segment_flush(segment); /* also after a failed write: complete frames may still get to the disk */
 
     if (segment->regular && (failed || error))
         cut(segment);
+    if (segment->format && segment->named && segment->safe_frames && !*segment->unsafe && error != -EIDRM) {
+        int other = write_table(segment);
+
+        error = error ? error : other;
+    }
     if (close(segment->fd) && !error)
         error = -errno;
     return error;

@@ -12,11 +12,12 @@
 #include <sys/types.h>
 
 #include "frame_queue.h"
+#include "mp4_write.h"
 #include "output.h"
 #include "pool.h"
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */
-enum { LOST_STORE, LOST_RING, LOST_WRITE };
+enum { LOST_STORE, LOST_RING, LOST_WRITE, LOST_ENCODE };
 
 struct segment {
     uint64_t begin;            /* in the queue's count of bytes; the writer's */
@@ -34,6 +35,12 @@ struct segment {
     uint64_t safe;    /* bytes that are on the disk for certain, ... */
     uint32_t safe_frames; /* ... and the frames in them; of a plain file */
     uint64_t ordered; /* bytes whose writing has been started */
+    /* Of an MP4 file: */
+    const struct mp4_format *format; /* NULL: Y4M */
+    bool named;                      /* it gets a table at its end; standard output does not */
+    struct mp4_entry *entries;       /* of the complete frames */
+    uint32_t entries_max;
+    bool forgot;                     /* there was no memory for an entry */
     /* Of a pool file: */
     struct pool *pool; /* NULL: a plain file */
     struct pool_file file;

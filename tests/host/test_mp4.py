@@ -1,0 +1,340 @@
+# SPDX-License-Identifier: GPL-2.0-or-later
+"""Compressed recordings: any player opens the files, finished, left and recovered, and no frame is lost silently."""
+from __future__ import annotations
+
+import itertools
+import os
+import pathlib
+import signal
+import subprocess
+
+import pytest
+
+from .mp4 import fragments, probe, shown, stamps, table, top
+from .programs import (Counters, Desk, Process, ffmpeg, lost, make_clip, pictures, preload, result, start_recorder, stop,
+                       times, wait_for_recorder, wait_until)
+from .test_python import MODULES
+
+pytestmark = pytest.mark.strict
+
+SECOND = 1_000_000_000
+GAP_MOST = 1800 * 1_000_000  # us
+CLIENT = pathlib.Path(__file__).with_name("times_client.py")
+BEGUN = ["ftyp", "free", "moov", "free"]
+
+
+def write(desk: Desk, capture: list[int], size: tuple[int, int] = (64, 48), layout: str = "YUV420P",
+          name: str = "video") -> None:
+    subprocess.run(["/usr/bin/python3", "-B", CLIENT, name, *map(str, size), layout, "25", *map(str, capture)],
+                   check=True, timeout=60, env={**desk.environment, "PYTHONPATH": str(MODULES)})
+
+
+def recorded(desk: Desk, capture: list[int], *options: object, size: tuple[int, int] = (64, 48),
+             layout: str = "YUV420P", wrapper: tuple[str, ...] = ()) -> tuple[int, Counters, str]:
+    """Record frames with these capture times; exit status, counters and messages of the recorder."""
+    saver = start_recorder(desk, *options, wrapper=wrapper)
+    wait_for_recorder(desk)
+    write(desk, capture, size, layout)
+    status, counters = stop(saver)
+    return status, counters, desk.errors(saver)
+
+
+def even(count: int, begin: int = 5 * SECOND) -> list[int]:
+    return [begin + number * 40_000_000 for number in range(count)]
+
+
+def mended(desk: Desk) -> str:
+    """Start the next recorder, which repairs what the last one left; its messages."""
+    saver = start_recorder(desk, "-output", "out.mp4")
+    wait_for_recorder(desk)
+    assert stop(saver)[0] == 0
+    return desk.errors(saver)
+
+
+def test_frames_times_and_numbers(desk: Desk) -> None:
+    """Steps of 1 us and of a whole second, with parts of a us."""
+    steps = [40_000_000, 1_000, 1_234_567, 999_999, 1_000_000_000, 33_366_700] * 8
+    capture = list(itertools.accumulate(steps, initial=7 * SECOND + 123))
+    y4m = start_recorder(desk, "-output", "out.y4m", "-instance", "plain")
+    wait_for_recorder(desk, "plain")
+    status, counters, _ = recorded(desk, capture, "-output", "out.mp4", "-quality", "0")
+    assert stop(y4m)[0] == 0
+    assert (status, counters["in"], counters["out"], lost(counters)) == (0, len(capture), len(capture), 0)
+    path = desk.folder / "out.mp4"
+    data = path.read_bytes()
+    us = [(time - capture[0]) // 1000 for time in capture]
+    frames = fragments(data)
+    assert [frame.time for frame in frames] == us == shown(path)
+    assert table(data) == (frames, us[-1] + 40_000)
+    assert top(data) == ["ftyp", "mdat", "moov"]
+    marks = stamps(path)
+    assert [mark.time for mark in marks] == capture and {mark.wall - mark.time for mark in marks} == {1_000_000}
+    assert [mark.sequence for mark in marks] == list(range(1, len(capture) + 1))
+    assert [(mark.frame, mark.source_sequence) for mark in marks] == [(n, 2 * n) for n in range(len(capture))]
+    assert all(frame.key == bool(mark.geometry) for frame, mark in zip(frames, marks))
+    keys = [mark.time for mark, frame in zip(marks, frames) if frame.key]
+    assert keys[0] == capture[0] and len(keys) == 9 and all(b - a >= SECOND for a, b in itertools.pairwise(keys))
+    # Lossless: FFmpeg's pictures and ours are those of the Y4M recording.
+    raw = ffmpeg("-i", path, "-fps_mode", "passthrough", "-pix_fmt", "yuv420p", "-f", "rawvideo", "-")
+    assert raw == b"".join(pictures(desk.folder / "out.y4m"))
+    replayed(desk, path, "out.y4m")
+
+
+def replayed(desk: Desk, path: pathlib.Path, like: str) -> None:
+    """Playing the file gives the pictures and times of this Y4M recording."""
+    again = desk.folder / "again.y4m"
+    saver = start_recorder(desk, "-output", again, "-name", "again", "-instance", "again")
+    wait_for_recorder(desk, "again")
+    done = desk.run("ddxvideoload", path, "-name", "again", "-rate", "0", "-readers", "1")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert stop(saver)[0] == 0
+    assert pictures(again) == pictures(desk.folder / like) and times(again) == times(desk.folder / like)
+
+
+@pytest.mark.parametrize("layout, format", [("YUV422P", "yuv422p"), ("YUV444P", "yuv444p"), ("GREY8", "yuv420p")])
+def test_layouts(desk: Desk, layout: str, format: str) -> None:
+    y4m = start_recorder(desk, "-output", "out.y4m", "-instance", "plain")
+    wait_for_recorder(desk, "plain")
+    status, counters, _ = recorded(desk, even(3), "-output", "out.mp4", "-quality", "0", size=(50, 34), layout=layout)
+    assert stop(y4m)[0] == 0
+    assert (status, counters["out"]) == (0, 3)
+    path = desk.folder / "out.mp4"
+    stream, = probe(path)["streams"]
+    assert (stream["pix_fmt"], stream["width"], stream["height"], stream["nb_frames"]) == (format, 50, 34, "3")
+    again = desk.folder / "again.y4m"
+    saver = start_recorder(desk, "-output", again, "-name", "again", "-instance", "again")
+    wait_for_recorder(desk, "again")
+    done = desk.run("ddxvideoload", path, "-name", "again", "-rate", "0", "-readers", "1", "-layout", layout)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert stop(saver)[0] == 0
+    assert pictures(again) == pictures(desk.folder / "out.y4m")
+
+
+@pytest.mark.parametrize("layout, size, says", [
+    ("GREY16", (64, 48), "64x48 in GREY16, and H.264 has YUV and GREY8 only; record them with -format y4m"),
+    ("YUV444P", (63, 48), "63x48 in YUV444P, and H.264 needs an even width and height; record them with -format y4m"),
+    ("GREY8", (64, 47), "64x47 in GREY8, and H.264 needs an even width and height; record them with -format y4m"),
+    ("RGB24", (64, 48), "RGB24, which no MP4 or Y4M file can hold; ddxlog records it")])
+def test_what_cannot_be_encoded(desk: Desk, layout: str, size: tuple[int, int], says: str) -> None:
+    saver = start_recorder(desk, "-output", "out.mp4")
+    wait_for_recorder(desk)
+    write(desk, even(2), size, layout)
+    status, counters = result(saver)
+    assert status == 2 and says in desk.errors(saver) and not (desk.folder / "out.mp4").exists()
+    assert counters["in"] == lost(counters) > 0
+
+
+@pytest.mark.parametrize("options, says", [
+    (("-output", "out.mp4", "-format", "y4m"), "out.mp4 is the name of an MP4 file; name it .y4m"),
+    (("-output", "out.y4m", "-format", "h264"), "out.y4m is the name of a Y4M file; name it .mp4"),
+    (("-output", "out", "-format", "mpeg2"), "y4m or h264 is needed"),
+    (("-output", "out.y4m", "-quality", "18"), "-quality: Y4M has each picture as it is"),
+    (("-output", "rec", "-bitrate", "500"), "-bitrate: Y4M has each picture as it is"),
+    (("-output", "out.mp4", "-quality", "9"), "from 10 (best) to 40 is needed, or 0, lossless"),
+    (("-output", "out.mp4", "-quality", "41"), "-quality"),
+    (("-output", "out.mp4", "-quality", "0", "-bitrate", "500"), "leave one out"),
+    (("-output", "rec", "-format", "h264", "-segment", "4"), "prepared files hold Y4M only")])
+def test_contradictions(desk: Desk, options: tuple[str, ...], says: str) -> None:
+    done = desk.run("ddxvideosave", *options)
+    assert done.returncode == 2 and says in done.stderr and not list(desk.folder.glob("out*"))
+
+
+def test_one_frame(desk: Desk) -> None:
+    assert recorded(desk, even(1), "-output", "out.mp4", "-bitrate", "100")[0] == 0
+    data = (desk.folder / "out.mp4").read_bytes()
+    assert table(data) == (fragments(data), 40_000) and shown(desk.folder / "out.mp4") == [0]
+
+
+def test_a_clock_that_goes_back(desk: Desk) -> None:
+    """A time that does not rise is shown 1 us later; the next ones by their distance from it."""
+    capture = [9 * SECOND, 9 * SECOND + 40_000_000, 3 * SECOND, 3 * SECOND, 3 * SECOND + 40_000_000]
+    assert recorded(desk, capture, "-output", "out.mp4")[0] == 0
+    assert shown(desk.folder / "out.mp4") == [0, 40_000, 40_001, 40_002, 80_002]
+    assert [mark.time for mark in stamps(desk.folder / "out.mp4")] == capture
+    assert [frame.key for frame in fragments((desk.folder / "out.mp4").read_bytes())] == [True, False, True, False, False]
+
+
+@pytest.mark.parametrize("place", ["out.mp4", "rec"])
+def test_a_gap_of_31_minutes(desk: Desk, place: str) -> None:
+    """In a folder another file begins; in a single file it is shown as 30 minutes."""
+    (desk.folder / "rec").mkdir()
+    capture = even(2) + even(2, 5 * SECOND + 31 * 60 * SECOND)
+    status, counters, _ = recorded(desk, capture, "-output", place, "-format", "h264")
+    assert (status, counters["out"]) == (0, 4)
+    if place == "rec":
+        first, second = sorted((desk.folder / "rec").glob("video-*.mp4"))
+        assert shown(first) == shown(second) == [0, 40_000]
+    else:
+        assert shown(desk.folder / place) == [0, 40_000, GAP_MOST + 40_000, GAP_MOST + 80_000]
+
+
+def test_through_a_pipe(desk: Desk) -> None:
+    """Fragments only, which a player reads as they come."""
+    saver = start_recorder(desk, "-output", "-", "-format", "h264",
+                           wrapper=("sh", "-c", f'"$@" | cat > {desk.folder}/stream', "sh"))
+    wait_for_recorder(desk)
+    write(desk, even(30))
+    wait_until(lambda: desk.out("ddxvideosave") == 30)
+    end_pipeline(saver)
+    data = (desk.folder / "stream").read_bytes()
+    assert top(data)[:4] == BEGUN and len(fragments(data)) == 30
+    assert shown(desk.folder / "stream") == [number * 40_000 for number in range(30)]
+
+
+def end_pipeline(shell: Process) -> None:
+    """Stop the recorder that the shell started."""
+    for child in pathlib.Path(f"/proc/{shell.pid}/task/{shell.pid}/children").read_text().split():
+        if b"ddxvideosave" in pathlib.Path(f"/proc/{child}/cmdline").read_bytes():
+            os.kill(int(child), signal.SIGTERM)
+    assert shell.wait(60) == 0
+
+
+def test_a_pipe_that_is_read_late(desk: Desk) -> None:
+    """What the queue has no room for is lost before it is encoded: each frame behind it can be decoded, and tells how
+    many are missing."""
+    pipe, count = desk.folder / "pipe", 60
+    os.mkfifo(pipe)
+    saver = start_recorder(desk, "-output", pipe, "-format", "h264", "-quality", "0", "-ring", "2")
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    wait_for_recorder(desk)
+    write(desk, even(count), (352, 288))
+    wait_until(lambda: desk.stats("ddxvideosave")["lost"]["ring"] > 0)
+    wait_until(lambda: desk.stats("ddxvideosave")["in"] == count)
+    os.set_blocking(reader, True)
+    with open(desk.folder / "read", "wb") as file:
+        with subprocess.Popen(["cat"], stdin=reader, stdout=file) as cat:
+            os.close(reader)
+            status, counters = stop(saver)
+            assert cat.wait(60) == 0
+    assert status == 0 and counters["in"] == count == counters["out"] + lost(counters)
+    marks = stamps(desk.folder / "read")
+    assert len(marks) == counters["out"] == len(probe(desk.folder / "read")["frames"])
+    numbers = [mark.sequence for mark in marks]
+    missing = [later - earlier - 1 for earlier, later in itertools.pairwise([0, *numbers])]
+    assert [mark.lost_ring + mark.lost_store for mark in marks] == missing
+
+
+def test_frames_that_the_store_lost(desk: Desk) -> None:
+    """A recorder that gets no time: frames overwritten in the store are in the next frame's stamp."""
+    saver = desk.start("ddxvideosave", "-output", "out.mp4", "-keep", "4")
+    wait_for_recorder(desk)
+    writer = subprocess.Popen(["/usr/bin/python3", "-B", CLIENT, "video", "64", "48", "YUV420P", "25",
+                               *map(str, even(30))], env={**desk.environment, "PYTHONPATH": str(MODULES)})
+    saver.send_signal(signal.SIGSTOP)
+    assert writer.wait(60) == 0
+    saver.send_signal(signal.SIGCONT)
+    wait_until(lambda: desk.stats("ddxvideosave")["in"] == 30)
+    status, counters = stop(saver)
+    marks = stamps(desk.folder / "out.mp4")
+    assert (status, len(marks)) == (0, counters["out"])
+    assert counters["lost"]["store"] == sum(mark.lost_store for mark in marks) == 30 - len(marks) > 0
+
+
+def test_an_encoder_that_fails(desk: Desk) -> None:
+    """Its frames are counted, and the next one is a key frame: no picture refers to a missing one."""
+    library = preload("coded_faults", desk.folder)
+    status, counters, says = recorded(desk, even(12), "-output", "out.mp4", wrapper=(
+        "env", f"LD_PRELOAD={library}", "FAILING_AT=5"))
+    assert (status, counters["out"], counters["lost"]["encode"], lost(counters)) == (0, 10, 2, 2)
+    assert says.count("the encoder failed") == 1
+    marks = stamps(desk.folder / "out.mp4")
+    assert [mark.lost_encode for mark in marks] == [0] * 5 + [2] + [0] * 4
+    assert [bool(mark.geometry) for mark in marks] == [True] + [False] * 4 + [True] + [False] * 4
+    assert len(probe(desk.folder / "out.mp4")["frames"]) == 10
+
+
+@pytest.fixture(scope="module")
+def faults(tmp_path_factory: pytest.TempPathFactory) -> pathlib.Path:
+    return preload("coded_faults", tmp_path_factory.mktemp("faults"))
+
+
+def test_killed_at_the_end(desk: Desk, faults: pathlib.Path) -> None:
+    """Around each write and flush of a file's end: the next recorder makes the bytes of a finished file."""
+    path, contents = desk.folder / "out.mp4", set()
+    for number, at in enumerate(["0", "0 KILLED_HALF=1", "1", "2", "3", "4"]):
+        named = ("-name", f"video{number}")  # numbers in the store begin at 1
+        saver = start_recorder(desk, "-output", "out.mp4", *named, wrapper=(
+            "env", f"LD_PRELOAD={faults}", *f"KILLED_AT={at}".split()))
+        wait_for_recorder(desk)
+        write(desk, even(10), name=named[1])
+        saver.send_signal(signal.SIGTERM)
+        assert saver.wait(60) == (0 if at == "4" else -signal.SIGKILL)
+        assert len(probe(path)["frames"]) == 10, at  # a player opens it as it was left
+        if at != "4":
+            unfinished = top(path.read_bytes())[1] == "free"
+            assert unfinished == (int(at[0]) < 3), at
+            assert ("was left unfinished" in mended(desk)) == unfinished
+        data = path.read_bytes()
+        assert top(data) == ["ftyp", "mdat", "moov"] and len(table(data)[0]) == 10
+        contents.add(data)
+        path.unlink()
+    assert len(contents) == 1
+
+
+def test_killed_within_a_frame(desk: Desk) -> None:
+    """Whole frames are kept, and counted; a file without one is removed."""
+    path = desk.folder / "out.mp4"
+    saver = start_recorder(desk, "-output", "out.mp4")
+    wait_for_recorder(desk)
+    write(desk, even(10))
+    wait_until(lambda: desk.out("ddxvideosave") == 10)
+    saver.kill()
+    saver.wait()
+    data = path.read_bytes()
+    last = fragments(data)[-1]
+    path.write_bytes(data[:last.offset + last.size - 1])  # as a disk may show it
+    done = desk.run("ddxvideoload", path, "-rate", "0", "-name", "again", "-instance", "again")
+    assert done.returncode == 0 and "cut short in frame 9" in done.stderr and desk.stats("again")["out"] == 9
+    assert "finished after its last whole frame, it has 9" in mended(desk)
+    assert len(table(path.read_bytes())[0]) == len(probe(path)["frames"]) == 9
+
+
+def test_the_clip_is_played_in_its_time(desk: Desk) -> None:
+    """-loop continues times; -clock needs the time of recording, which the file has."""
+    recorded(desk, even(5), "-output", "out.mp4")
+    saver = start_recorder(desk, "-output", "again.mp4", "-name", "again", "-instance", "again")
+    wait_for_recorder(desk, "again")
+    loader = desk.start("ddxvideoload", "out.mp4", "-loop", "-name", "again", "-readers", "1", "-instance", "load")
+    wait_until(lambda: desk.out("again") > 12)
+    assert stop(loader)[0] == 0 and stop(saver)[0] == 0
+    assert set(step for _, step in zip(range(11), steps_of(desk.folder / "again.mp4"))) == {40_000}
+
+
+def steps_of(path: pathlib.Path) -> list[int]:
+    return [later - earlier for earlier, later in itertools.pairwise(shown(path))]
+
+
+def test_a_damaged_picture_is_named(desk: Desk) -> None:
+    recorded(desk, even(40), "-output", "out.mp4")
+    path = desk.folder / "out.mp4"
+    data = bytearray(path.read_bytes())
+    frames = fragments(bytes(data))
+    assert [number for number, frame in enumerate(frames) if frame.key] == [0, 25]
+    data[frames[3].offset:frames[3].offset + 4] = b"\xff" * 4  # the length of its first NAL unit
+    path.write_bytes(data)
+    done = desk.run("ddxvideoload", path, "-rate", "0", "-name", "again", "-instance", "again")
+    assert done.returncode == 0 and done.stderr.count("frame 3 cannot be decoded") == 1
+    counters = desk.stats("again")
+    assert (counters["in"], counters["out"], counters["lost"]["decode"]) == (40, 18, 22)
+
+
+def test_other_mp4_files_are_refused(desk: Desk) -> None:
+    clip = make_clip(desk.folder / "clip.y4m", "64x48", "25", 5)
+    ffmpeg("-i", clip, "-c:v", "libx264", desk.folder / "other.mp4")
+    done = desk.run("ddxvideoload", "other.mp4")
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "not one of ddxvideosave" in done.stderr and "ffmpeg -i FILE" in done.stderr
+
+
+def test_gstreamer(desk: Desk) -> None:
+    recorded(desk, even(10), "-output", "out.mp4")
+    path = desk.folder / "out.mp4"
+    left = desk.folder / "left.mp4"
+    data = path.read_bytes()
+    end = data.rindex(b"moov") - 4
+    left.write_bytes(data[:32] + bytes([0, 0, 0, 16]) + b"free" + bytes(8) + data[48:end - 5])
+    for file, count in [(path, 10), (left, 9)]:
+        raw = file.with_suffix(".raw")
+        subprocess.run(["gst-launch-1.0", "-q", "filesrc", f"location={file}", "!", "qtdemux", "!", "h264parse", "!",
+                        "openh264dec", "!", "filesink", f"location={raw}"], check=True, timeout=60)
+        assert raw.stat().st_size == count * 64 * 48 * 3 // 2
