@@ -34,7 +34,8 @@ static void expect(struct run run, double figure, double least_video) {
     }
     printf(": usable %.2f %% of %g, longest gap %.1f s, video %.0f, wire %.1f, at most %.1f kbit/s\n", sum, figure, gap,
            video, mean, most);
-    CHECK(SEEDS < 4 || (sum >= figure && video >= least_video));
+    if (SEEDS >= 4) /* one seed may have more losses than the mean */
+        CHECK(sum >= figure && video >= least_video);
 }
 
 /* Loss begins at frame 1000: half a second later, frames are usable again. */
