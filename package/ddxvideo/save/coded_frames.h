@@ -40,8 +40,8 @@ size_t coded_frames_room(const struct ddxvideo_geometry *geometry);
 bool coded_frames_is_gap(const struct coded_frames *frames, int64_t time);
 
 /*
- * Encode a picture with this stamp; its `key` and `geometry` are set here. 0, or -EIO: the encoder failed. Then the next
- * frame is a key frame, so that no picture refers to the missing one.
+ * Encode a picture with this stamp; its `key` and `geometry` are set here. 0, or -EIO: the encoder failed. Then the
+ * next frame is a key frame, so that no picture refers to the missing one.
  */
 int coded_frames_next(struct coded_frames *frames, const struct ddxvideo_picture *picture, struct stamp *stamp,
                       struct coded_frame *frame);

@@ -52,7 +52,7 @@ int main(int argc, char **argv) {
          &format, 0, 0},
         {"quality", "N", "of H.264: 10 (best) to 40, or 0, lossless (default: 18)", OPTION_NUMBER, &quality, 0,
          QUALITY_MOST},
-        {"bitrate", "KBIT", "of H.264: at most so many kbit a second (default: as many as the quality needs)",
+        {"bitrate", "KBIT", "of H.264: at most this rate in kbit/s (default: what the quality needs)",
          OPTION_NUMBER, &bitrate, 1, BITRATE_MOST},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,
          &recorder.queue_frames, 2, 100000},
@@ -75,7 +75,7 @@ int main(int argc, char **argv) {
 
     recorder.program = (struct program){
         .name = "ddxvideosave",
-        .purpose = "Records a video item of the store as Y4M or MP4, each frame with its time; ddxvideoload plays it back.\n"
+        .purpose = "Records a video item of the store as Y4M or MP4, each frame with its time; ddxvideoload plays it.\n"
                    "Begins with the first frame that is written after the start, however long that takes.",
         .notes = "`-` is standard output, for a player; the counters go to standard error then.\n"
                  "A file that exists is overwritten, unless the last recorder did not end as told: then the next free\n"

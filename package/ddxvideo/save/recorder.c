@@ -50,8 +50,8 @@ static int64_t count_frames(FILE *file, int64_t size, int64_t *whole) {
 }
 
 /*
- * Finishes an MP4 file, as its recorder would have, after its last whole frame. A finished one is left as it is. Returns
- * its frames; -1: not a recording of ours, or damaged in the middle.
+ * Finishes an MP4 file, as its recorder would have, after its last whole frame. A finished one is left as it is.
+ * Returns its frames; -1: not a recording of ours, or damaged in the middle.
  */
 static int64_t finish_mp4(const char *folder, const char *name, int fd, int64_t size) {
     struct mp4_file file;

@@ -11,8 +11,8 @@
 #define SECOND INT64_C(1000000000)
 #define BUCKET (300 * MS)
 #define FULL 0.85           /* fill level of the bucket, kept for bursts of reported losses */
-#define FULL_IN_RUNS 0.5    /* the same where losses come in runs: after each the bucket is less full, and smaller frames
-                               for a while would look worse than a bucket that is never full */
+#define FULL_IN_RUNS 0.5    /* the same where losses come in runs: after each run the bucket is less full, and
+                               smaller frames for a while would look worse than a bucket that is never full */
 #define FULL_ONE_WAY 0.5    /* the same without reports, for frames of different sizes only */
 #define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4           /* frames in which the fill level is restored */
@@ -379,13 +379,15 @@ static double part_beside(const struct dispatch *dispatch, int64_t now) {
 }
 
 /* Whether the budget cannot pay for repair, or for a packet of the last frame, within half a frame interval: another
- * frame would be late. */
+ * frame would be late. A packet that waits although it is due now does not count: the sending thread of a busy machine
+ * comes late, and then sends at once. */
 static bool is_behind(struct dispatch *dispatch, int64_t now) {
     int64_t late = dispatch->settings.interval / 2;
     uint32_t first;
     bool in_advance;
 
-    if (dispatch->waiting && now - dispatch->queue[dispatch->head].written > late)
+    if (dispatch->waiting && now - dispatch->queue[dispatch->head].written > late &&
+        dispatch_deadline(dispatch, now) > now)
         return true;
     return needs_repair(dispatch, now, &first, &in_advance) && !in_advance &&
            budget_ready(&dispatch->budget, repair_bytes(dispatch, first)) > now + late;
