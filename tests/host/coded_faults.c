@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
- * Preloaded into a recorder of MP4 files. $KILLED_AT: it is killed before this pwrite() or fdatasync() of a file's
- * end, counted from 0 at the first pwrite(), which writes the table; with $KILLED_HALF after half of that write. $FAILING_AT:
- * encoding of this frame fails, counted from 0, and of the next one.
+ * Preloaded into a recorder of MP4 files. $KILLED_AT: the recorder is killed before this pwrite() or fdatasync() of a
+ * file's end, counted from 0 at the first pwrite(), which writes the table; with $KILLED_HALF after half of that write.
+ * $FAILING_AT: the encoding of this frame, counted from 0, and of the next one fails.
  */
 #define _GNU_SOURCE
 #include <dlfcn.h>

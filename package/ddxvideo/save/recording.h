@@ -62,8 +62,8 @@ struct recording_frame {
 
 /*
  * Copy a frame into the queue, encoded if `plan.h264` is set. Never waits for the disk. False if the queue is full:
- * then the frame is counted as lost, also in the index entry or stamp of the next one. So is a frame whose encoding failed;
- * a line reports that, and the result is true.
+ * then the frame is counted as lost, also in the index entry or stamp of the next one. So is a frame whose encoding
+ * failed; a line reports that, and the result is true.
  */
 bool recording_put(struct recording *recording, const struct ddxvideo_picture *view,
                    const struct recording_frame *frame);

@@ -14,7 +14,7 @@ typedef __m256i vector;
 #define least_of _mm256_min_epu8
 #define both _mm256_and_si256
 #define either _mm256_or_si256
-#define xor _mm256_xor_si256
+#define differ _mm256_xor_si256
 #define equal _mm256_cmpeq_epi8
 #define shift_right _mm256_srli_epi16
 #define done() _mm256_zeroupper()
@@ -55,10 +55,10 @@ static inline vector bits_of_halves(vector v) {
 }
 
 static inline vector bits_set(vector a, vector b, vector c) {
-    vector one = xor(a, b), carry = either(both(a, b), both(one, c));
+    vector one = differ(a, b), carry = either(both(a, b), both(one, c));
     vector two = bits_of_halves(carry);
 
-    return add(bits_of_halves(xor(one, c)), add(two, two));
+    return add(bits_of_halves(differ(one, c)), add(two, two));
 }
 #define bits_set bits_set
 

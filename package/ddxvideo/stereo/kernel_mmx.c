@@ -15,7 +15,7 @@ typedef __m64 vector;
 #define sub_sat _mm_subs_pu8
 #define both _mm_and_si64
 #define either _mm_or_si64
-#define xor _mm_xor_si64
+#define differ _mm_xor_si64
 #define equal _mm_cmpeq_pi8
 #define shift_right _mm_srli_pi16
 #define done() _mm_empty()

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /*
  * The body of each variant. The file that includes it defines VARIANT, the type `vector` of LANES bytes, and of it:
- *   load store splat add sub both either xor least_of equal (255 or 0)
+ *   load store splat add sub both either differ least_of equal (255 or 0)
  *   add_sat, sub_sat       no more than 255, no less than 0
  *   shift_right(v, bits)   possibly of words larger than bytes: the caller masks
  *   enter(v, low)          one lane up; the lowest one is the highest of `low`
@@ -37,8 +37,8 @@ INLINE void costs(const struct kernel_row *row, int x, uint8_t *to, int lanes) {
     const vector left[KERNEL_PLANES] = {splat(row->left[0][x]), splat(row->left[1][x]), splat(row->left[2][x])};
 
     for (int i = 0; i < lanes; i += LANES) {
-        vector bits = bits_set(xor(left[0], load(row->right[0] + x + i)), xor(left[1], load(row->right[1] + x + i)),
-                               xor(left[2], load(row->right[2] + x + i)));
+        vector bits = bits_set(differ(left[0], load(row->right[0] + x + i)), differ(left[1], load(row->right[1] + x + i)),
+                               differ(left[2], load(row->right[2] + x + i)));
 
         if (UNUSED && !i)
             bits = either(bits, load(row->unused));

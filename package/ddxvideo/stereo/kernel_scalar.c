@@ -11,7 +11,7 @@ typedef uint8_t vector;
 #define sub(a, b) ((uint8_t)((a) - (b)))
 #define both(a, b) ((uint8_t)((a) & (b)))
 #define either(a, b) ((uint8_t)((a) | (b)))
-#define xor(a, b) ((uint8_t)((a) ^ (b)))
+#define differ(a, b) ((uint8_t)((a) ^ (b)))
 #define equal(a, b) ((uint8_t)((a) == (b) ? 255 : 0))
 #define shift_right(v, bits) ((uint8_t)((v) >> (bits)))
 #define enter(v, low) (low)

@@ -14,7 +14,7 @@ typedef __m128i vector;
 #define least_of _mm_min_epu8
 #define both _mm_and_si128
 #define either _mm_or_si128
-#define xor _mm_xor_si128
+#define differ _mm_xor_si128
 #define equal _mm_cmpeq_epi8
 #define shift_right _mm_srli_epi16
 #define done() ((void)0)

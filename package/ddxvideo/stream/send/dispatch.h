@@ -25,7 +25,7 @@
 
 #define DISPATCH_QUEUE 256  /* media packets that wait */
 #define DISPATCH_VIDEO 0.7  /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes
-                             * pictures little, and there is a reserve for repair before reports say how much it takes */
+                             * pictures little, and repair has a reserve before reports say how much it takes */
 #define DISPATCH_RATIO 2.3  /* of repair packets to media packets, for 30 % loss in bursts */
 
 enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
