@@ -114,8 +114,8 @@ static int open_dds(struct writer *writer) {
 }
 
 static int open_item(struct writer *writer) {
-    const struct ddx_item_spec spec = {.name = writer->name, .type = "VALUE", .declaration = declaration,
-                                       .size = VALUE};
+    const struct ddx_item_spec spec = {
+        .name = writer->name, .type = "VALUE", .declaration = declaration, .size = VALUE};
     DDX_STORE_ID *id = ddx_store_open(NULL, 0, PATIENCE);
 
     return id ? ddx_store_create(id, &spec, &writer->item) : -errno;
@@ -145,8 +145,7 @@ static int write_values(struct writer *writer, double rate) {
 
         for (; count; count--) {
             due += period;
-            clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME,
-                            &(struct timespec){due / SECOND, due % SECOND}, NULL);
+            clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &(struct timespec){due / SECOND, due % SECOND}, NULL);
             int error = write_one(writer);
             if (error && error != -EAGAIN)
                 return failed(writer->name, error);
@@ -246,8 +245,7 @@ int main(int argc, char **argv) {
     if (!strcmp(what, "read"))
         return strcmp(argv[2], "dds") ? read_item(argv[3]) : read_dds(argv[3]);
     if (argc == 5 && (!strcmp(what, "write") || !strcmp(what, "frames")))
-        return write_by(argv[2], argv[3], strcmp(what, "write") ? sizeof before + FRAME : VALUE,
-                        atof(argv[4]));
+        return write_by(argv[2], argv[3], strcmp(what, "write") ? sizeof before + FRAME : VALUE, atof(argv[4]));
     fputs("usage: see bench/catalog.c\n", stderr);
     return 2;
 }

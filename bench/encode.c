@@ -95,9 +95,8 @@ int main(int argc, char **argv) {
     if (!count || !geometry->rate_num)
         return fail(argv[1], count ? "no frame rate" : reader.error);
     av_log_set_level(AV_LOG_FATAL);
-    const struct encoder_settings settings = {.type = *argv[2] == 'm' ? RTP_MPEG4 : RTP_H264,
-                                              .bitrate = atol(argv[3]) * 1000,
-                                              .fast = *argv[2] == 'u'};
+    const struct encoder_settings settings = {
+        .type = *argv[2] == 'm' ? RTP_MPEG4 : RTP_H264, .bitrate = atol(argv[3]) * 1000, .fast = *argv[2] == 'u'};
     int error = encoder_open(&encoder, &settings, geometry);
     if (error)
         return fail("encoder", av_err2str(error));

@@ -7,7 +7,7 @@
 
 #include "catalog.h"
 
-#define NICE 10 /* the robot comes first */
+#define NICE 10          /* the robot comes first */
 #define STACK (1u << 20) /* bytes of each thread of DDS: the usual 8 MiB would count for the service's memory limit */
 
 static const char purpose[] =

@@ -27,7 +27,7 @@ struct party {
 };
 extern struct party party[ACTORS];
 extern pid_t store_process;
-extern int store_log; /* file for its messages; -1: ours */
+extern int store_log;              /* file for its messages; -1: ours */
 extern const char *store_budget;   /* -m */
 extern unsigned store_descriptors; /* limit; 0: the maximum */
 
@@ -52,18 +52,18 @@ struct party *owner_of(unsigned stream); /* the writer; NULL: dead */
 
 void fail(const char *format, ...) __attribute__((noreturn, format(printf, 1, 2)));
 void waited(int64_t ns); /* a wait succeeded; director_end() prints the longest */
-void look(void); /* fails if a party has complained, or exited unexpectedly */
+void look(void);         /* fails if a party has complained, or exited unexpectedly */
 
-#define AWAIT(condition, ...)                       \
-    do {                                            \
-        int64_t since_ = ddx_time_now();            \
-        while (!(condition)) {                      \
-            look();                                 \
-            if (ddx_time_now() > since_ + HANG)     \
-                fail("hang: " __VA_ARGS__);         \
-            nap(0.001);                             \
-        }                                           \
-        waited(ddx_time_now() - since_);            \
+#define AWAIT(condition, ...)                   \
+    do {                                        \
+        int64_t since_ = ddx_time_now();        \
+        while (!(condition)) {                  \
+            look();                             \
+            if (ddx_time_now() > since_ + HANG) \
+                fail("hang: " __VA_ARGS__);     \
+            nap(0.001);                         \
+        }                                       \
+        waited(ddx_time_now() - since_);        \
     } while (0)
 
 /* All readers of the stream get frames, of this term or a later one. */

@@ -13,8 +13,8 @@ static const struct {
     const char *name;
     int (*test)(void);
 } tests[] = {
-    {"restart", test_restart}, {"pins", test_pins}, {"crowd", test_crowd},       {"epochs", test_epochs},
-    {"retired", test_retired}, {"mute", test_mute}, {"stop", test_stop},         {"stranger", test_stranger},
+    {"restart", test_restart}, {"pins", test_pins},     {"crowd", test_crowd}, {"epochs", test_epochs},
+    {"retired", test_retired}, {"mute", test_mute},     {"stop", test_stop},   {"stranger", test_stranger},
     {"hostile", test_hostile}, {"worker", test_worker},
 };
 #define TESTS (sizeof tests / sizeof *tests)

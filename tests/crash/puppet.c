@@ -134,9 +134,7 @@ static int64_t obey(const struct message *message) {
     int result;
 
     switch (message->order) {
-    case ORDER_LOOKUP:
-        item = ddx_store_lookup_item(id, NAME, "FRAME", sizeof(FRAME));
-        return item ? 0 : -errno;
+    case ORDER_LOOKUP: item = ddx_store_lookup_item(id, NAME, "FRAME", sizeof(FRAME)); return item ? 0 : -errno;
     case ORDER_KEEP: return ddx_store_keep(item, (unsigned)message->n);
     case ORDER_WRITE: return write_frames(message->n);
     case ORDER_JUMP: item->writer.ring.sequence = (uint64_t)message->n - 1; return 0;

@@ -43,12 +43,12 @@ void puppet_go_on(struct puppet *puppet);
 void puppet_kill(struct puppet *puppet);
 void puppets_end(void); /* all of them, and the store */
 
-#define ASK(puppet, order, n, expected)                                                                             \
-    do {                                                                                                            \
-        int64_t got_ = puppet_ask(puppet, ORDER_##order, n), wanted_ = (expected);                                  \
-        if (got_ != wanted_)                                                                                        \
-            fail("%s:%d: " #puppet ": " #order " gives %lld, not %lld", __FILE__, __LINE__, (long long)got_,        \
-                 (long long)wanted_);                                                                               \
+#define ASK(puppet, order, n, expected)                                                                      \
+    do {                                                                                                     \
+        int64_t got_ = puppet_ask(puppet, ORDER_##order, n), wanted_ = (expected);                           \
+        if (got_ != wanted_)                                                                                 \
+            fail("%s:%d: " #puppet ": " #order " gives %lld, not %lld", __FILE__, __LINE__, (long long)got_, \
+                 (long long)wanted_);                                                                        \
     } while (0)
 
 /* The store's description of the item; false: none. */

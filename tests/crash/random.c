@@ -13,11 +13,21 @@
 #include "tests.h"
 
 #define PERIOD 0.001
-#define TAKEOVERS 4096 /* whose times are kept */
+#define TAKEOVERS 4096     /* whose times are kept */
 #define TOGETHER 400000000 /* ns: a takeover this soon after the store's death also waits for the store */
 
 enum victim {
-    WRITER, STANDBY, READER, WORKER, STOPPED_WORKER, STOPPED_READER, LIMITED, CROWD, STORE, WRITER_AND_STORE, VICTIMS
+    WRITER,
+    STANDBY,
+    READER,
+    WORKER,
+    STOPPED_WORKER,
+    STOPPED_READER,
+    LIMITED,
+    CROWD,
+    STORE,
+    WRITER_AND_STORE,
+    VICTIMS
 };
 
 static uint64_t state;

@@ -71,8 +71,8 @@ static void take_all(void) {
         assert(size <= RTP_PACKET_MAX);
         memcpy(copy, packet, size);
         assert(rtp_parse(copy, size, &rtp) && rtp.ssrc == SSRC && rtp.sequence == sequence);
-        assert(!honest || (size == media_of(next - (uint16_t)(next - sequence), expected) &&
-                           !memcmp(copy, expected, size)));
+        assert(!honest ||
+               (size == media_of(next - (uint16_t)(next - sequence), expected) && !memcmp(copy, expected, size)));
     }
 }
 

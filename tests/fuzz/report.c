@@ -142,8 +142,8 @@ static void check_counts(void) {
 
     assert(count[DISPATCH_BYTES] <= allowed);
     assert(count[DISPATCH_PACKETS] == count[DISPATCH_SENT] + count[DISPATCH_DROPPED] + dispatch.waiting);
-    assert(reports[FEEDBACK_RECEIVED] == reports[FEEDBACK_USED] + reports[FEEDBACK_GARBAGE] +
-                                             reports[FEEDBACK_STALE] + reports[FEEDBACK_FLOOD]);
+    assert(reports[FEEDBACK_RECEIVED] ==
+           reports[FEEDBACK_USED] + reports[FEEDBACK_GARBAGE] + reports[FEEDBACK_STALE] + reports[FEEDBACK_FLOOD]);
 }
 
 static void step(struct input *input) {
@@ -163,9 +163,15 @@ static void step(struct input *input) {
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    const struct dispatch_settings settings = {.wire = WIRE, .video = WIRE, .interval = 40 * MS, .header = HEADER,
-                                               .repair = true, .ratio = DISPATCH_RATIO, .media_ssrc = SSRC,
-                                               .repair_ssrc = REPAIR_SSRC, .repair_sequence = 65530};
+    const struct dispatch_settings settings = {.wire = WIRE,
+                                               .video = WIRE,
+                                               .interval = 40 * MS,
+                                               .header = HEADER,
+                                               .repair = true,
+                                               .ratio = DISPATCH_RATIO,
+                                               .media_ssrc = SSRC,
+                                               .repair_ssrc = REPAIR_SSRC,
+                                               .repair_sequence = 65530};
     struct input input = {data, data + size};
 
     begin = now = 5000 * MS;

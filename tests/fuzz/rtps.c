@@ -151,8 +151,15 @@ static void open_network(void) {
 
 /* Readers of all that a catalog reads, and a writer that has sent a value. */
 static void open_all(void) {
-    struct network_record record = {.machine = 1, .item = "item", .name = "robot", .host = "robot", .boot = "boot",
-                                    .type = "T", .declaration = "int a;", .extents = "", .topic = "rt/robot/item"};
+    struct network_record record = {.machine = 1,
+                                    .item = "item",
+                                    .name = "robot",
+                                    .host = "robot",
+                                    .boot = "boot",
+                                    .type = "T",
+                                    .declaration = "int a;",
+                                    .extents = "",
+                                    .topic = "rt/robot/item"};
     unsigned char message[44] = {0, 1};
     struct description *description;
     int error = network_records_open(network, &event, &records);

@@ -45,7 +45,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     av_log_set_level(AV_LOG_QUIET);
     snprintf(path, sizeof(path), "/proc/self/fd/%d", fd);
     /* All layouts, in turn. */
-    static const int formats[] = {DDX_VIDEO_420,   DDX_VIDEO_YUV422P, DDX_VIDEO_YUV444P, DDX_VIDEO_GREY8,
+    static const int formats[] = {DDX_VIDEO_420,    DDX_VIDEO_YUV422P, DDX_VIDEO_YUV444P, DDX_VIDEO_GREY8,
                                   DDX_VIDEO_GREY16, DDX_VIDEO_RGB24,   Y4M_SAME};
     int format = formats[size % (sizeof(formats) / sizeof(*formats))];
     enum y4m_result result = y4m_open(&reader, path, format);

@@ -57,8 +57,8 @@ static struct value value_of(int number) {
 }
 
 static int write_values(DDX_STORE_ID *id, const char *name) {
-    const struct ddx_item_spec spec = {.name = name, .type = "SENSOR", .declaration = declaration,
-                                       .size = sizeof(struct value)};
+    const struct ddx_item_spec spec = {
+        .name = name, .type = "SENSOR", .declaration = declaration, .size = sizeof(struct value)};
     DDX_STORE_ITEM *item;
     int count, number = 0, error = ddx_store_create(id, &spec, &item);
 
@@ -110,8 +110,8 @@ static int create_items(DDX_STORE_ID *id, int count) {
     for (int i = 0; i < count; i++) {
         const struct value value = value_of(i);
         char name[16];
-        const struct ddx_item_spec spec = {.name = name, .type = "SENSOR", .declaration = declaration,
-                                           .size = sizeof value};
+        const struct ddx_item_spec spec = {
+            .name = name, .type = "SENSOR", .declaration = declaration, .size = sizeof value};
         DDX_STORE_ITEM *item;
 
         snprintf(name, sizeof name, "i%d", i);

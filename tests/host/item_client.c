@@ -123,9 +123,12 @@ static void layouts(void) {
     static const struct {
         int format, bytes[3];
     } table[] = {
-        {DDX_VIDEO_420_JPEG, {80 * 60, 40 * 30, 40 * 30}}, {DDX_VIDEO_YUV422P, {80 * 60, 40 * 60, 40 * 60}},
-        {DDX_VIDEO_YUV444P, {80 * 60, 80 * 60, 80 * 60}},  {DDX_VIDEO_GREY8, {80 * 60, 0, 0}},
-        {DDX_VIDEO_GREY16, {160 * 60, 0, 0}},              {DDX_VIDEO_RGB24, {240 * 60, 0, 0}},
+        {DDX_VIDEO_420_JPEG, {80 * 60, 40 * 30, 40 * 30}},
+        {DDX_VIDEO_YUV422P, {80 * 60, 40 * 60, 40 * 60}},
+        {DDX_VIDEO_YUV444P, {80 * 60, 80 * 60, 80 * 60}},
+        {DDX_VIDEO_GREY8, {80 * 60, 0, 0}},
+        {DDX_VIDEO_GREY16, {160 * 60, 0, 0}},
+        {DDX_VIDEO_RGB24, {240 * 60, 0, 0}},
     };
     for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++) {
         struct ddxvideo_geometry geometry = {.width = 80, .height = 60, .fields = 1, .format = table[i].format};

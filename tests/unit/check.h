@@ -31,12 +31,12 @@
     } while (0)
 
 /* Frames that are torn, lost or out of order. */
-#define CHECK_NO_FRAMES(count)                                                            \
-    do {                                                                                  \
-        if (count) {                                                                      \
+#define CHECK_NO_FRAMES(count)                                                                   \
+    do {                                                                                         \
+        if (count) {                                                                             \
             fprintf(stderr, "%s:%d: %s is %u\n", __FILE__, __LINE__, #count, (unsigned)(count)); \
-            exit(FRAMES_BROKEN);                                                          \
-        }                                                                                 \
+            exit(FRAMES_BROKEN);                                                                 \
+        }                                                                                        \
     } while (0)
 
 /* Skip the test. Its last line of output is the reason, which the results of a run quote. */

@@ -22,8 +22,7 @@
 #define STEP 16u /* words between those that change from frame to frame: every cache line, or every other one */
 
 /* Replaces the holder's function. */
-void holder_beat(void) {
-}
+void holder_beat(void) {}
 
 static struct epoch *from;
 static atomic_bool over;

@@ -69,9 +69,9 @@ static void test_names_that_meet(void) {
 
 /* The text of a form is parsed into the same form. */
 static void test_it_is_read_again(void) {
-    static const char *const texts[][2] = {{"struct{ int8_t a;  struct {float b;} c[2]; }",
-                                            "struct { int8_t a; struct { float b; } c[2]; }"},
-                                           {"int16_t[3]", "int16_t[3]"}};
+    static const char *const texts[][2] = {
+        {"struct{ int8_t a;  struct {float b;} c[2]; }", "struct { int8_t a; struct { float b; } c[2]; }"},
+        {"int16_t[3]", "int16_t[3]"}};
     for (size_t i = 0; i < sizeof(texts) / sizeof(*texts); i++) {
         struct form *form, *again;
         CHECK_EQUAL(form_of_text("T", texts[i][0], "", &form), 0);
@@ -84,9 +84,17 @@ static void test_it_is_read_again(void) {
 }
 
 static void test_what_is_no_declaration(void) {
-    static const char *const bad[] = {"", "struct { }", "struct {", "struct { int8_t }", "struct { int8_t a }",
-                                      "struct { long a; }", "struct { int8_t a[0]; }", "struct { int8_t a[-1]; }",
-                                      "struct { int8_t a[4294967297]; }", "struct { int8_t a; } b", "int8_t x",
+    static const char *const bad[] = {"",
+                                      "struct { }",
+                                      "struct {",
+                                      "struct { int8_t }",
+                                      "struct { int8_t a }",
+                                      "struct { long a; }",
+                                      "struct { int8_t a[0]; }",
+                                      "struct { int8_t a[-1]; }",
+                                      "struct { int8_t a[4294967297]; }",
+                                      "struct { int8_t a; } b",
+                                      "int8_t x",
                                       "struct { struct { struct { struct { struct { struct { struct { struct { "
                                       "struct { struct { int8_t a; } a; } a; } a; } a; } a; } a; } a; } a; } a; }"};
     static const char *const extents[] = {"x=3", "a", "a=", "a=0", "a=11", "a=-1", "=3"};

@@ -70,7 +70,7 @@ static void test_clients(void) {
     CHECK_EQUAL(asks(mine, STRANGER), EPERM);     /* any user may make a socket there */
     CHECK_EQUAL(asks(squatted, STRANGER), EPERM); /* any user may have made the folder */
     CHECK_EQUAL(asks(squatted, 0), EPERM);
-    CHECK_EQUAL(asks(open, 0), EPERM);            /* any user may replace the socket */
+    CHECK_EQUAL(asks(open, 0), EPERM); /* any user may replace the socket */
     CHECK_EQUAL(asks(link, 0), EPERM);
     CHECK_EQUAL(asks(systems, STRANGER), 0); /* like /run/ddx, which belongs to the store's user */
     CHECK_EQUAL(asks(systems, 0), 0);

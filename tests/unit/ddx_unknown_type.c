@@ -22,8 +22,8 @@ static DDX_STORE_ID *id;
 
 /* An item of a type that only its creator knows. */
 static DDX_STORE_ITEM *create(const char *name, const char *declaration, const struct ddx_extent *extent) {
-    struct ddx_item_spec spec = {.name = name, .type = "BIG", .declaration = declaration, .extents = extent,
-                                 .extent_count = extent ? 1 : 0};
+    struct ddx_item_spec spec = {
+        .name = name, .type = "BIG", .declaration = declaration, .extents = extent, .extent_count = extent ? 1 : 0};
     DDX_STORE_ITEM *item;
 
     CHECK_EQUAL(ddx_store_create(id, &spec, &item), 0);

@@ -12,8 +12,15 @@ static struct catalog catalog = {.identity = {.id = 7, .host = "laptop", .name =
 static char none[] = "", robot[] = "robot";
 
 static struct network_record machine_of(uint64_t id, char *name) {
-    return (struct network_record){.machine = id, .item = none, .name = name, .host = name, .boot = none, .type = none,
-                                   .declaration = none, .extents = none, .topic = none};
+    return (struct network_record){.machine = id,
+                                   .item = none,
+                                   .name = name,
+                                   .host = name,
+                                   .boot = none,
+                                   .type = none,
+                                   .declaration = none,
+                                   .extents = none,
+                                   .topic = none};
 }
 
 static struct network_record item_of(uint64_t id, char *item) {
@@ -55,7 +62,11 @@ static void test_names(struct directory *directory) {
 }
 
 static void test_texts(struct directory *directory) {
-    static const char *const bad[] = {"", "struct {", "struct { double x[0]; }", "struct { void x; }", "double x;",
+    static const char *const bad[] = {"",
+                                      "struct {",
+                                      "struct { double x[0]; }",
+                                      "struct { void x; }",
+                                      "double x;",
                                       "struct { double x[99999999999]; }",
                                       "struct { struct { int8_t x; } y[1000000]; }"};
     static char text[LONGEST + 1], gps[] = "gps", wrong[] = "y=1";

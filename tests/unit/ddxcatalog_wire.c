@@ -36,7 +36,8 @@ static void test_the_hash_of_a_standard_message(void) {
     CHECK_EQUAL(description_parse("std_msgs/msg/Header",
                                   "builtin_interfaces/Time stamp\nstring frame_id\n===\n"
                                   "MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n",
-                                  &description), 0);
+                                  &description),
+                0);
     CHECK_EQUAL(typehash(description, hash), 0);
     CHECK(!strcmp(hash, "RIHS01_f49fb3ae2cf070f793645ff749683ac6b06203e41c891e17701b1cb597ce6a01"));
     description_free(description);
@@ -48,8 +49,11 @@ static void test_the_hash_of_an_item(void) {
     struct form *form;
     char hash[TYPEHASH_MAX];
 
-    CHECK_EQUAL(form_of_text("SENSOR", "struct { int32_t number; char name[5]; struct { double x; int16_t a[3]; } "
-                                       "part[2]; float f; uint8_t last; }", "", &form), 0);
+    CHECK_EQUAL(form_of_text("SENSOR",
+                             "struct { int32_t number; char name[5]; struct { double x; int16_t a[3]; } "
+                             "part[2]; float f; uint8_t last; }",
+                             "", &form),
+                0);
     CHECK_EQUAL(envelope_describe(form, &description), 0);
     CHECK_EQUAL(typehash(description, hash), 0);
     CHECK(!strcmp(hash, "RIHS01_35400aa0781f36e2ec6a2f41d72241f4475074a0ef8daf1d6ed37e8b0f6f3426"));
@@ -305,8 +309,8 @@ static void test_the_offset_of_a_clock(void) {
         CHECK(offset_add(&offset, 4 * s, 4 * s - ahead + ahead + 2 * ms, 4 * s + 2 * ms, 4 * s + 4 * ms));
     CHECK(offset_get(&offset, 5 * s, &apart, &bound));
     CHECK_EQUAL(apart, 0);
-    CHECK(!offset_add(&offset, s, s, s, s - 1));                 /* received before it was sent */
-    CHECK(!offset_add(&offset, s, s, s + 2 * ms, s + ms));       /* longer at the other machine than the round trip */
+    CHECK(!offset_add(&offset, s, s, s, s - 1));           /* received before it was sent */
+    CHECK(!offset_add(&offset, s, s, s + 2 * ms, s + ms)); /* longer at the other machine than the round trip */
     CHECK(!offset_add(&offset, INT64_MIN, s, s, s));
     CHECK(!offset_add(&offset, s, s, INT64_MAX, s));
 }

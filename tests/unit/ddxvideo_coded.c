@@ -24,9 +24,16 @@ static struct mp4_entry entries[FRAMES];
 static unsigned char *raw[FRAMES];
 
 static struct ddxvideo_geometry geometry_of(int layout, int width, int height) {
-    return (struct ddxvideo_geometry){.width = width, .height = height, .fields = 2, .rate_num = 30000,
-                                      .rate_den = 1001, .aspect_num = 12, .aspect_den = 11, .format = layout,
-                                      .interlacing = 'p', .range = DDX_VIDEO_RANGE_FULL};
+    return (struct ddxvideo_geometry){.width = width,
+                                      .height = height,
+                                      .fields = 2,
+                                      .rate_num = 30000,
+                                      .rate_den = 1001,
+                                      .aspect_num = 12,
+                                      .aspect_den = 11,
+                                      .format = layout,
+                                      .interlacing = 'p',
+                                      .range = DDX_VIDEO_RANGE_FULL};
 }
 
 /* Uneven, with a ns part. */
@@ -64,12 +71,20 @@ static off_t record(const struct ddxvideo_geometry *geometry, long quality) {
     add(fd, head, sizeof head);
     for (int i = 0; i < FRAMES; i++) {
         struct ddxvideo_picture picture = {.geometry = *geometry};
-        struct stamp stamp = {.sequence = 100 + (uint64_t)i, .frame = i - 3, .source_sequence = -i,
-                              .time = capture_time(i), .wall = i ? capture_time(i) + 5 : 0,
-                              .lost_store = (unsigned)i * 0x10000, .lost_ring = 1, .lost_encode = 256,
-                              .key = i % KEYS == 0, .geometry = *geometry};
-        struct mp4_fragment fragment = {.number = (uint32_t)i + 1, .time = (uint64_t)(capture_time(i) - START) / 1000,
-                                        .duration = format.duration, .key = stamp.key};
+        struct stamp stamp = {.sequence = 100 + (uint64_t)i,
+                              .frame = i - 3,
+                              .source_sequence = -i,
+                              .time = capture_time(i),
+                              .wall = i ? capture_time(i) + 5 : 0,
+                              .lost_store = (unsigned)i * 0x10000,
+                              .lost_ring = 1,
+                              .lost_encode = 256,
+                              .key = i % KEYS == 0,
+                              .geometry = *geometry};
+        struct mp4_fragment fragment = {.number = (uint32_t)i + 1,
+                                        .time = (uint64_t)(capture_time(i) - START) / 1000,
+                                        .duration = format.duration,
+                                        .key = stamp.key};
         const uint8_t *data;
         size_t size;
 
@@ -80,8 +95,8 @@ static off_t record(const struct ddxvideo_geometry *geometry, long quality) {
         mp4_write_fragment(begin, &fragment);
         add(fd, begin, sizeof begin);
         add(fd, data, size);
-        entries[i] = (struct mp4_entry){fragment.bytes, (uint32_t)((int64_t)fragment.time - before) |
-                                                            (fragment.key ? MP4_KEY : 0)};
+        entries[i] = (struct mp4_entry){fragment.bytes,
+                                        (uint32_t)((int64_t)fragment.time - before) | (fragment.key ? MP4_KEY : 0)};
         before = (int64_t)fragment.time;
     }
     h264_encoder_close(&encoder);
@@ -143,8 +158,8 @@ static int play(const struct ddxvideo_geometry *geometry, bool exact, enum clip_
     unsigned char *memory = malloc(video_layout_bytes(geometry));
     picture.geometry = *geometry;
     video_layout_place(&picture, memory);
-    for (int i = 0; (result = clip_read(&clip, (unsigned char *const *)picture.plane, &time)) == CLIP_OK ||
-                    result == CLIP_DAMAGED;
+    for (int i = 0;
+         (result = clip_read(&clip, (unsigned char *const *)picture.plane, &time)) == CLIP_OK || result == CLIP_DAMAGED;
          i++) {
         CHECK(i < FRAMES);
         CHECK_EQUAL(time / 1000, (capture_time(i) - START) / 1000);
@@ -283,12 +298,12 @@ static void test_cuts(void) {
 /* The table names each frame's bytes and its whole duration. */
 static void test_table(void) {
     struct mp4_entry few[3] = {{10, MP4_KEY}, {20, 40000}, {30, 40000}};
-    static const uint8_t times[] = {0, 0, 0, 24, 's', 't', 't', 's', 0, 0, 0, 0, 0, 0, 0, 2,
-                                    0, 0, 0, 2, 0, 0, 0x9c, 0x40};
-    static const uint8_t sizes[] = {0, 0, 0, 32, 's', 't', 's', 'z', 0, 0, 0, 0, 0, 0, 0, 0,
-                                    0, 0, 0, 3, 0, 0, 0, 10, 0, 0, 0, 20, 0, 0, 0, 30};
-    static const uint8_t places[] = {0, 0, 0, 40, 'c', 'o', '6', '4', 0, 0, 0, 0, 0, 0, 0, 3,
-                                     0, 0, 0, 0, 0, 0, 0x10, 0x6c, 0, 0, 0, 0, 0, 0, 0x10, 0xe2};
+    static const uint8_t times[] = {0, 0, 0, 24, 's', 't', 't', 's', 0, 0, 0,    0,
+                                    0, 0, 0, 2,  0,   0,   0,   2,   0, 0, 0x9c, 0x40};
+    static const uint8_t sizes[] = {0, 0, 0, 32, 's', 't', 's', 'z', 0, 0, 0, 0,  0, 0, 0, 0,
+                                    0, 0, 0, 3,  0,   0,   0,   10,  0, 0, 0, 20, 0, 0, 0, 30};
+    static const uint8_t places[] = {0, 0, 0, 40, 'c', 'o', '6',  '4',  0, 0, 0, 0, 0, 0, 0,    3,
+                                     0, 0, 0, 0,  0,   0,   0x10, 0x6c, 0, 0, 0, 0, 0, 0, 0x10, 0xe2};
     size_t size;
     uint8_t *table = mp4_table(&format, few, 3, &size);
 

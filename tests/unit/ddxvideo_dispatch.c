@@ -19,8 +19,13 @@ static uint16_t sequence, frame;
 static uint8_t loss; /* that reports contain */
 
 static void begin(int64_t wire) {
-    struct dispatch_settings settings = {.wire = wire, .video = wire, .interval = INTERVAL, .header = HEADER,
-                                         .repair = true, .media_ssrc = SSRC, .repair_ssrc = 8,
+    struct dispatch_settings settings = {.wire = wire,
+                                         .video = wire,
+                                         .interval = INTERVAL,
+                                         .header = HEADER,
+                                         .repair = true,
+                                         .media_ssrc = SSRC,
+                                         .repair_ssrc = 8,
                                          .repair_sequence = 65535};
 
     now = 5000 * MS;
@@ -76,8 +81,14 @@ static void run(int64_t time, unsigned media, unsigned repairs) {
 
 static void report_as(uint32_t reporter, uint64_t address, uint16_t highest, uint16_t base, uint16_t missing,
                       int64_t age, enum feedback_count expected) {
-    struct report report = {.reporter = reporter, .media = SSRC, .has_state = true, .highest = highest, .base = base,
-                            .missing = missing, .age = age, .loss = loss};
+    struct report report = {.reporter = reporter,
+                            .media = SSRC,
+                            .has_state = true,
+                            .highest = highest,
+                            .base = base,
+                            .missing = missing,
+                            .age = age,
+                            .loss = loss};
     uint64_t before = dispatch.feedback.count[expected];
     uint8_t data[REPORT_MAX];
 
@@ -219,8 +230,13 @@ static void check_outage(void) {
     expect(0, 0);
     CHECK(dispatch.feedback.reporter[0].deficit.needed == 8);
     now += 5 * MS;
-    struct report arrived = {.reporter = 1, .media = SSRC, .has_state = true, .highest = 65534, .base = 65535,
-                             .has_repair = true, .highest_repair = 1};
+    struct report arrived = {.reporter = 1,
+                             .media = SSRC,
+                             .has_state = true,
+                             .highest = 65534,
+                             .base = 65535,
+                             .has_repair = true,
+                             .highest_repair = 1};
     dispatch_report(&dispatch, now, data, report_write(data, &arrived), 1);
     uint64_t bytes = dispatch.count[DISPATCH_BYTES];
     run(20 * MS, 0, 8);
@@ -283,8 +299,8 @@ static void check_calm_reporters(void) {
 
 /* A forged repair packet lets an honest receiver report packets that were never sent: the others still count. */
 static void check_reports_beyond_the_newest_packet(void) {
-    struct report report = {.reporter = 1, .media = SSRC, .has_state = true, .has_repair = true,
-                            .highest_repair = 12345};
+    struct report report = {
+        .reporter = 1, .media = SSRC, .has_state = true, .has_repair = true, .highest_repair = 12345};
     uint8_t data[REPORT_MAX];
 
     begin(1000000);

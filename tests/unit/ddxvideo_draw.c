@@ -36,10 +36,10 @@ static void canvas_free(struct canvas *canvas) {
 /* A picture with one grey for each field, 10 apart. */
 static struct ddxvideo_picture picture_new(int width, int height, int fields) {
     static unsigned char luma[1 << 20], chroma[1 << 18];
-    struct ddxvideo_picture picture = {.geometry = {.width = width, .height = height * fields, .fields = fields,
-                                                    .range = DDX_VIDEO_RANGE_FULL},
-                                       .plane = {luma, chroma, chroma},
-                                       .stride = {width, width / 2, width / 2}};
+    struct ddxvideo_picture picture = {
+        .geometry = {.width = width, .height = height * fields, .fields = fields, .range = DDX_VIDEO_RANGE_FULL},
+        .plane = {luma, chroma, chroma},
+        .stride = {width, width / 2, width / 2}};
 
     memset(chroma, 128, sizeof chroma);
     for (int field = 0; field < fields; field++)
@@ -123,9 +123,8 @@ static void test_sizes(void) {
 
 static void test_exact(void) {
     static unsigned char luma[16 * 16], chroma[8 * 8];
-    struct ddxvideo_picture picture = {.geometry = {.width = 16, .height = 16, .fields = 1},
-                                       .plane = {luma, chroma, chroma},
-                                       .stride = {16, 8, 8}};
+    struct ddxvideo_picture picture = {
+        .geometry = {.width = 16, .height = 16, .fields = 1}, .plane = {luma, chroma, chroma}, .stride = {16, 8, 8}};
     struct layout_view view = {1, 0, 0};
     for (int i = 0; i < 256; i++)
         luma[i] = (unsigned char)i;
@@ -151,9 +150,8 @@ static void test_exact(void) {
 /* ITU-R BT.601: black, white, and red of limited range. */
 static void test_colours(void) {
     unsigned char y[4] = {16, 235, 81, 255}, u = 90, v = 240, grey = 128;
-    struct ddxvideo_picture picture = {.geometry = {.width = 2, .height = 2, .fields = 1},
-                                       .plane = {y, &grey, &grey},
-                                       .stride = {2, 1, 1}};
+    struct ddxvideo_picture picture = {
+        .geometry = {.width = 2, .height = 2, .fields = 1}, .plane = {y, &grey, &grey}, .stride = {2, 1, 1}};
     struct paint_pixel pixel = paint_look(&picture, 0, 0, 0);
     CHECK(pixel.red == 0 && pixel.green == 0 && pixel.blue == 0);
     pixel = paint_look(&picture, 0, 1, 0);

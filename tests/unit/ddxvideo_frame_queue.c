@@ -30,7 +30,7 @@ static void test_full(void) {
     unsigned char frame[100] = {0};
     const unsigned char *bytes;
     struct frame_queue_frame out;
-    const struct iovec pieces[2] = {{(void *)(uintptr_t)"header", 6}, {frame, sizeof(frame)}};
+    const struct iovec pieces[2] = {{(void *)(uintptr_t) "header", 6}, {frame, sizeof(frame)}};
     CHECK(!frame_queue_init(&queue, 4, sizeof(frame)));
     CHECK(frame_queue_put(&queue, pieces, 2, &(struct frame_queue_facts){.header = 6}));
     for (int i = 1; i < 4; i++)

@@ -97,9 +97,9 @@ static bool test_against_ffmpeg(enum pixels_coding coding, const char *format, i
     struct result result = convert(&from, data, to_width, to_height, false);
     size_t total = result.size[0] + 2 * result.size[1], at = 0;
     unsigned char *theirs = malloc(total);
-    bool there = ask_ffmpeg(format, data, bytes(&from), width, height, to_width, to_height,
-                            coding == PIXELS_GREY ? "gray" : "yuv420p", theirs,
-                            coding == PIXELS_GREY ? result.size[0] : total);
+    bool there =
+        ask_ffmpeg(format, data, bytes(&from), width, height, to_width, to_height,
+                   coding == PIXELS_GREY ? "gray" : "yuv420p", theirs, coding == PIXELS_GREY ? result.size[0] : total);
     for (int i = 0; there && i < (coding == PIXELS_GREY ? 1 : 3); at += result.size[i++])
         CHECK(!memcmp(result.plane[i], theirs + at, result.size[i]));
     if (there && coding != PIXELS_GREY) { /* the check itself */

@@ -94,8 +94,8 @@ static void test_place(const struct place *place, int width, int height) {
     convert(&result, &from, DDX_VIDEO_RANGE_FULL, data, false);
     for (int i = 0; i < 3; i++)
         for (int k = 0, each = i ? 1 : size; k < result.stride[i] * result.rows[i]; k++)
-            CHECK_EQUAL(result.plane[i][k], byte_of(&from, data, place, i, k / result.stride[i],
-                                                    k % result.stride[i] / each, k % each));
+            CHECK_EQUAL(result.plane[i][k],
+                        byte_of(&from, data, place, i, k / result.stride[i], k % result.stride[i] / each, k % each));
     free(data);
     result_free(&result);
 }
@@ -201,8 +201,10 @@ static void test_colour(enum pixels_coding coding, int range, int format, int wi
     /* grey of RGB and Bayer: 120 is 16 + 120 * 219 / 255 in the limited range */
     const int greyish[] = {bright, bright, bright}, of_rgb[] = {119, 128, 128}, of_grey[] = {120, 128, 128};
     if (format == DDX_VIDEO_RGB24)
-        check_colour(&result, rgb ? (const int[]){120, 120, 120}
-                              : grey ? greyish : range == DDX_VIDEO_RANGE_FULL ? full : limited);
+        check_colour(&result, rgb                             ? (const int[]){120, 120, 120}
+                              : grey                          ? greyish
+                              : range == DDX_VIDEO_RANGE_FULL ? full
+                                                              : limited);
     else
         check_colour(&result, rgb ? of_rgb : grey ? of_grey : colour);
     free(data);
@@ -210,10 +212,9 @@ static void test_colour(enum pixels_coding coding, int range, int format, int wi
 }
 
 static void test_colours(void) {
-    static const enum pixels_coding codings[] = {PIXELS_YU12,   PIXELS_NV12,   PIXELS_YUYV,  PIXELS_UYVY,
-                                                 PIXELS_GREY,   PIXELS_Y16,    PIXELS_RGB24, PIXELS_GREY16,
-                                                 PIXELS_YUV411, PIXELS_YUV444, PIXELS_RGB48, PIXELS_RGGB,
-                                                 PIXELS_BGGR16};
+    static const enum pixels_coding codings[] = {
+        PIXELS_YU12,   PIXELS_NV12,   PIXELS_YUYV,   PIXELS_UYVY,  PIXELS_GREY, PIXELS_Y16,   PIXELS_RGB24,
+        PIXELS_GREY16, PIXELS_YUV411, PIXELS_YUV444, PIXELS_RGB48, PIXELS_RGGB, PIXELS_BGGR16};
     for (int format = DDX_VIDEO_YUV422P; format <= DDX_VIDEO_RGB24; format++)
         for (size_t i = 0; i < sizeof(codings) / sizeof(*codings); i++)
             for (int scaled = 0; scaled <= 10; scaled += format == DDX_VIDEO_YUV422P ? 2 : 1)

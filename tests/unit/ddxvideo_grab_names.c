@@ -103,12 +103,10 @@ static void test_geometry(void) {
 static void test_geometry_of_layouts(void) {
     static const struct {
         int format, width, height, range;
-    } wanted[] = {{DDX_VIDEO_420, 174, 142, DDX_VIDEO_RANGE_LIMITED},
-                  {DDX_VIDEO_YUV422P, 174, 143, DDX_VIDEO_RANGE_LIMITED},
-                  {DDX_VIDEO_YUV444P, 175, 143, DDX_VIDEO_RANGE_LIMITED},
-                  {DDX_VIDEO_GREY8, 175, 143, DDX_VIDEO_RANGE_LIMITED},
-                  {DDX_VIDEO_GREY16, 175, 143, DDX_VIDEO_RANGE_LIMITED},
-                  {DDX_VIDEO_RGB24, 175, 143, DDX_VIDEO_RANGE_FULL}};
+    } wanted[] = {
+        {DDX_VIDEO_420, 174, 142, DDX_VIDEO_RANGE_LIMITED},     {DDX_VIDEO_YUV422P, 174, 143, DDX_VIDEO_RANGE_LIMITED},
+        {DDX_VIDEO_YUV444P, 175, 143, DDX_VIDEO_RANGE_LIMITED}, {DDX_VIDEO_GREY8, 175, 143, DDX_VIDEO_RANGE_LIMITED},
+        {DDX_VIDEO_GREY16, 175, 143, DDX_VIDEO_RANGE_LIMITED},  {DDX_VIDEO_RGB24, 175, 143, DDX_VIDEO_RANGE_FULL}};
     const struct ddxvideo_geometry camera = {
         .width = 175, .height = 143, .fields = 1, .format = DDX_VIDEO_420_JPEG, .range = DDX_VIDEO_RANGE_LIMITED};
     for (size_t i = 0; i < sizeof(wanted) / sizeof(*wanted); i++) {

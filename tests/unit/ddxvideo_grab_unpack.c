@@ -44,8 +44,8 @@ static void test_411(void) {
     for (int row = 0; row < HEIGHT; row++) {
         for (int x = 0; x < WIDTH / 4; x++) {
             unsigned char *at = data + row * pixels.stride + 6 * x;
-            const unsigned bytes[] = {sample(row, x, 1),         sample(row, 4 * x, 0),     sample(row, 4 * x + 1, 0),
-                                      sample(row, x, 2),         sample(row, 4 * x + 2, 0), sample(row, 4 * x + 3, 0)};
+            const unsigned bytes[] = {sample(row, x, 1), sample(row, 4 * x, 0),     sample(row, 4 * x + 1, 0),
+                                      sample(row, x, 2), sample(row, 4 * x + 2, 0), sample(row, 4 * x + 3, 0)};
             for (int i = 0; i < 6; i++)
                 at[i] = (unsigned char)bytes[i];
         }

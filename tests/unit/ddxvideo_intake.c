@@ -153,8 +153,8 @@ static void test_frames(void) {
                 bytes += (unsigned)frame.size;
             }
         }
-        CHECK_EQUAL(found, missing == 11 ? 2 : 3); /* the last frame may be incomplete */
-        while (intake_take_last(&intake, &frame)) {  /* until the end */
+        CHECK_EQUAL(found, missing == 11 ? 2 : 3);  /* the last frame may be incomplete */
+        while (intake_take_last(&intake, &frame)) { /* until the end */
             CHECK_EQUAL(frame.frame.number, found);
             found++;
             damaged += frame.damaged;

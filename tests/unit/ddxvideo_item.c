@@ -41,10 +41,10 @@ static void test_geometry(void) {
     /* Sides must be even where samples share chroma. */
     static const struct {
         int format, width, height, fields, good;
-    } layouts[] = {
-        {DDX_VIDEO_YUV422P, 352, 287, 1, 1}, {DDX_VIDEO_YUV422P, 351, 288, 1, 0}, {DDX_VIDEO_YUV444P, 351, 287, 1, 1},
-        {DDX_VIDEO_GREY8, 1, 1, 1, 1},       {DDX_VIDEO_GREY16, 351, 6, 2, 1},    {DDX_VIDEO_GREY16, 351, 5, 2, 0},
-        {DDX_VIDEO_RGB24, 3, 3, 3, 1},       {DDX_VIDEO_RGB24 + 1, 352, 288, 1, 0}};
+    } layouts[] = {{DDX_VIDEO_YUV422P, 352, 287, 1, 1}, {DDX_VIDEO_YUV422P, 351, 288, 1, 0},
+                   {DDX_VIDEO_YUV444P, 351, 287, 1, 1}, {DDX_VIDEO_GREY8, 1, 1, 1, 1},
+                   {DDX_VIDEO_GREY16, 351, 6, 2, 1},    {DDX_VIDEO_GREY16, 351, 5, 2, 0},
+                   {DDX_VIDEO_RGB24, 3, 3, 3, 1},       {DDX_VIDEO_RGB24 + 1, 352, 288, 1, 0}};
     for (size_t i = 0; i < sizeof(layouts) / sizeof(*layouts); i++) {
         struct ddxvideo_geometry one = good;
         one.format = layouts[i].format;
@@ -66,10 +66,22 @@ static void test_geometry(void) {
 static void test_rates(void) {
     static const struct {
         int num, den, known;
-    } table[] = {{25, 1, 1},         {30000, 1001, 1},       {1, INT32_MAX, 1},        {INT32_MAX, INT32_MAX, 1},
-                 {10000, 1, 1},      {10001, 1, 0},          {3000000, 1, 0},          {INT32_MAX, 1, 0},
-                 {INT32_MAX, 300000, 1}, {INT32_MAX, 200000, 0}, {0, 0, 0},            {25, 0, 0},
-                 {0, 1, 0},          {-25, 1, 0},            {-25, -1, 0},             {25, -1, 0}};
+    } table[] = {{25, 1, 1},
+                 {30000, 1001, 1},
+                 {1, INT32_MAX, 1},
+                 {INT32_MAX, INT32_MAX, 1},
+                 {10000, 1, 1},
+                 {10001, 1, 0},
+                 {3000000, 1, 0},
+                 {INT32_MAX, 1, 0},
+                 {INT32_MAX, 300000, 1},
+                 {INT32_MAX, 200000, 0},
+                 {0, 0, 0},
+                 {25, 0, 0},
+                 {0, 1, 0},
+                 {-25, 1, 0},
+                 {-25, -1, 0},
+                 {25, -1, 0}};
     for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++)
         CHECK_EQUAL(ddxvideo_rate_known(table[i].num, table[i].den), table[i].known);
 }

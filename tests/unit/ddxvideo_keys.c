@@ -15,7 +15,7 @@
 #define TYPED ".\033[A\033OB\033[C\033[D\033[H\033[4~\xc3\xa4?\033[200~\033"
 #define LATER (2 * KEYS_ESCAPE_MS * INT64_C(1000000))
 
-static const int expected[] = {'.',           SURFACE_UP,   SURFACE_DOWN, SURFACE_RIGHT, SURFACE_LEFT,
+static const int expected[] = {'.',          SURFACE_UP,  SURFACE_DOWN, SURFACE_RIGHT, SURFACE_LEFT,
                                SURFACE_HOME, SURFACE_END, '?',          SURFACE_ESCAPE};
 
 static bool echoes(void) {

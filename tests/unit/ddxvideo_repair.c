@@ -22,8 +22,8 @@ static void test_bytes(void) {
         stream_send(&stream, 1);
     stream.window.sequence = 0xabcd;
     size_t size = repair_make(&stream.window, 0x1fffe, packet);
-    uint8_t expected[REPAIR_MAX] = {0x81, 98,   0xab, 0xcd, 0,    0,    0, 0,    0,    0,    0x20, 0x02,
-                                    0,    0,    0x10, 0x01, 0xab, 0xcd, 0xf0, 3, 0,    0x01, 0xff, 0xfe};
+    uint8_t expected[REPAIR_MAX] = {0x81, 98, 0xab, 0xcd, 0,    0,    0,    0, 0, 0,    0x20, 0x02,
+                                    0,    0,  0x10, 0x01, 0xab, 0xcd, 0xf0, 3, 0, 0x01, 0xff, 0xfe};
     put32(expected + 4, 0x20000 * 90);
     uint8_t factor[3];
     size_t longest = 0;
@@ -55,8 +55,7 @@ static void test_bytes(void) {
 
 /* The example of docs/streaming.md. */
 static void test_example(void) {
-    static const char expected[] =
-        "816200010000005a00002002000010010001f002000000070000a3aef200a0000000700000dcc4364c";
+    static const char expected[] = "816200010000005a00002002000010010001f002000000070000a3aef200a0000000700000dcc4364c";
     char found[2 * REPAIR_MAX + 1] = "";
     repair_window_init(&stream.window, SSRC, REPAIR_SSRC, 1);
     for (uint32_t esi = 7; esi < 9; esi++) {
@@ -109,7 +108,7 @@ static void test_window(void) {
 static void test_refused(void) {
     static const struct {
         unsigned at, value;
-    } bad[] = {{0, 0x80}, {0, 0x82}, {0, 0x91}, {0, 0xa1}, {0, 0x01}, {1, 96},     {1, 97},
+    } bad[] = {{0, 0x80}, {0, 0x82},  {0, 0x91},  {0, 0xa1},  {0, 0x01},  {1, 96}, {1, 97},
                {1, 99},   {18, 0xe0}, {18, 0x00}, {18, 0xff}, {18, 0xf1}, {19, 0}};
     struct repair_packet parsed;
     stream_init(&stream, 1);

@@ -54,8 +54,8 @@ static void check_sudden(void) {
 /* Reports stop at frame 1000: at first less is sent, after a second as much as before, with repair in advance. The
  * mean of eight seeds, because the rate within half a second depends on earlier losses. */
 static void check_hush(void) {
-    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000,
-                      .any_size = true};
+    struct run run = {
+        .loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000, .any_size = true};
 
     double less = 0, later = 0;
 
@@ -73,8 +73,7 @@ static void check_hush(void) {
 
 /* The receiver reports bursts of losses until frame 1000: then repair in advance is enough for bursts. */
 static void check_hush_in_bursts(void) {
-    struct run run = {.loss = BURSTS, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000,
-                      .any_size = true};
+    struct run run = {.loss = BURSTS, .part = 0.3, .trip = 10 * MS, .receivers = 1, .hush = 1000, .any_size = true};
     double later = 0;
 
     for (uint64_t seed = 1; seed <= 8; seed++) {
@@ -88,8 +87,8 @@ static void check_hush_in_bursts(void) {
 
 /* Forged reports leave enough rate for the honest receiver; garbage has no effect. */
 static void check_forged(void) {
-    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .forgers = 20,
-                      .any_size = true};
+    struct run run = {
+        .loss = INDEPENDENT, .part = 0.3, .trip = 10 * MS, .receivers = 1, .forgers = 20, .any_size = true};
 
     simulate(&run, 1);
     check_books(&run);
@@ -149,8 +148,12 @@ enum lie { MISSES, OUTAGE, HOPELESS, DELAY, LIES };
 static void lie(enum lie lie) {
     unsigned known = dispatch.window.count < 199 ? dispatch.window.count : 199, back = lie == OUTAGE ? known / 2 : 0;
     uint16_t highest = (uint16_t)(sequence - 1 - back);
-    struct report report = {.reporter = 5, .media = SSRC, .has_state = true, .highest = highest,
-                            .base = (uint16_t)(sequence - known), .loss = lie == HOPELESS ? 250 : 0};
+    struct report report = {.reporter = 5,
+                            .media = SSRC,
+                            .has_state = true,
+                            .highest = highest,
+                            .base = (uint16_t)(sequence - known),
+                            .loss = lie == HOPELESS ? 250 : 0};
     const struct history *sent = &dispatch.feedback.sent;
     uint8_t data[REPORT_MAX];
 
@@ -272,8 +275,8 @@ static void check_outages(void) {
     static const struct {
         int64_t length;
         double down, both; /* ms at most */
-    } outages[] = {{100 * MS, 40, 40}, {300 * MS, 100, 120}, {500 * MS, 180, 220}, {800 * MS, 150, 400},
-                   {1500 * MS, 400, 400}};
+    } outages[] = {
+        {100 * MS, 40, 40}, {300 * MS, 100, 120}, {500 * MS, 180, 220}, {800 * MS, 150, 400}, {1500 * MS, 400, 400}};
 
     for (size_t i = 0; i < sizeof outages / sizeof *outages; i++) {
         double down = after_outages(outages[i].length, false), both = after_outages(outages[i].length, true);
@@ -285,8 +288,7 @@ static void check_outages(void) {
 
 /* Without a key, a repair packet that reaches far ahead of the video can be forged: repair still works. */
 static void check_forged_repair(void) {
-    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 4 * MS, .receivers = 1, .forged = 50,
-                      .any_size = true};
+    struct run run = {.loss = INDEPENDENT, .part = 0.3, .trip = 4 * MS, .receivers = 1, .forged = 50, .any_size = true};
 
     simulate(&run, 1);
     printf("forged repair packets: usable %.2f %%, video %.0f kbit/s\n", usable(&run, CALM, FRAMES), video_kbit());
@@ -303,22 +305,45 @@ static const struct {
     {99.9, 165, {.name = "with reports, independent 10 %", .loss = INDEPENDENT, .part = 0.1}},
     {92.5, 115, {.name = "with reports, bursts of exactly 5", .loss = FIVES, .part = 0.3, .video = VIDEO}},
     {83, 112, {.name = "with reports, outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO}},
-    {90, 110, {.name = "with reports, outages in both directions at once", .loss = OUTAGES_TOGETHER, .part = 0.3,
-               .video = VIDEO}},
-    {76, 103, {.name = "with reports, outages, a receiver that does not know probes", .loss = OUTAGES, .part = 0.3,
-               .video = VIDEO, .old = true}},
-    {99, 85, {.name = "with reports, four at independent 30 %", .loss = INDEPENDENT, .part = 0.3, .video = VIDEO,
-              .receivers = 4}},
+    {90,
+     110,
+     {.name = "with reports, outages in both directions at once",
+      .loss = OUTAGES_TOGETHER,
+      .part = 0.3,
+      .video = VIDEO}},
+    {76,
+     103,
+     {.name = "with reports, outages, a receiver that does not know probes",
+      .loss = OUTAGES,
+      .part = 0.3,
+      .video = VIDEO,
+      .old = true}},
+    {99,
+     85,
+     {.name = "with reports, four at independent 30 %",
+      .loss = INDEPENDENT,
+      .part = 0.3,
+      .video = VIDEO,
+      .receivers = 4}},
     {88, 80, {.name = "with reports, four in bursts", .loss = BURSTS, .part = 0.3, .video = VIDEO, .receivers = 4}},
-    {83, 75, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO,
-              .receivers = 4}},
+    {83, 75, {.name = "with reports, four in outages", .loss = OUTAGES, .part = 0.3, .video = VIDEO, .receivers = 4}},
     {100, 44, {.name = "one-way, every third", .loss = EVERY_THIRD, .part = 0.3, .silent = true}},
-    {99.9, 50, {.name = "one-way, every third, two repair packets a frame", .loss = EVERY_THIRD, .part = 0.3,
-                .silent = true, .ratio = 2}}, /* otherwise the lost one of three is always the media packet */
+    {99.9,
+     50,
+     {.name = "one-way, every third, two repair packets a frame",
+      .loss = EVERY_THIRD,
+      .part = 0.3,
+      .silent = true,
+      .ratio = 2}}, /* otherwise the lost one of three is always the media packet */
     {99.9, 44, {.name = "one-way, independent 10 %", .loss = INDEPENDENT, .part = 0.1, .silent = true}},
     {99.7, 44, {.name = "one-way, independent 30 %", .loss = INDEPENDENT, .part = 0.3, .silent = true}},
-    {99.7, 46.5, {.name = "one-way, independent 30 %, small frames", .loss = INDEPENDENT, .part = 0.3, .silent = true,
-                  .smaller = 0.3}},
+    {99.7,
+     46.5,
+     {.name = "one-way, independent 30 %, small frames",
+      .loss = INDEPENDENT,
+      .part = 0.3,
+      .silent = true,
+      .smaller = 0.3}},
     {92, 44, {.name = "one-way, bursts of exactly 5", .loss = FIVES, .part = 0.3, .silent = true}},
     {88, 44, {.name = "one-way, bursts of 5 on average", .loss = BURSTS, .part = 0.3, .silent = true}},
     {82, 44, {.name = "one-way, outages", .loss = OUTAGES, .part = 0.3, .silent = true}},

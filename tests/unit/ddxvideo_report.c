@@ -30,9 +30,9 @@ static int parse(const uint8_t *data, size_t size, struct report *report) {
 }
 
 static void check_bytes(void) {
-    static const uint8_t expected[] = {0x8f, 206, 0,   7,   1, 2, 3,    4,  5, 6,    7,    8, 'D', 'D', 'X',
-                                       '1',  0,   2,   0xff, 0xfe, 0, 3, 77, 1, 0x12, 0x34, 0, 48,  0,   0,
-                                       0,    0,   0x81, 206, 0, 2, 1,    2,  3, 4,    5,    6, 7,   8};
+    static const uint8_t expected[] = {0x8f, 206, 0,    7,    1,    2, 3, 4,  5, 6,    7,    8, 'D', 'D', 'X',
+                                       '1',  0,   2,    0xff, 0xfe, 0, 3, 77, 1, 0x12, 0x34, 0, 48,  0,   0,
+                                       0,    0,   0x81, 206,  0,    2, 1, 2,  3, 4,    5,    6, 7,   8};
     uint8_t data[REPORT_MAX];
 
     CHECK_EQUAL(report_write(data, &whole), sizeof expected);
@@ -73,9 +73,9 @@ static void check_possible(void) {
         uint16_t highest, base, missing;
         int error;
     } cases[] = {
-        {9, 10, 0, 0},           {9, 10, 1, -EBADMSG},    {9, 11, 0, -EBADMSG},    {9, 9, 1, 0},
-        {9, 9, 2, -EBADMSG},     {0, 0xffff, 2, 0},       {0, 0xffff, 3, -EBADMSG}, {255, 0, 256, 0},
-        {256, 0, 1, -EBADMSG},   {0x8000, 0, 1, -EBADMSG}, {0xffff, 0, 0, 0},       {0xff, 0xffff, 0, -EBADMSG},
+        {9, 10, 0, 0},         {9, 10, 1, -EBADMSG},     {9, 11, 0, -EBADMSG},     {9, 9, 1, 0},
+        {9, 9, 2, -EBADMSG},   {0, 0xffff, 2, 0},        {0, 0xffff, 3, -EBADMSG}, {255, 0, 256, 0},
+        {256, 0, 1, -EBADMSG}, {0x8000, 0, 1, -EBADMSG}, {0xffff, 0, 0, 0},        {0xff, 0xffff, 0, -EBADMSG},
     };
     uint8_t data[REPORT_MAX];
 

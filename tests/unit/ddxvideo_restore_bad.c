@@ -39,16 +39,16 @@ static void test_impossible(void) {
         unsigned at;
         uint32_t value;
     } bad[] = {
-        {12, SSRC + 1},                       /* another stream */
-        {12, REPAIR_SSRC},                    /* itself */
-        {20, newest + RESTORE_AHEAD},         /* ends too far ahead */
-        {20, newest + 20000},                 /* or anywhere */
-        {20, newest - 20000},                 /* */
-        {20, newest - RESTORE_JUMP - 8},      /* */
-        {16, 0xf000},                         /* covers nothing, */
-        {16, 0xf101},                         /* more than allowed, */
-        {16, 0xffff},                         /* */
-        {16, 0xe008},                         /* or not everything */
+        {12, SSRC + 1},                  /* another stream */
+        {12, REPAIR_SSRC},               /* itself */
+        {20, newest + RESTORE_AHEAD},    /* ends too far ahead */
+        {20, newest + 20000},            /* or anywhere */
+        {20, newest - 20000},            /* */
+        {20, newest - RESTORE_JUMP - 8}, /* */
+        {16, 0xf000},                    /* covers nothing, */
+        {16, 0xf101},                    /* more than allowed, */
+        {16, 0xffff},                    /* */
+        {16, 0xe008},                    /* or not everything */
     };
     before = stream.restore;
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {

@@ -12,11 +12,8 @@ static const struct rtp_packet example = {
     .ssrc = 0x12345678,
     .has_count = true,
     .has_source = true,
-    .frame = {.count = 65535,
-              .window = 25,
-              .capture = INT64_C(1750000000123456789),
-              .sequence = 4000000000u,
-              .number = 77}};
+    .frame = {
+        .count = 65535, .window = 25, .capture = INT64_C(1750000000123456789), .sequence = 4000000000u, .number = 77}};
 
 static size_t write_example(uint8_t *data, const struct rtp_packet *packet) {
     size_t size = rtp_write(data, packet);
@@ -75,8 +72,8 @@ static void test_capture_time(void) {
 /* The bytes themselves, by RFC 3550, figure 1, and RFC 8285, 4.2. */
 static void test_bytes(void) {
     uint8_t data[RTP_HEADER_MAX + 1];
-    const uint8_t begin[] = {0x90, 0xe0, 0xff, 0xfe, 0xde, 0xad, 0xbe, 0xef, 0x12,
-                             0x34, 0x56, 0x78, 0xbe, 0xde, 0x00, 0x06, 0x22, 0xff, 0xff, 25,   0x17};
+    const uint8_t begin[] = {0x90, 0xe0, 0xff, 0xfe, 0xde, 0xad, 0xbe, 0xef, 0x12, 0x34, 0x56,
+                             0x78, 0xbe, 0xde, 0x00, 0x06, 0x22, 0xff, 0xff, 25,   0x17};
     const uint8_t end[] = {0x37, 0xee, 0x6b, 0x28, 0x00, 0, 0, 0, 77, 0, 0, 0x65};
     CHECK_EQUAL(write_example(data, &example), sizeof(begin) + 8 + sizeof(end));
     CHECK(!memcmp(data, begin, sizeof(begin)));

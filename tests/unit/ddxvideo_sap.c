@@ -5,8 +5,8 @@
 #include "check.h"
 #include "sdp_read.h"
 
-#define SDP                                                                                            \
-    "v=0\r\no=- 7 1 IN IP4 10.0.0.1\r\ns=robot1 video\r\nc=IN IP4 239.255.20.5/1\r\nt=0 0\r\n"         \
+#define SDP                                                                                    \
+    "v=0\r\no=- 7 1 IN IP4 10.0.0.1\r\ns=robot1 video\r\nc=IN IP4 239.255.20.5/1\r\nt=0 0\r\n" \
     "m=video 8000 RTP/AVP 96\r\na=rtpmap:96 H264/90000\r\n"
 
 static struct sap example(const char *origin, const char *text) {
@@ -72,7 +72,7 @@ static bool parses(const void *data, size_t size, struct sap *sap) {
 /* Announcements of other senders. */
 static void test_others(void) {
     struct sap sap;
-    CHECK(parses("\x20\0\0\1\x0a\0\0\1v=0\n", 12, &sap) && sap.size == 4); /* no type */
+    CHECK(parses("\x20\0\0\1\x0a\0\0\1v=0\n", 12, &sap) && sap.size == 4);         /* no type */
     CHECK(parses("\x20\2\0\1\x0a\0\0\1AUTHENTIv=0\n", 20, &sap) && sap.size == 4); /* authentication */
     CHECK(parses("\x24\0\0\1\x0a\0\0\1", 8, &sap) && sap.deletion && !sap.size);
     CHECK(parses("\x24\0\0\1\x0a\0\0\1o=- 7", 13, &sap) && sap.deletion);
@@ -83,8 +83,8 @@ static void test_refused(void) {
     struct sap sap;
     CHECK(!parses("\x00\0\0\1\x0a\0\0\1v=0\n", 12, &sap)); /* version 0 */
     CHECK(!parses("\x40\0\0\1\x0a\0\0\1v=0\n", 12, &sap));
-    CHECK(!parses("\x22\0\0\1\x0a\0\0\1v=0\n", 12, &sap)); /* encrypted */
-    CHECK(!parses("\x21\0\0\1\x0a\0\0\1v=0\n", 12, &sap)); /* compressed */
+    CHECK(!parses("\x22\0\0\1\x0a\0\0\1v=0\n", 12, &sap));   /* encrypted */
+    CHECK(!parses("\x21\0\0\1\x0a\0\0\1v=0\n", 12, &sap));   /* compressed */
     CHECK(!parses("\x20\xff\0\1\x0a\0\0\1v=0\n", 12, &sap)); /* authentication beyond the end */
     CHECK(!parses("\x20\0\0\1\x0a\0\0\1text/plain\0v=0\n", 23, &sap));
     CHECK(!parses("\x20\0\0\1\x0a\0\0\1o=- 7", 13, &sap)); /* an announcement has a whole description */

@@ -12,7 +12,7 @@
 
 #define OTHER "e1f97a0d3e018be0d64fa32c06de41390ec675ad498afeebb6960b3aabe7" /* another key */
 #define REPORT 12                                                            /* bytes of a report */
-#define HEADER 20 /* bytes, with an extension of one word */
+#define HEADER 20                                                            /* bytes, with an extension of one word */
 
 /* A packet like the sender's: an extension, then a payload that depends on the number. */
 static void make(struct packet *packet, uint32_t ssrc, uint16_t sequence, size_t payload) {
@@ -61,9 +61,13 @@ static void check_counts(const struct secure_count *count, unsigned good, unsign
 
 /* A round trip restores any packet: with and without extension, contributing sources, payload. */
 static void test_round_trip(void) {
-    static const uint8_t headers[][28] = {
-        {0x80, 98}, {0x81, 98}, {0x8f, 98}, {0x90, 96, [12] = 0xbe, 0xde, 0, 0}, {0x90, 96, [12] = 0x10, 0, 0, 1},
-        {0x90, 96, [12] = 0xbe, 0xde, 0, 1, 0x22, 1, 2, 3}, {0x91, 96, [16] = 0xbe, 0xde, 0, 2, 0x22, 1, 2, 3, 0x42}};
+    static const uint8_t headers[][28] = {{0x80, 98},
+                                          {0x81, 98},
+                                          {0x8f, 98},
+                                          {0x90, 96, [12] = 0xbe, 0xde, 0, 0},
+                                          {0x90, 96, [12] = 0x10, 0, 0, 1},
+                                          {0x90, 96, [12] = 0xbe, 0xde, 0, 1, 0x22, 1, 2, 3},
+                                          {0x91, 96, [16] = 0xbe, 0xde, 0, 2, 0x22, 1, 2, 3, 0x42}};
     struct secure *sender = secure_with(KEY), *receiver = secure_with(KEY);
     struct packet packet, plain = {.size = 0};
     uint16_t sequence = 65000;

@@ -128,8 +128,8 @@ static int model_patch(const struct matcher_settings *s, const uint16_t *map, ui
     for (int i = 0; i < 4; i++) {
         int u = x + aside[i][0], v = y + aside[i][1];
 
-        if (u >= 0 && u < s->width && v >= 0 && v < s->height && !visited[v * s->width + u] &&
-            map[v * s->width + u] && abs(map[v * s->width + u] - map[y * s->width + x]) <= 32)
+        if (u >= 0 && u < s->width && v >= 0 && v < s->height && !visited[v * s->width + u] && map[v * s->width + u] &&
+            abs(map[v * s->width + u] - map[y * s->width + x]) <= 32)
             size += model_patch(s, map, visited, u, v);
     }
     return size;
@@ -203,12 +203,17 @@ static void test_bits(void) {
         int disparity;
         unsigned noise;
     } cases[] = {
-        {{64, 5, 16, 5, 1, 0, NULL}, 7, 0},     {{67, 9, 32, 0, 1, 10, NULL}, 20, 5},
-        {{97, 12, 48, 5, 1, 20, NULL}, 40, 6},  {{131, 21, 64, 5, 0, 50, NULL}, 33, 4},
-        {{120, 11, 80, 10, 1, 30, NULL}, 64, 7}, {{129, 14, 112, 5, 2, 50, NULL}, 90, 8},
-        {{180, 8, 144, 3, 1, 8, NULL}, 120, 9}, {{199, 7, 192, 5, 1, 5, NULL}, 100, 3},
+        {{64, 5, 16, 5, 1, 0, NULL}, 7, 0},
+        {{67, 9, 32, 0, 1, 10, NULL}, 20, 5},
+        {{97, 12, 48, 5, 1, 20, NULL}, 40, 6},
+        {{131, 21, 64, 5, 0, 50, NULL}, 33, 4},
+        {{120, 11, 80, 10, 1, 30, NULL}, 64, 7},
+        {{129, 14, 112, 5, 2, 50, NULL}, 90, 8},
+        {{180, 8, 144, 3, 1, 8, NULL}, 120, 9},
+        {{199, 7, 192, 5, 1, 5, NULL}, 100, 3},
         /* beyond the searched disparities: the lanes that pad a vector must not find it */
-        {{140, 10, 48, 5, 1, 0, NULL}, 56, 0},  {{190, 8, 112, 5, 1, 0, NULL}, 121, 0},
+        {{140, 10, 48, 5, 1, 0, NULL}, 56, 0},
+        {{190, 8, 112, 5, 1, 0, NULL}, 121, 0},
     };
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {

@@ -211,7 +211,7 @@ static void test_colours(void) {
         {"444p10", 10, {50 << 2, 60 << 2, 70 << 2}, "", DDX_VIDEO_YUV444P, {50, 60, 70}},
         {"420p10", 10, {50 << 2, 60 << 2, 70 << 2}, "", DDX_VIDEO_GREY8, {50}},
         {"422", 8, {50, 60, 70}, "", DDX_VIDEO_GREY16, {50 << 8}},
-        {"444", 8, {82, 90, 240}, "", DDX_VIDEO_RGB24, {255, 0, 0}},   /* red */
+        {"444", 8, {82, 90, 240}, "", DDX_VIDEO_RGB24, {255, 0, 0}},                      /* red */
         {"420jpeg", 8, {29, 255, 107}, "XCOLORRANGE=FULL", DDX_VIDEO_RGB24, {0, 0, 254}}, /* blue */
     };
     for (size_t i = 0; i < sizeof(table) / sizeof(*table); i++)

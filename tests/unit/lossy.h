@@ -12,7 +12,7 @@
 #define MS INT64_C(1000000)
 #define LOSSY_PACKETS 512
 #define LOSSY_QUEUE (500 * MS) /* packets that would wait longer are lost */
-#define LOSSY_JITTER 500000 /* ns */
+#define LOSSY_JITTER 500000    /* ns */
 
 static uint64_t random_state;
 
@@ -46,7 +46,7 @@ enum loss { EVERY_THIRD, INDEPENDENT, BURSTS, FIVES, OUTAGES, OUTAGES_TOGETHER }
 struct loser {
     enum loss loss;
     uint64_t random; /* the generator's state, of random_seed() */
-    double part; /* of the packets, or of the time */
+    double part;     /* of the packets, or of the time */
     unsigned count;
     bool bad;
     unsigned left;  /* of a burst of five */

@@ -20,10 +20,10 @@
 #define WIRE 250000
 #define SSRC 0x1001u
 #define HEADER 28
-#define MOST 64 /* packets of a frame */
-#define WAVE 22  /* frames that renew the picture, column by column */
-#define WAVES 100 /* frames from one renewal to the next */
-#define LEVEL 25 /* frames */
+#define MOST 64          /* packets of a frame */
+#define WAVE 22          /* frames that renew the picture, column by column */
+#define WAVES 100        /* frames from one renewal to the next */
+#define LEVEL 25         /* frames */
 #define LEAST_LEVEL 0.48 /* of the limit; the real clip of tools/bench_loss.py is 3 dB worse then (docs/bench.md) */
 
 static struct frame {
@@ -31,7 +31,7 @@ static struct frame {
     unsigned packets; /* 0: dropped before it was encoded */
     unsigned number;  /* in the stream, which leaves out dropped ones */
     uint16_t sequence;
-    double level; /* bytes of a frame, the mean of the last ones */
+    double level;      /* bytes of a frame, the mean of the last ones */
     unsigned renewing; /* the frame at which the newest renewal of the picture began, */
     unsigned renewed;  /* and the newest one that is complete with this frame */
 } frames[FRAMES];
@@ -55,18 +55,18 @@ struct run {
     double part;
     int64_t trip; /* round trip, ns */
     unsigned receivers;
-    int64_t wire;       /* bit/s; 0: WIRE */
-    int64_t video;      /* limit in bit/s; 0: the default */
-    bool silent;        /* no reports */
-    double ratio;       /* of repair packets to media packets without reports; 0: DISPATCH_RATIO if silent */
-    double smaller;     /* part of the allowance by which frames are smaller, as x264's are */
-    bool any_size;      /* frames of less than LEAST_LEVEL count as well, as they do without reports */
-    unsigned begin;     /* frame from which on packets are lost */
-    bool old;           /* the receivers do not know probes */
-    unsigned hush;      /* frame from which on no report arrives, 0: never */
-    unsigned forgers;   /* that claim to miss much */
-    unsigned forged;    /* frames from one forged repair packet to the next; 0: none */
-    unsigned garbage;   /* datagrams to the sender with each frame */
+    int64_t wire;     /* bit/s; 0: WIRE */
+    int64_t video;    /* limit in bit/s; 0: the default */
+    bool silent;      /* no reports */
+    double ratio;     /* of repair packets to media packets without reports; 0: DISPATCH_RATIO if silent */
+    double smaller;   /* part of the allowance by which frames are smaller, as x264's are */
+    bool any_size;    /* frames of less than LEAST_LEVEL count as well, as they do without reports */
+    unsigned begin;   /* frame from which on packets are lost */
+    bool old;         /* the receivers do not know probes */
+    unsigned hush;    /* frame from which on no report arrives, 0: never */
+    unsigned forgers; /* that claim to miss much */
+    unsigned forged;  /* frames from one forged repair packet to the next; 0: none */
+    unsigned garbage; /* datagrams to the sender with each frame */
 };
 
 static struct dispatch dispatch;
@@ -163,8 +163,13 @@ static void forge(const struct run *run) {
     uint8_t data[REPORT_MAX] = {0};
 
     for (unsigned i = 0; i < run->forgers; i++) {
-        struct report report = {.reporter = i, .media = SSRC, .has_state = true, .highest = (uint16_t)(sequence - 1),
-                                .base = (uint16_t)(sequence - 200), .missing = 199, .loss = i & 1 ? 250 : 0};
+        struct report report = {.reporter = i,
+                                .media = SSRC,
+                                .has_state = true,
+                                .highest = (uint16_t)(sequence - 1),
+                                .base = (uint16_t)(sequence - 200),
+                                .missing = 199,
+                                .loss = i & 1 ? 250 : 0};
         dispatch_report(&dispatch, now, data, report_write(data, &report), 666);
     }
     for (unsigned i = 0; i < run->garbage; i++) {
@@ -278,10 +283,17 @@ static void receive_due(const struct run *run, struct receiver *receiver) {
 /* ---- A run ---- */
 
 static void begin(const struct run *run, uint64_t seed) {
-    struct dispatch_settings settings = {.wire = wire_of(run), .video = run->video,
-                                         .interval = INTERVAL, .header = HEADER, .repair = true,
-                                         .ratio = run->ratio > 0 ? run->ratio : run->silent ? DISPATCH_RATIO : 0,
-                                         .media_ssrc = SSRC, .repair_ssrc = 2, .repair_sequence = 65000};
+    struct dispatch_settings settings = {.wire = wire_of(run),
+                                         .video = run->video,
+                                         .interval = INTERVAL,
+                                         .header = HEADER,
+                                         .repair = true,
+                                         .ratio = run->ratio > 0 ? run->ratio
+                                                  : run->silent  ? DISPATCH_RATIO
+                                                                 : 0,
+                                         .media_ssrc = SSRC,
+                                         .repair_ssrc = 2,
+                                         .repair_sequence = 65000};
 
     random_begin(seed);
     now = start = 1000 * MS;

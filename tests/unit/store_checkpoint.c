@@ -22,10 +22,10 @@
 #define LARGEST 5000
 #define GENERATIONS 20
 #define KILLS 60
-#define CHANGES 40    /* pieces in one commit */
+#define CHANGES 40 /* pieces in one commit */
 #define SMALL 2000
-#define LARGE 20000   /* bytes: the declaration of a large type */
-#define MANY 400      /* of these: 8 MB, and as much in either copy */
+#define LARGE 20000 /* bytes: the declaration of a large type */
+#define MANY 400    /* of these: 8 MB, and as much in either copy */
 
 struct root {
     unsigned generation;

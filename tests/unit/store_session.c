@@ -111,8 +111,8 @@ static int opens_as(uint32_t operation, const char *name, const char *type, cons
 
 /* A client without the library: names that forge a line of a log, or control a terminal, are refused. */
 static void names(void) {
-    static const char *const bad[] = {"", "two\nlines", "\033[31mred", "tab\t", "delete\177",
-                                      "eight\233bits", "\302\233"};
+    static const char *const bad[] = {"",           "two\nlines",    "\033[31mred", "tab\t",
+                                      "delete\177", "eight\233bits", "\302\233"};
     static const char longest[] = "a23456789b23456789c23456789d23456789e23456789f23456789g23";
     const struct item *before = store->items;
 

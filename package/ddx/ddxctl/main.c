@@ -118,15 +118,14 @@ static const char usage_commands[] =
     "                start or stop recording, begin a new file with the next frame, or keep the last\n"
     "                seconds in memory while recording is stopped (default recorder: ddxvideosave)\n";
 
-static const char usage_options[] =
-    "\n"
-    "  -json         for programs: one JSON object a line\n"
-    "  -every S      list, show, stats: repeat every S seconds\n"
-    "  -count N      exit after N writes (watch) or repetitions\n"
-    "  -port N       the store's port; default 2005\n"
-    "  -help         this text; -version\n"
-    "\n"
-    "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
+static const char usage_options[] = "\n"
+                                    "  -json         for programs: one JSON object a line\n"
+                                    "  -every S      list, show, stats: repeat every S seconds\n"
+                                    "  -count N      exit after N writes (watch) or repetitions\n"
+                                    "  -port N       the store's port; default 2005\n"
+                                    "  -help         this text; -version\n"
+                                    "\n"
+                                    "Exit status: 0, 1 failed (no store, no such item), 2 bad usage.\n";
 
 /* The words of other packages are between the two. */
 static void print_usage(void) {
@@ -140,9 +139,9 @@ static const struct {
     bool needs_item, takes_changes;
     int (*run)(DDX_STORE_ID *id, const struct request *request);
 } commands[] = {
-    {"list", false, false, command_list},  {"show", true, false, command_show},    {"set", true, true, command_set},
-    {"watch", true, false, command_watch}, {"stats", false, false, command_stats},
-    {"record", true, true, command_record},
+    {"list", false, false, command_list},   {"show", true, false, command_show},
+    {"set", true, true, command_set},       {"watch", true, false, command_watch},
+    {"stats", false, false, command_stats}, {"record", true, true, command_record},
 };
 #define COMMANDS (sizeof commands / sizeof commands[0])
 
@@ -211,11 +210,13 @@ static int repeat(size_t command, DDX_STORE_ID *id, const struct request *reques
 
 int main(int argc, char **argv) {
     descriptors_open();
-    static const struct option options[] = {
-        {"json", no_argument, NULL, 'j'},        {"every", required_argument, NULL, 'e'},
-        {"count", required_argument, NULL, 'c'}, {"port", required_argument, NULL, 'p'},
-        {"help", no_argument, NULL, 'h'},        {"version", no_argument, NULL, 'v'},
-        {NULL, 0, NULL, 0}};
+    static const struct option options[] = {{"json", no_argument, NULL, 'j'},
+                                            {"every", required_argument, NULL, 'e'},
+                                            {"count", required_argument, NULL, 'c'},
+                                            {"port", required_argument, NULL, 'p'},
+                                            {"help", no_argument, NULL, 'h'},
+                                            {"version", no_argument, NULL, 'v'},
+                                            {NULL, 0, NULL, 0}};
     struct request request = {.port = DDX_STORE_PORT};
     unsigned value;
     int option;

@@ -51,9 +51,9 @@ struct book {
 static const struct {
     const char *field, *before, *after;
     bool tenths;
-} rates[] = {{"wire_kbit", "wire", " kbit/s", false},       {"repair_percent", "repair", " %", false},
-             {"video_kbit", "video", " kbit/s", false},     {"repair_kbit", "repair", " kbit/s", false},
-             {"loss_percent", "loss", " %", false},         {"run_tenths", "runs of", "", true},
+} rates[] = {{"wire_kbit", "wire", " kbit/s", false},      {"repair_percent", "repair", " %", false},
+             {"video_kbit", "video", " kbit/s", false},    {"repair_kbit", "repair", " kbit/s", false},
+             {"loss_percent", "loss", " %", false},        {"run_tenths", "runs of", "", true},
              {"freeze_ms", "longest freeze", " ms", false}};
 
 static struct book *books;

@@ -15,10 +15,10 @@ static const struct {
     enum ddx_kind kind;
     uint32_t bytes;
 } types[] = {
-    {"int8_t", DDX_KIND_INT, 1},       {"int16_t", DDX_KIND_INT, 2},       {"int32_t", DDX_KIND_INT, 4},
-    {"int64_t", DDX_KIND_INT, 8},      {"uint8_t", DDX_KIND_UNSIGNED, 1},  {"uint16_t", DDX_KIND_UNSIGNED, 2},
+    {"int8_t", DDX_KIND_INT, 1},        {"int16_t", DDX_KIND_INT, 2},       {"int32_t", DDX_KIND_INT, 4},
+    {"int64_t", DDX_KIND_INT, 8},       {"uint8_t", DDX_KIND_UNSIGNED, 1},  {"uint16_t", DDX_KIND_UNSIGNED, 2},
     {"uint32_t", DDX_KIND_UNSIGNED, 4}, {"uint64_t", DDX_KIND_UNSIGNED, 8}, {"float", DDX_KIND_FLOAT, 4},
-    {"double", DDX_KIND_FLOAT, 8},     {"char", DDX_KIND_CHAR, 1},
+    {"double", DDX_KIND_FLOAT, 8},      {"char", DDX_KIND_CHAR, 1},
 };
 #define TYPES (sizeof types / sizeof *types)
 
@@ -184,8 +184,7 @@ static int use(struct form_fields *fields, const char *extents) {
         if (!found || extents[length] != '=' || !found->bytes)
             return -EINVAL;
         unsigned long long bytes = strtoull(extents + length + 1, &end, 10);
-        if (end == extents + length + 1 || bytes / found->bytes > found->bound ||
-            (bytes && bytes < found->bytes))
+        if (end == extents + length + 1 || bytes / found->bytes > found->bound || (bytes && bytes < found->bytes))
             return -EINVAL;
         found->count = (uint32_t)(bytes / found->bytes);
         found->extent = true;

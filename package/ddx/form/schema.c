@@ -19,8 +19,8 @@ static void field_name(const char *name, char out[NAME_ROOM]) {
         length = 1;
     }
     for (const char *c = name; *c && length < NAME_ROOM - 16; c++) {
-        bool hump = isupper((unsigned char)*c) && c > name && isalnum((unsigned char)c[-1]) &&
-                    !isupper((unsigned char)c[-1]);
+        bool hump =
+            isupper((unsigned char)*c) && c > name && isalnum((unsigned char)c[-1]) && !isupper((unsigned char)c[-1]);
 
         if ((hump || *c == '_') && length && out[length - 1] != '_')
             out[length++] = '_';

@@ -71,10 +71,10 @@ DDX_STORE_TYPE(
             char name[16];
             uint64_t frames;
         } lost[DDX_STATS_REASONS];
-        uint32_t follows;  /* 1: this program, or the next one of this instance, accounts for the source's writes above
+        uint32_t follows; /* 1: this program, or the next one of this instance, accounts for the source's writes above
                               `sequence`; 0: not wanted */
         uint32_t latency_until; /* end point of the latency: DDX_STATS_OUT or DDX_STATS_DISK */
-        uint64_t publishing; /* number that the frame being published gets in the item; 0: none is being published */
+        uint64_t publishing;    /* number that the frame being published gets in the item; 0: none is being published */
         uint64_t died; /* part of lost "restart": lost when the last program died; some may be found on the disk */
         uint64_t file_device, file_inode; /* file that frames counted as `out` go to now; 0: not in a file */
         uint64_t file_out;                /* `out` when that file was begun */
@@ -122,8 +122,7 @@ uint64_t ddx_stats_follow(DDX_STATS_BOOK *book, uint64_t sequence);
  * the number of lost frames.
  */
 typedef uint64_t ddx_stats_wanted(const void *argument, uint64_t sequence);
-uint64_t ddx_stats_follow_some(DDX_STATS_BOOK *book, uint64_t sequence, ddx_stats_wanted *wanted,
-                               const void *argument);
+uint64_t ddx_stats_follow_some(DDX_STATS_BOOK *book, uint64_t sequence, ddx_stats_wanted *wanted, const void *argument);
 
 /*
  * The program will exit without a request to stop, so frames written to the source until the next start are lost:

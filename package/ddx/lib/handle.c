@@ -60,7 +60,7 @@ int ddx_connection_open(DDX_STORE_ITEM *item) {
 }
 
 int ddx_connection_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
-                 const int *fds, unsigned fd_count) {
+                       const int *fds, unsigned fd_count) {
     int result = ddx_queue_send(&item->queue, item->socket, message, layout, fds, fd_count);
 
     if (item->queue.count)

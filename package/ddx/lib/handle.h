@@ -22,7 +22,7 @@ extern int ddx_connection_waker __attribute__((visibility("hidden")));
 struct ddx_store_id {
     int port;
     char host[DDX_NAME_MAX + 1]; /* machine of the items; "": this one */
-    DDX_STORE_ITEM *items; /* under the keeper's lock */
+    DDX_STORE_ITEM *items;       /* under the keeper's lock */
 };
 
 /* One epoch as mapped by this handle, for one of its roles. */
@@ -61,7 +61,7 @@ struct ddx_reader_role {
     uint64_t window_bytes;
     bool window_copied; /* holds copies, because the caller's layout differs from the item's */
     struct ddx_term *shown_term;
-    int shown;  /* slot that the window shows, or -1 */
+    int shown;                 /* slot that the window shows, or -1 */
     uint32_t shown_generation; /* generation that `shown` must still have */
     int placed; /* slot whose pages are in the window: `shown`; while the reader waits, probably the next frame's slot;
                  * -1: an access to the window faults in its pages */
@@ -72,17 +72,17 @@ struct ddx_writer_role {
     int notice_fd, hold_fd;
     struct ddx_notice *notice;
     struct ddx_ring_writer ring;
-    int pin_fd[DDX_READERS_MAX]; /* parallel to ring.reader */
+    int pin_fd[DDX_READERS_MAX];     /* parallel to ring.reader */
     bool confirmed[DDX_READERS_MAX]; /* announced by the running store */
     bool leaving[DDX_READERS_MAX];   /* reported as left; kept until the kernel confirms it */
     unsigned leaving_count;
-    unsigned offered; /* slots offered to the restarted store, which announces them to readers */
+    unsigned offered;                 /* slots offered to the restarted store, which announces them to readers */
     uint64_t unseen[DDX_READERS_MAX]; /* numbers of pin pages that it could not map; their readers may read already */
     unsigned unseen_count;
-    bool refused;    /* an added slot could not be mapped, so the reader that it was for is refused */
-    int loaned;      /* slot, or -1 */
-    bool superseded; /* another writer took over while this handle had no connection to the store */
-    uint64_t lost;   /* frames published since then */
+    bool refused;      /* an added slot could not be mapped, so the reader that it was for is refused */
+    int loaned;        /* slot, or -1 */
+    bool superseded;   /* another writer took over while this handle had no connection to the store */
+    uint64_t lost;     /* frames published since then */
     uint64_t given_up; /* writes without a free slot */
 };
 
@@ -128,7 +128,7 @@ int ddx_connection_open(DDX_STORE_ITEM *item);
 
 /* Send; the keeper sends the messages that the socket does not take now. With `lock` held. As ddx_queue_send(). */
 int ddx_connection_say(DDX_STORE_ITEM *item, const struct ddx_message *message, const struct ddx_layout *layout,
-                 const int *fds, unsigned fd_count);
+                       const int *fds, unsigned fd_count);
 
 /* Have the keeper look at all items. */
 void ddx_connection_wake_keeper(void);

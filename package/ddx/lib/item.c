@@ -242,8 +242,8 @@ static int make_fields(DDX_STORE_ITEM *item) {
     for (unsigned i = 0; i < layout->field_count; i++) {
         const struct ddx_layout_field *f = &layout->field[i];
 
-        item->fields[i] = (struct ddx_field){f->name,   (enum ddx_kind)f->kind, f->bytes,    f->count,
-                                             f->offset, f->used,                f->children, f->extent};
+        item->fields[i] = (struct ddx_field){
+            f->name, (enum ddx_kind)f->kind, f->bytes, f->count, f->offset, f->used, f->children, f->extent};
     }
     return 0;
 }

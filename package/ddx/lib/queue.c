@@ -10,7 +10,6 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-
 #define PATIENCE 100000000 /* ns */
 
 struct ddx_queued {
@@ -118,8 +117,8 @@ int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message
     return result == -EAGAIN ? ddx_queue_put(queue, message, layout, fds, fd_count) : result;
 }
 
-int ddx_queue_go_on(struct ddx_queue *queue, int socket,
-                    void (*sent)(const struct ddx_message *message, void *context), void *context) {
+int ddx_queue_go_on(struct ddx_queue *queue, int socket, void (*sent)(const struct ddx_message *message, void *context),
+                    void *context) {
     while (queue->first) {
         struct ddx_queued *queued = queue->first;
         int result = try(queue, socket, &queued->message, queued->layout, queued->fd, queued->fd_count);

@@ -45,8 +45,8 @@ int ddx_queue_send(struct ddx_queue *queue, int socket, const struct ddx_message
                    const struct ddx_layout *layout, const int *fds, unsigned fd_count);
 
 /* Send as much as the socket takes now; `sent` (or NULL) is called for each message. 0; -EPIPE: peer disconnected. */
-int ddx_queue_go_on(struct ddx_queue *queue, int socket,
-                    void (*sent)(const struct ddx_message *message, void *context), void *context);
+int ddx_queue_go_on(struct ddx_queue *queue, int socket, void (*sent)(const struct ddx_message *message, void *context),
+                    void *context);
 
 /* Drop queued messages about a reader's former epoch, which are obsolete once the next one has begun. */
 void ddx_queue_drop_epoch(struct ddx_queue *queue);

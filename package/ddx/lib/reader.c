@@ -40,7 +40,7 @@ DDX_COLD static int attach(DDX_STORE_ITEM *item) {
     if (item->reader.page)
         return 0;
     ddx_item_disconnect(item); /* else the store would count this handle as a reader */
-    return -EMFILE; /* the pin page came without its file: no free descriptor */
+    return -EMFILE;            /* the pin page came without its file: no free descriptor */
 }
 
 /*

@@ -188,8 +188,7 @@ void ddx_reader_on_epoch(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
      * Numbers begin at 1 again if store and writer were both lost, or after a writer that used up the numbers; then the
      * last number seen is meaningless, but only in the new epoch: in the former one its frames would be new again.
      */
-    term->begins_again =
-        packet->message.sequence < reader->seen || (reader->coming && reader->coming->begins_again);
+    term->begins_again = packet->message.sequence < reader->seen || (reader->coming && reader->coming->begins_again);
     /* The store had less memory than was requested before the frame's size was known. */
     if (packet->message.frames && packet->message.frames < reader->keep)
         reader->keep = packet->message.frames;

@@ -178,8 +178,7 @@ static int wait_for_machine(const DDX_STORE_ID *id, const char *host, int64_t de
     char name[DDX_NAME_MAX + 1];
     int error;
 
-    if (snprintf(name, sizeof name, "%s:", host) >= DDX_NAME_MAX || !ddx_item_name_ok(name) ||
-        strchr(host, ':'))
+    if (snprintf(name, sizeof name, "%s:", host) >= DDX_NAME_MAX || !ddx_item_name_ok(name) || strchr(host, ':'))
         return -EINVAL;
     /* The catalog may be started after this program. */
     while (((error = ask_catalog(id, name, ASK)) == -EHOSTUNREACH || error == -EOPNOTSUPP) && ddx_time_now() < deadline)

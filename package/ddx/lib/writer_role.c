@@ -127,9 +127,8 @@ bool ddx_writer_forget(struct ddx_writer_role *writer, bool all) {
 void ddx_writer_on_reader_gone(struct ddx_writer_role *writer, const struct ddx_message *m) {
     see(writer, m->size, false);
     for (unsigned i = writer->ring.reader_count; i-- > 0;)
-        if (m->flags & DDX_FLAG_CREATE
-                ? !writer->confirmed[i]
-                : writer->confirmed[i] && writer->ring.reader[i].id == m->index) {
+        if (m->flags & DDX_FLAG_CREATE ? !writer->confirmed[i]
+                                       : writer->confirmed[i] && writer->ring.reader[i].id == m->index) {
             writer->leaving_count += !writer->leaving[i];
             writer->leaving[i] = true;
         }
@@ -158,8 +157,8 @@ void ddx_writer_on_claimed(DDX_STORE_ITEM *item, struct ddx_packet *packet) {
 
     if (writer->term || !layout)
         return;
-    int result = packet->cut ? -EMFILE
-                             : ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true);
+    int result =
+        packet->cut ? -EMFILE : ddx_term_new(&term, m->epoch, layout, item->own, ddx_packet_take(packet, 0), true);
     if (result) {
         send_ready(item, m->epoch, DDX_NO_SLOT, result);
         return;

@@ -206,8 +206,8 @@ int output_open(const struct output *output, char *path) {
         struct tm utc;
 
         strftime(stamp, sizeof stamp, "%Y%m%dT%H%M%SZ", gmtime_r(&now, &utc));
-        if (snprintf(path, PATH_MAX, "%s/%s%06ld-%s.%s", output->place, prefix, number + i, stamp,
-                     output->extension) >= PATH_MAX)
+        if (snprintf(path, PATH_MAX, "%s/%s%06ld-%s.%s", output->place, prefix, number + i, stamp, output->extension) >=
+            PATH_MAX)
             return -ENAMETOOLONG;
         int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0664);
         int error = fd < 0 ? -errno : lock(fd);

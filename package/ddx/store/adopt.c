@@ -201,8 +201,8 @@ static int adopt_reader(struct item *item, struct client *client) {
         keep = keep / 2 > least ? keep / 2 : least;
     }
     if (keep < client->offered_keep)
-        log_line("%s: %u frames are kept for its reader %d, not %u: other readers have the memory", item->name,
-                 keep, (int)client->pid, client->offered_keep);
+        log_line("%s: %u frames are kept for its reader %d, not %u: other readers have the memory", item->name, keep,
+                 (int)client->pid, client->offered_keep);
     client->offered_pin_fd = -1;
     int result = reader_register(client, fd, keep);
     if (!result && !item->writer)

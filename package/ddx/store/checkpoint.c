@@ -17,10 +17,10 @@
  * see checkpoint.h.
  */
 
-#define UNIT 16u      /* bytes; sizes are multiples of it */
-#define BINS 32       /* lists of free blocks: of 1 unit, 2 to 3, 4 to 7, ... */
-#define LOOKS 8       /* blocks to try that may be too small; each block of the next list is large enough */
-#define WORTH 65536u  /* bytes to return to the system at least; for less the call costs more than the memory saved */
+#define UNIT 16u     /* bytes; sizes are multiples of it */
+#define BINS 32      /* lists of free blocks: of 1 unit, 2 to 3, 4 to 7, ... */
+#define LOOKS 8      /* blocks to try that may be too small; each block of the next list is large enough */
+#define WORTH 65536u /* bytes to return to the system at least; for less the call costs more than the memory saved */
 
 /* In front of each piece. */
 struct block {
@@ -245,9 +245,7 @@ static bool heap_spare(struct heap *heap, size_t *from, size_t *to) {
 #define RANGES 64               /* returned by one commit at most; the next commit returns more */
 
 /* Shared by all workers: which copy is valid. */
-static struct version {
-    _Atomic(uint32_t) newest; /* 0: none yet; else 1 or 2 */
-} *version;
+static struct version { _Atomic(uint32_t) newest; /* 0: none yet; else 1 or 2 */ } * version;
 static char *copy[2];
 static struct heap *heap;
 static struct checkpoint_payer payer;

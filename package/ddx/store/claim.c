@@ -103,7 +103,8 @@ static int prepare(struct item *item, const struct ddx_layout *layout) {
         continue;
     if (item->keep_total < wanted)
         log_line("%s: %u frames are kept for its readers, not %u: the memory budget is used up; give the store more "
-                 "with -m", item->name, item->keep_total, wanted);
+                 "with -m",
+                 item->name, item->keep_total, wanted);
     unsigned slots = 2 + item->keep_total;
     if (slots > DDX_SLOTS_MAX || !budget_allows(item, most_of(item, epoch->runs.file_bytes)))
         result = -ENOSPC;
@@ -159,7 +160,7 @@ static void go_live(struct item *item) {
     /* After the notifications to the readers: they must see the first frame that is written after the claim. */
     client_reply(item->writer, DDX_DONE, 0);
     log_line("%s: the writer is %d, %llu bytes a frame", item->name, (int)item->writer->pid,
-         (unsigned long long)item->epoch->runs.file_bytes);
+             (unsigned long long)item->epoch->runs.file_bytes);
 }
 
 /* Once the new writer knows all readers and has mapped all slots. */

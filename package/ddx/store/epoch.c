@@ -42,8 +42,8 @@ const char *memfd_name_of(const char *item, const char *what) {
 
 const char *memfd_name_of_slot(const char *item, const struct epoch *epoch, unsigned slot) {
     static char label[MEMFD_NAME_MAX];
-    int length = snprintf(label, sizeof label, "%s %u %016llx ", item, epoch->number,
-                          (unsigned long long)epoch->digest);
+    int length =
+        snprintf(label, sizeof label, "%s %u %016llx ", item, epoch->number, (unsigned long long)epoch->digest);
 
     if (slot == DDX_NO_SLOT)
         strcpy(label + length, "control");
@@ -66,7 +66,7 @@ bool memfd_name_is(int fd, const char *label) {
 /* ---- Epochs ---- */
 
 #define NUMBER_MAX (UINT64_MAX / 4) /* no writer reaches it; beyond it numbers could overflow */
-#define CARRY_ATTEMPTS 20 /* to copy a frame that a replaced but living writer overwrites */
+#define CARRY_ATTEMPTS 20           /* to copy a frame that a replaced but living writer overwrites */
 
 struct ddx_layout *store_layout(const struct ddx_layout *layout) {
     size_t bytes = ddx_layout_bytes(layout->field_count);

@@ -5,7 +5,7 @@
 
 #include "state.h"
 
-const char *memfd_name_of(const char *item, const char *what); /* "pin" or "notice" */
+const char *memfd_name_of(const char *item, const char *what);                              /* "pin" or "notice" */
 const char *memfd_name_of_slot(const char *item, const struct epoch *epoch, unsigned slot); /* DDX_NO_SLOT: control */
 bool memfd_name_is(int fd, const char *label); /* and whether a store of this user made the file */
 

@@ -29,9 +29,9 @@
 #define HUNG INT64_C(3000000000)
 #define LOOK INT64_C(1000000000)
 #define PATIENCE INT64_C(2000000000) /* ns that a worker gets to exit */
-#define STRIKES 3        /* workers that one client may kill */
-#define HASTE 20         /* workers within a second without a pause */
-#define REST 100000000   /* ns of that pause */
+#define STRIKES 3                    /* workers that one client may kill */
+#define HASTE 20                     /* workers within a second without a pause */
+#define REST 100000000               /* ns of that pause */
 
 /* Shared by holder and workers; a test that is its own worker has no holder. */
 static struct watch {

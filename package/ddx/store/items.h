@@ -5,7 +5,7 @@
 
 #include "state.h"
 
-void epoch_retire(struct item *item, struct epoch *epoch); /* takes ownership; NULL is allowed */
+void epoch_retire(struct item *item, struct epoch *epoch);                  /* takes ownership; NULL is allowed */
 uint64_t retired_bytes(const struct store *store, const struct item *item); /* NULL: of dropped items */
 void retired_sweep(struct store *store);
 

@@ -38,7 +38,7 @@
 /* ---- Socket ---- */
 
 #define LOCK_TRIES 100
-#define BACKLOG 1024 /* waiting connections; a further one is refused as if no store ran */
+#define BACKLOG 1024       /* waiting connections; a further one is refused as if no store ran */
 #define LOCK_STEP 10000000 /* ns */
 
 /* One store per port: the lock is held as long as this process lives, however it ends. */
@@ -137,12 +137,12 @@ static void print_json(struct store *store) {
         items++;
     for (const struct client *client = store->clients; client; client = client->next)
         clients++;
-    int length = snprintf(text, sizeof text,
-                          "{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
-                          "\"budget\":%llu,\"restarts\":%u}\n",
-                          items, clients, (unsigned long long)budget_used(store),
-                          (unsigned long long)budget_reserved(store), (unsigned long long)store->settings->budget,
-                          holder_restarts());
+    int length =
+        snprintf(text, sizeof text,
+                 "{\"instance\":\"store\",\"items\":%u,\"clients\":%u,\"bytes\":%llu,\"reserved\":%llu,"
+                 "\"budget\":%llu,\"restarts\":%u}\n",
+                 items, clients, (unsigned long long)budget_used(store), (unsigned long long)budget_reserved(store),
+                 (unsigned long long)store->settings->budget, holder_restarts());
     log_text(1, text, (size_t)length);
 }
 

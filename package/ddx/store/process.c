@@ -46,8 +46,8 @@ void process_report(struct process *process) {
         return;
     process->told = true;
     log_line("%d is refused: the names, types and messages that the store keeps for it take %zu KiB, and one program "
-         "gets no more; it has to close some of its items",
-         (int)process->pid, CHECKPOINT_SHARE >> 10);
+             "gets no more; it has to close some of its items",
+             (int)process->pid, CHECKPOINT_SHARE >> 10);
 }
 
 unsigned process_share(const struct process *process, uint32_t turn) {

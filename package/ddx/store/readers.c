@@ -192,7 +192,7 @@ void reader_taken(struct client *client, int status) {
         admit(client);
     else if (status && client->asked) {
         log_line("%s: its writer cannot take another reader, %d: %s", client->item->name, (int)client->pid,
-             strerror(-status));
+                 strerror(-status));
         withdraw(client, -EBUSY);
     } else if (status && !client->admitted)
         client->gone = true; /* it will offer again, and there may be room then */
@@ -238,8 +238,8 @@ void readers_without_writer(struct item *item) {
 
 void reader_left(struct client *client) {
     struct item *item = client->item;
-    struct ddx_message message = {.operation = DDX_READER_GONE, .index = client->id,
-                                  .size = ddx_memory_number(client->pin_fd)};
+    struct ddx_message message = {
+        .operation = DDX_READER_GONE, .index = client->id, .size = ddx_memory_number(client->pin_fd)};
 
     if (!client->id)
         return;

@@ -5,7 +5,7 @@
 
 #include "state.h"
 
-void store_memory(void); /* keep queued messages in checkpointed memory */
+void store_memory(void);                                    /* keep queued messages in checkpointed memory */
 struct store *store_begin(const struct settings *settings); /* the first worker's state; NULL: no memory */
 struct store *store_take_over(void);                        /* the previous worker's state */
 

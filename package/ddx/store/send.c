@@ -165,7 +165,9 @@ void notify_epoch(const struct item *item, struct client *reader) {
 }
 
 void notify_reader(struct item *item, struct client *reader) {
-    struct ddx_message message = {.operation = DDX_READER, .index = reader->id, .frames = reader->keep,
+    struct ddx_message message = {.operation = DDX_READER,
+                                  .index = reader->id,
+                                  .frames = reader->keep,
                                   .size = ddx_memory_number(reader->pin_fd)};
 
     if (++item->announced == 0)

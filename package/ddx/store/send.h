@@ -21,7 +21,7 @@ bool client_holds_too_much(const struct client *client);
 
 /* To the writer, which answers with TAKEN: see reader_taken(). */
 void notify_reader(struct item *item, struct client *reader);
-void notify_readers(struct item *item); /* all of them */
+void notify_readers(struct item *item);                                                 /* all of them */
 void notify_slots(const struct item *item, struct epoch *epoch, struct client *writer); /* slots not yet sent to it */
 
 /* To one reader; to all admitted readers. */

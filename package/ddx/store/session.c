@@ -216,7 +216,7 @@ struct client *client_add(struct store *store, int socket) {
     struct client *client = has_place ? allocate(process) : NULL;
     if (!client) {
         log_line("%d is refused: %s", (int)peer.pid,
-             process && !has_place ? "too many connections" : "no memory for another connection");
+                 process && !has_place ? "too many connections" : "no memory for another connection");
         if (process)
             process_leave(process);
         close(socket);

@@ -39,8 +39,8 @@ struct process {
     int32_t pid; /* 0: all processes of other pid name spaces together */
     unsigned clients;
     struct checkpoint_account account;
-    bool told; /* the log has the line that it got no more memory */
-    uint32_t turn; /* turn of the worker that last handled a message of it */
+    bool told;      /* the log has the line that it got no more memory */
+    uint32_t turn;  /* turn of the worker that last handled a message of it */
     unsigned heard; /* messages handled in that turn */
 };
 
@@ -58,14 +58,14 @@ struct client {
     /* as a reader: */
     uint32_t id; /* 0: does not read */
     unsigned keep;
-    bool admitted;  /* the writer checks its pins, or will before it writes: it may get frames, and pin them */
-    bool unseen;    /* the writer cannot check its pins, and is notified repeatedly */
-    int64_t told_at; /* time of the last notification */
+    bool admitted;    /* the writer checks its pins, or will before it writes: it may get frames, and pin them */
+    bool unseen;      /* the writer cannot check its pins, and is notified repeatedly */
+    int64_t told_at;  /* time of the last notification */
     uint32_t version; /* of the notice, when the writer was notified */
-    unsigned asked; /* frames requested by its unanswered ATTACH, 0: none */
+    unsigned asked;   /* frames requested by its unanswered ATTACH, 0: none */
     int64_t asked_at;
     uint64_t asked_after; /* the newest frame at that time */
-    bool counted; /* by the writer: frames are kept for it */
+    bool counted;         /* by the writer: frames are kept for it */
     int pin_fd;
     const struct ddx_pin_page *pin;
     /* its offer after a restart of the store, until OFFER_END */
@@ -103,7 +103,7 @@ struct item {
     uint32_t announced; /* version of the notice once all readers were announced to the writer */
     uint32_t taken;     /* the version up to which the writer has answered: it checks their pins, or cannot */
     uint32_t counted;   /* the notice's count of readers once all messages are sent */
-    uint64_t sequence; /* of the last epoch's last frame */
+    uint64_t sequence;  /* of the last epoch's last frame */
     struct ended ended[ENDED];
 };
 

@@ -14,9 +14,9 @@
 #include "mirror.h"
 #include "table.h"
 
-#define SERVICE "catalog"        /* the item that takes requests */
-#define TURN 0.02                /* s between two checks for requests */
-#define LOOK_NS INT64_C(250000000) /* between two checks of items and network */
+#define SERVICE "catalog"            /* the item that takes requests */
+#define TURN 0.02                    /* s between two checks for requests */
+#define LOOK_NS INT64_C(250000000)   /* between two checks of items and network */
 #define TABLE_NS INT64_C(1000000000) /* between two updates of the clocks shown */
 #define PROOF_NS INT64_C(3000000000) /* for another machine with this machine's name to answer */
 #define SETTLE_NS INT64_C(500000000) /* others are heard before this machine announces its name */

@@ -59,8 +59,10 @@ static int read_choice(const struct config_file *line, const char *word, struct 
     if ((text = config_value(word, "topic")))
         return read_topic(line, word, text, &rule->topic);
     if (strcmp(word, "latched"))
-        return config_wrong(line, "%s: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE with "
-                            "topic=TOPIC are allowed", word);
+        return config_wrong(line,
+                            "%s: after item PATTERN, rate=VALUES_A_SECOND, latched, and as=MESSAGE with "
+                            "topic=TOPIC are allowed",
+                            word);
     rule->latched = true;
     return 0;
 }
@@ -177,9 +179,14 @@ static const struct {
     const char *word;
     int (*read)(const struct config_file *line, char **words, struct config *config);
     bool more; /* more than one word may follow */
-} readers[] = {{"item", read_rule, true},           {"except", read_rule, true},     {"accept", read_accept, true},
-               {"interface", read_interface, false}, {"peer", read_peer, false},      {"domain", read_domain, false},
-               {"multicast", read_multicast, false}, {"bandwidth", read_bandwidth, false}};
+} readers[] = {{"item", read_rule, true},
+               {"except", read_rule, true},
+               {"accept", read_accept, true},
+               {"interface", read_interface, false},
+               {"peer", read_peer, false},
+               {"domain", read_domain, false},
+               {"multicast", read_multicast, false},
+               {"bandwidth", read_bandwidth, false}};
 
 static int read_words(const struct config_file *line, char **words, void *argument) {
     struct config *config = argument;
@@ -189,8 +196,10 @@ static int read_words(const struct config_file *line, char **words, void *argume
             return words[1] && (!words[2] || readers[i].more)
                        ? readers[i].read(line, words, config)
                        : config_wrong(line, "after %s, one word is needed", words[0]);
-    return config_wrong(line, "%s: a line begins with item, except, accept, interface, peer, domain, multicast or "
-                        "bandwidth", words[0]);
+    return config_wrong(line,
+                        "%s: a line begins with item, except, accept, interface, peer, domain, multicast or "
+                        "bandwidth",
+                        words[0]);
 }
 
 int config_read(const char *path, struct config *config, char *error) {

@@ -6,9 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define FORM_MAX (8u << 20)     /* bytes of an item's form, which is made when the item is wanted */
-#define MACHINE_MAX (1u << 20)  /* bytes of the records of a machine, */
-#define ALL_MAX (8u << 20)      /* and of all machines */
+#define FORM_MAX (8u << 20)          /* bytes of an item's form, which is made when the item is wanted */
+#define MACHINE_MAX (1u << 20)       /* bytes of the records of a machine, */
+#define ALL_MAX (8u << 20)           /* and of all machines */
 #define TELL_NS INT64_C(60000000000) /* between two lines on refused records */
 
 struct directory {
@@ -98,8 +98,7 @@ static struct remote *make(const struct network_record *record, size_t message_s
         free_remote(remote);
         return NULL;
     }
-    remote->bytes =
-        sizeof *remote + strlen(remote->topic) + strlen(remote->declaration) + strlen(remote->extents) + 3;
+    remote->bytes = sizeof *remote + strlen(remote->topic) + strlen(remote->declaration) + strlen(remote->extents) + 3;
     return remote;
 }
 
@@ -151,8 +150,9 @@ void directory_refuse(struct directory *directory, uint64_t count, uint64_t mach
     }
     show(item, shown);
     say("machine %s (%llx): its record of %.63s is left out: it is invalid, or there are too many, or they are too "
-        "large; %llu until now", known ? known->called : "?", (unsigned long long)machine,
-        *shown ? shown : "itself", (unsigned long long)directory->refused);
+        "large; %llu until now",
+        known ? known->called : "?", (unsigned long long)machine, *shown ? shown : "itself",
+        (unsigned long long)directory->refused);
 }
 
 static void refuse(struct directory *directory, const struct network_record *record) {

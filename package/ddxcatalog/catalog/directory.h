@@ -13,9 +13,9 @@ struct remote {
     char *topic, *declaration, *extents;
     size_t message_size; /* the form itself is made when the item is wanted here: it may need some MiB */
     size_t bytes;        /* memory of this struct and its texts */
-    int64_t since;     /* start of the machine's catalog, which numbers its messages from then on */
-    uint64_t version;  /* changes when the announcement changes */
-    bool away;         /* the machine is not heard */
+    int64_t since;       /* start of the machine's catalog, which numbers its messages from then on */
+    uint64_t version;    /* changes when the announcement changes */
+    bool away;           /* the machine is not heard */
 };
 
 struct directory;

@@ -15,7 +15,7 @@ struct export {
     char name[DDX_NAME_MAX + 1], topic[NAME_TOPIC];
     const struct config_rule *rule;
     struct form *form;
-    struct outlet *own, *as; /* with the item's own type; as a standard message */
+    struct outlet *own, *as;   /* with the item's own type; as a standard message */
     struct ddx_item_info info; /* at the time when the form was read */
     bool announced, there;
 };

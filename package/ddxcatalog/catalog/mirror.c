@@ -23,7 +23,7 @@ struct mirror {
     struct network_reader *reader;
     uint64_t writer, sequence; /* of the last message; 0: none since the reader was opened */
     int64_t time;              /* of the last message, in the origin's clock */
-    int64_t read;      /* last time that there was a reader */
+    int64_t read;              /* last time that there was a reader */
 };
 
 struct mirrors {
@@ -125,8 +125,8 @@ static void close_mirror(struct mirror *mirror) {
 static int create(struct mirror *mirror, const struct remote *remote) {
     struct ddx_extent extents[64];
     char *text = strdup(remote->extents);
-    struct ddx_item_spec spec = {.name = mirror->name, .type = remote->type,
-                                 .declaration = remote->declaration, .extents = extents};
+    struct ddx_item_spec spec = {
+        .name = mirror->name, .type = remote->type, .declaration = remote->declaration, .extents = extents};
 
     if (!text)
         return -ENOMEM;

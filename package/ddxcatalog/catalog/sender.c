@@ -9,10 +9,10 @@
 #include <string.h>
 #include <time.h>
 
-#define KEEP 64           /* values that the store keeps for the sender */
+#define KEEP 64 /* values that the store keeps for the sender */
 #define KEEP_BYTES 262144u
-#define STACK 131072      /* bytes */
-#define TURN 0.05         /* s between two checks for a new reader */
+#define STACK 131072 /* bytes */
+#define TURN 0.05    /* s between two checks for a new reader */
 
 struct sender {
     struct catalog *catalog;
@@ -22,11 +22,11 @@ struct sender {
     unsigned keep;
     unsigned char *message;
     size_t room, size; /* maximum size of a message; size of this one */
-    int64_t wall; /* time of the message; 0: none yet */
-    int64_t due;  /* earliest time of the next message, if the rule has a rate */
-    uint64_t *sent; /* counts only sent messages, so that a gap in the numbers means a loss in the network */
+    int64_t wall;      /* time of the message; 0: none yet */
+    int64_t due;       /* earliest time of the next message, if the rule has a rate */
+    uint64_t *sent;    /* counts only sent messages, so that a gap in the numbers means a loss in the network */
     pthread_t thread;
-    int64_t time; /* of the value in the message */
+    int64_t time;      /* of the value in the message */
     bool begun, waits; /* a value was taken; the message is not sent yet */
     atomic_bool stopping, repeat, ended;
 };
@@ -132,7 +132,7 @@ static bool is_due(struct sender *sender) {
         return false;
     }
     sender->due = sender->due + sender->source.rule->period > now ? sender->due + sender->source.rule->period
-                                                           : now + sender->source.rule->period;
+                                                                  : now + sender->source.rule->period;
     return true;
 }
 

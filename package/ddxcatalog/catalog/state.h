@@ -11,7 +11,7 @@
 #include "config.h"
 #include "identity.h"
 
-#define ITEMS_MAX NETWORK_ITEMS  /* of one machine */
+#define ITEMS_MAX NETWORK_ITEMS /* of one machine */
 #define MESSAGE_MAX (16u << 20) /* bytes of a value */
 
 /* Reasons of loss, in the order of the names given to ddx_stats_open(). */

@@ -11,13 +11,13 @@
 
 #define PROGRAM "catalog"
 
-_Static_assert(sizeof ((CATALOG_MACHINES *)0)->machine / sizeof *((CATALOG_MACHINES *)0)->machine == NETWORK_MACHINES,
+_Static_assert(sizeof((CATALOG_MACHINES *)0)->machine / sizeof *((CATALOG_MACHINES *)0)->machine == NETWORK_MACHINES,
                "a line for each machine");
 
 struct table {
     struct catalog *catalog;
     DDX_STORE_ITEM *machines, *items;
-    CATALOG_ITEMS written, value; /* the last value written; the new one */
+    CATALOG_ITEMS written, value;      /* the last value written; the new one */
     CATALOG_MACHINES machines_written; /* without clocks, which always change */
 };
 

@@ -68,9 +68,9 @@ static int write_file(int folder, const char *name, const char *text) {
 
 static char *text_of(const struct description_message *message) {
     static const char *const kinds[] = {
-        [DESCRIPTION_INT8] = "int8",     [DESCRIPTION_UINT8] = "uint8",   [DESCRIPTION_INT16] = "int16",
-        [DESCRIPTION_UINT16] = "uint16", [DESCRIPTION_INT32] = "int32",   [DESCRIPTION_UINT32] = "uint32",
-        [DESCRIPTION_INT64] = "int64",   [DESCRIPTION_UINT64] = "uint64", [DESCRIPTION_FLOAT] = "float32",
+        [DESCRIPTION_INT8] = "int8",      [DESCRIPTION_UINT8] = "uint8",   [DESCRIPTION_INT16] = "int16",
+        [DESCRIPTION_UINT16] = "uint16",  [DESCRIPTION_INT32] = "int32",   [DESCRIPTION_UINT32] = "uint32",
+        [DESCRIPTION_INT64] = "int64",    [DESCRIPTION_UINT64] = "uint64", [DESCRIPTION_FLOAT] = "float32",
         [DESCRIPTION_DOUBLE] = "float64", [DESCRIPTION_STRING] = "string"};
     char *text = NULL;
     size_t size;

@@ -20,7 +20,7 @@ struct network_share {
 
 struct network {
     dds_entity_t domain, participant, waitset;
-    struct bucket *bucket; /* or NULL */
+    struct bucket *bucket;               /* or NULL */
     uint32_t address[NETWORK_ADDRESSES]; /* of this machine when it was opened; IPv4, as DDS uses here */
     unsigned addresses;
     char interface[IF_NAMESIZE]; /* the configured interface, or "" */

@@ -101,7 +101,7 @@ struct network_record {
     char *name;    /* of the machine */
     int64_t since; /* start of the machine's catalog, ns of its wall time; never after padding */
     char *host;    /* its host name, which differs from `name` if two machines have the same host name */
-    char *boot; /* boot id, which identifies the boot that CLOCK_MONOTONIC belongs to */
+    char *boot;    /* boot id, which identifies the boot that CLOCK_MONOTONIC belongs to */
     char *type, *declaration, *extents, *topic;
 };
 
@@ -139,7 +139,7 @@ void network_records_refused(struct network_records *records, struct network_ref
 struct network_stamps {
     uint64_t machine;
     int64_t sent;
-    uint64_t count; /* entries in use; from the network any number may come */
+    uint64_t count;                      /* entries in use; from the network any number may come */
     uint64_t peer[NETWORK_MACHINES];     /* machines from which stamps have come */
     int64_t peer_sent[NETWORK_MACHINES]; /* when the newest of these stamps were sent */
     int64_t received[NETWORK_MACHINES];  /* and when they were received */

@@ -11,7 +11,7 @@
 
 #include "typehash.h"
 
-#define LEASE "3s" /* a machine that is silent for this time is away */
+#define LEASE "3s"  /* a machine that is silent for this time is away */
 #define EVENTS 1024 /* at a time: of each reader and writer, so that none is left out for long */
 #define PERIOD DDS_MSECS(20)
 #define SHARE DDS_MSECS(5)  /* of each period */
@@ -58,14 +58,14 @@ static char *settings(const struct network_options *options) {
         fprintf(to, "name=\"%s\"", options->interface);
     else
         fputs("autodetermine=\"true\"", to);
-    fprintf(to, "/></Interfaces><AllowMulticast>%s</AllowMulticast></General>",
-            options->unicast ? "false" : "default");
+    fprintf(to, "/></Interfaces><AllowMulticast>%s</AllowMulticast></General>", options->unicast ? "false" : "default");
     fputs("<Discovery><LeaseDuration>" LEASE "</LeaseDuration>" PORTS "<Peers>", to);
     for (const char *const *peer = options->peers; *peer; peer++)
         fprintf(to, "<Peer address=\"%s\"/>", *peer);
     /* DDS would wait for each writer that is deleted, one after the other: network_delete_writer() does. */
     fputs("</Peers></Discovery><Internal><WriterLingerDuration>0s</WriterLingerDuration>"
-          "<MaxSampleSize>" SAMPLE "</MaxSampleSize></Internal>", to);
+          "<MaxSampleSize>" SAMPLE "</MaxSampleSize></Internal>",
+          to);
     fputs("<Tracing><Verbosity>none</Verbosity></Tracing>", to);
     bool bad = ferror(to);
     if (fclose(to) || bad) {

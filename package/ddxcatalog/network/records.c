@@ -160,8 +160,10 @@ void network_records_read(struct network_records *records, network_take_record *
 
         if (count < 1)
             break;
-        take(argument, data, info.valid_data ? NETWORK_THERE
-             : info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED ? NETWORK_GONE : NETWORK_AWAY);
+        take(argument, data,
+             info.valid_data                                     ? NETWORK_THERE
+             : info.instance_state == DDS_IST_NOT_ALIVE_DISPOSED ? NETWORK_GONE
+                                                                 : NETWORK_AWAY);
         dds_return_loan(records->reader, &data, count);
     } while (network_share_left(&records->share, begin));
     network_share_use(records->network, &records->share, begin);

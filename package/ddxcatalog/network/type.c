@@ -5,11 +5,11 @@
 #include "name.h"
 
 static const dds_dynamic_type_kind_t kinds[] = {
-    [DESCRIPTION_INT8] = DDS_DYNAMIC_INT8,       [DESCRIPTION_UINT8] = DDS_DYNAMIC_UINT8,
-    [DESCRIPTION_INT16] = DDS_DYNAMIC_INT16,     [DESCRIPTION_UINT16] = DDS_DYNAMIC_UINT16,
-    [DESCRIPTION_INT32] = DDS_DYNAMIC_INT32,     [DESCRIPTION_UINT32] = DDS_DYNAMIC_UINT32,
-    [DESCRIPTION_INT64] = DDS_DYNAMIC_INT64,     [DESCRIPTION_UINT64] = DDS_DYNAMIC_UINT64,
-    [DESCRIPTION_FLOAT] = DDS_DYNAMIC_FLOAT32,   [DESCRIPTION_DOUBLE] = DDS_DYNAMIC_FLOAT64,
+    [DESCRIPTION_INT8] = DDS_DYNAMIC_INT8,      [DESCRIPTION_UINT8] = DDS_DYNAMIC_UINT8,
+    [DESCRIPTION_INT16] = DDS_DYNAMIC_INT16,    [DESCRIPTION_UINT16] = DDS_DYNAMIC_UINT16,
+    [DESCRIPTION_INT32] = DDS_DYNAMIC_INT32,    [DESCRIPTION_UINT32] = DDS_DYNAMIC_UINT32,
+    [DESCRIPTION_INT64] = DDS_DYNAMIC_INT64,    [DESCRIPTION_UINT64] = DDS_DYNAMIC_UINT64,
+    [DESCRIPTION_FLOAT] = DDS_DYNAMIC_FLOAT32,  [DESCRIPTION_DOUBLE] = DDS_DYNAMIC_FLOAT64,
     [DESCRIPTION_STRING] = DDS_DYNAMIC_STRING8,
 };
 
@@ -30,17 +30,16 @@ static dds_dynamic_type_spec_t spec_of(struct network *network, const struct des
         spec = DDS_DYNAMIC_TYPE_SPEC_PRIM(kinds[field->kind]);
     if (field->sequence)
         return DDS_DYNAMIC_TYPE_SPEC(dds_dynamic_type_create(
-            network->participant, (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_SEQUENCE,
-                                                                  .name = "sequence",
-                                                                  .element_type = spec}));
+            network->participant,
+            (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_SEQUENCE, .name = "sequence", .element_type = spec}));
     if (!field->count)
         return spec;
-    return DDS_DYNAMIC_TYPE_SPEC(dds_dynamic_type_create(
-        network->participant, (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_ARRAY,
-                                                              .name = "array",
-                                                              .element_type = spec,
-                                                              .num_bounds = 1,
-                                                              .bounds = &field->count}));
+    return DDS_DYNAMIC_TYPE_SPEC(
+        dds_dynamic_type_create(network->participant, (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_ARRAY,
+                                                                                      .name = "array",
+                                                                                      .element_type = spec,
+                                                                                      .num_bounds = 1,
+                                                                                      .bounds = &field->count}));
 }
 
 static dds_dynamic_type_t make(struct network *network, const struct description *description,
@@ -52,9 +51,9 @@ static dds_dynamic_type_t make(struct network *network, const struct description
         network->participant, (dds_dynamic_type_descriptor_t){.kind = DDS_DYNAMIC_STRUCTURE, .name = name});
     dds_dynamic_type_set_extensibility(&type, DDS_DYNAMIC_TYPE_EXT_FINAL);
     for (unsigned i = 0; i < message->count; i++)
-        dds_dynamic_type_add_member(
-            &type, DDS_DYNAMIC_MEMBER_(spec_of(network, description, &message->fields[i]), message->fields[i].name,
-                                       DDS_DYNAMIC_MEMBER_ID_AUTO, DDS_DYNAMIC_MEMBER_INDEX_END));
+        dds_dynamic_type_add_member(&type, DDS_DYNAMIC_MEMBER_(spec_of(network, description, &message->fields[i]),
+                                                               message->fields[i].name, DDS_DYNAMIC_MEMBER_ID_AUTO,
+                                                               DDS_DYNAMIC_MEMBER_INDEX_END));
     return type;
 }
 

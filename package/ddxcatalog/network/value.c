@@ -10,7 +10,7 @@
 #define SMALL 8192 /* messages of up to this size are kept for readers that have lost them */
 #define KEPT 8
 #define ANY DDS_LENGTH_UNLIMITED
-#define UNREAD 128 /* small messages that a reader queues while this program gets no processor time */
+#define UNREAD 128        /* small messages that a reader queues while this program gets no processor time */
 #define TURN (2 * UNREAD) /* messages that are read at a time: another machine may send faster than they are read */
 
 struct network_writer {
@@ -41,8 +41,8 @@ int network_writer_open(struct network *network, const char *topic, const struct
     if (!error) {
         writer->network = network;
         writer->topic = network_topic(network, topic, description, 0);
-        writer->writer = writer->topic < 0 ? writer->topic
-                                           : dds_create_writer(network->participant, writer->topic, qos, NULL);
+        writer->writer =
+            writer->topic < 0 ? writer->topic : dds_create_writer(network->participant, writer->topic, qos, NULL);
         error = writer->writer < 0 ? -EINVAL : network_error(dds_get_entity_sertype(writer->writer, &writer->type));
     }
     if (!error)
@@ -107,10 +107,10 @@ int network_reader_open(struct network *network, const char *topic, const struct
         dds_qset_ignorelocal(qos, DDS_IGNORELOCAL_PARTICIPANT);
     if (!error) {
         reader->topic = network_topic(network, topic, description, 0);
-        reader->reader = reader->topic < 0 ? reader->topic
-                                           : dds_create_reader(network->participant, reader->topic, qos, NULL);
-        error = reader->reader < 0 ? -EINVAL
-                                   : network_attach_reader(network, reader->reader, event, &reader->condition);
+        reader->reader =
+            reader->topic < 0 ? reader->topic : dds_create_reader(network->participant, reader->topic, qos, NULL);
+        error =
+            reader->reader < 0 ? -EINVAL : network_attach_reader(network, reader->reader, event, &reader->condition);
     }
     dds_delete_qos(qos);
     if (error)

@@ -2,10 +2,10 @@
 #include "bucket.h"
 
 #define NS INT64_C(1000000000)
-#define BURST 4       /* a quarter of a second's bytes may be sent at once */
-#define SHARE 2       /* half of the bytes are for packets without new values */
-#define PACKET 1344   /* bytes of a message in a packet */
-#define OVERHEAD 100  /* other bytes of a packet */
+#define BURST 4      /* a quarter of a second's bytes may be sent at once */
+#define SHARE 2      /* half of the bytes are for packets without new values */
+#define PACKET 1344  /* bytes of a message in a packet */
+#define OVERHEAD 100 /* other bytes of a packet */
 
 void bucket_begin(struct bucket *bucket, uint64_t rate, int64_t now) {
     *bucket = (struct bucket){.rate = (int64_t)rate, .time = now};

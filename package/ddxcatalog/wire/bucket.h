@@ -17,7 +17,7 @@
 
 struct bucket {
     pthread_mutex_t lock;
-    int64_t rate;         /* bytes a second; 0: no limit */
+    int64_t rate;                /* bytes a second; 0: no limit */
     int64_t other, small, large; /* bytes that may be sent now, times 10^9; a packet or message may take it below 0 */
     int64_t time;
 };

@@ -10,9 +10,9 @@ static const struct {
     const char *name;
     enum description_kind kind;
 } kinds[] = {
-    {"int8", DESCRIPTION_INT8},     {"uint8", DESCRIPTION_UINT8},   {"int16", DESCRIPTION_INT16},
-    {"uint16", DESCRIPTION_UINT16}, {"int32", DESCRIPTION_INT32},   {"uint32", DESCRIPTION_UINT32},
-    {"int64", DESCRIPTION_INT64},   {"uint64", DESCRIPTION_UINT64}, {"float32", DESCRIPTION_FLOAT},
+    {"int8", DESCRIPTION_INT8},      {"uint8", DESCRIPTION_UINT8},   {"int16", DESCRIPTION_INT16},
+    {"uint16", DESCRIPTION_UINT16},  {"int32", DESCRIPTION_INT32},   {"uint32", DESCRIPTION_UINT32},
+    {"int64", DESCRIPTION_INT64},    {"uint64", DESCRIPTION_UINT64}, {"float32", DESCRIPTION_FLOAT},
     {"float64", DESCRIPTION_DOUBLE}, {"string", DESCRIPTION_STRING},
 };
 

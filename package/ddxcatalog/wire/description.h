@@ -30,8 +30,8 @@ enum description_kind {
 struct description_field {
     char name[DESCRIPTION_NAME];
     enum description_kind kind;
-    uint32_t count; /* elements of an array, 0: no array */
-    bool sequence;  /* any number of elements */
+    uint32_t count;              /* elements of an array, 0: no array */
+    bool sequence;               /* any number of elements */
     char type[DESCRIPTION_NAME]; /* DESCRIPTION_NESTED: "ddx/SENSORWheel" */
 };
 

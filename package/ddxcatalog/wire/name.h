@@ -6,9 +6,9 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#define NAME_TOPIC 160   /* bytes of "rt/carol/gps", with the 0 byte */
-#define NAME_TYPE 200    /* of "ddx::msg::dds_::GPS_" */
-#define NAME_MACHINE 33  /* of a machine's name: leaves space for an item's name after it */
+#define NAME_TOPIC 160  /* bytes of "rt/carol/gps", with the 0 byte */
+#define NAME_TYPE 200   /* of "ddx::msg::dds_::GPS_" */
+#define NAME_MACHINE 33 /* of a machine's name: leaves space for an item's name after it */
 
 /* Whether a machine can have this name: letters, digits, '-' and '_', as in host names; at most NAME_MACHINE - 1. */
 bool name_is_machine(const char *name);

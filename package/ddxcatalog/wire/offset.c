@@ -3,9 +3,9 @@
 
 #include <stddef.h>
 
-#define DRIFT 10000                   /* the clocks drift apart by less than 1 ns in 10,000 */
-#define LATEST (INT64_C(1) << 61)     /* limit of a clock's time, so that sums cannot overflow */
-#define LONGEST INT64_C(10000000000)  /* ns; longest duration of an exchange */
+#define DRIFT 10000                  /* the clocks drift apart by less than 1 ns in 10,000 */
+#define LATEST (INT64_C(1) << 61)    /* limit of a clock's time, so that sums cannot overflow */
+#define LONGEST INT64_C(10000000000) /* ns; longest duration of an exchange */
 
 static bool is_time(int64_t time) {
     return time >= 0 && time < LATEST;

@@ -4,8 +4,8 @@
 #include <endian.h>
 #include <string.h>
 
-#define FIXED 64      /* bytes of an Image before its pixels, without its header */
-#define SIDE 8192     /* as in ddxvideo.h */
+#define FIXED 64  /* bytes of an Image before its pixels, without its header */
+#define SIDE 8192 /* as in ddxvideo.h */
 #define RANGE_FULL 2
 
 enum meaning { GREY, RGB, YUV };
@@ -14,11 +14,11 @@ enum meaning { GREY, RGB, YUV };
 static const struct layout {
     int32_t format;
     enum meaning meaning;
-    unsigned bytes;            /* of a pixel in plane y */
+    unsigned bytes;              /* of a pixel in plane y */
     unsigned chroma_x, chroma_y; /* log2 of the subsampling */
     const char *encoding;
 } layouts[] = {
-    {3, YUV, 1, 1, 1, "rgb8"},   {16, YUV, 1, 1, 0, "rgb8"},   {17, YUV, 1, 0, 0, "rgb8"},
+    {3, YUV, 1, 1, 1, "rgb8"},    {16, YUV, 1, 1, 0, "rgb8"},    {17, YUV, 1, 0, 0, "rgb8"},
     {18, GREY, 1, 0, 0, "mono8"}, {19, GREY, 2, 0, 0, "mono16"}, {20, RGB, 3, 0, 0, "rgb8"},
 };
 
@@ -73,7 +73,9 @@ static bool view(const struct form *form, const void *value, struct picture *pic
 
     if (!layout || width < 1 || width > SIDE || height < 1 || height > SIDE)
         return false;
-    *picture = (struct picture){.layout = layout, .width = (size_t)width, .height = (size_t)height,
+    *picture = (struct picture){.layout = layout,
+                                .width = (size_t)width,
+                                .height = (size_t)height,
                                 .full = number_of(form, value, "range") == RANGE_FULL};
     picture->y = plane_of(form, value, "y", picture->width * picture->height * layout->bytes);
     if (layout->meaning != YUV)

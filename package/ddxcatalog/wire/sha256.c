@@ -38,8 +38,7 @@ static void add_block(uint32_t hash[8], const uint8_t block[64]) {
         uint32_t e = s[4], a = s[0];
         uint32_t first = s[7] + (rotated(e, 6) ^ rotated(e, 11) ^ rotated(e, 25)) + ((e & s[5]) ^ (~e & s[6])) +
                          rounds[i] + words[i];
-        uint32_t second = (rotated(a, 2) ^ rotated(a, 13) ^ rotated(a, 22)) +
-                          ((a & s[1]) ^ (a & s[2]) ^ (s[1] & s[2]));
+        uint32_t second = (rotated(a, 2) ^ rotated(a, 13) ^ rotated(a, 22)) + ((a & s[1]) ^ (a & s[2]) ^ (s[1] & s[2]));
 
         memmove(s + 1, s, 7 * sizeof *s);
         s[4] += first;
@@ -50,8 +49,7 @@ static void add_block(uint32_t hash[8], const uint8_t block[64]) {
 }
 
 void sha256(const void *data, size_t size, uint8_t digest[SHA256_BYTES]) {
-    uint32_t hash[8] = {
-        0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
+    uint32_t hash[8] = {0x6a09e667, 0xbb67ae85, 0x3c6ef372, 0xa54ff53a, 0x510e527f, 0x9b05688c, 0x1f83d9ab, 0x5be0cd19};
     uint8_t tail[128] = {0};
     size_t whole = size / 64 * 64, rest = size - whole, length = rest < 56 ? 64 : 128;
 

@@ -50,21 +50,23 @@ static const struct message {
     {"geometry_msgs/Wrench", "geometry_msgs/Vector3 force\ngeometry_msgs/Vector3 torque\n"},
     {"geometry_msgs/WrenchStamped", STAMPED "geometry_msgs/Wrench wrench\n"},
     {"geometry_msgs/Transform", "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation\n"},
-    {"sensor_msgs/Imu", STAMPED "geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
-                        "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
-                        "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n"},
+    {"sensor_msgs/Imu",
+     STAMPED "geometry_msgs/Quaternion orientation\nfloat64[9] orientation_covariance\n"
+             "geometry_msgs/Vector3 angular_velocity\nfloat64[9] angular_velocity_covariance\n"
+             "geometry_msgs/Vector3 linear_acceleration\nfloat64[9] linear_acceleration_covariance\n"},
     {"sensor_msgs/MagneticField", STAMPED "geometry_msgs/Vector3 magnetic_field\n"
-                                  "float64[9] magnetic_field_covariance\n"},
+                                          "float64[9] magnetic_field_covariance\n"},
     {"sensor_msgs/NavSatStatus", "int8 status\nuint16 service\n"},
-    {"sensor_msgs/NavSatFix", STAMPED "sensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n"
-                              "float64 altitude\nfloat64[9] position_covariance\nuint8 position_covariance_type\n"},
+    {"sensor_msgs/NavSatFix",
+     STAMPED "sensor_msgs/NavSatStatus status\nfloat64 latitude\nfloat64 longitude\n"
+             "float64 altitude\nfloat64[9] position_covariance\nuint8 position_covariance_type\n"},
     {IMAGE, STAMPED "uint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\nuint8[] data\n"},
     {"sensor_msgs/Temperature", STAMPED "float64 temperature\nfloat64 variance\n"},
     {"sensor_msgs/FluidPressure", STAMPED "float64 fluid_pressure\nfloat64 variance\n"},
     {"sensor_msgs/RelativeHumidity", STAMPED "float64 relative_humidity\nfloat64 variance\n"},
     {"sensor_msgs/Illuminance", STAMPED "float64 illuminance\nfloat64 variance\n"},
     {"sensor_msgs/Range", STAMPED "uint8 radiation_type\nfloat32 field_of_view\nfloat32 min_range\nfloat32 max_range\n"
-                          "float32 range\nfloat32 variance\n"},
+                                  "float32 range\nfloat32 variance\n"},
 };
 #define MESSAGES (sizeof messages / sizeof *messages)
 
@@ -114,8 +116,8 @@ struct comparison {
 };
 
 static const char *kind_name(const struct description_field *field) {
-    static const char *const names[] = {"struct", "int8", "uint8", "int16", "uint16", "int32", "uint32", "int64",
-                                        "uint64", "float32", "float64"};
+    static const char *const names[] = {"struct", "int8",  "uint8",  "int16",   "uint16", "int32",
+                                        "uint32", "int64", "uint64", "float32", "float64"};
 
     return field->kind >= DESCRIPTION_NESTED && field->kind <= DESCRIPTION_DOUBLE ? names[field->kind - 1] : "string";
 }
@@ -127,8 +129,8 @@ static void field_text(const struct description_field *field, char text[64]) {
         snprintf(text + length, (size_t)(64 - length), "[%u]", (unsigned)field->count);
 }
 
-static bool same_messages(const struct comparison *comparison, const struct description_message *wanted,
-                          unsigned first, const struct description_message *given, const char *prefix);
+static bool same_messages(const struct comparison *comparison, const struct description_message *wanted, unsigned first,
+                          const struct description_message *given, const char *prefix);
 
 static bool same_field(const struct comparison *comparison, const struct description_field *wanted,
                        const struct description_field *given, const char *prefix) {
@@ -152,8 +154,8 @@ static bool same_field(const struct comparison *comparison, const struct descrip
 }
 
 /* Skips the first fields of the wanted message. */
-static bool same_messages(const struct comparison *comparison, const struct description_message *wanted,
-                          unsigned first, const struct description_message *given, const char *prefix) {
+static bool same_messages(const struct comparison *comparison, const struct description_message *wanted, unsigned first,
+                          const struct description_message *given, const char *prefix) {
     for (unsigned i = 0; first + i < wanted->count && i < given->count; i++)
         if (!same_field(comparison, &wanted->fields[first + i], &given->fields[i], prefix))
             return false;

@@ -40,7 +40,6 @@ bool standard_check(const struct standard *standard, const struct form *form, co
                     size_t size);
 
 /* Read a checked message. Padding of the value stays unchanged. */
-void standard_read(const struct standard *standard, const struct form *form, const unsigned char *message,
-                   void *value);
+void standard_read(const struct standard *standard, const struct form *form, const unsigned char *message, void *value);
 
 #endif

@@ -21,8 +21,10 @@ static void write_type(FILE *to, const char *type) {
 static void write_field(FILE *to, const struct description_field *field) {
     unsigned many = field->sequence ? SEQUENCE : field->count ? ARRAY : 0;
 
-    fprintf(to, "{\"name\": \"%s\", \"type\": {\"type_id\": %u, \"capacity\": %u, \"string_capacity\": 0, "
-            "\"nested_type_name\": \"", field->name, (unsigned)field->kind + many, (unsigned)field->count);
+    fprintf(to,
+            "{\"name\": \"%s\", \"type\": {\"type_id\": %u, \"capacity\": %u, \"string_capacity\": 0, "
+            "\"nested_type_name\": \"",
+            field->name, (unsigned)field->kind + many, (unsigned)field->count);
     if (field->kind == DESCRIPTION_NESTED)
         write_type(to, field->type);
     fputs("\"}}", to);

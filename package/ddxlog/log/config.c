@@ -77,7 +77,7 @@ static int read_rule(const struct config_file *line, char **words, struct config
 
         if (!rate)
             return config_wrong(line, "%s: after %s PATTERN, %s is allowed", *word, words[0],
-                         rule.except ? "nothing more" : "rate=VALUES_A_SECOND");
+                                rule.except ? "nothing more" : "rate=VALUES_A_SECOND");
         if (!schedule_parse_speed(rate, &speed) || !speed.num)
             return config_wrong(
                 line, "%s: a number above 0, up to 1000, is allowed; without rate= every value is logged", *word);

@@ -101,10 +101,8 @@ static void put_channel(struct disk *disk, struct channel *channel, const char *
     const struct form *form = channel->form;
 
     put_schema(disk, channel);
-    const struct mcap_pair pairs[] = {{"ddx.type", form->type},
-                                      {"ddx.declaration", form->declaration},
-                                      {"ddx.extents", form->extents},
-                                      {NULL, NULL}};
+    const struct mcap_pair pairs[] = {
+        {"ddx.type", form->type}, {"ddx.declaration", form->declaration}, {"ddx.extents", form->extents}, {NULL, NULL}};
     const struct mcap_channel record = {.id = channel->id = ++disk->channels,
                                         .schema = channel->schema,
                                         .topic = topic,
@@ -375,8 +373,8 @@ static void take(struct disk *disk, const struct queue_entry *entry) {
         fail(disk, error); /* counts the pending values, this one included */
     else if (error)
         account(disk, error);
-    else if (!noted || !file_put(disk, entry->channel, entry->sequence, entry->time, entry->logged, entry->data,
-                                 entry->size)) {
+    else if (!noted ||
+             !file_put(disk, entry->channel, entry->sequence, entry->time, entry->logged, entry->data, entry->size)) {
         disk->pending_count -= noted;
         atomic_fetch_add(&entry->item->lost[LOST_WRITE], 1);
         ddx_stats_lost(disk->logger->book, LOST_WRITE, 1);

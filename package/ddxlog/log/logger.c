@@ -69,9 +69,9 @@ static void *mender_run(void *argument) {
 
 /* Finds items to log and opens them. Only this thread waits for answers of the store. */
 
-#define LOOK_NS 50000000           /* between two lists of the store's items */
+#define LOOK_NS 50000000             /* between two lists of the store's items */
 #define ALONE_NS INT64_C(5000000000) /* without a writer, until an item is closed; longer than a writer's restart */
-#define KEEP 16                    /* values that the store keeps for the logger, at first */
+#define KEEP 16                      /* values that the store keeps for the logger, at first */
 #define KEEP_MAX 200
 #define KEEP_BYTES (1u << 20)
 #define KEEP_PART 2 /* later: the values of a second divided by this */
@@ -312,9 +312,9 @@ static void take_value(struct logger *logger, struct item *item, const struct dd
     if (!entry) {
         if (!item->refused)
             say("losing values of %s from %" PRIu64 " on: %s", item->name, frame->sequence,
-                large ? "one is larger than what a log can hold (63 MiB)"
+                large                                     ? "one is larger than what a log can hold (63 MiB)"
                 : form->message_size > logger->queue.size ? "one is larger than the queue (queue SIZE in logger.conf)"
-                                                        : "the queue is full, the disk is too slow");
+                                                          : "the queue is full, the disk is too slow");
         item->refused = true;
         count_lost(logger, item, LOST_QUEUE, 1);
         return;
@@ -486,8 +486,8 @@ int logger_run(struct logger *logger) {
     logger->id = error ? NULL : program_connect(&logger->program);
     logger->status = error ? EXIT_FAILED : EXIT_OK;
     if (logger->id)
-        logger->status = program_attach(&logger->program, logger->book, logger->id, NULL) ? log_until_stopped(logger)
-                                                                                           : EXIT_FAILED;
+        logger->status =
+            program_attach(&logger->program, logger->book, logger->id, NULL) ? log_until_stopped(logger) : EXIT_FAILED;
     program_report(logger->book);
     ddx_stats_close(logger->book);
     free_items(logger);

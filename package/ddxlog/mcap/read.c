@@ -321,8 +321,7 @@ static int look_through(struct mcap_reader *reader) {
     }
     unsigned char magic[MCAP_MAGIC_SIZE];
     reader->state.complete = data_end && opcode == MCAP_FOOTER && reader->size - at == sizeof magic &&
-                             !reader_read(reader, at, magic, sizeof magic) &&
-                             !memcmp(magic, MCAP_MAGIC, sizeof magic);
+                             !reader_read(reader, at, magic, sizeof magic) && !memcmp(magic, MCAP_MAGIC, sizeof magic);
     reader->state.left_over = reader->state.complete ? 0 : reader->size - at;
     reader->state.chunks = reader->place_count;
     return 0;
@@ -341,8 +340,8 @@ struct mcap_reader *mcap_open(const char *path, char *error) {
         fail(error, "cannot be opened: %s", strerror(errno));
     else if (!S_ISREG(status.st_mode))
         fail(error, "is no file");
-    else if (reader->size = (uint64_t)status.st_size, reader_read(reader, 0, magic, sizeof magic) ||
-                                                          memcmp(magic, MCAP_MAGIC, sizeof magic))
+    else if (reader->size = (uint64_t)status.st_size,
+             reader_read(reader, 0, magic, sizeof magic) || memcmp(magic, MCAP_MAGIC, sizeof magic))
         fail(error, "%s", reader->size ? "is no MCAP file" : "is empty");
     else if ((result = look_through(reader)))
         fail(error, "cannot be read: %s", strerror(-result));

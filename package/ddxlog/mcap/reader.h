@@ -22,7 +22,7 @@ struct place {
 struct loaded {
     unsigned char *data;
     struct mcap_message *messages;
-    size_t bytes;    /* of both */
+    size_t bytes; /* of both */
     size_t count, next;
     uint64_t time;   /* of message `next`; before unpacking, the declared time of the first message */
     unsigned number; /* of its place */
@@ -46,7 +46,7 @@ struct mcap_reader {
     unsigned place_count;
     struct own_metadata *metadata;
     unsigned metadata_count;
-    size_t defined; /* bytes of schemas, channels and metadata */
+    size_t defined;    /* bytes of schemas, channels and metadata */
     struct loaded one; /* of mcap_chunk() */
     /* the order of messages: */
     unsigned *order; /* places by their first time */
@@ -55,7 +55,7 @@ struct mcap_reader {
     unsigned active_count;
     size_t active_bytes;
     bool delivered; /* the last call returned the earliest message */
-    unsigned ids; /* all ids are below this one */
+    unsigned ids;   /* all ids are below this one */
     /* by id */
     struct mcap_schema *schemas[MCAP_IDS];
     struct own_channel *channels[MCAP_IDS];

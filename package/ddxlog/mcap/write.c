@@ -18,8 +18,8 @@ struct index {
 
 struct mcap_writer {
     int fd, error;
-    uint64_t written; /* bytes written completely */
-    uint32_t crc;     /* of these bytes */
+    uint64_t written;   /* bytes written completely */
+    uint32_t crc;       /* of these bytes */
     struct bytes fresh; /* records to be written before the chunk */
     struct bytes chunk, packed;
     uint64_t chunk_first, chunk_last;

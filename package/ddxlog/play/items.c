@@ -43,8 +43,7 @@ static int create(struct replay *replay, struct replay_item *item, const struct 
     item->channel = 0;
     int error;
     if (*declaration) {
-        struct ddx_item_spec spec = {
-            .name = item->name, .type = type, .declaration = declaration, .extents = extents};
+        struct ddx_item_spec spec = {.name = item->name, .type = type, .declaration = declaration, .extents = extents};
 
         spec.extent_count = form_list_extents(text, extents, EXTENTS_MAX);
         error = ddx_store_create(replay->id, &spec, &item->handle);

@@ -36,7 +36,7 @@ static const char *const reasons[] = {"store", NULL};
 enum { LOST_STORE };
 
 #define POLL_NS INT64_C(5000000)
-#define AHEAD_NS SECOND          /* with -clock: time for the other replays to get ready */
+#define AHEAD_NS SECOND           /* with -clock: time for the other replays to get ready */
 #define LOOP_NS INT64_C(10000000) /* between the last value and the first one again */
 
 /* The CLOCK_MONOTONIC time at which a log time is replayed. */
@@ -168,8 +168,8 @@ static int open_items(struct replay *replay) {
         return EXIT_USAGE;
     }
     if (replay->clock) {
-        replay->clock_item = ddx_store_lookup_item(replay->id, replay->clock, "DDX_REPLAY_CLOCK",
-                                                   (int)sizeof(DDX_REPLAY_CLOCK));
+        replay->clock_item =
+            ddx_store_lookup_item(replay->id, replay->clock, "DDX_REPLAY_CLOCK", (int)sizeof(DDX_REPLAY_CLOCK));
         if (!replay->clock_item) {
             say("-clock %s: %s", replay->clock, ddx_error_text(-errno));
             return EXIT_FAILED;

@@ -199,8 +199,8 @@ static enum clip_result open_mp4(struct clip *clip, int fd, int format) {
     clip->start = -1;
     int error = mp4_open(&clip->mp4->file, fd);
     if (error)
-        return fail(clip, error == -EBADMSG ? CLIP_BAD : CLIP_ERROR,
-                    "%s", error == -EBADMSG ? "an MP4 file, but not one of ddxvideosave; " MAKE_ONE : strerror(-error));
+        return fail(clip, error == -EBADMSG ? CLIP_BAD : CLIP_ERROR, "%s",
+                    error == -EBADMSG ? "an MP4 file, but not one of ddxvideosave; " MAKE_ONE : strerror(-error));
     enum clip_result result = open_decoder(clip);
     return result == CLIP_OK ? look_at_first(clip, format) : result;
 }

@@ -90,13 +90,16 @@ static struct mp4_format format_of(const struct ddxvideo_geometry *g) {
     bool known = ddxvideo_rate_known(g->rate_num, g->rate_den);
     int64_t duration = INT64_C(1000000) * (known ? g->rate_den : 1) / (known ? g->rate_num : RATE_UNKNOWN);
 
-    return (struct mp4_format){
-        .width = g->width,
-        .height = g->height,
-        .aspect_num = g->aspect_num,
-        .aspect_den = g->aspect_den,
-        .duration = duration < 1 ? 1 : duration < MP4_STEP_MAX ? (uint32_t)duration : MP4_STEP_MAX,
-        .chroma = g->format == DDX_VIDEO_YUV422P ? 2 : g->format == DDX_VIDEO_YUV444P ? 3 : 1};
+    return (struct mp4_format){.width = g->width,
+                               .height = g->height,
+                               .aspect_num = g->aspect_num,
+                               .aspect_den = g->aspect_den,
+                               .duration = duration < 1              ? 1
+                                           : duration < MP4_STEP_MAX ? (uint32_t)duration
+                                                                     : MP4_STEP_MAX,
+                               .chroma = g->format == DDX_VIDEO_YUV422P   ? 2
+                                         : g->format == DDX_VIDEO_YUV444P ? 3
+                                                                          : 1};
 }
 
 int h264_encoder_open(struct h264_encoder *encoder, const struct ddxvideo_geometry *geometry,

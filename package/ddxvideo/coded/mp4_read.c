@@ -11,7 +11,7 @@
 #include "bits.h"
 
 /* Places in block 0; all boxes before the parameter sets have one size. */
-#define ENTRY_AT 473          /* of the sample entry, `avc1` */
+#define ENTRY_AT 473 /* of the sample entry, `avc1` */
 #define WIDTH_AT (ENTRY_AT + 32)
 #define RECORD_AT (ENTRY_AT + 86) /* of `avcC` */
 #define SETS_AT (RECORD_AT + 14)  /* of the SPS's size */

@@ -14,20 +14,20 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define MP4_BLOCK 4096    /* bytes of block 0 */
-#define MP4_FRAGMENT 108  /* bytes of a fragment before the frame's own */
-#define MP4_COVER_AT 32   /* offset of the 16 bytes */
+#define MP4_BLOCK 4096   /* bytes of block 0 */
+#define MP4_FRAGMENT 108 /* bytes of a fragment before the frame's own */
+#define MP4_COVER_AT 32  /* offset of the 16 bytes */
 #define MP4_COVER 16
-#define MP4_SET_MAX 128   /* bytes of a parameter set */
+#define MP4_SET_MAX 128                   /* bytes of a parameter set */
 #define MP4_STEP_MAX UINT32_C(1800000000) /* us from frame to frame: 30 minutes */
 #define MP4_KEY UINT32_C(0x80000000)
 
 /* Properties of all frames. */
 struct mp4_format {
     int width, height;
-    int aspect_num, aspect_den; /* of a pixel; 0/0 if unknown */
-    uint32_t duration;          /* us of a frame by its nominal rate */
-    int chroma;                 /* 1: 4:2:0, 2: 4:2:2, 3: 4:4:4 */
+    int aspect_num, aspect_den;                 /* of a pixel; 0/0 if unknown */
+    uint32_t duration;                          /* us of a frame by its nominal rate */
+    int chroma;                                 /* 1: 4:2:0, 2: 4:2:2, 3: 4:4:4 */
     uint8_t sps[MP4_SET_MAX], pps[MP4_SET_MAX]; /* H.264's parameter sets */
     size_t sps_size, pps_size;
 };

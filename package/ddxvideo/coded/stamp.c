@@ -35,7 +35,7 @@ size_t stamp_write(uint8_t to[STAMP_MAX], const struct stamp *stamp) {
     at = put32(put32(put32(at, stamp->lost_store), stamp->lost_ring), stamp->lost_encode);
     if (!stamp->key)
         return PLAIN;
-    const int numbers[10] = {g->width,    g->height,     g->fields,     g->rate_num,    g->rate_den,
+    const int numbers[10] = {g->width,      g->height,     g->fields, g->rate_num,    g->rate_den,
                              g->aspect_num, g->aspect_den, g->format, g->interlacing, g->range};
     for (int i = 0; i < 10; i++)
         at = put32(at, (uint32_t)numbers[i]);
@@ -61,10 +61,16 @@ static bool parse(const uint8_t *from, size_t size, struct stamp *stamp) {
         return true;
     for (int i = 0; i < 10; i++)
         numbers[i] = (int)get32(from + PLAIN + i * 4);
-    stamp->geometry = (struct ddxvideo_geometry){
-        .width = numbers[0], .height = numbers[1], .fields = numbers[2], .rate_num = numbers[3],
-        .rate_den = numbers[4], .aspect_num = numbers[5], .aspect_den = numbers[6], .format = numbers[7],
-        .interlacing = numbers[8], .range = numbers[9]};
+    stamp->geometry = (struct ddxvideo_geometry){.width = numbers[0],
+                                                 .height = numbers[1],
+                                                 .fields = numbers[2],
+                                                 .rate_num = numbers[3],
+                                                 .rate_den = numbers[4],
+                                                 .aspect_num = numbers[5],
+                                                 .aspect_den = numbers[6],
+                                                 .format = numbers[7],
+                                                 .interlacing = numbers[8],
+                                                 .range = numbers[9]};
     return !ddxvideo_geometry_error(&stamp->geometry);
 }
 

@@ -13,14 +13,14 @@
 #define STAMP_PAYLOAD 5 /* its type in H.264: user data with a UUID */
 
 struct stamp {
-    uint64_t sequence;       /* in the store */
-    int64_t frame;           /* the source's number, */
-    int64_t source_sequence; /* and its own count */
-    int64_t time;            /* of the capture, CLOCK_MONOTONIC, ns */
-    int64_t wall;            /* as wall time; 0 if unknown */
+    uint64_t sequence;                           /* in the store */
+    int64_t frame;                               /* the source's number, */
+    int64_t source_sequence;                     /* and its own count */
+    int64_t time;                                /* of the capture, CLOCK_MONOTONIC, ns */
+    int64_t wall;                                /* as wall time; 0 if unknown */
     uint32_t lost_store, lost_ring, lost_encode; /* frames lost before this one, by reason */
-    bool key;                          /* only a key frame has: */
-    struct ddxvideo_geometry geometry; /* as in the store */
+    bool key;                                    /* only a key frame has: */
+    struct ddxvideo_geometry geometry;           /* as in the store */
 };
 
 /* Write the payload; its size. */

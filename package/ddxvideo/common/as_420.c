@@ -48,9 +48,8 @@ int as_420(struct as_420 *as, const struct ddxvideo_picture *picture, const stru
     *result = picture;
     if (video_layout_is_420(picture->geometry.format))
         return 0;
-    int error = as->converter && ddxvideo_same_layout(&as->from, &picture->geometry)
-                    ? 0
-                    : set_up(as, &picture->geometry);
+    int error =
+        as->converter && ddxvideo_same_layout(&as->from, &picture->geometry) ? 0 : set_up(as, &picture->geometry);
     if (error)
         return error;
     for (int i = 0; i < 3; i++)

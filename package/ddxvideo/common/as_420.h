@@ -9,7 +9,7 @@ struct picture_converter;
 
 struct as_420 {
     /* private: */
-    struct ddxvideo_geometry from;   /* geometry of the converter's input */
+    struct ddxvideo_geometry from; /* geometry of the converter's input */
     struct picture_converter *converter;
     struct ddxvideo_picture picture; /* the last result */
     unsigned char *memory;           /* its planes */

@@ -18,7 +18,7 @@ struct picture_converter {
     const struct video_layout *layout; /* of `to` */
     struct SwsContext *scaler;         /* NULL: luma is copied, and one side has no chroma */
     int fields;                        /* 2: each field separately, so that interlaced chroma is not mixed */
-    unsigned char *target[3]; /* libswscale writes whole vectors, beyond the end of rows: not into the store */
+    unsigned char *target[3];          /* libswscale writes whole vectors, beyond the end of rows: not into the store */
     int target_stride[3];
 };
 
@@ -80,8 +80,8 @@ static bool set_up_scaler(struct picture_converter *converter) {
         {"dst_range", colours && to.full},
         {"src_h_chr_pos", column_position(from)},
         {"dst_h_chr_pos", column_position(&to)},
-        {"sws_flags", SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP | SWS_BITEXACT |
-                          (to.rgb ? SWS_FULL_CHR_H_INT : 0)},
+        {"sws_flags",
+         SWS_BICUBIC | SWS_ACCURATE_RND | SWS_FULL_CHR_H_INP | SWS_BITEXACT | (to.rgb ? SWS_FULL_CHR_H_INT : 0)},
     };
     for (size_t i = 0; i < sizeof settings / sizeof *settings; i++)
         if (av_opt_set_int(scaler, settings[i].name, settings[i].value, 0) < 0)

@@ -9,7 +9,7 @@
 #include "ddxvideo.h"
 #include "video_layout.h"
 
-#define BOUND_STEP 64 /* bytes; bounds of planes are multiples of it */
+#define BOUND_STEP 64  /* bytes; bounds of planes are multiples of it */
 #define LOOKS 4        /* at most */
 #define TIGHT_NS 20000 /* at most between two reads of one clock, with a read of the other between them */
 

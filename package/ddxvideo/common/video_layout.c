@@ -62,8 +62,8 @@ void video_layout_place(struct ddxvideo_picture *picture, unsigned char *memory)
     const struct ddxvideo_geometry *geometry = &picture->geometry;
 
     for (int i = 0; i < 3; i++) {
-        video_layout_plane(video_layout_of(geometry->format), geometry->width, geometry->height, i,
-                           &picture->stride[i], &picture->rows[i]);
+        video_layout_plane(video_layout_of(geometry->format), geometry->width, geometry->height, i, &picture->stride[i],
+                           &picture->rows[i]);
         picture->plane[i] = picture->rows[i] ? memory : NULL;
         memory += (size_t)picture->stride[i] * (size_t)picture->rows[i];
     }

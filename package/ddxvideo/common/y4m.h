@@ -84,7 +84,7 @@ struct y4m_reader {
     char error[Y4M_ERROR_MAX]; /* of the last failure */
     /* private: */
     int fd;
-    bool at_end, waits; /* waits: not a regular file */
+    bool at_end, waits;            /* waits: not a regular file */
     size_t ahead_begin, ahead_end; /* bytes of `ahead` not used yet */
     char ahead[Y4M_HEADER_MAX];
     unsigned char *scratch; /* a frame in the file's layout, if that is not the store's */

@@ -62,9 +62,8 @@ static int draw(AVFrame *image, const struct ddxvideo_picture *picture, int x, i
     const struct ddxvideo_geometry *from = &picture->geometry;
     const bool full = from->range == DDX_VIDEO_RANGE_FULL;
     const int *matrix = sws_getCoefficients(SWS_CS_ITU601);
-    struct SwsContext *context =
-        sws_getContext(from->width, from->height, pixel_format(video_layout_of(from->format)), width, height,
-                       AV_PIX_FMT_RGB24, SCALE_FLAGS, NULL, NULL, NULL);
+    struct SwsContext *context = sws_getContext(from->width, from->height, pixel_format(video_layout_of(from->format)),
+                                                width, height, AV_PIX_FMT_RGB24, SCALE_FLAGS, NULL, NULL, NULL);
 
     if (!context)
         return -ENOMEM;

@@ -11,8 +11,8 @@
 
 /* All 0 at first. */
 struct keys {
-    bool wanted;           /* standard input is the terminal of this session */
-    bool raw;              /* the terminal is in raw mode now; its former mode: */
+    bool wanted; /* standard input is the terminal of this session */
+    bool raw;    /* the terminal is in raw mode now; its former mode: */
     struct termios before;
     unsigned char byte[32]; /* bytes that were read, but are no complete key yet */
     int count;

@@ -42,8 +42,8 @@ void layout_fields(struct layout *layout, const struct ddxvideo_geometry *geomet
     double wide, high;
 
     layout_square(geometry, &wide, &high);
-    *layout = (struct layout){.width = geometry->width, .height = geometry->height / geometry->fields,
-                               .exact = fit == LAYOUT_PIXELS};
+    *layout = (struct layout){
+        .width = geometry->width, .height = geometry->height / geometry->fields, .exact = fit == LAYOUT_PIXELS};
     layout->count = field == LAYOUT_ALL ? geometry->fields : 1;
     if (fit == LAYOUT_PIXELS) {
         wide = layout->width;

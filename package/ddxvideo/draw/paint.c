@@ -66,10 +66,10 @@ static struct chroma chroma_of(const struct field *field, int row) {
     int own = row / 2, last = (field->height - 1) / 2;
     int other = row % 2 ? (own < last ? own + 1 : last) : (own > 0 ? own - 1 : 0);
 
-    return (struct chroma){
-        field->plane[1] + (ptrdiff_t)own * field->stride[1], field->plane[2] + (ptrdiff_t)own * field->stride[2],
-        field->plane[1] + (ptrdiff_t)other * field->stride[1], field->plane[2] + (ptrdiff_t)other * field->stride[2],
-        (field->width - 1) / 2};
+    return (struct chroma){field->plane[1] + (ptrdiff_t)own * field->stride[1],
+                           field->plane[2] + (ptrdiff_t)own * field->stride[2],
+                           field->plane[1] + (ptrdiff_t)other * field->stride[1],
+                           field->plane[2] + (ptrdiff_t)other * field->stride[2], (field->width - 1) / 2};
 }
 
 /* The pixel at `column`: a sample is in the middle of four pixels, so its weight is 3/4 in either direction. This keeps

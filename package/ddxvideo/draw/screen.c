@@ -123,8 +123,12 @@ struct surface *screen_open(const struct screen_choice *choice, const char **err
     *error = "out of memory";
     if (!screen)
         return NULL;
-    screen->surface = (struct surface){.size = screen_size, .lock = screen_lock, .show = screen_show,
-                                       .event = screen_event, .wake = screen_wake, .close = screen_close};
+    screen->surface = (struct surface){.size = screen_size,
+                                       .lock = screen_lock,
+                                       .show = screen_show,
+                                       .event = screen_event,
+                                       .wake = screen_wake,
+                                       .close = screen_close};
     screen->waker = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     *error = screen->waker < 0 ? "no file descriptor left" : kms_open(&screen->kms, choice);
     if (*error) {

@@ -31,8 +31,8 @@ struct window {
     FUNCTIONS(DECLARE)
     SDL_Window *window;
     bool seen;
-    int wake;       /* an eventfd */
-    int connection; /* connection to the X server; -1: there is none */
+    int wake;            /* an eventfd */
+    int connection;      /* connection to the X server; -1: there is none */
     SDL_Surface *target; /* locked */
     uint32_t *pixel;     /* for drawing, if the window's own pixels have another format; otherwise NULL */
 };
@@ -123,12 +123,12 @@ static bool translate(const SDL_Event *from, struct surface_event *to) {
         return true;
     case SDL_MOUSEBUTTONDOWN:
     case SDL_MOUSEBUTTONUP:
-        *to = (struct surface_event){SURFACE_BUTTON,   0, from->button.x, from->button.y,
-                                     from->button.state == SDL_PRESSED, 0};
+        *to = (struct surface_event){
+            SURFACE_BUTTON, 0, from->button.x, from->button.y, from->button.state == SDL_PRESSED, 0};
         return true;
     case SDL_MOUSEWHEEL:
-        *to = (struct surface_event){
-            SURFACE_WHEEL, 0, from->wheel.mouseX, from->wheel.mouseY, false, wheel_steps(&from->wheel)};
+        *to = (struct surface_event){SURFACE_WHEEL,      0,     from->wheel.mouseX,
+                                     from->wheel.mouseY, false, wheel_steps(&from->wheel)};
         return true;
     case SDL_WINDOWEVENT:
         to->kind = SURFACE_RESIZE;

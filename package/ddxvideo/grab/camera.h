@@ -27,9 +27,9 @@ struct camera_frame {
 struct camera {
     const struct camera_functions *call;
     /* set before open(): */
-    const char *name;  /* in messages */
-    int width, height; /* requested; 0: as the camera is set */
-    bool fields;       /* both fields of a picture are needed */
+    const char *name;                  /* in messages */
+    int width, height;                 /* requested; 0: as the camera is set */
+    bool fields;                       /* both fields of a picture are needed */
     const struct video_layout *layout; /* of the result: cameras prefer formats with the same samples */
     /* set by open(): */
     int fd;        /* readable when a frame is there, POLLPRI when an event is; -1: closed */

@@ -145,20 +145,13 @@ direct_row *direct_find(enum AVPixelFormat format, const struct video_layout *la
         enum AVPixelFormat format;
         direct_row *row;
     } table[] = {
-        {DDX_VIDEO_420, AV_PIX_FMT_GRAY8, copy_luma},
-        {DDX_VIDEO_YUV422P, AV_PIX_FMT_YUYV422, split_yuyv},
-        {DDX_VIDEO_YUV422P, AV_PIX_FMT_UYVY422, split_uyvy},
-        {DDX_VIDEO_YUV422P, AV_PIX_FMT_YUV422P, copy_422},
-        {DDX_VIDEO_YUV422P, AV_PIX_FMT_GRAY8, grey_to_422},
-        {DDX_VIDEO_YUV444P, AV_PIX_FMT_YUV444P, copy_444},
-        {DDX_VIDEO_YUV444P, AV_PIX_FMT_GRAY8, grey_to_444},
-        {DDX_VIDEO_GREY8, AV_PIX_FMT_YUYV422, yuyv_to_grey},
-        {DDX_VIDEO_GREY8, AV_PIX_FMT_UYVY422, uyvy_to_grey},
-        {DDX_VIDEO_GREY16, AV_PIX_FMT_YUYV422, yuyv_to_16},
-        {DDX_VIDEO_GREY16, AV_PIX_FMT_UYVY422, uyvy_to_16},
-        {DDX_VIDEO_GREY16, AV_PIX_FMT_GRAY16LE, copy_16},
-        {DDX_VIDEO_GREY16, AV_PIX_FMT_GRAY16BE, deep_to_16},
-        {DDX_VIDEO_RGB24, AV_PIX_FMT_RGB24, copy_rgb},
+        {DDX_VIDEO_420, AV_PIX_FMT_GRAY8, copy_luma},        {DDX_VIDEO_YUV422P, AV_PIX_FMT_YUYV422, split_yuyv},
+        {DDX_VIDEO_YUV422P, AV_PIX_FMT_UYVY422, split_uyvy}, {DDX_VIDEO_YUV422P, AV_PIX_FMT_YUV422P, copy_422},
+        {DDX_VIDEO_YUV422P, AV_PIX_FMT_GRAY8, grey_to_422},  {DDX_VIDEO_YUV444P, AV_PIX_FMT_YUV444P, copy_444},
+        {DDX_VIDEO_YUV444P, AV_PIX_FMT_GRAY8, grey_to_444},  {DDX_VIDEO_GREY8, AV_PIX_FMT_YUYV422, yuyv_to_grey},
+        {DDX_VIDEO_GREY8, AV_PIX_FMT_UYVY422, uyvy_to_grey}, {DDX_VIDEO_GREY16, AV_PIX_FMT_YUYV422, yuyv_to_16},
+        {DDX_VIDEO_GREY16, AV_PIX_FMT_UYVY422, uyvy_to_16},  {DDX_VIDEO_GREY16, AV_PIX_FMT_GRAY16LE, copy_16},
+        {DDX_VIDEO_GREY16, AV_PIX_FMT_GRAY16BE, deep_to_16}, {DDX_VIDEO_RGB24, AV_PIX_FMT_RGB24, copy_rgb},
         {DDX_VIDEO_RGB24, AV_PIX_FMT_GRAY8, grey_to_rgb},
     };
 

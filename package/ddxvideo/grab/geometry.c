@@ -49,7 +49,7 @@ void geometry_scale_aspect(struct ddxvideo_geometry *geometry, int width, int he
     int64_t num = (int64_t)geometry->aspect_num * width, den = (int64_t)geometry->aspect_den * height;
     int64_t divisor = fraction_divisor(num, den);
     fraction_set(&geometry->aspect_num, &geometry->aspect_den, num / divisor * geometry->height,
-        den / divisor * geometry->width);
+                 den / divisor * geometry->width);
 }
 
 struct ddxvideo_geometry geometry_of_result(const struct ddxvideo_geometry *camera, int width, int height, long skip,

@@ -62,8 +62,7 @@ static int write_frame(struct grabber *grabber, const struct camera_frame *from,
 
     if (error)
         return error;
-    error = converter_run(&grabber->converter, from->data, from->size,
-                          frame.plane, frame.stride);
+    error = converter_run(&grabber->converter, from->data, from->size, frame.plane, frame.stride);
     if (error) {
         ddx_store_cancel(grabber->video);
         return error;
@@ -182,7 +181,7 @@ static const char *const reasons[] = {"driver", "error", "away", "store", NULL};
 #define LASTS_NS SECOND
 #define RETRY_NS (200 * MS)     /* between two attempts to open the camera */
 #define POLL_MS 50              /* longest wait; requests and signals are checked after it */
-#define PATIENCE_NS SECOND  /* without a frame; then the stream is restarted. For a slow camera, four periods */
+#define PATIENCE_NS SECOND      /* without a frame; then the stream is restarted. For a slow camera, four periods */
 #define WARM_UP_NS (3 * SECOND) /* the same before the first frame: some cameras take that long */
 #define LOST_SAID_NS (10 * SECOND)
 
@@ -253,9 +252,8 @@ static void try_open(struct grabber *grabber) {
     }
     *grabber->reason = 0;
     struct camera *camera = grabber->camera;
-    grabber->geometry =
-        geometry_of_result(&camera->geometry, camera->width, camera->height, grabber->skip, grabber->stack,
-                           camera->layout);
+    grabber->geometry = geometry_of_result(&camera->geometry, camera->width, camera->height, grabber->skip,
+                                           grabber->stack, camera->layout);
     const char *bad = ddxvideo_geometry_error(&grabber->geometry);
     error = bad ? -EINVAL
                 : converter_open(&grabber->converter, &camera->pixels, camera->geometry.range, &grabber->geometry,
@@ -370,9 +368,7 @@ static void take_events(struct grabber *grabber) {
     switch (grabber->camera->call->events(grabber->camera, &grabber->controls)) {
     case CAMERA_NOTHING: break;
     case CAMERA_CONTROLS_CHANGED: grabber->changed = true; break;
-    case CAMERA_OTHER_SIGNAL:
-        let_go(grabber, "another signal, looking what it is");
-        grabber->retry = 0;
+    case CAMERA_OTHER_SIGNAL: let_go(grabber, "another signal, looking what it is"); grabber->retry = 0;
     }
 }
 

@@ -23,8 +23,8 @@ enum pixels_coding {
     PIXELS_GREY16, /* samples of 16 bits: the upper byte first, `depth` bits in use */
     PIXELS_YUV411, /* U Y Y V Y Y */
     PIXELS_YUV444, /* U Y V */
-    PIXELS_RGB48, /* samples as of GREY16 */
-    PIXELS_RGGB,  /* raw sensor: its first two rows begin with R G and G B */
+    PIXELS_RGB48,  /* samples as of GREY16 */
+    PIXELS_RGGB,   /* raw sensor: its first two rows begin with R G and G B */
     PIXELS_GBRG,
     PIXELS_GRBG,
     PIXELS_BGGR,
@@ -56,7 +56,7 @@ struct pixels {
 
 struct pixels_format {
     enum pixels_coding coding;
-    const char *name; /* in -format */
+    const char *name;         /* in -format */
     enum AVPixelFormat libav; /* after `unpack` */
     bool compressed;
     uint8_t planes;
@@ -65,7 +65,7 @@ struct pixels_format {
     uint8_t chroma_row_step; /* rows of luma for each row of the other planes */
     enum pixels_unpack unpack;
     enum AVPixelFormat deep; /* for a layout of 16 bits, without `unpack`; AV_PIX_FMT_NONE: the camera has 8 bits */
-    int layout; /* enum ddx_video_format that has the same samples; -1: there is none */
+    int layout;              /* enum ddx_video_format that has the same samples; -1: there is none */
 };
 
 const struct pixels_format *pixels_find(enum pixels_coding coding); /* or NULL */

@@ -18,7 +18,7 @@
 
 struct hw_watchdog {
     const char *path;
-    int file; /* -1: not open */
+    int file;    /* -1: not open */
     int timeout; /* seconds, as set in the hardware */
 };
 

@@ -249,11 +249,11 @@ int ddxvideo_parameters_write(DDX_STORE_ITEM *item, const DDX_VIDEO_PARAMETERS *
  */
 DDX_STORE_TYPE(
     DDX_VIDEO_STEREO, struct {
-        double f;      /* focal length, pixels */
-        double T;      /* distance between the cameras */
-        double cx, cy; /* centre of the rectified pictures, pixels */
+        double f;        /* focal length, pixels */
+        double T;        /* distance between the cameras */
+        double cx, cy;   /* centre of the rectified pictures, pixels */
         double min, max; /* range of the disparities, pixels */
-        double step;   /* a difference of 1 in the disparities, pixels */
+        double step;     /* a difference of 1 in the disparities, pixels */
     });
 
 /* Errors: -EINVAL (name too long), and those of ddx_store_create(). */

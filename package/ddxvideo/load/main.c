@@ -25,14 +25,14 @@ struct player {
     DDX_STATS_BOOK *book;
     DDX_STORE_ID *id;
     DDX_STORE_ITEM *video, *counter, *parameters;
-    int64_t begin;     /* when the first frame was due, ns; with a clock it may be before the program's start */
+    int64_t begin; /* when the first frame was due, ns; with a clock it may be before the program's start */
     bool begun;
-    bool patient;      /* waits for readers, which set the pace */
-    bool cut;          /* a line has reported that the file ends within a frame */
-    bool damaged;      /* the previous frame could not be decoded */
+    bool patient;       /* waits for readers, which set the pace */
+    bool cut;           /* a line has reported that the file ends within a frame */
+    bool damaged;       /* the previous frame could not be decoded */
     int64_t not_before; /* with a clock: earlier frames are left out */
-    uint64_t frame;    /* number of the next frame */
-    int64_t published; /* time of the last frame; before the first one, of the start */
+    uint64_t frame;     /* number of the next frame */
+    int64_t published;  /* time of the last frame; before the first one, of the start */
 };
 
 /* ---- Player ---- */
@@ -232,8 +232,7 @@ static int play(struct player *player) {
     schedule_init(&player->schedule, geometry->rate_num ? (uint32_t)geometry->rate_num : 25,
                   geometry->rate_num ? (uint32_t)geometry->rate_den : 1);
     player->patient = !player->speed.num && player->readers;
-    while (play_pass(player, &status) == CLIP_END && player->loop && player->file.frames &&
-           !program_stopping()) {
+    while (play_pass(player, &status) == CLIP_END && player->loop && player->file.frames && !program_stopping()) {
         enum clip_result result = clip_rewind(&player->file);
 
         if (result != CLIP_OK) {
@@ -326,10 +325,9 @@ int main(int argc, char **argv) {
          OPTION_TEXT, &rate, 0, 0},
         {"readers", "N", "wait for N readers of the item before the first frame", OPTION_NUMBER, &player.readers, 0,
          1000},
-        {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT,
-         &layout_name, 0, 0},
-        {"clock", "ITEM", "begin with the replay of `ddxlog -replay FILE -clock ITEM`",
-         OPTION_TEXT, &player.clock, 0, 0},
+        {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT, &layout_name, 0, 0},
+        {"clock", "ITEM", "begin with the replay of `ddxlog -replay FILE -clock ITEM`", OPTION_TEXT, &player.clock, 0,
+         0},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 

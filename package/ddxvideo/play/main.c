@@ -31,8 +31,8 @@ static bool parse_mode(const char *text, int *width, int *height) {
 
 int main(int argc, char **argv) {
     static struct player player = {.name = "video"};
-    static const char *const fits[] = {[LAYOUT_SHAPE] = "shape", [LAYOUT_FILL] = "fill", [LAYOUT_PIXELS] = "pixels",
-                                       NULL};
+    static const char *const fits[] = {
+        [LAYOUT_SHAPE] = "shape", [LAYOUT_FILL] = "fill", [LAYOUT_PIXELS] = "pixels", NULL};
     static const char *const switches[] = {"off", "on", NULL};
     const char *field = "all", *fit = "shape", *mode = NULL, *text = "on";
     int fit_number, text_number;

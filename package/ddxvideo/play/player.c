@@ -148,9 +148,9 @@ static void caption_draw(const struct caption *caption, const struct canvas *can
 
 /* ---- Player ---- */
 
-#define WAIT 0.1          /* s, of a wait for the next frame; also between checks for a stop */
-#define PATIENCE SECOND   /* frames are missing after this time, or after three periods */
-#define RATE_SPAN SECOND  /* the rate is counted over this time */
+#define WAIT 0.1         /* s, of a wait for the next frame; also between checks for a stop */
+#define PATIENCE SECOND  /* frames are missing after this time, or after three periods */
+#define RATE_SPAN SECOND /* the rate is counted over this time */
 #define BACKGROUND 0x000000
 
 enum { LOST_SCREEN, LOST_BAD };

@@ -52,14 +52,14 @@ struct player {
     DDX_STORE_ITEM *item;
     struct painter painter;
     struct as_420 as;
-    struct still still;  /* the newest picture, kept when the next one is late */
-    bool kept;           /* the kept picture is that of `sequence` */
-    uint64_t sequence;   /* of the newest picture; 0: none yet */
-    int64_t written;     /* its time, ns; before the first picture: the start of the player */
-    uint64_t first;      /* the first sequence for the rate, and the time of its write */
+    struct still still; /* the newest picture, kept when the next one is late */
+    bool kept;          /* the kept picture is that of `sequence` */
+    uint64_t sequence;  /* of the newest picture; 0: none yet */
+    int64_t written;    /* its time, ns; before the first picture: the start of the player */
+    uint64_t first;     /* the first sequence for the rate, and the time of its write */
     int64_t counted;
     double rate;
-    const char *trouble; /* why the item's picture cannot be shown; NULL: it can */
+    const char *trouble;  /* why the item's picture cannot be shown; NULL: it can */
     struct caption shown; /* on the screen */
 };
 

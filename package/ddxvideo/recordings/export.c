@@ -26,8 +26,8 @@ struct copy {
     int fd;
     uint32_t sum;
     uint64_t written, synced;
-    int percent;      /* printed last */
-    int write_error;  /* 0: the source failed */
+    int percent;     /* printed last */
+    int write_error; /* 0: the source failed */
 };
 
 /* ---- One file ---- */

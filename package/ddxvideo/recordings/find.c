@@ -157,8 +157,8 @@ static void walk(int fd, const struct y4m_header *header, uint64_t at, struct fo
     if (last >= 0)
         found->duration = lasts(0, last, found->frames);
     else if (header->geometry.rate_num)
-        found->duration = schedule_offset(found->frames, (uint32_t)header->geometry.rate_num,
-                                          (uint32_t)header->geometry.rate_den);
+        found->duration =
+            schedule_offset(found->frames, (uint32_t)header->geometry.rate_num, (uint32_t)header->geometry.rate_den);
 }
 
 /* Fill in all from the file found->name itself. False: not a Y4M file, and not named like a recording either. */

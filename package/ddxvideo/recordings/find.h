@@ -25,8 +25,8 @@ struct found {
     uint32_t number;  /* of the file */
     uint32_t session; /* number of the first file of its recording */
     enum found_state state;
-    long id;     /* in the pool; 0: no index */
-    bool spoilt; /* its index is damaged */
+    long id;            /* in the pool; 0: no index */
+    bool spoilt;        /* its index is damaged */
     uint64_t recording; /* random number in its index, different for each recording */
     uint64_t frames, bytes;
     uint64_t lost_store, lost_ring; /* from its index */

@@ -128,8 +128,7 @@ static void show_room(const struct folder *folder, const char *path) {
     printf("room for %" PRIu64 " MB of recordings", room.usable >> 20);
     if (rate)
         printf(", %" PRIu64 " min at this rate", room.usable / rate / 60);
-    printf("; %" PRIu64 " MB of it in prepared files, %" PRIu64 " MB free", room.prepared >> 20,
-           room.free >> 20);
+    printf("; %" PRIu64 " MB of it in prepared files, %" PRIu64 " MB free", room.prepared >> 20, room.free >> 20);
     if (folder->pool >= 0)
         printf("; files ready: %" PRIu32, room.ready);
     putchar('\n');

@@ -77,8 +77,7 @@ static bool fits(const struct check *check) {
         return false;
     memcpy(line, check->line, length);
     line[length - 1] = 0;
-    if (strlen(line) != length - 1 || !y4m_parse_header(line, Y4M_SAME, &header, error) ||
-        !y4m_is_plain(&header))
+    if (strlen(line) != length - 1 || !y4m_parse_header(line, Y4M_SAME, &header, error) || !y4m_is_plain(&header))
         return false;
     uint64_t picture = video_layout_bytes(&header.geometry);
     return first->bytes > picture && first->bytes - picture < Y4M_FRAME_LINE_WRITTEN;
@@ -122,8 +121,7 @@ static int read_index(struct verify *verify, const struct found *found) {
 }
 
 int verify_open(struct verify *verify, const struct folder *folder, const struct found *found) {
-    *verify = (struct verify){
-        .fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes, .damaged = found->spoilt};
+    *verify = (struct verify){.fd = -1, .index_fd = -1, .hold = -1, .bytes = found->bytes, .damaged = found->spoilt};
     int error = found->id ? found_hold(folder, found, &verify->hold) : 0;
     if (found->spoilt)
         say("%s: its index is damaged: no frame has its sum", found->shown);

@@ -17,8 +17,8 @@ struct check {
     uint32_t bad;      /* frames that do not match */
     uint32_t first;    /* the first bad frame; `last`: of those that follow it without a gap */
     uint32_t last;
-    uint64_t behind;   /* bytes after the last frame */
-    uint32_t head;     /* checksum of the bytes before the first frame; `line`: their beginning */
+    uint64_t behind; /* bytes after the last frame */
+    uint32_t head;   /* checksum of the bytes before the first frame; `line`: their beginning */
     char line[Y4M_HEADER_MAX];
 };
 
@@ -27,7 +27,7 @@ struct verify {
     int fd, index_fd;
     int hold; /* see found_hold() */
     bool direct;
-    uint64_t bytes; /* to be read */
+    uint64_t bytes;           /* to be read */
     struct index_file *index; /* NULL: none */
     bool damaged;             /* some frames have no checksum */
     struct check check;

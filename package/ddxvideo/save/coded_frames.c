@@ -71,9 +71,9 @@ int coded_frames_next(struct coded_frames *frames, const struct ddxvideo_picture
 
     stamp->key = key_is_due(frames, stamp->time);
     stamp->geometry = frames->encoder.geometry;
-    frames->failed = h264_encode(&frames->encoder, picture, stamp->key, payload, stamp_write(payload, stamp), &data,
-                                 &size) ||
-                     size + MP4_FRAGMENT + MP4_BLOCK > coded_frames_room(&frames->encoder.geometry);
+    frames->failed =
+        h264_encode(&frames->encoder, picture, stamp->key, payload, stamp_write(payload, stamp), &data, &size) ||
+        size + MP4_FRAGMENT + MP4_BLOCK > coded_frames_room(&frames->encoder.geometry);
     if (frames->failed)
         return -EIO;
     uint64_t shown = shown_at(frames, stamp->time);

@@ -15,8 +15,8 @@ struct flusher {
     pthread_cond_t changed;
     struct segment *oldest; /* the others follow it */
     bool stop;
-    int64_t period;    /* ns */
-    atomic_int *error; /* 0, or the first error, here or in the writer */
+    int64_t period;     /* ns */
+    atomic_int *error;  /* 0, or the first error, here or in the writer */
     atomic_bool unsafe; /* see struct segment */
 };
 

@@ -84,7 +84,7 @@ bool frame_queue_has_room(struct frame_queue *queue, size_t bytes) {
 }
 
 bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int count,
-                    const struct frame_queue_facts *facts) {
+                     const struct frame_queue_facts *facts) {
     size_t bytes = 0;
 
     for (int i = 0; i < count; i++)
@@ -128,7 +128,7 @@ void frame_queue_close(struct frame_queue *queue) {
 }
 
 enum frame_queue_next frame_queue_peek(struct frame_queue *queue, const unsigned char **bytes, size_t *size,
-                                     size_t limit) {
+                                       size_t limit) {
     pthread_mutex_lock(&queue->lock);
     while (queue->put == queue->taken && queue->cuts_put == queue->cuts_taken && !queue->closed)
         pthread_cond_wait(&queue->changed, &queue->lock);

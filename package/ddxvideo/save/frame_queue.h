@@ -23,14 +23,14 @@
 
 /* Facts on a frame, beside its bytes. */
 struct frame_queue_facts {
-    unsigned header;   /* bytes before the frame: the file's header, before its first frame */
-    int64_t published; /* time of its write into the store */
-    int64_t time;      /* of the capture */
-    int64_t wall;      /* as wall time; 0 if unknown */
-    uint64_t sequence; /* in the store */
-    int frame;         /* the source's number */
+    unsigned header;                /* bytes before the frame: the file's header, before its first frame */
+    int64_t published;              /* time of its write into the store */
+    int64_t time;                   /* of the capture */
+    int64_t wall;                   /* as wall time; 0 if unknown */
+    uint64_t sequence;              /* in the store */
+    int frame;                      /* the source's number */
     unsigned lost_store, lost_ring; /* frames lost before this one */
-    uint32_t step;     /* of an MP4 file: struct mp4_entry */
+    uint32_t step;                  /* of an MP4 file: struct mp4_entry */
 };
 
 struct frame_queue_frame {
@@ -45,7 +45,7 @@ struct frame_queue {
     unsigned frame_limit;
     uint64_t put, taken;               /* bytes so far */
     uint64_t frames_put, frames_taken; /* frames so far */
-    uint64_t cut[FRAME_QUEUE_CUTS];     /* ends of files, in the queue's count */
+    uint64_t cut[FRAME_QUEUE_CUTS];    /* ends of files, in the queue's count */
     unsigned cuts_put, cuts_taken;
     bool closed;
     pthread_mutex_t lock;
@@ -69,7 +69,7 @@ bool frame_queue_has_room(struct frame_queue *queue, size_t bytes);
 
 /* A frame, in pieces. False if there is no room; nothing was put then. */
 bool frame_queue_put(struct frame_queue *queue, const struct iovec *pieces, int count,
-                    const struct frame_queue_facts *facts);
+                     const struct frame_queue_facts *facts);
 
 /* The last frame ends its file. False if there is no room for the rest of the block, or for one more cut. */
 bool frame_queue_cut(struct frame_queue *queue);

@@ -5,7 +5,7 @@
 #include "recorder.h"
 #include "schedule.h"
 
-#define QUALITY 18      /* as good as it looks: x264's crf */
+#define QUALITY 18 /* as good as it looks: x264's crf */
 #define QUALITY_LEAST 10
 #define QUALITY_MOST 40
 #define BITRATE_MOST 1000000
@@ -52,8 +52,8 @@ int main(int argc, char **argv) {
          &format, 0, 0},
         {"quality", "N", "of H.264: 10 (best) to 40, or 0, lossless (default: 18)", OPTION_NUMBER, &quality, 0,
          QUALITY_MOST},
-        {"bitrate", "KBIT", "of H.264: at most this rate in kbit/s (default: what the quality needs)",
-         OPTION_NUMBER, &bitrate, 1, BITRATE_MOST},
+        {"bitrate", "KBIT", "of H.264: at most this rate in kbit/s (default: what the quality needs)", OPTION_NUMBER,
+         &bitrate, 1, BITRATE_MOST},
         {"ring", "FRAMES", "frames between store and disk (default: 2.5 s, at least 64)", OPTION_NUMBER,
          &recorder.queue_frames, 2, 100000},
         {"keep", "FRAMES", "in the store for a recorder that comes late (default: 8, and of small pictures 25)",

@@ -17,7 +17,7 @@ int64_t preroll_seconds_max(const struct ddxvideo_geometry *geometry, unsigned q
     int64_t frames = limit_of(queue_frames);
 
     return geometry->rate_num > 0 && geometry->rate_den > 0 ? frames * geometry->rate_den / geometry->rate_num
-                                                             : frames / USUAL_RATE;
+                                                            : frames / USUAL_RATE;
 }
 
 static uint64_t drop_oldest(struct preroll *preroll) {

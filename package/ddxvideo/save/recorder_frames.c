@@ -187,8 +187,7 @@ static void count_missed(struct recorder *recorder, uint64_t missed, int frame) 
 /* Takes over the geometry, and chooses the frames that are wanted. */
 static void look(struct recorder *recorder, struct ddxvideo_picture *view) {
     if (decimate_look(&recorder->decimate, &view->geometry) && !recorder->rate_unknown) {
-        say("%s: its rate is unknown, so each frame is recorded; -skip N takes one of N",
-            recorder->name);
+        say("%s: its rate is unknown, so each frame is recorded; -skip N takes one of N", recorder->name);
         recorder->rate_unknown = true;
     }
     recorder->geometry = view->geometry;

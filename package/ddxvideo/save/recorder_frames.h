@@ -30,9 +30,9 @@ struct recorder {
     long segment;      /* MB of a file of the pool; 0: no pool */
     bool coded;        /* H.264 in MP4, not Y4M */
     struct h264_settings h264;
-    bool recover;      /* finish unfinished recordings, and exit */
-    bool paused;       /* frames are left out until a command to record */
-    bool recycle;      /* on a full disk, the oldest recording is given up */
+    bool recover;             /* finish unfinished recordings, and exit */
+    bool paused;              /* frames are left out until a command to record */
+    bool recycle;             /* on a full disk, the oldest recording is given up */
     struct decimate decimate; /* the other frames are skipped */
     /* state: */
     struct output output;
@@ -43,22 +43,22 @@ struct recorder {
     struct disk_watch disk;
     struct preroll preroll;            /* while it is paused */
     struct ddxvideo_geometry geometry; /* of the newest picture */
-    atomic_uint level; /* of the queue, % */
-    unsigned keep; /* frames that the store keeps for this reader */
-    struct recording *recording; /* the current one; NULL before the first frame */
-    struct backlog backlog;      /* former ones, still being written to disk */
+    atomic_uint level;                 /* of the queue, % */
+    unsigned keep;                     /* frames that the store keeps for this reader */
+    struct recording *recording;       /* the current one; NULL before the first frame */
+    struct backlog backlog;            /* former ones, still being written to disk */
     struct recording_turn turn;
     uint64_t lost_store, lost_ring; /* since the last recorded frame, for the index entry or stamp of the next one */
-    int64_t begin;               /* time of the start */
-    bool awaited;                /* the item did not exist when the recorder started */
-    bool said_waiting;           /* the wait for the item was reported */
-    bool follows;                /* frames count from now on */
-    bool seen;                   /* a frame has come */
-    int frame;                   /* number of the previous frame; -1: none */
-    bool queue_full;             /* the previous frame was lost: no room in the queue */
-    bool rate_changed;           /* reported */
-    bool rate_unknown;           /* reported */
-    int status;                  /* exit status so far */
+    int64_t begin;                  /* time of the start */
+    bool awaited;                   /* the item did not exist when the recorder started */
+    bool said_waiting;              /* the wait for the item was reported */
+    bool follows;                   /* frames count from now on */
+    bool seen;                      /* a frame has come */
+    int frame;                      /* number of the previous frame; -1: none */
+    bool queue_full;                /* the previous frame was lost: no room in the queue */
+    bool rate_changed;              /* reported */
+    bool rate_unknown;              /* reported */
+    int status;                     /* exit status so far */
     bool done;
 };
 

@@ -25,15 +25,15 @@ struct recording {
     atomic_int error; /* 0 or -errno */
     atomic_bool done; /* the writing thread is done */
     /* of the reading thread: */
-    int64_t start;                  /* time of the first frame of the current file */
-    uint64_t file_bytes;            /* of the current file; 0: the next frame begins it */
+    int64_t start;       /* time of the first frame of the current file */
+    uint64_t file_bytes; /* of the current file; 0: the next frame begins it */
     uint32_t file_frames;
-    bool split;                     /* the next frame begins another recording */
-    _Atomic uint32_t begins;        /* bit N: after the queue's cut N (modulo their number) another recording begins */
-    uint64_t lost_store, lost_ring, lost_encode; /* since the last frame that was put */
-    struct coded_frames coded; /* of MP4 files */
-    bool encoder_failed;       /* reported; frames are lost */
-    uint64_t all_bytes, all_frames; /* put so far */
+    bool split;              /* the next frame begins another recording */
+    _Atomic uint32_t begins; /* bit N: after the queue's cut N (modulo their number) another recording begins */
+    uint64_t lost_store, lost_ring, lost_encode;      /* since the last frame that was put */
+    struct coded_frames coded;                        /* of MP4 files */
+    bool encoder_failed;                              /* reported; frames are lost */
+    uint64_t all_bytes, all_frames;                   /* put so far */
     _Atomic uint32_t lost_store_last, lost_ring_last; /* after the last one */
     /* of the writing thread: */
     uint32_t session;        /* number of the first segment */
@@ -96,8 +96,8 @@ static void account(struct recording *recording, const unsigned char *bytes, siz
 static void begin_file(struct recording *recording) {
     struct segment *segment;
     const struct ddxvideo_geometry *geometry = &recording->plan.geometry;
-    int error = segment_open(recording->plan.output, recording->plan.pool, recording->plan.book, recording->session,
-                             &segment);
+    int error =
+        segment_open(recording->plan.output, recording->plan.pool, recording->plan.book, recording->session, &segment);
 
     if (error) {
         fail(recording, error);
@@ -230,8 +230,8 @@ unsigned recording_queue_frames(const struct ddxvideo_geometry *geometry, unsign
 /* ---- Begin and end ---- */
 
 #define CODED_BYTES_MAX (UINT64_C(64) << 20)
-#define CODED_FRAMES_MIN 4  /* raw ones: two of them must be free for each frame */
-#define CODED_LEAST 2048    /* bytes of a frame, for the length of the list */
+#define CODED_FRAMES_MIN 4 /* raw ones: two of them must be free for each frame */
+#define CODED_LEAST 2048   /* bytes of a frame, for the length of the list */
 #define CODED_LIST_MAX 8192
 
 /* For encoded frames: the memory of the usual queue, within bounds, and a longer list of frames. */
@@ -349,11 +349,11 @@ static bool refuse(struct recording *recording) {
 static struct frame_queue_facts facts_of(const struct recording *recording, const struct ddxvideo_picture *view,
                                          const struct recording_frame *frame) {
     struct frame_queue_facts facts = {.published = frame->published,
-                                     .time = capture_time(view, frame->published),
-                                     .sequence = frame->sequence,
-                                     .frame = view->stamp.frame,
-                                     .lost_store = (unsigned)recording->lost_store,
-                                     .lost_ring = (unsigned)recording->lost_ring};
+                                      .time = capture_time(view, frame->published),
+                                      .sequence = frame->sequence,
+                                      .frame = view->stamp.frame,
+                                      .lost_store = (unsigned)recording->lost_store,
+                                      .lost_ring = (unsigned)recording->lost_ring};
 
     if (view->stamp.wall_offset && __builtin_add_overflow(facts.time, view->stamp.wall_offset, &facts.wall))
         facts.wall = 0;

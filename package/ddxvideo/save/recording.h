@@ -30,7 +30,7 @@ struct recording_plan {
     unsigned queue_frames;
     struct recording_turn *turn;
     uint64_t lost_store, lost_ring; /* before its first frame */
-    DDX_STATS_BOOK *book; /* counts each frame's outcome */
+    DDX_STATS_BOOK *book;           /* counts each frame's outcome */
 };
 
 struct recording;

@@ -365,8 +365,8 @@ static void cut(struct segment *segment) {
 
 /* Makes a plain MP4 file of fragments. If that fails, they remain: the next recorder tries again. */
 static int write_table(struct segment *segment) {
-    int error = segment->forgot ? -ENOMEM
-                                : mp4_finish(segment->fd, segment->format, segment->entries, segment->safe_frames);
+    int error =
+        segment->forgot ? -ENOMEM : mp4_finish(segment->fd, segment->format, segment->entries, segment->safe_frames);
 
     if (error) {
         say("%s: has no table, so players cannot seek in it, %s; start the recorder again to add it", segment->path,

@@ -16,9 +16,9 @@
 #define KERNEL_STEP 16         /* the number of disparities is a multiple of this */
 #define KERNEL_LANES KERNEL_DISPARITIES
 #define KERNEL_UNUSED 64 /* its sum over four paths is above that of any disparity */
-#define KERNEL_SMALL 7         /* penalty where the disparity changes by one along a path */
-#define KERNEL_LARGE 36        /* where it changes by more; 4 * (24 + this) < 256 */
-#define KERNEL_PLANES 3        /* of a census */
+#define KERNEL_SMALL 7   /* penalty where the disparity changes by one along a path */
+#define KERNEL_LARGE 36  /* where it changes by more; 4 * (24 + this) < 256 */
+#define KERNEL_PLANES 3  /* of a census */
 
 /*
  * A pixel has a lane for each disparity, the largest first: then lanes have the order of the right row's pixels, and
@@ -37,7 +37,7 @@ struct kernel_row {
 
 struct kernel_winner {
     uint8_t disparity, cost, before, after; /* the best disparity, and its neighbours' costs (255: no neighbour) */
-    uint8_t rivals;                             /* whether other disparities cost little more */
+    uint8_t rivals;                         /* whether other disparities cost little more */
 };
 
 struct kernel {

@@ -47,8 +47,8 @@ static inline vector least_splat(vector v) {
 
 /* Looks up each half of a byte, and then the carries of a full adder. */
 static inline vector bits_of_halves(vector v) {
-    const vector table = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4,
-                                          0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4);
+    const vector table = _mm256_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4, 0, 1, 1, 2, 1, 2, 2, 3, 1, 2,
+                                          2, 3, 2, 3, 3, 4);
     const vector low = splat(0x0f);
 
     return add(_mm256_shuffle_epi8(table, both(v, low)), _mm256_shuffle_epi8(table, both(shift_right(v, 4), low)));

@@ -37,8 +37,9 @@ INLINE void costs(const struct kernel_row *row, int x, uint8_t *to, int lanes) {
     const vector left[KERNEL_PLANES] = {splat(row->left[0][x]), splat(row->left[1][x]), splat(row->left[2][x])};
 
     for (int i = 0; i < lanes; i += LANES) {
-        vector bits = bits_set(differ(left[0], load(row->right[0] + x + i)), differ(left[1], load(row->right[1] + x + i)),
-                               differ(left[2], load(row->right[2] + x + i)));
+        vector bits =
+            bits_set(differ(left[0], load(row->right[0] + x + i)), differ(left[1], load(row->right[1] + x + i)),
+                     differ(left[2], load(row->right[2] + x + i)));
 
         if (UNUSED && !i)
             bits = either(bits, load(row->unused));
@@ -120,22 +121,22 @@ INLINE void backward(const struct kernel_row *row, const uint8_t limit[256], str
 
 static void forward_row(const struct kernel_row *row) {
     switch (row->lanes) {
-#define CASE(n) case n: forward(row, n); break;
+#define CASE(n) \
+    case n: forward(row, n); break;
         CASES
 #undef CASE
-    default:
-        forward(row, row->lanes);
+    default: forward(row, row->lanes);
     }
     done();
 }
 
 static void backward_row(const struct kernel_row *row, const uint8_t limit[256], struct kernel_winner *winner) {
     switch (row->lanes) {
-#define CASE(n) case n: backward(row, limit, winner, n); break;
+#define CASE(n) \
+    case n: backward(row, limit, winner, n); break;
         CASES
 #undef CASE
-    default:
-        backward(row, limit, winner, row->lanes);
+    default: backward(row, limit, winner, row->lanes);
     }
     done();
 }

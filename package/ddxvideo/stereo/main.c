@@ -145,8 +145,8 @@ static void rectifier_run(const struct rectifier *rectifier, const uint8_t *from
             }
             const uint8_t *above = from + place->y * from_stride + place->x, *below = above + from_stride;
             unsigned right = place->right, down = place->below, left = PARTS - right;
-            unsigned sum = (above[0] * left + above[1] * right) * (PARTS - down) +
-                           (below[0] * left + below[1] * right) * down;
+            unsigned sum =
+                (above[0] * left + above[1] * right) * (PARTS - down) + (below[0] * left + below[1] * right) * down;
 
             to[x] = level[(sum + PARTS * PARTS / 2) / (PARTS * PARTS)];
         }
@@ -198,8 +198,12 @@ static struct ddxvideo_geometry disparity_geometry(const struct ddxvideo_geometr
 /* Writes the numbers that metres need: once, and again when the size of the pictures changes. */
 static int write_stereo(struct ranger *ranger, DDX_STORE_ID *id) {
     const double *projection = ranger->calibration.eye[LEFT].projection;
-    const DDX_VIDEO_STEREO stereo = {.f = projection[0], .T = ranger->calibration.baseline, .cx = projection[2],
-                                     .cy = projection[6], .min = 1, .max = ranger->settings.disparities - 1,
+    const DDX_VIDEO_STEREO stereo = {.f = projection[0],
+                                     .T = ranger->calibration.baseline,
+                                     .cx = projection[2],
+                                     .cy = projection[6],
+                                     .min = 1,
+                                     .max = ranger->settings.disparities - 1,
                                      .step = 1.0 / MATCHER_SUBPIXEL};
     int error = ddxvideo_stereo_create(id, ranger->name, &ranger->stereo);
 
@@ -290,8 +294,7 @@ static void fill(const struct ranger *ranger, const struct pair *pair, struct dd
     uint8_t *right = range->plane[0] + RIGHT_ON_TOP * field, *left = range->plane[0] + LEFT_BELOW * field;
     uint16_t *found = (uint16_t *)(void *)disparity->plane[0];
 
-    rectifier_run(ranger->rectifier[LEFT], pair->luma[LEFT], pair->stride[LEFT], ranger->level, left,
-                  range->stride[0]);
+    rectifier_run(ranger->rectifier[LEFT], pair->luma[LEFT], pair->stride[LEFT], ranger->level, left, range->stride[0]);
     rectifier_run(ranger->rectifier[RIGHT], pair->luma[RIGHT], pair->stride[RIGHT], ranger->level, right,
                   range->stride[0]);
     matcher_run(ranger->matcher, left, range->stride[0], right, range->stride[0], found);

@@ -42,11 +42,11 @@ const struct kernel *const *kernel_available(void) {
 
 struct filter {
     int width, height, disparities, agreement, speckle;
-    int16_t *seen;       /* of each pixel of the right picture: the disparity that the left one found, or NONE */
-    uint8_t *cost;       /* the cost of that disparity */
-    uint32_t *run[2];    /* of each pixel of this row and the last one: its run of similar neighbours */
-    uint32_t *parent;    /* of each run: another one of the same patch, itself at the root */
-    uint32_t *size;      /* of a root: pixels of the patch */
+    int16_t *seen;    /* of each pixel of the right picture: the disparity that the left one found, or NONE */
+    uint8_t *cost;    /* the cost of that disparity */
+    uint32_t *run[2]; /* of each pixel of this row and the last one: its run of similar neighbours */
+    uint32_t *parent; /* of each run: another one of the same patch, itself at the root */
+    uint32_t *size;   /* of a root: pixels of the patch */
 };
 
 static void filter_free(struct filter *filter) {
@@ -207,8 +207,8 @@ struct matcher {
     struct matcher_settings settings;
     const struct kernel *kernel;
     uint8_t limit[256];
-    int lanes;                              /* of a pixel */
-    long right_width;                       /* of a row of the right census, with the bytes beside the picture */
+    int lanes;        /* of a pixel */
+    long right_width; /* of a row of the right census, with the bytes beside the picture */
     uint8_t unused[KERNEL_LANES];
     uint8_t *left, *right;                  /* census: three planes of a row, then the next row */
     uint8_t *cost, *vertical, *least, *sum; /* sum: of all rows */
@@ -312,8 +312,12 @@ static void rows_around(const uint8_t *picture, long stride, int y, int height, 
 
 static struct kernel_row row_at(const struct matcher *matcher, int y) {
     int width = matcher->settings.width, lanes = matcher->lanes;
-    struct kernel_row row = {.width = width, .lanes = lanes, .unused = matcher->unused, .cost = matcher->cost,
-                             .vertical = matcher->vertical, .least = matcher->least,
+    struct kernel_row row = {.width = width,
+                             .lanes = lanes,
+                             .unused = matcher->unused,
+                             .cost = matcher->cost,
+                             .vertical = matcher->vertical,
+                             .least = matcher->least,
                              .sum = matcher->sum + (size_t)y * (size_t)width * (size_t)lanes};
 
     for (int i = 0; i < KERNEL_PLANES; i++) {

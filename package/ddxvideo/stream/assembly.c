@@ -21,14 +21,14 @@ static void open_frame(struct assembly *assembly, const struct rtp_packet *packe
     assembly->chunk.size = 0;
     assembly->open = true;
     assembly->frame = (struct assembly_frame){.type = (enum rtp_type)packet->type,
-                                          .first = assembly->fresh,
-                                          .incomplete = packet->has_count && !packet->has_source,
-                                          .damaged = packet->has_count && !assembly->fresh &&
-                                                     packet->frame.count != assembly->expected,
-                                          .time = packet->time,
-                                          .has_count = packet->has_count,
-                                          .has_source = packet->has_source,
-                                          .frame = packet->frame};
+                                              .first = assembly->fresh,
+                                              .incomplete = packet->has_count && !packet->has_source,
+                                              .damaged = packet->has_count && !assembly->fresh &&
+                                                         packet->frame.count != assembly->expected,
+                                              .time = packet->time,
+                                              .has_count = packet->has_count,
+                                              .has_source = packet->has_source,
+                                              .frame = packet->frame};
     if (packet->has_count && !assembly->fresh)
         assembly->frame.missing = (uint16_t)(packet->frame.count - assembly->expected);
     if (assembly->frame.missing > INT16_MAX)

@@ -21,8 +21,8 @@ static void advance(struct budget *budget, int64_t now) {
 }
 
 void budget_init(struct budget *budget, int64_t rate, int64_t depth, double share, int64_t now) {
-    *budget = (struct budget){
-        .rate = rate, .depth = depth, .now = now, .spent = now - (int64_t)((double)depth * share)};
+    *budget =
+        (struct budget){.rate = rate, .depth = depth, .now = now, .spent = now - (int64_t)((double)depth * share)};
 }
 
 int64_t budget_tokens(struct budget *budget, int64_t now) {

@@ -47,8 +47,8 @@ enum intake_count {
     INTAKE_REPAIR_WRONG, /* restored packets that arrived later with other contents */
     INTAKE_COUNTS
 };
-#define INTAKE_NAMES                                                                                        \
-    "received", "bytes", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage", "sources", \
+#define INTAKE_NAMES                                                                                           \
+    "received", "bytes", "used", "lost", "late", "duplicate", "reordered", "foreign", "garbage", "sources",    \
         "restored", "repair_received", "repair_refused", "repair_useless", "repair_expired", "repair_corrupt", \
         "repair_wrong"
 
@@ -60,7 +60,7 @@ struct intake {
     bool followed, confirmed;
     uint32_t ssrc;
     uint8_t type;
-    uint8_t window;  /* frames that its repair packets reach back, 0: it sends none; its newest frame: */
+    uint8_t window; /* frames that its repair packets reach back, 0: it sends none; its newest frame: */
     uint16_t newest;
     int64_t heard; /* time of its last packet */
     /* a possible successor: its packets since the followed source was heard last */

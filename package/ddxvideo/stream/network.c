@@ -161,8 +161,9 @@ const char *network_text(const struct network_address *address, char *text) {
 }
 
 const char *network_advice(int error, const char *interface) {
-    return (error == -ENODEV || error == -ENETUNREACH) && !interface
-               ? "; without a default route, name the network's interface: -interface eth0" : "";
+    return (error == -ENODEV || error == -ENETUNREACH) && !interface ? "; without a default route, name the network's "
+                                                                       "interface: -interface eth0"
+                                                                     : "";
 }
 
 unsigned network_interface(const char *name) {

@@ -26,10 +26,10 @@
 
 #include "symbol.h"
 
-#define REPAIR_TYPE 98     /* RTP payload type */
-#define REPAIR_FRAMES 25   /* most frames that a repair packet covers */
-#define REPAIR_PACKETS 256 /* most media packets that a repair packet covers */
-#define REPAIR_HEADER 24   /* bytes before the repair symbol */
+#define REPAIR_TYPE 98                          /* RTP payload type */
+#define REPAIR_FRAMES 25                        /* most frames that a repair packet covers */
+#define REPAIR_PACKETS 256                      /* most media packets that a repair packet covers */
+#define REPAIR_HEADER 24                        /* bytes before the repair symbol */
 #define REPAIR_MAX (REPAIR_HEADER + SYMBOL_MAX) /* bytes of a repair packet */
 
 /* A repair packet that was received. */
@@ -52,9 +52,9 @@ bool repair_parse(const uint8_t *data, size_t size, struct repair_packet *packet
 struct repair_window {
     uint32_t media_ssrc;
     uint32_t repair_ssrc;
-    uint16_t sequence; /* of the next repair packet; also its Repair_Key */
-    unsigned count;    /* packets in the window */
-    uint32_t newest;   /* ESI of the last one */
+    uint16_t sequence;                    /* of the next repair packet; also its Repair_Key */
+    unsigned count;                       /* packets in the window */
+    uint32_t newest;                      /* ESI of the last one */
     uint16_t frame[REPAIR_PACKETS];       /* of each packet, by ESI */
     struct symbol source[REPAIR_PACKETS]; /* by ESI */
 };

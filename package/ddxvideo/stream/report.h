@@ -30,12 +30,12 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#define REPORT_WINDOW 256                    /* packets: base is never further back than this */
-#define REPORT_AHEAD 128                     /* packets; highest may be further ahead than any sent packet by this */
-#define REPORT_SIZE 32                       /* bytes of a report */
-#define REPORT_MAX (REPORT_SIZE + 12)        /* bytes of what report_write() writes */
-#define REPORT_TICK INT64_C(250000)          /* ns, unit of the age */
-#define REPORT_OLDEST (65535 * REPORT_TICK)  /* ns; this age means at least this */
+#define REPORT_WINDOW 256                   /* packets: base is never further back than this */
+#define REPORT_AHEAD 128                    /* packets; highest may be further ahead than any sent packet by this */
+#define REPORT_SIZE 32                      /* bytes of a report */
+#define REPORT_MAX (REPORT_SIZE + 12)       /* bytes of what report_write() writes */
+#define REPORT_TICK INT64_C(250000)         /* ns, unit of the age */
+#define REPORT_OLDEST (65535 * REPORT_TICK) /* ns; this age means at least this */
 
 struct report {
     uint32_t reporter, media; /* SSRCs */
@@ -44,8 +44,8 @@ struct report {
     uint8_t loss;
     bool has_repair; /* highest_repair is valid */
     uint16_t highest_repair;
-    int64_t age; /* ns */
-    bool refresh;  /* there is a picture loss indication */
+    int64_t age;  /* ns */
+    bool refresh; /* there is a picture loss indication */
 };
 
 /* Write the report (if has_state) and the indication (if refresh) to to[REPORT_MAX]. Returns the number of bytes. */

@@ -19,7 +19,7 @@
 #define RESTORE_JUMP 1000
 #define RESTORE_AHEAD 128 /* packets that a repair packet may reach beyond the newest media packet that came */
 
-#define RESTORE_BEHIND 8  /* media packets in sequence that a repair packet can overtake */
+#define RESTORE_BEHIND 8 /* media packets in sequence that a repair packet can overtake */
 
 /* Counts of repair packets: RECEIVED = REFUSED + USELESS + EXPIRED + CORRUPT + RESTORED + those that wait. */
 enum restore_count {
@@ -51,17 +51,17 @@ struct restore {
     uint32_t ssrc;
     bool begun; /* a media packet came */
     struct rtp_stranger stranger;
-    uint16_t came;    /* newest media packet that came */
-    uint16_t newest;  /* newest media packet that is known to have been sent */
-    unsigned behind;  /* media packets that came and are before `newest`, since that changed */
-    uint16_t floor;   /* packets before this one are not needed any more */
-    unsigned rows;    /* equations that wait */
-    unsigned ready;   /* restored packets that wait for restore_take() */
+    uint16_t came;   /* newest media packet that came */
+    uint16_t newest; /* newest media packet that is known to have been sent */
+    unsigned behind; /* media packets that came and are before `newest`, since that changed */
+    uint16_t floor;  /* packets before this one are not needed any more */
+    unsigned rows;   /* equations that wait */
+    unsigned ready;  /* restored packets that wait for restore_take() */
     uint64_t count[RESTORE_COUNTS];
     uint64_t wrong; /* packets that came with other contents after they were restored: forged repair packets */
-    uint8_t state[REPAIR_PACKETS]; /* enum restore_state, by sequence number */
+    uint8_t state[REPAIR_PACKETS];            /* enum restore_state, by sequence number */
     struct restore_slot slot[REPAIR_PACKETS]; /* by sequence number */
-    struct restore_slot row; /* the current equation */
+    struct restore_slot row;                  /* the current equation */
 };
 
 void restore_init(struct restore *restore, uint32_t media_ssrc);

@@ -17,8 +17,8 @@
 static const char type[] = "application/sdp"; /* with its terminating zero in a message */
 
 /* IPv4 groups by scope: RFC 2974, 3; RFC 2365 for the ranges. */
-#define LINK 0xe0000000  /* 224.0.0.0/24 */
-#define LOCAL 0xefff0000 /* 239.255.0.0/16 */
+#define LINK 0xe0000000         /* 224.0.0.0/24 */
+#define LOCAL 0xefff0000        /* 239.255.0.0/16 */
 #define ORGANIZATION 0xefc00000 /* 239.192.0.0/14 */
 #define SAP_LINK 0xe00000ff
 #define SAP_LOCAL 0xefffffff
@@ -80,8 +80,8 @@ bool sap_parse(const uint8_t *data, size_t size, struct sap *sap) {
     take_origin(sap, data + HEAD, origin);
     sap->text = data + head;
     sap->size = size - head;
-    return !network_is_any(&sap->origin) && skip_type(sap) &&
-           (sap->deletion || sap->size) && !memchr(sap->text, 0, sap->size);
+    return !network_is_any(&sap->origin) && skip_type(sap) && (sap->deletion || sap->size) &&
+           !memchr(sap->text, 0, sap->size);
 }
 
 uint16_t sap_hash(const uint8_t *text, size_t size) {

@@ -95,8 +95,8 @@ size_t sdp_write(const struct sdp *sdp, char *data) {
     if (sdp->rate > 0)
         add(&text, "a=framerate:%.3f\r\n", sdp->rate);
     if (sdp->type != RTP_TS)
-        add(&text, "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI "\r\na=extmap:3 " RTP_SOURCE_URI
-                   "\r\n");
+        add(&text,
+            "a=extmap:1 " RTP_CAPTURE_URI "\r\na=extmap:2 " RTP_FRAME_URI "\r\na=extmap:3 " RTP_SOURCE_URI "\r\n");
     if (sdp->crypto)
         add(&text, "%s", sdp->crypto);
     add(&text, "a=recvonly\r\n");

@@ -12,11 +12,11 @@
 struct sdp {
     const char *name; /* of the session */
     struct network_address address;
-    int ttl; /* for IPv4 groups; an IPv6 description has none */
-    int type; /* enum rtp_type, or RTP_TS, for which `frame` is not needed */
+    int ttl;              /* for IPv4 groups; an IPv6 description has none */
+    int type;             /* enum rtp_type, or RTP_TS, for which `frame` is not needed */
     const uint8_t *frame; /* the stream's first frame, with its parameter sets or headers */
     size_t size;
-    double rate; /* frames per second */
+    double rate;        /* frames per second */
     const char *crypto; /* lines with the key of an encrypted stream, or NULL */
 };
 

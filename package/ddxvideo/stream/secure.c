@@ -291,9 +291,9 @@ size_t secure_sdp(const struct secure *secure, char *text) {
     char key[KEY_FILE_TEXT + 1];
 
     key_file_text(secure->key, key);
-    int length = snprintf(text, SECURE_SDP_MAX,
-                          "a=crypto:1 AES_CM_128_HMAC_SHA1_80 inline:%s\r\na=extmap:%d " ROLLOVER_URI "\r\n", key,
-                          ROLLOVER_ID);
+    int length =
+        snprintf(text, SECURE_SDP_MAX,
+                 "a=crypto:1 AES_CM_128_HMAC_SHA1_80 inline:%s\r\na=extmap:%d " ROLLOVER_URI "\r\n", key, ROLLOVER_ID);
     explicit_bzero(key, sizeof key);
     return (size_t)length;
 }

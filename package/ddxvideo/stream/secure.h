@@ -37,11 +37,11 @@
 
 #define SECURE_GROWTH (10 + ROLLOVER_GROWTH) /* bytes that an RTP packet grows by, at most; 10 without the counter */
 #define SECURE_GROWTH_MEAN (10 + ROLLOVER_GROWTH / ROLLOVER_EVERY) /* mean of consecutive packets, at most */
-#define SECURE_REPORT_GROWTH 14              /* bytes that an RTCP packet grows by */
-#define SECURE_ROOM (144 + ROLLOVER_GROWTH)  /* bytes after a packet that libsrtp2 requires */
-#define SECURE_PACKET_MAX 2048               /* bytes of a packet, without the room */
-#define SECURE_PEERS 16                      /* sources in each direction, each an SSRC */
-#define SECURE_WINDOW 512                    /* packets */
+#define SECURE_REPORT_GROWTH 14                                    /* bytes that an RTCP packet grows by */
+#define SECURE_ROOM (144 + ROLLOVER_GROWTH)                        /* bytes after a packet that libsrtp2 requires */
+#define SECURE_PACKET_MAX 2048                                     /* bytes of a packet, without the room */
+#define SECURE_PEERS 16                                            /* sources in each direction, each an SSRC */
+#define SECURE_WINDOW 512                                          /* packets */
 #define SECURE_SDP_MAX 200
 
 /* Counts of received packets: all = good + refused + repeated. */

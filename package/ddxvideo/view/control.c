@@ -167,8 +167,8 @@ static void list_items(struct view *view, const struct ddx_item_info *items, uns
         if (!is_shown(&items[i]))
             continue;
         if (number >= first && number < first + LINES)
-            text_append(view->list, sizeof view->list, "%s%c %s", number > first ? "\n" : "",
-                        number == at ? '>' : ' ', items[i].name);
+            text_append(view->list, sizeof view->list, "%s%c %s", number > first ? "\n" : "", number == at ? '>' : ' ',
+                        items[i].name);
         number++;
     }
     if (shown > LINES)

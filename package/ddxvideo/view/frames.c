@@ -215,8 +215,8 @@ static int frames_scan(struct frames *frames, struct frames_part *part) {
         size_t line = scan_frame(frames, part, &entry);
 
         if (!line || scan->bytes - scan->at < entry.bytes) {
-            snprintf(frames->text, sizeof frames->text, "%s after frame %" PRId64,
-                     line ? "cut short" : "damaged", frames->count - 1);
+            snprintf(frames->text, sizeof frames->text, "%s after frame %" PRId64, line ? "cut short" : "damaged",
+                     frames->count - 1);
             scan->at = scan->bytes;
         } else {
             error = frames_add(frames, &entry);

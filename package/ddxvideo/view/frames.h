@@ -40,8 +40,8 @@ struct frames {
     bool complete;
     /* private: */
     int64_t room;
-    unsigned next;   /* the part to read */
-    uint32_t cut;    /* frames that the previous part has lost at its end */
+    unsigned next;           /* the part to read */
+    uint32_t cut;            /* frames that the previous part has lost at its end */
     uint64_t sequence, step; /* of the last frame in the store */
     struct frames_scan *scan;
 };

@@ -39,8 +39,8 @@ void history_close(struct history *history) {
 
 /* Makes room for a picture of `bytes` bytes; at least `least` pictures stay. */
 static void make_room(struct history *history, size_t bytes, int64_t least) {
-    while (history->next - history->oldest > least && (history->next - history->oldest >= history->capacity ||
-                                                       history->bytes + bytes > history->limit))
+    while (history->next - history->oldest > least &&
+           (history->next - history->oldest >= history->capacity || history->bytes + bytes > history->limit))
         shot_drop(take_oldest(history));
 }
 

@@ -148,8 +148,9 @@ const char *input_help(void) {
         return text;
     for (size_t i = 0; i < KEYS; i++)
         length += (size_t)snprintf(text + length, sizeof text - length, "%-8s %s\n", keys[i].name, keys[i].help);
-    snprintf(text + length, sizeof text - length, "1 to 9   one field; 0: all\nwheel    zoom at the pointer\n"
-                                                  "drag     move the picture");
+    snprintf(text + length, sizeof text - length,
+             "1 to 9   one field; 0: all\nwheel    zoom at the pointer\n"
+             "drag     move the picture");
     return text;
 }
 
@@ -170,10 +171,10 @@ static double between(double value, double least, double most) {
 
 /* The middle of the window must stay within the pictures. */
 static void keep_in_sight(struct view *view) {
-    view->zoom.x = between(view->zoom.x, view->area_width / 2.0 - view->area_width * view->zoom.zoom,
-                           view->area_width / 2.0);
-    view->zoom.y = between(view->zoom.y, view->area_height / 2.0 - view->area_height * view->zoom.zoom,
-                           view->area_height / 2.0);
+    view->zoom.x =
+        between(view->zoom.x, view->area_width / 2.0 - view->area_width * view->zoom.zoom, view->area_width / 2.0);
+    view->zoom.y =
+        between(view->zoom.y, view->area_height / 2.0 - view->area_height * view->zoom.zoom, view->area_height / 2.0);
 }
 
 static void point(struct view *view, const struct surface_event *event) {

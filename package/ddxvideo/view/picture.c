@@ -53,7 +53,8 @@ static void add_time(char *text, struct view *view) {
         localtime_r(&seconds, &local);
     } else {
         time -= view->source->live ? 0 : view->source->time(view->source, 0);
-        local = (struct tm){.tm_hour = (int)(time / VIEW_NS / 3600 % 1000), .tm_min = (int)(time / VIEW_NS / 60 % 60),
+        local = (struct tm){.tm_hour = (int)(time / VIEW_NS / 3600 % 1000),
+                            .tm_min = (int)(time / VIEW_NS / 60 % 60),
                             .tm_sec = (int)(time / VIEW_NS % 60)};
     }
     text_append(text, STATUS_MAX, "%02d:%02d:%02d.%03d", local.tm_hour, local.tm_min, local.tm_sec,
@@ -116,8 +117,7 @@ static void status_compose(struct status *status, struct view *view, const struc
     int state = state_of(view);
     struct source_state source;
 
-    *status = (struct status){
-        .label = states[state].label, .colour = states[state].colour, .ink = states[state].ink};
+    *status = (struct status){.label = states[state].label, .colour = states[state].colour, .ink = states[state].ink};
     view->source->state(view->source, &source);
     add_name(status->name, view, &source);
     if (view->shot) {
@@ -141,8 +141,8 @@ static void status_compose(struct status *status, struct view *view, const struc
 #define ITEMS_COLOUR 0x2c1040
 #define GAP_COLOUR 0xa01818
 #define WHITE 0xf0f0f0
-#define LINE 52        /* characters that a line must hold */
-#define PAD 3          /* around a line of text, times the scale */
+#define LINE 52         /* characters that a line must hold */
+#define PAD 3           /* around a line of text, times the scale */
 #define LEAST_WIDTH 640 /* of a window: the least for the status */
 #define MOST_WIDTH 1280 /* fits on most screens */
 #define MOST_HEIGHT 900
@@ -224,8 +224,8 @@ static void draw_list(const struct canvas *canvas, int scale, uint32_t colour, c
         longest = length > longest ? length : longest;
         lines += *c == '\n';
     }
-    while (scale > 1 && (lines * TEXT_CELL_HEIGHT * scale > canvas->height ||
-                         longest * TEXT_CELL_WIDTH * scale > canvas->width))
+    while (scale > 1 &&
+           (lines * TEXT_CELL_HEIGHT * scale > canvas->height || longest * TEXT_CELL_WIDTH * scale > canvas->width))
         scale--;
     int width = (longest + 4) * TEXT_CELL_WIDTH * scale, height = (lines + 1) * TEXT_CELL_HEIGHT * scale;
     int x = (canvas->width - width) / 2, y = (canvas->height - height) / 2;

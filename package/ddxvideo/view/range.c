@@ -110,8 +110,7 @@ static bool calibrate(struct range *range, struct shot_depth *depth) {
 void range_take(struct range *range, struct history *history) {
     struct ddx_frame frame;
 
-    while (is_there(range) &&
-           !ddx_store_acquire(range->disparity, &frame, 0, range->begun ? DDX_NEXT : DDX_CURRENT)) {
+    while (is_there(range) && !ddx_store_acquire(range->disparity, &frame, 0, range->begun ? DDX_NEXT : DDX_CURRENT)) {
         range->begun = true;
         struct shot_depth *depth = copy(range->disparity, frame.data);
         int of = (int)number(range->disparity, frame.data, "frame");

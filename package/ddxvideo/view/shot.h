@@ -15,16 +15,16 @@
 /* Disparities of one field, for the range from a stereo pair. */
 struct shot_depth {
     int width, height;
-    double focal, base; /* metres = focal * base / disparity */
+    double focal, base;   /* metres = focal * base / disparity */
     uint16_t disparity[]; /* 1/16 pixel; 0: unknown */
 };
 
 struct shot_pool;
 
 struct shot {
-    struct ddxvideo_picture picture; /* its planes are in `memory` */
-    uint64_t missing;                /* frames that are missing before this one */
-    int64_t arrival;                 /* CLOCK_MONOTONIC, ns */
+    struct ddxvideo_picture picture;  /* its planes are in `memory` */
+    uint64_t missing;                 /* frames that are missing before this one */
+    int64_t arrival;                  /* CLOCK_MONOTONIC, ns */
     struct shot_depth *_Atomic depth; /* NULL: none, or not yet */
     unsigned char *memory;
     size_t size;

@@ -23,7 +23,7 @@ struct file_source {
     unsigned part;
     struct y4m_header header;
     struct picture_converter *converter; /* NULL: its planes are like the store's */
-    char wrong[Y4M_ERROR_MAX];       /* why the last picture could not be read, or "" */
+    char wrong[Y4M_ERROR_MAX];           /* why the last picture could not be read, or "" */
 };
 
 static void file_range(struct source *source, int64_t *oldest, int64_t *newest) {
@@ -130,8 +130,7 @@ static struct shot *read_shot(struct file_source *from, const struct frames_entr
     }
     ssize_t got = pread(from->fd, shot->memory, entry->bytes, (off_t)entry->offset);
     if (got != (ssize_t)entry->bytes || !find_planes(from, shot, (size_t)got, shot->memory + before)) {
-        snprintf(from->wrong, sizeof from->wrong, "frame %d: %s", entry->number,
-                 got < 0 ? strerror(errno) : "damaged");
+        snprintf(from->wrong, sizeof from->wrong, "frame %d: %s", entry->number, got < 0 ? strerror(errno) : "damaged");
         shot_drop(shot);
         return NULL;
     }

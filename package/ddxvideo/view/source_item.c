@@ -10,8 +10,8 @@
 #include "program.h"
 #include "range.h"
 
-#define LOOK 0.2                      /* s, between checks for a stop */
-#define AGAIN INT64_C(100000000)      /* ns, between searches for a store or an item */
+#define LOOK 0.2                 /* s, between checks for a stop */
+#define AGAIN INT64_C(100000000) /* ns, between searches for a store or an item */
 #define CHECK_STORE INT64_C(1000000000)
 #define KEEP 4 /* frames: a copy may be this late before a frame is missed */
 

@@ -110,8 +110,8 @@ struct source *source_stream(const struct source_stream *settings, bool check, c
         free(from);
         return NULL;
     }
-    from->viewer.program = (struct program){.name = "ddxvideoview", .instance = settings->instance,
-                                            .port = settings->store};
+    from->viewer.program =
+        (struct program){.name = "ddxvideoview", .instance = settings->instance, .port = settings->store};
     from->viewer.patience = 20;
     from->viewer.screen = (struct viewer_screen){.show = take, .tick = tick, .to = from, .each = true};
     bool open = live_open(&from->live, "stream", limits, surface);

@@ -17,7 +17,7 @@ struct view {
     struct source *source;
     /* for opening another item: */
     bool items; /* the source is an item */
-    int store; /* port */
+    int store;  /* port */
     struct source_limits limits;
     /* on display: */
     struct shot *shot; /* NULL: nothing yet */
@@ -31,7 +31,7 @@ struct view {
     enum layout_fit fit;
     struct layout_view zoom;
     bool full, help;
-    struct layout fitted; /* of the last drawing, before zooming; count 0: nothing was drawn */
+    struct layout fitted;        /* of the last drawing, before zooming; count 0: nothing was drawn */
     int area_width, area_height; /* of the pictures' area, above the status */
     /* pointer */
     int x, y;

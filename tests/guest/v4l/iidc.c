@@ -34,8 +34,8 @@ static void on_signal(int number) {
 
 static int descriptor(unsigned kind, uint8_t *to) {
     const uint8_t device[] = {18, 1, LE16(0x200), 0, 0, 0, 64, LE16(0x1e10), LE16(0x2004), LE16(1), 0, 0, 0, 1};
-    const uint8_t config[] = {9, 2, LE16(25), 1, 1, 0, 0x80, 50, 9, 4, 0, 0, 1, 0xff, 0, 0, 0,
-                              7, 5, 0x81,     2, LE16(512), 0};
+    const uint8_t config[] = {9, 2,    LE16(25), 1, 1, 0, 0x80, 50,   9, 4,         0, 0,
+                              1, 0xff, 0,        0, 0, 7, 5,    0x81, 2, LE16(512), 0};
     if (kind == 1)
         memcpy(to, device, sizeof(device));
     else if (kind == 2)

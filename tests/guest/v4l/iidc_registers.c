@@ -49,12 +49,32 @@ void iidc_option(struct iidc_registers *registers, const char *word) {
 /* Bus info block, root directory, unit directory, unit dependent directory, two names. */
 static bool read_rom(const struct iidc_registers *registers, unsigned quad, uint32_t *value) {
     const uint32_t rom[] = {
-        0x04040000, 0x31333934, 0, (uint32_t)(registers->guid >> 32), (uint32_t)registers->guid, /* 0 */
-        0x00030000, 0x0300b09d, 0x0c0083c0, 0xd1000001,                                          /* 5 */
-        0x00030000, 0x1200a02d, 0x13000102, 0xd4000001,                                          /* 9 */
-        0x00040000, 0x403c0000, 0x81000003, 0x82000006, 0x38000010,                              /* 13 */
-        0x00030000, 0, 0, 0x54657374,                                                            /* 18: "Test" */
-        0x00030000, 0, 0, 0x43616d00,                                                            /* 22: "Cam" */
+        0x04040000,
+        0x31333934,
+        0,
+        (uint32_t)(registers->guid >> 32),
+        (uint32_t)registers->guid, /* 0 */
+        0x00030000,
+        0x0300b09d,
+        0x0c0083c0,
+        0xd1000001, /* 5 */
+        0x00030000,
+        0x1200a02d,
+        0x13000102,
+        0xd4000001, /* 9 */
+        0x00040000,
+        0x403c0000,
+        0x81000003,
+        0x82000006,
+        0x38000010, /* 13 */
+        0x00030000,
+        0,
+        0,
+        0x54657374, /* 18: "Test" */
+        0x00030000,
+        0,
+        0,
+        0x43616d00, /* 22: "Cam" */
     };
     if (quad >= sizeof(rom) / sizeof(*rom))
         return false;
@@ -118,8 +138,8 @@ static uint32_t read_command(const struct iidc_registers *registers, unsigned of
     case 0x19c: return PRESENT;
     case 0x2e0: return (FORMAT7 - UINT32_C(0xf0000000)) / 4;
     case 0x400: return PRESENT;
-    case 0x404: return PRESENT | 0x10000000;                       /* brightness, white balance */
-    case 0x500: return PRESENT | 0x1f000000 | 16 << 12 | 235;      /* one push, on and off, automatic, manual */
+    case 0x404: return PRESENT | 0x10000000;                  /* brightness, white balance */
+    case 0x500: return PRESENT | 0x1f000000 | 16 << 12 | 235; /* one push, on and off, automatic, manual */
     case 0x50c: return PRESENT | 0x0b000000 | 0 << 12 | 255;
     case 0x600: return registers->rate;
     case 0x604: return registers->mode;

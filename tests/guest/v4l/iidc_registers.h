@@ -16,9 +16,9 @@ struct iidc_registers {
     bool counter, bayer;    /* capabilities */
     unsigned depth;         /* of samples of 16 bits */
     bool counter_on, sending;
-    uint32_t rate, mode, format, iso;               /* as the host wrote them */
-    uint32_t position, size, coding, packet;        /* the same, of FORMAT7 */
-    uint32_t feature[4];                            /* brightness, and others up to white balance */
+    uint32_t rate, mode, format, iso;        /* as the host wrote them */
+    uint32_t position, size, coding, packet; /* the same, of FORMAT7 */
+    uint32_t feature[4];                     /* brightness, and others up to white balance */
 };
 
 /* The picture that it sends now. */

@@ -201,7 +201,9 @@ static void print_camera(dc1394_t *library, unsigned number, uint64_t guid) {
     dc1394video_modes_t modes = {.num = 0};
 
     printf("%u: %016" PRIx64 " %s %s\n", number, guid, device && device->vendor ? device->vendor : "",
-           !device ? "in use" : device->model ? device->model : "");
+           !device         ? "in use"
+           : device->model ? device->model
+                           : "");
     if (!device)
         return;
     dc1394_video_get_supported_modes(device, &modes);
@@ -234,7 +236,7 @@ int bus_list(void) {
 
 /* ---- Camera ---- */
 
-#define AGAIN_NS (3 * SECOND)   /* between attempts while the buses do not change */
+#define AGAIN_NS (3 * SECOND)       /* between attempts while the buses do not change */
 #define ANSWER_NS (SECOND * 9 / 10) /* libdc1394 waits one second for an answer */
 #define BUFFER_MEMORY (6 << 20)     /* of the kernel's 16 MiB for all USB devices */
 #define FEW_BUFFERS 3
@@ -266,8 +268,8 @@ static uint32_t buffers_for(const struct pixels *pixels) {
 }
 
 static int start(struct iidc_camera *iidc, char *why, size_t size) {
-    dc1394error_t error = dc1394_capture_setup(iidc->device, buffers_for(&iidc->camera.pixels),
-                                               DC1394_CAPTURE_FLAGS_DEFAULT);
+    dc1394error_t error =
+        dc1394_capture_setup(iidc->device, buffers_for(&iidc->camera.pixels), DC1394_CAPTURE_FLAGS_DEFAULT);
 
     iidc->capturing = !error;
     if (!error)

@@ -34,8 +34,8 @@ struct iidc_camera {
     dc1394_t *library;
     dc1394camera_t *device; /* NULL: closed */
     bool capturing;
-    bool counts;  /* the frames carry their own numbers */
-    bool gone;    /* an access has failed: no further access until the camera is opened again */
+    bool counts;    /* the frames carry their own numbers */
+    bool gone;      /* an access has failed: no further access until the camera is opened again */
     bool unplugged; /* the reason for `gone` */
     struct pace pace;
     struct wall wall;

@@ -11,8 +11,8 @@ static const struct part_name {
     enum part part;
     const char *suffix;
 } part_names[] = {
-    {VALUE, ""},      {AUTO, "_auto"},   {ONE_PUSH, "_one_push"}, {ON, "_on"},         {BLUE, "_blue"},
-    {RED, "_red"},    {GREEN, "_green"}, {MODE, "_mode"},         {SOURCE, "_source"}, {POLARITY, "_polarity"},
+    {VALUE, ""},   {AUTO, "_auto"},   {ONE_PUSH, "_one_push"}, {ON, "_on"},         {BLUE, "_blue"},
+    {RED, "_red"}, {GREEN, "_green"}, {MODE, "_mode"},         {SOURCE, "_source"}, {POLARITY, "_polarity"},
 };
 
 #define PART_NAMES (sizeof part_names / sizeof *part_names)
@@ -85,7 +85,7 @@ static void describe(struct controls *controls, int i, const dc1394feature_info_
 
     controls->kind[i] = part == ONE_PUSH ? CONTROL_BUTTON : CONTROL_NUMBER;
     controls->list.parameter[i].minimum = number ? (int)info->min : 0;
-    controls->list.parameter[i].maximum = number            ? (int)info->max
+    controls->list.parameter[i].maximum = number           ? (int)info->max
                                           : part == MODE   ? DC1394_TRIGGER_MODE_NUM - 1
                                           : part == SOURCE ? DC1394_TRIGGER_SOURCE_NUM - 1
                                                            : 1;
@@ -93,7 +93,7 @@ static void describe(struct controls *controls, int i, const dc1394feature_info_
     controls->list.parameter[i].value = value_of(info, part);
     controls->list.parameter[i].flags =
         (number && info->current_mode != DC1394_FEATURE_MODE_MANUAL && info->modes.num ? DDX_VIDEO_PARAMETER_AUTOMATIC
-                                                                                        : 0) |
+                                                                                       : 0) |
         (number && info->modes.num && !has_mode(info, DC1394_FEATURE_MODE_MANUAL) ? DDX_VIDEO_PARAMETER_READ_ONLY : 0);
 }
 
@@ -133,9 +133,9 @@ static dc1394error_t set_balance(dc1394camera_t *device, enum part part, uint32_
     uint32_t blue, red;
     dc1394error_t error = dc1394_feature_whitebalance_get_value(device, &blue, &red);
 
-    return error ? error
-                 : dc1394_feature_whitebalance_set_value(device, part == BLUE ? value : blue,
-                                                         part == RED ? value : red);
+    return error
+               ? error
+               : dc1394_feature_whitebalance_set_value(device, part == BLUE ? value : blue, part == RED ? value : red);
 }
 
 static dc1394error_t set_shading(dc1394camera_t *device, enum part part, uint32_t value) {
@@ -178,9 +178,7 @@ int features_set(dc1394camera_t *device, uint32_t id, int value) {
     if (feature > DC1394_FEATURE_MAX)
         return -EINVAL;
     switch (part_of(id)) {
-    case AUTO:
-        error = set_mode(device, feature, value ? DC1394_FEATURE_MODE_AUTO : DC1394_FEATURE_MODE_MANUAL);
-        break;
+    case AUTO: error = set_mode(device, feature, value ? DC1394_FEATURE_MODE_AUTO : DC1394_FEATURE_MODE_MANUAL); break;
     case ONE_PUSH: error = set_mode(device, feature, DC1394_FEATURE_MODE_ONE_PUSH_AUTO); break;
     case ON: error = dc1394_feature_set_power(device, feature, value ? DC1394_ON : DC1394_OFF); break;
     case MODE: error = dc1394_external_trigger_set_mode(device, DC1394_TRIGGER_MODE_MIN + number); break;

@@ -30,7 +30,7 @@ int64_t wall_time(struct wall *wall, uint64_t us, int64_t now, int64_t offset) {
 #define CYCLE_NS 125000
 #define WRAP_NS ((int64_t)CYCLES * CYCLE_NS)
 #define ODD_NS INT64_C(1000000000)
-#define ALIKE_SHARE 8    /* steps that differ by less than this fraction are alike */
+#define ALIKE_SHARE 8 /* steps that differ by less than this fraction are alike */
 
 void pace_restart(struct pace *pace, int64_t period) {
     *pace = (struct pace){.period = period, .number = pace->number};

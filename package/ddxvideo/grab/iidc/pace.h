@@ -35,7 +35,7 @@ struct pace {
     uint32_t cycle;   /* of the last frame on FireWire, 0: none yet; its time by the library, */
     int64_t host;     /* and by the cycles: */
     int64_t bus;
-    int64_t step;     /* the last steps: their length, begin and number: */
+    int64_t step; /* the last steps: their length, begin and number: */
     int64_t since;
     unsigned alike;
 };

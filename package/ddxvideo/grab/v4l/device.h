@@ -19,8 +19,8 @@ struct device_wish {
     const char *standard; /* NULL: that of the signal, if the driver can detect it, otherwise as it is set */
     uint32_t fourcc;      /* 0: the best */
     const struct video_layout *layout; /* of the result */
-    long rate;            /* frames per second; 0: as it is set */
-    bool fields;          /* both fields of a picture are needed */
+    long rate;                         /* frames per second; 0: as it is set */
+    bool fields;                       /* both fields of a picture are needed */
 };
 
 struct device {

@@ -151,9 +151,7 @@ static void describe(struct controls *controls, int i, int fd, const struct v4l2
     bool button = query->type == V4L2_CTRL_TYPE_BUTTON;
     struct v4l2_control now = {.id = query->id};
 
-    controls->kind[i] = button                                   ? CONTROL_BUTTON
-                        : query->type == V4L2_CTRL_TYPE_BITMASK ? CONTROL_BITS
-                                                                 : CONTROL_NUMBER;
+    controls->kind[i] = button ? CONTROL_BUTTON : query->type == V4L2_CTRL_TYPE_BITMASK ? CONTROL_BITS : CONTROL_NUMBER;
     controls->list.parameter[i].minimum = button ? 0 : query->minimum;
     controls->list.parameter[i].maximum = button ? 1 : query->maximum;
     controls->list.parameter[i].step = query->step > 0 ? query->step : 1;
@@ -367,15 +365,15 @@ int main(int argc, char **argv) {
          DDX_NAME_MAX - (long)sizeof ".parameters" + 1},
         {"input", "NAME", "socket of a frame grabber: number, or how its name begins: Composite, S-Video", OPTION_TEXT,
          &v4l.wish.input, 0, 0},
-        {"standard", "NAME", "PAL, NTSC or SECAM (default: what is on the line)", OPTION_TEXT, &v4l.wish.standard,
-         0, 0},
+        {"standard", "NAME", "PAL, NTSC or SECAM (default: what is on the line)", OPTION_TEXT, &v4l.wish.standard, 0,
+         0},
         {"deinterlace", "stack", "two fields (a line-interlaced stereo pair) one above the other", OPTION_TEXT,
          &words.deinterlace, 0, 0},
         {"format", "NAME", "the camera's pixels: YU12, NV12, YUYV, UYVY, MJPEG, RGB24, GREY or Y16 (default: the best)",
          OPTION_TEXT, &words.format, 0, 0},
         {"layout", "LAYOUT", "pictures in " VIDEO_LAYOUT_NAMES " (default: YUV420P)", OPTION_TEXT, &words.layout, 0, 0},
-        {"rate", "R", "frames per second to ask of the camera (default: as it is set)", OPTION_NUMBER,
-         &v4l.wish.rate, 1, 1000},
+        {"rate", "R", "frames per second to ask of the camera (default: as it is set)", OPTION_NUMBER, &v4l.wish.rate,
+         1, 1000},
         {NULL, NULL, NULL, OPTION_FLAG, NULL, 0, 0},
     };
 

@@ -198,9 +198,11 @@ int negotiate(struct device *device, const struct device_wish *wish, char *why, 
         error = set_format(device, wish, &pix, why, size);
     if (error)
         return error;
-    device->pixels = (struct pixels){
-        .coding = coding_of(pix.pixelformat), .width = (int)pix.width, .height = (int)pix.height,
-        .stride = (int)pix.bytesperline, .depth = 16};
+    device->pixels = (struct pixels){.coding = coding_of(pix.pixelformat),
+                                     .width = (int)pix.width,
+                                     .height = (int)pix.height,
+                                     .stride = (int)pix.bytesperline,
+                                     .depth = 16};
     device->geometry = (struct ddxvideo_geometry){
         .width = (int)pix.width, .height = (int)pix.height, .fields = 1, .range = range_of(&pix)};
     if (pixels_find(device->pixels.coding)->compressed)

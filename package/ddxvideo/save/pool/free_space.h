@@ -6,10 +6,10 @@
 #include <stdint.h>
 
 struct free_space {
-    uint64_t free;  /* free bytes of the file system */
-    uint64_t usable; /* bytes for recordings: of the free ones, and of the pool's files without a recording */
+    uint64_t free;     /* free bytes of the file system */
+    uint64_t usable;   /* bytes for recordings: of the free ones, and of the pool's files without a recording */
     uint64_t prepared; /* bytes of these files of the pool, which are not free */
-    uint32_t ready; /* prepared files of the pool, including one that has just been begun */
+    uint32_t ready;    /* prepared files of the pool, including one that has just been begun */
 };
 
 /* For a folder, or the file system of a file. 0 or -errno. */

@@ -41,26 +41,26 @@ struct index_header {
     int64_t wall;        /* and CLOCK_REALTIME, ns; 0 if unknown */
     uint64_t lost_store; /* finished: missing frames, by reason */
     uint64_t lost_ring;
-    uint32_t number; /* of the segment, among those of the item */
-    uint32_t session; /* number of the segment that this one continues, or its own */
+    uint32_t number;   /* of the segment, among those of the item */
+    uint32_t session;  /* number of the segment that this one continues, or its own */
     char item[64];     /* these three end with a 0 byte */
     char instance[64]; /* of the recorder; "" if an older recorder wrote the index */
     char name[192];    /* of the finished recording */
     uint32_t flags;    /* INDEX_RECOVERED, INDEX_HEAD */
     uint32_t reserved;
     uint32_t head; /* CRC-32C of the file's first line, which precedes the first frame */
-    uint32_t crc; /* of all before */
+    uint32_t crc;  /* of all before */
 };
 
 struct index_entry {
     uint64_t recording;
-    uint64_t sequence; /* in the store */
-    int64_t time;      /* of the capture, CLOCK_MONOTONIC, ns */
-    uint64_t offset;   /* of its FRAME line in the file */
-    uint32_t bytes;    /* line and picture */
-    uint32_t sum;      /* CRC-32C of these bytes */
-    uint32_t position; /* in the segment, from 0 */
-    int32_t frame;     /* the source's number */
+    uint64_t sequence;              /* in the store */
+    int64_t time;                   /* of the capture, CLOCK_MONOTONIC, ns */
+    uint64_t offset;                /* of its FRAME line in the file */
+    uint32_t bytes;                 /* line and picture */
+    uint32_t sum;                   /* CRC-32C of these bytes */
+    uint32_t position;              /* in the segment, from 0 */
+    int32_t frame;                  /* the source's number */
     uint32_t lost_store, lost_ring; /* frames lost before this one */
     uint32_t reserved;
     uint32_t crc; /* of all before */

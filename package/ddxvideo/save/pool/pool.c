@@ -23,7 +23,7 @@
 #define CHUNK (1u << 20)
 #define PAUSE (SECOND / 20)
 #define SLOWEST (UINT64_C(8) << 20) /* bytes a second, if little or nothing is recorded */
-#define LOOK 5 /* s; another program may have taken the ready files */
+#define LOOK 5                      /* s; another program may have taken the ready files */
 
 static bool count_free(struct pool *pool, long id, void *argument) {
     struct pool_file file;

@@ -12,27 +12,27 @@
 #include "index.h"
 
 #define POOL_FOLDER "pool"
-#define POOL_PATH 32 /* bytes for the name of a file in the pool */
-#define POOL_ID_MAX 999999999L /* highest number of a file: fits a long, and a name */
-#define POOL_READY 2 /* files that are kept ready */
+#define POOL_PATH 32               /* bytes for the name of a file in the pool */
+#define POOL_ID_MAX 999999999L     /* highest number of a file: fits a long, and a name */
+#define POOL_READY 2               /* files that are kept ready */
 #define POOL_LEFT_FREE (16u << 20) /* bytes of the disk, for logs and the file system itself */
 
 /* A claimed file of the pool. */
 struct pool_file {
-    long id;       /* its name */
-    int fd;        /* of the file, with O_DIRECT if supported */
-    int index_fd;  /* of the index */
-    int lock_fd;   /* locked as long as it is open */
+    long id;      /* its name */
+    int fd;       /* of the file, with O_DIRECT if supported */
+    int index_fd; /* of the index */
+    int lock_fd;  /* locked as long as it is open */
     bool direct;
-    bool prepared; /* no metadata is left to write, except changes by this program */
+    bool prepared;    /* no metadata is left to write, except changes by this program */
     uint64_t written; /* if not prepared: bytes that have been written once all the same */
 };
 
 struct pool {
     const char *place, *instance; /* arguments of pool_open() */
-    int outside; /* the folder of the recordings */
-    int folder;  /* the pool in it */
-    int lock_fd; /* its byte 0 is locked by pool_lock() */
+    int outside;                  /* the folder of the recordings */
+    int folder;                   /* the pool in it */
+    int lock_fd;                  /* its byte 0 is locked by pool_lock() */
     uint64_t bytes;
     bool recycle;
     uint32_t last_number; /* given last, perhaps not on the disk yet */

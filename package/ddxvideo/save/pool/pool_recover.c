@@ -29,8 +29,8 @@ static bool is_whole(const struct pool_file *file, const struct index_entry *ent
     if (posix_memalign((void **)&bytes, INDEX_BLOCK, size))
         return false;
     ssize_t got = pread(file->fd, bytes, size, (off_t)begin);
-    bool whole = got >= (ssize_t)(end - begin) &&
-                 crc32c(0, bytes + (entry->offset - begin), entry->bytes) == entry->sum;
+    bool whole =
+        got >= (ssize_t)(end - begin) && crc32c(0, bytes + (entry->offset - begin), entry->bytes) == entry->sum;
     free(bytes);
     return whole;
 }
@@ -82,8 +82,7 @@ static bool recover(struct pool *pool, long id, void *argument) {
     if (frames) {
         error = finish(pool, &file, recovering->index, frames);
         if (!error)
-            say("%s: not finished when it was last recorded to; it ends after %u whole frames now",
-                recording, frames);
+            say("%s: not finished when it was last recorded to; it ends after %u whole frames now", recording, frames);
     } else {
         file.prepared = false; /* its size is checked on preparation */
         pool_give_back(&file);

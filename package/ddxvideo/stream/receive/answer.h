@@ -15,8 +15,8 @@ enum answer_count { ANSWER_REPORTS, ANSWER_LOST, ANSWER_COUNTS };
 #define ANSWER_NAMES "reports", "reports_lost"
 
 struct answer {
-    bool silent;   /* nothing is sent */
-    uint32_t ssrc; /* of this receiver */
+    bool silent;           /* nothing is sent */
+    uint32_t ssrc;         /* of this receiver */
     struct secure *secure; /* NULL: reports are not encrypted */
     uint64_t count[ANSWER_COUNTS];
     /* state: */

@@ -8,9 +8,9 @@
 static const struct {
     enum AVPixelFormat format, result;
 } formats[] = {
-    {AV_PIX_FMT_YUV420P, AV_PIX_FMT_YUV420P},   {AV_PIX_FMT_YUVJ420P, AV_PIX_FMT_YUVJ420P},
-    {AV_PIX_FMT_YUV422P, AV_PIX_FMT_YUV420P},   {AV_PIX_FMT_YUVJ422P, AV_PIX_FMT_YUVJ420P},
-    {AV_PIX_FMT_YUV444P, AV_PIX_FMT_YUV420P},   {AV_PIX_FMT_YUVJ444P, AV_PIX_FMT_YUVJ420P},
+    {AV_PIX_FMT_YUV420P, AV_PIX_FMT_YUV420P}, {AV_PIX_FMT_YUVJ420P, AV_PIX_FMT_YUVJ420P},
+    {AV_PIX_FMT_YUV422P, AV_PIX_FMT_YUV420P}, {AV_PIX_FMT_YUVJ422P, AV_PIX_FMT_YUVJ420P},
+    {AV_PIX_FMT_YUV444P, AV_PIX_FMT_YUV420P}, {AV_PIX_FMT_YUVJ444P, AV_PIX_FMT_YUVJ420P},
     {AV_PIX_FMT_GRAY8, AV_PIX_FMT_YUV420P},
 };
 
@@ -35,10 +35,8 @@ static bool set_up(struct frame_420 *to, const AVFrame *picture) {
     const struct picture_kind kind = {.bits = 8,
                                       .chroma_x = grey ? -1 : descriptor->log2_chroma_w,
                                       .chroma_y = grey ? -1 : descriptor->log2_chroma_h};
-    const struct ddxvideo_geometry geometry = {.width = picture->width & ~1,
-                                               .height = picture->height & ~1,
-                                               .fields = 1,
-                                               .format = DDX_VIDEO_420_MPEG2};
+    const struct ddxvideo_geometry geometry = {
+        .width = picture->width & ~1, .height = picture->height & ~1, .fields = 1, .format = DDX_VIDEO_420_MPEG2};
 
     frame_420_close(to);
     to->format = picture->format;
@@ -61,8 +59,8 @@ static bool renew_frame(struct frame_420 *to, const AVFrame *picture) {
 const AVFrame *frame_420(struct frame_420 *to, const AVFrame *picture) {
     if (result_of(picture->format) == picture->format)
         return picture;
-    bool same = to->converter && to->format == picture->format && to->width == picture->width &&
-                to->height == picture->height;
+    bool same =
+        to->converter && to->format == picture->format && to->width == picture->width && to->height == picture->height;
     if (!(same || set_up(to, picture)) || !renew_frame(to, picture))
         return NULL;
     const unsigned char *const from[3] = {picture->data[0], picture->data[1], picture->data[2]};

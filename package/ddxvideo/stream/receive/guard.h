@@ -31,8 +31,8 @@ enum guard_count {
 
 struct guard_source {
     uint32_t ssrc;
-    uint64_t used; /* time of the last use, by `used` of struct guard; 0: free */
-    bool good;     /* the key fits this source */
+    uint64_t used;  /* time of the last use, by `used` of struct guard; 0: free */
+    bool good;      /* the key fits this source */
     bool encrypted; /* by its newest refused packet */
     bool said;
     unsigned refused; /* packets */

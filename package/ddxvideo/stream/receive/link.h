@@ -15,11 +15,11 @@ enum link_count { LINK_VIDEO, LINK_REPAIR, LINK_LOSS, LINK_RUN, LINK_FREEZE, LIN
 #define LINK_TEXT_MAX 160
 
 struct link {
-    int64_t begin;     /* of this second */
-    uint64_t bytes[2]; /* that came in it, media and repair packets */
-    uint64_t kbit[2];  /* of the last whole second */
-    int64_t shown;     /* time of the last picture, 0: none of this source */
-    int64_t second;    /* the newest one of: */
+    int64_t begin;                 /* of this second */
+    uint64_t bytes[2];             /* that came in it, media and repair packets */
+    uint64_t kbit[2];              /* of the last whole second */
+    int64_t shown;                 /* time of the last picture, 0: none of this source */
+    int64_t second;                /* the newest one of: */
     int64_t longest[LINK_SECONDS]; /* ns from a picture to the one before it, by second */
     int64_t said;
 };

@@ -9,17 +9,17 @@ static struct ddxvideo_geometry geometry_of(const AVFrame *picture, AVRational r
     AVRational aspect = picture->sample_aspect_ratio;
     bool has_aspect = aspect.num > 0 && aspect.den > 0;
 
-    return (struct ddxvideo_geometry){
-        .width = picture->width,
-        .height = picture->height,
-        .fields = 1,
-        .rate_num = known ? rate.num : 0,
-        .rate_den = known ? rate.den : 0,
-        .aspect_num = has_aspect ? aspect.num : 0,
-        .aspect_den = has_aspect ? aspect.den : 0,
-        .format = DDX_VIDEO_420_MPEG2,
-        .interlacing = 'p',
-        .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL : DDX_VIDEO_RANGE_LIMITED};
+    return (struct ddxvideo_geometry){.width = picture->width,
+                                      .height = picture->height,
+                                      .fields = 1,
+                                      .rate_num = known ? rate.num : 0,
+                                      .rate_den = known ? rate.den : 0,
+                                      .aspect_num = has_aspect ? aspect.num : 0,
+                                      .aspect_den = has_aspect ? aspect.den : 0,
+                                      .format = DDX_VIDEO_420_MPEG2,
+                                      .interlacing = 'p',
+                                      .range = picture->color_range == AVCOL_RANGE_JPEG ? DDX_VIDEO_RANGE_FULL
+                                                                                        : DDX_VIDEO_RANGE_LIMITED};
 }
 
 struct ddxvideo_picture output_picture(const AVFrame *frame, AVRational rate) {

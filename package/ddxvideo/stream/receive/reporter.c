@@ -13,13 +13,9 @@
 #define RUN_LONGEST 16    /* packets; a longer run is an outage */
 #define SLOT (500 * MS)
 
-void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header,
-                   int64_t now) {
-    *reporter = (struct reporter){.ssrc = ssrc,
-                                  .media_ssrc = media_ssrc,
-                                  .header = header,
-                                  .interval = FIRST_INTERVAL,
-                                  .slot_begin = now};
+void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header, int64_t now) {
+    *reporter = (struct reporter){
+        .ssrc = ssrc, .media_ssrc = media_ssrc, .header = header, .interval = FIRST_INTERVAL, .slot_begin = now};
     budget_init(&reporter->budget, RATE, BUCKET, 1, now);
 }
 

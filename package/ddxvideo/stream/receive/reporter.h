@@ -39,16 +39,16 @@ struct reporter {
     struct budget budget;
     struct reporter_stream media, repair;
     struct rtp_stranger stranger; /* of the repair stream */
-    int64_t arrived;  /* time of the newest packet */
-    int64_t reported; /* time of the last report */
-    bool fresh;       /* packets came since then */
-    bool again;       /* repeat that report once */
-    bool open;        /* the newest media packet is not the last one of its frame */
+    int64_t arrived;              /* time of the newest packet */
+    int64_t reported;             /* time of the last report */
+    bool fresh;                   /* packets came since then */
+    bool again;                   /* repeat that report once */
+    bool open;                    /* the newest media packet is not the last one of its frame */
     /* the next frame */
-    uint32_t time;       /* RTP's, of the newest frame */
-    int64_t stamp;       /* the same in ns */
-    int64_t interval;    /* ns from frame to frame */
-    int64_t offset;      /* from stamps to arrivals */
+    uint32_t time;    /* RTP's, of the newest frame */
+    int64_t stamp;    /* the same in ns */
+    int64_t interval; /* ns from frame to frame */
+    int64_t offset;   /* from stamps to arrivals */
     /* losses */
     int64_t slot_begin;
     unsigned expected[REPORTER_SLOTS], received[REPORTER_SLOTS];
@@ -57,8 +57,7 @@ struct reporter {
 
 /* `ssrc`: of this receiver, at random. `header`: bytes of IP and UDP headers, and what encryption adds. A new source
  * needs reporter_init() again. */
-void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header,
-                   int64_t now);
+void reporter_init(struct reporter *reporter, uint32_t ssrc, uint32_t media_ssrc, size_t header, int64_t now);
 
 /* Note a media packet (not a restored one) that restore_source() did not refuse, or a repair packet that
  * restore_repair() did not refuse, with its own sequence number. */

@@ -126,8 +126,8 @@ const char *show_newest(struct viewer *viewer) {
 
     if (!newest->waits)
         return NULL;
-    const char *wrong = viewer->screen.show(viewer->screen.to, newest->picture, viewer->decoder.context->framerate,
-                                            &newest->stamp);
+    const char *wrong =
+        viewer->screen.show(viewer->screen.to, newest->picture, viewer->decoder.context->framerate, &newest->stamp);
     if (!wrong && !newest->counted) {
         count_shown(viewer, &newest->stamp, newest->damaged);
         newest->counted = true;

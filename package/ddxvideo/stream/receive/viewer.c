@@ -153,8 +153,7 @@ static bool read_packet(struct viewer *viewer, enum inlet_port port) {
     if (port == INLET_REPAIR && guard_repair(&viewer->guard, data, &size) &&
         intake_put_repair(&viewer->intake, data, size))
         answer_repair(&viewer->answer, data, size, now);
-    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size) &&
-        intake_put(&viewer->intake, data, size, now))
+    if (port == INLET_MEDIA && guard_media(&viewer->guard, data, &size) && intake_put(&viewer->intake, data, size, now))
         answer_media(&viewer->answer, data, size, &from, now);
     take_frames(viewer);
     if (viewer->intake.followed)

@@ -18,7 +18,8 @@
 #include "program.h"
 
 enum viewer_loss { LOST_NETWORK, LOST_JOIN, LOST_REFRESH, LOST_DECODE, LOST_STORE, LOST_NEWER };
-#define VIEWER_REASONS {"network", "join", "refresh", "decode", "store", "newer", NULL}
+#define VIEWER_REASONS \
+    { "network", "join", "refresh", "decode", "store", "newer", NULL }
 
 /* The newest picture, on its way to the screen. */
 struct newest {
@@ -48,7 +49,7 @@ struct viewer {
     long patience; /* ms that a packet waits for a missing one before it */
     bool headless, print;
     struct viewer_screen screen; /* show: NULL for decode's window, which `headless` leaves out */
-    bool conceal; /* show damaged pictures */
+    bool conceal;                /* show damaged pictures */
     struct output_item output;
     struct guard guard;
     /* state: */

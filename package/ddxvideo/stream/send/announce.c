@@ -70,8 +70,7 @@ static struct sap compose(struct message *message, const struct announce_stream 
              stream->version, network_is_ipv6(own) ? "IP6" : "IP4", network_host(own, host));
     int length = snprintf(message->text, sizeof message->text, "v=0\r\n%s%s", message->line, stream->body);
     const uint8_t *text = (const uint8_t *)message->text;
-    return (struct sap){
-        .hash = sap_hash(text, (size_t)length), .origin = *own, .text = text, .size = (size_t)length};
+    return (struct sap){.hash = sap_hash(text, (size_t)length), .origin = *own, .text = text, .size = (size_t)length};
 }
 
 static bool announce_one(struct announce_stream *stream, const struct way *way) {

@@ -5,17 +5,17 @@
 #include <math.h>
 
 #define MANY 4
-#define LATE_SURE 1.0      /* standard deviations that are added for frames that are late, */
-#define VERY_LATE_SURE 2.0 /* and very late */
-#define QUIET 8            /* packets lost in sequence, after which nothing seems to get through */
-#define QUIET_IN_RUNS 1    /* the same where losses come in runs */
-#define UNKNOWN 60         /* probes without an answer, after which the receiver does not seem to know them */
-#define PROBES 3           /* sent for each report in that case */
-#define LOSS_MOST 0.5 /* a higher loss counts as this */
+#define LATE_SURE 1.0               /* standard deviations that are added for frames that are late, */
+#define VERY_LATE_SURE 2.0          /* and very late */
+#define QUIET 8                     /* packets lost in sequence, after which nothing seems to get through */
+#define QUIET_IN_RUNS 1             /* the same where losses come in runs */
+#define UNKNOWN 60                  /* probes without an answer, after which the receiver does not seem to know them */
+#define PROBES 3                    /* sent for each report in that case */
+#define LOSS_MOST 0.5               /* a higher loss counts as this */
 #define SHORT_WAY INT64_C(12000000) /* ns there and back */
 #define LEAST_PERIOD INT64_C(5000000000) /* ns in which the shortest round trip is looked for */
 #define QUEUE_PERIOD INT64_C(80000000)   /* ns; at most two frames */
-#define RUN_LONGEST 16 /* a longer run is an outage, which ends by itself */
+#define RUN_LONGEST 16                   /* a longer run is an outage, which ends by itself */
 
 /* The send time of the newest packet that arrived. */
 static int64_t newest_arrival(const struct history *media, const struct history *repairs, uint32_t highest,
@@ -90,8 +90,8 @@ static unsigned flying(const struct deficit *deficit, const struct history *repa
     unsigned count = 0;
 
     *probes = 0;
-    for (uint32_t number = repairs->newest; history_has(repairs, number) && number != deficit->repair &&
-                                            history_sent(repairs, number) > deficit->covered;
+    for (uint32_t number = repairs->newest;
+         history_has(repairs, number) && number != deficit->repair && history_sent(repairs, number) > deficit->covered;
          number--)
         *(history_written(repairs, number) == HISTORY_PROBE ? probes : &count) += 1;
     return count;
@@ -140,8 +140,8 @@ static void correct(struct report *report, const struct history *media, const st
         report->missing = report->missing > ahead ? (uint16_t)(report->missing - ahead) : 0;
         report->missing = report->missing < known ? report->missing : (uint16_t)known;
     }
-    report->has_repair = report->has_repair && repairs->count &&
-                         history_has(repairs, history_find(repairs, report->highest_repair));
+    report->has_repair =
+        report->has_repair && repairs->count && history_has(repairs, history_find(repairs, report->highest_repair));
 }
 
 int deficit_report(struct deficit *deficit, const struct history *media, const struct history *repairs, int64_t now,

@@ -36,20 +36,20 @@
 
 struct deficit {
     bool begun;
-    int64_t covered;     /* packets sent until then have arrived, are missing or lost */
-    int64_t arrival;     /* send time of the newest packet that arrived */
+    int64_t covered;                    /* packets sent until then have arrived, are missing or lost */
+    int64_t arrival;                    /* send time of the newest packet that arrived */
     int64_t trip_least[2], least_begun; /* the shortest round trips of this period of seconds and of the last one */
-    int64_t delay;       /* by how much the last one was longer, */
-    int64_t queue;       /* and the shortest one of the last short period: packets wait before the link */
+    int64_t delay;                      /* by how much the last one was longer, */
+    int64_t queue; /* and the shortest one of the last short period: packets wait before the link */
     int64_t trip_now, queue_begun, queue_time; /* of this short period: the shortest one, its start, the last arrival */
-    uint64_t queue_total; /* bytes sent until then */
-    double link;         /* bit/s that arrived in the last short period, if packets waited all the time; else 0 */
-    int64_t trip;        /* ns, smoothed round trip time */
-    int64_t heard;       /* time of the last report */
+    uint64_t queue_total;                      /* bytes sent until then */
+    double link;   /* bit/s that arrived in the last short period, if packets waited all the time; else 0 */
+    int64_t trip;  /* ns, smoothed round trip time */
+    int64_t heard; /* time of the last report */
     uint32_t base, highest, repair; /* of the last report, extended; `repair`: the newest repair packet that arrived */
     unsigned missing;
-    double loss;    /* 0 to 1, as reported */
-    unsigned run;   /* packets lost after the last one that arrived */
+    double loss;  /* 0 to 1, as reported */
+    unsigned run; /* packets lost after the last one that arrived */
     double run_mean;
     unsigned needed; /* repair packets that the receiver lacks */
     unsigned wanted; /* repair packets to send now */

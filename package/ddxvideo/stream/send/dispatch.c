@@ -10,34 +10,35 @@
 #define MS INT64_C(1000000)
 #define SECOND INT64_C(1000000000)
 #define BUCKET (300 * MS)
-#define FULL 0.85           /* fill level of the bucket, kept for bursts of reported losses */
-#define FULL_IN_RUNS 0.5    /* the same where losses come in runs: after each run the bucket is less full, and
+#define FULL 0.85 /* fill level of the bucket, kept for bursts of reported losses */
+#define FULL_IN_RUNS \
+    0.5                     /* the same where losses come in runs: after each run the bucket is less full, and
                                smaller frames for a while would look worse than a bucket that is never full */
 #define FULL_ONE_WAY 0.5    /* the same without reports, for frames of different sizes only */
-#define BEGIN 0.5          /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
+#define BEGIN 0.5           /* how full it is at first; with 0.5 % less than the rate the mean of 30 s is never more */
 #define HORIZON 4           /* frames in which the fill level is restored */
 #define HORIZON_IN_RUNS 12  /* the same where losses come in runs */
 #define RUNS_BEGIN 1.4      /* mean length of runs at 30 % independent loss; from one more on, all come in runs */
 #define FADE (1 - 1.0 / 75) /* of the shares, each frame */
-#define SPARE 0.25         /* fill level up to which a single receiver cannot empty the bucket */
-#define OUTAGE 20          /* packets lost in sequence, after which most frames are left out */
-#define LINK_FULL (50 * MS)  /* ns that packets wait before the link, above which frames are left out */
+#define SPARE 0.25          /* fill level up to which a single receiver cannot empty the bucket */
+#define OUTAGE 20           /* packets lost in sequence, after which most frames are left out */
+#define LINK_FULL (50 * MS) /* ns that packets wait before the link, above which frames are left out */
 #define LINK_FULL_NOW (65 * MS) /* the same, of the last packet that arrived, while others are on their way */
-#define LINK_FULL_PART 0.25  /* of the rate that a frame has then, if it is not left out */
-#define LINK_STEP (100 * MS) /* from one change of the rate to the next */
-#define LINK_BUCKET (80 * MS) /* what the bucket holds while the link is slower than -wire */
-#define LINK_DRAIN 0.85      /* of the link's rate, while there is a queue */
-#define LINK_FALL 0.5        /* of the rate, at least, in one step: less than the link's rate may have arrived */
+#define LINK_FULL_PART 0.25     /* of the rate that a frame has then, if it is not left out */
+#define LINK_STEP (100 * MS)    /* from one change of the rate to the next */
+#define LINK_BUCKET (80 * MS)   /* what the bucket holds while the link is slower than -wire */
+#define LINK_DRAIN 0.85         /* of the link's rate, while there is a queue */
+#define LINK_FALL 0.5           /* of the rate, at least, in one step: less than the link's rate may have arrived */
 #define LINK_RISE 1.15
 #define LINK_SLOWLY 1.05
-#define LINK_LEAST 50e3      /* bit/s */
-#define LINK_PART 0.3        /* of -wire, at least: delays can be forged */
+#define LINK_LEAST 50e3          /* bit/s */
+#define LINK_PART 0.3            /* of -wire, at least: delays can be forged */
 #define WHOLE_EVERY (4 * SECOND) /* from one whole picture to the next */
-#define WHOLE_PART 0.35      /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
-#define YIELD 2            /* most frames that are left out in sequence for repair or in an outage, */
-#define YIELD_MOST 40      /* most of them at once, */
-#define YIELD_PART 0.3     /* and of all frames on average */
-#define LEAST 100          /* bytes of a frame; less is not worth its headers */
+#define WHOLE_PART 0.35          /* of the bytes in the bucket, for one: it waits 0.1 s before a link of this rate */
+#define YIELD 2                  /* most frames that are left out in sequence for repair or in an outage, */
+#define YIELD_MOST 40            /* most of them at once, */
+#define YIELD_PART 0.3           /* and of all frames on average */
+#define LEAST 100                /* bytes of a frame; less is not worth its headers */
 #define LEAST_PART 0.30    /* of the rate that frames get, however much repair is wanted: else it leaves bad pictures */
 #define LEAST_ALONE 0.45   /* the same for a single receiver */
 #define FRAME_HEADERS 40   /* bytes of the RTP header of a frame's first packet */
@@ -48,11 +49,11 @@
 #define REDUCED 0.5        /* of the rate, then */
 #define FEWER 0.85         /* of the repair packets: they are still as long as the larger frames before */
 #define ADVANCE_FRAMES 8
-#define LONGER 1.1         /* a repair packet than a media packet */
-#define OUT_OF_STEP 64     /* media packets, after which one more repair packet goes */
-#define MORE_IN_RUNS 0.6   /* repair packets for each media packet that are added where losses come in runs */
-#define ADVANCE_WHOLE 3    /* each third one covers the whole window */
-#define FIXED 12           /* bytes of an RTP header */
+#define LONGER 1.1       /* a repair packet than a media packet */
+#define OUT_OF_STEP 64   /* media packets, after which one more repair packet goes */
+#define MORE_IN_RUNS 0.6 /* repair packets for each media packet that are added where losses come in runs */
+#define ADVANCE_WHOLE 3  /* each third one covers the whole window */
+#define FIXED 12         /* bytes of an RTP header */
 
 void dispatch_init(struct dispatch *dispatch, const struct dispatch_settings *settings, int64_t now) {
     memset(dispatch, 0, offsetof(struct dispatch, window));

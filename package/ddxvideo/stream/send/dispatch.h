@@ -23,21 +23,22 @@
 #include "feedback.h"
 #include "repair.h"
 
-#define DISPATCH_QUEUE 256  /* media packets that wait */
-#define DISPATCH_VIDEO 0.7  /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes
+#define DISPATCH_QUEUE 256 /* media packets that wait */
+#define DISPATCH_VIDEO \
+    0.7                    /* of the rate that frames get, at most: what a loss of 30 % leaves. So a loss changes
                              * pictures little, and repair has a reserve before reports say how much it takes */
-#define DISPATCH_RATIO 2.3  /* of repair packets to media packets, for 30 % loss in bursts */
+#define DISPATCH_RATIO 2.3 /* of repair packets to media packets, for 30 % loss in bursts */
 
 enum dispatch_port { DISPATCH_MEDIA, DISPATCH_REPAIR };
 
 enum dispatch_count {
     DISPATCH_PACKETS, /* handed over = sent + dropped + waiting */
     DISPATCH_SENT,
-    DISPATCH_DROPPED, /* no room in the queue, or not an RTP packet */
-    DISPATCH_REPAIRS, /* repair packets sent */
+    DISPATCH_DROPPED,     /* no room in the queue, or not an RTP packet */
+    DISPATCH_REPAIRS,     /* repair packets sent */
     DISPATCH_MEDIA_BYTES, /* of media packets, IP and UDP headers included */
-    DISPATCH_BYTES,   /* of everything sent, IP and UDP headers included */
-    DISPATCH_OTHERS,  /* dispatch_other(): packets that may be sent, and packets that the budget could not pay for */
+    DISPATCH_BYTES,       /* of everything sent, IP and UDP headers included */
+    DISPATCH_OTHERS, /* dispatch_other(): packets that may be sent, and packets that the budget could not pay for */
     DISPATCH_OTHERS_LOST,
     DISPATCH_COUNTS
 };
@@ -69,19 +70,19 @@ struct dispatch_slot {
 struct dispatch {
     struct dispatch_settings settings; /* `video` and `interval` may be changed at any time */
     uint64_t count[DISPATCH_COUNTS];
-    struct budget budget;     /* its rate is at most: */
-    int64_t wire;             /* bit/s, a little less than settings.wire */
-    double link;              /* bit/s of the link when it was full, 0: never */
-    int64_t followed;         /* time of the last change of the rate */
+    struct budget budget; /* its rate is at most: */
+    int64_t wire;         /* bit/s, a little less than settings.wire */
+    double link;          /* bit/s of the link when it was full, 0: never */
+    int64_t followed;     /* time of the last change of the rate */
     struct feedback feedback;
-    int64_t next, gap;        /* earliest time of the next packet; ns between packets */
-    unsigned burst;           /* packets to send without a gap */
-    int64_t sent;             /* time of the last packet */
-    bool begun;               /* a media packet was sent */
-    uint32_t esi;             /* its extended sequence number */
-    unsigned head, waiting;   /* of the queue */
-    double owed;              /* repair packets to be sent in advance */
-    unsigned advance;         /* that were sent in advance */
+    int64_t next, gap;                             /* earliest time of the next packet; ns between packets */
+    unsigned burst;                                /* packets to send without a gap */
+    int64_t sent;                                  /* time of the last packet */
+    bool begun;                                    /* a media packet was sent */
+    uint32_t esi;                                  /* its extended sequence number */
+    unsigned head, waiting;                        /* of the queue */
+    double owed;                                   /* repair packets to be sent in advance */
+    unsigned advance;                              /* that were sent in advance */
     double media_share, repair_share, other_share; /* bytes sent; older ones count less */
     unsigned skipped; /* frames that were left out in sequence, for repair or in an outage, */
     double patience;  /* and those that still may be */

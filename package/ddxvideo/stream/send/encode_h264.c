@@ -4,8 +4,8 @@
 #include <libavutil/error.h>
 #include <string.h>
 
-#define REFRESH 4    /* s from one renewal of the picture to the next: renewal in each second would cost 1.5 dB */
-#define SETS_EVERY 1 /* s */
+#define REFRESH 4       /* s from one renewal of the picture to the next: renewal in each second would cost 1.5 dB */
+#define SETS_EVERY 1    /* s */
 #define PERIOD_LEAST 10 /* pictures, of both */
 
 /*
@@ -133,8 +133,8 @@ static int add_sets(struct encode_h264 *encoder, struct encoded *encoded) {
     return 0;
 }
 
-int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_picture *picture, int64_t number,
-                        bool key, size_t wanted, struct encoded *encoded) {
+int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_picture *picture, int64_t number, bool key,
+                        size_t wanted, struct encoded *encoded) {
     x264_picture_t in, out;
     x264_nal_t *nal;
     int count;

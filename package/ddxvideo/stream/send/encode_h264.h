@@ -32,7 +32,7 @@ int encode_h264_open(struct encode_h264 *encoder, const struct ddxvideo_geometry
 void encode_h264_close(struct encode_h264 *encoder);
 
 /* Like encoder_encode(). `number`: of the picture, from 0. `key`: a key frame. */
-int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_picture *picture, int64_t number,
-                        bool key, size_t wanted, struct encoded *encoded);
+int encode_h264_picture(struct encode_h264 *encoder, const struct ddxvideo_picture *picture, int64_t number, bool key,
+                        size_t wanted, struct encoded *encoded);
 
 #endif

@@ -65,9 +65,8 @@ int encoder_encode(struct encoder *encoder, const struct ddxvideo_picture *pictu
     bool key = encoder->key;
 
     encoder->key = false;
-    return encoder->type == RTP_H264
-               ? encode_h264_picture(&encoder->h264, picture, number, key, wanted, encoded)
-               : encode_mpeg4_picture(&encoder->mpeg4, picture, number, key, wanted, encoded);
+    return encoder->type == RTP_H264 ? encode_h264_picture(&encoder->h264, picture, number, key, wanted, encoded)
+                                     : encode_mpeg4_picture(&encoder->mpeg4, picture, number, key, wanted, encoded);
 }
 
 void encoder_refresh(struct encoder *encoder, bool whole) {

@@ -4,8 +4,8 @@
 #include <errno.h>
 
 #define SECOND INT64_C(1000000000)
-#define LOSS_MEMORY 10e9    /* ns */
-#define REPORTS 200         /* read from a reporter in a second */
+#define LOSS_MEMORY 10e9 /* ns */
+#define REPORTS 200      /* read from a reporter in a second */
 #define CLAIMS_DEPTH (4 * SECOND)
 #define CLAIMS_ALL 0.65 /* parts of the rate: what the smallest frames and their headers leave */
 #define CLAIMS_EACH 0.48

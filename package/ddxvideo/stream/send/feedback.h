@@ -18,10 +18,10 @@
 #include "deficit.h"
 
 #define FEEDBACK_REPORTERS 8
-#define FEEDBACK_GONE INT64_C(1000000000) /* ns without a report after which a reporter is forgotten */
+#define FEEDBACK_GONE INT64_C(1000000000)  /* ns without a report after which a reporter is forgotten */
 #define FEEDBACK_CALM INT64_C(10000000000) /* ns without a loss after which a reporter counts as free of losses */
 #define FEEDBACK_KEPT INT64_C(60000000000) /* ns for which a lossy reporter that fell silent is remembered */
-#define FEEDBACK_HOPELESS 0.6             /* loss above which a reporter gets less */
+#define FEEDBACK_HOPELESS 0.6              /* loss above which a reporter gets less */
 
 /* RECEIVED is the sum of the others. */
 enum feedback_count {
@@ -36,23 +36,23 @@ enum feedback_count {
 struct feedback_reporter {
     bool used;
     uint32_t ssrc;
-    uint64_t address; /* a hash */
+    uint64_t address;     /* a hash */
     int64_t begun, lossy; /* time of the first report; of the last one with a loss, `begun` - FEEDBACK_CALM: none */
     struct deficit deficit;
-    struct budget reports; /* a token for each report to read */
-    struct budget claims;  /* bytes of repair packets that it may cause */
+    struct budget reports;  /* a token for each report to read */
+    struct budget claims;   /* bytes of repair packets that it may cause */
     struct budget hopeless; /* the same, when it loses almost everything */
 };
 
 struct feedback {
-    uint32_t media; /* SSRC */
-    int64_t rate;   /* bit/s of the stream */
-    double loss;    /* of the worst receiver: the last reported one or mean_loss, the higher one */
+    uint32_t media;   /* SSRC */
+    int64_t rate;     /* bit/s of the stream */
+    double loss;      /* of the worst receiver: the last reported one or mean_loss, the higher one */
     double mean_loss; /* of the last ten seconds: in bursts, that of two seconds varies from 0 to 50 % */
-    bool in_runs;   /* losses of one of these come in runs */
-    int64_t heard;  /* time of the last report; INT64_MIN: none yet */
+    bool in_runs;     /* losses of one of these come in runs */
+    int64_t heard;    /* time of the last report; INT64_MIN: none yet */
     uint64_t count[FEEDBACK_COUNTS];
-    bool spare; /* set by the caller: a part of the rate is left over */
+    bool spare;           /* set by the caller: a part of the rate is left over */
     struct budget claims; /* of all together */
     struct budget probes; /* bytes of probes, of all together */
     struct history sent, repairs;

@@ -43,19 +43,18 @@ static void read_key(struct sender *sender) {
 
 int main(int argc, char **argv) {
     const char *codec = "h264", *preset = "superfast", *sap = "yes", *repair = "0";
-    static struct sender sender = {
-        .name = "video",
-        .wire = 400,
-        .outlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
+    static struct sender sender = {.name = "video",
+                                   .wire = 400,
+                                   .outlet = {.fd = {-1, -1}, .group = NETWORK_GROUP, .port = NETWORK_PORT, .ttl = 1}};
     const struct option_entry options[] = {
         {"name", "ITEM", "the video item to send (default: video)", OPTION_NAME, &sender.name, 0, 0},
         {"codec", "CODEC", "h264 or mpeg4 (default: h264)", OPTION_TEXT, &codec, 0, 0},
-        {"wire", "KBIT", "kbit/s sent to each receiver, IP headers included (default: 400)",
-         OPTION_NUMBER, &sender.wire, 50, 100000},
-        {"bitrate", "KBIT", "kbit/s of encoded video, at most (default: 70 % of -wire)", OPTION_NUMBER,
-         &sender.bitrate, 16, 100000},
-        {"repair", "RATIO", "repair packets a packet where no receiver reports, 0 to 4 (default: 0); off",
-         OPTION_TEXT, &repair, 0, 0},
+        {"wire", "KBIT", "kbit/s sent to each receiver, IP headers included (default: 400)", OPTION_NUMBER,
+         &sender.wire, 50, 100000},
+        {"bitrate", "KBIT", "kbit/s of encoded video, at most (default: 70 % of -wire)", OPTION_NUMBER, &sender.bitrate,
+         16, 100000},
+        {"repair", "RATIO", "repair packets a packet where no receiver reports, 0 to 4 (default: 0); off", OPTION_TEXT,
+         &repair, 0, 0},
         {"preset", "PRESET", "of H.264: superfast, or ultrafast for slow processors (default: superfast)", OPTION_TEXT,
          &preset, 0, 0},
         {"port", "PORT", "even port of the stream (default: 8000)", OPTION_NUMBER, &sender.outlet.port, 2, 65532},

@@ -11,10 +11,10 @@
 #include "program.h"
 
 #define NS INT64_C(1000000000)
-#define IDLE (NS / 5)  /* the longest wait without packets or reports */
-#define BATCH 64       /* datagrams read in one turn, so that a flood does not stop packets from being sent */
+#define IDLE (NS / 5) /* the longest wait without packets or reports */
+#define BATCH 64      /* datagrams read in one turn, so that a flood does not stop packets from being sent */
 #define REPORT_DATAGRAM 1500
-#define MARKER 0x80    /* of the second byte of an RTP packet: the last one of its frame */
+#define MARKER 0x80 /* of the second byte of an RTP packet: the last one of its frame */
 
 /* ---- Packets; the lock is held ---- */
 

@@ -13,12 +13,11 @@
 enum { LOST_STORE, LOST_ENCODE, LOST_NETWORK, LOST_RATE };
 static const char *const reasons[] = {"store", "encode", "network", "rate", NULL};
 static const char *const names[SENDER_COUNTS] = {
-    "packets", "bytes",      "lost_busy", "lost_route",     "lost_other",  "media",
-    "repairs", "wire_bytes", "reports",   "reports_unused", "frame_bytes", "ts_packets", "ts_lost",
-    "others",  "others_lost", "wire_kbit", "repair_percent", "video_kbit", "loss_percent",
-    "run_tenths"};
+    "packets",     "bytes",     "lost_busy",      "lost_route",  "lost_other",   "media",     "repairs",
+    "wire_bytes",  "reports",   "reports_unused", "frame_bytes", "ts_packets",   "ts_lost",   "others",
+    "others_lost", "wire_kbit", "repair_percent", "video_kbit",  "loss_percent", "run_tenths"};
 
-#define WAITING INT64_C(1000000000) /* ns until the sender reports that it waits for the item */
+#define WAITING INT64_C(1000000000)      /* ns until the sender reports that it waits for the item */
 #define FRAME_INTERVAL INT64_C(40000000) /* ns, where the rate is not known */
 #define SECOND INT64_C(1000000000)
 #define READ_TIMEOUT 0.2 /* s; a signal does not end a wait, so waits are short */

@@ -36,8 +36,8 @@ struct sender {
     struct outlet outlet;
     struct ts ts;
     struct announce announce;
-    const char *sdp; /* file, or folder with a slash at its end, or NULL */
-    const char *key; /* file, or NULL */
+    const char *sdp;       /* file, or folder with a slash at its end, or NULL */
+    const char *key;       /* file, or NULL */
     struct secure *secure; /* its key, or NULL */
     /* state: */
     DDX_STATS_BOOK *book;
@@ -52,11 +52,11 @@ struct sender {
     struct packets packets;
     struct post post;
     struct outlet sent; /* the outlet's counters at the last check */
-    bool awaited; /* the item did not exist when the sender started: all of its frames count */
-    bool follows; /* frames count from now on */
+    bool awaited;       /* the item did not exist when the sender started: all of its frames count */
+    bool follows;       /* frames count from now on */
     bool said_waiting;
     int64_t begin; /* of the wait for the item */
-    bool failing;   /* reported that packets are not sent */
+    bool failing;  /* reported that packets are not sent */
     uint32_t ssrc, time_offset;
     uint16_t count; /* frames handed over */
     int status;

@@ -7,7 +7,7 @@
 
 #include "codec.h"
 
-#define PACKET 188        /* bytes of a packet of MPEG-TS */
+#define PACKET 188           /* bytes of a packet of MPEG-TS */
 #define PAYLOAD (7 * PACKET) /* in an RTP packet: as usual, and within an Ethernet frame */
 #define HEADER 12
 #define LEAD 90000 /* 90 kHz: the first frame's time */
