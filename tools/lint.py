@@ -1,7 +1,7 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: GPL-2.0-or-later
-"""Static checks: scripts (shellcheck), Python (mypy --strict), length of lines, licence lines, links, plain English,
-packages that the tools need."""
+"""Static checks: scripts (shellcheck), Python (mypy --strict), format of C (clang-format), length of lines, licence
+lines, links, plain English, packages that the tools need, subjects of commits."""
 import pathlib
 import re
 import subprocess
@@ -14,6 +14,12 @@ from parts.release import needs
 SOURCES = ["*.c", "*.h", "*.py", "*.sh", "meson.build"]
 PICTURES = (".png", ".jpg", ".svg", ".y4m", ".xz")  # no text
 LONGEST = 120
+# Commits before the formatting commit, which this file names, are not judged.
+REFORMATTED = TOP / ".git-blame-ignore-revs"
+AREAS = {"bench", "board", "catalog", "ci", "ddxctl", "docs", "draw", "examples", "grabber", "health", "image",
+         "libddx", "logger", "player", "python", "recorder", "services", "stereo", "store", "stream", "tests", "tools",
+         "video", "viewer"}
+SUBJECT = 72  # characters
 
 # Phrases that CONTRIBUTING.md rules out, with the reason.
 PLAIN = [
@@ -82,6 +88,20 @@ def types_fit() -> bool:
                               env={"MYPYPATH": "tools:package/ddx/python", "PATH": "/usr/bin:/bin"}).returncode == 0
 
 
+def commits() -> Iterator[str]:
+    """Subjects that are too wide, or whose area is unknown. Nothing, where the history is not complete."""
+    first = [line for line in REFORMATTED.read_text().split() if re.fullmatch("[0-9a-f]{40}", line)][-1]
+    found = subprocess.run(["git", "log", "--no-merges", "--format=%h %s", f"{first}..HEAD"], cwd=TOP,
+                           capture_output=True, text=True, check=False)
+    for line in found.stdout.splitlines():
+        name, subject = line.split(" ", 1)
+        areas = subject.partition(": ")[0].split(", ") if ": " in subject else []
+        if len(subject) > SUBJECT:
+            yield f"commit {name}: {len(subject)} characters in the subject, at most {SUBJECT}"
+        if not areas or set(areas) - AREAS:
+            yield f"commit {name}: \"{subject}\" does not begin with an area: {', '.join(sorted(AREAS))}"
+
+
 def main() -> int:
     paths, failed = files(), False
     for path in paths:
@@ -94,6 +114,11 @@ def main() -> int:
     for complaint in needs.complaints(needs.parts()):
         say(complaint)
         failed = True
+    for complaint in commits():
+        say(complaint)
+        failed = True
+    sources = [path for path in paths if path.suffix in (".c", ".h")]
+    failed |= subprocess.run(["clang-format", "--dry-run", "--Werror", *sources], check=False).returncode != 0
     scripts = [path for path in paths if is_script(path)]
     failed |= subprocess.run(["shellcheck", "--shell=sh", *scripts], check=False).returncode != 0
     failed |= not types_fit()
