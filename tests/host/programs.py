@@ -9,7 +9,7 @@ import pathlib
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from parts.common import MORTAL
@@ -231,11 +231,11 @@ class Compiler:
     def __init__(self, folder: pathlib.Path) -> None:
         self.folder = folder
 
-    def __call__(self, name: str, *libraries: str) -> pathlib.Path:
+    def __call__(self, name: str, *libraries: str, words: Sequence[str] = ()) -> pathlib.Path:
         program = self.folder / name
         if not program.exists():
             flags = os.environ.get("DDX_CFLAGS", "").split()
-            subprocess.run(["gcc", "-std=gnu11", "-Wall", "-Wextra", "-Werror", *flags, f"-I{ROOT}/include",
+            subprocess.run(["gcc", "-std=gnu11", "-Wall", "-Wextra", "-Werror", *flags, *words, f"-I{ROOT}/include",
                             pathlib.Path(__file__).with_name(f"{name}.c"), "-o", program, f"-L{library_folder()}",
                             *(f"-l{library}" for library in libraries), "-lddx"], check=True)
         return program

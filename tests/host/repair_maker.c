@@ -6,7 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "../../package/ddxvideo/stream/bits.h"
+#include "../../package/ddxvideo/common/bits.h"
 #include "../../package/ddxvideo/stream/coefficients.c"
 #include "../../package/ddxvideo/stream/gf256.c"
 #include "../../package/ddxvideo/stream/repair.c"

@@ -28,7 +28,7 @@ def stated() -> dict[str, list[str]]:
     """The reasons in each source with such a list."""
     lists = {}
     for path in sorted([*TOP.glob("package/**/*.c"), *TOP.glob("package/**/*.h")]):
-        found = re.search(r"(?:reasons\[\] =|_REASONS) \{(.*), NULL\}", path.read_text())
+        found = re.search(r"(?:reasons\[\] =|_REASONS)[\s\\]*\{([^{}]*), NULL *\}", path.read_text())
         if found and "/include/" not in str(path):
             lists[str(path.relative_to(TOP))] = re.findall(r'"(\w+)"', found[1])
     return lists

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 
 import pytest
 
+from parts.common import TOP
+
 from .programs import Compiler, wait_until
 from .rtp_source import H264, Frames, encode, payloads
 from .stream import PORT, Stream, finish
@@ -111,7 +113,7 @@ class Robot:
 
 @pytest.fixture
 def robot(stream: Stream, compile_client: Compiler) -> Iterator[Robot]:
-    robot = Robot(stream, compile_client("repair_maker"))
+    robot = Robot(stream, compile_client("repair_maker", words=[f"-iquote{TOP}/package/ddxvideo/common"]))
     robot.add(encode(H264, 10, "64x48"))
     yield robot
     robot.end()

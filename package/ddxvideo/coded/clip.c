@@ -29,7 +29,7 @@ struct clip_mp4 {
     bool waits;                          /* a frame was damaged: the next ones refer to it, up to a key frame */
 };
 
-#define MAKE_ONE "make one that can be played: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"
+#define MAKE_ONE "make one: ffmpeg -i FILE -pix_fmt yuv420p OUT.y4m"
 
 __attribute__((format(printf, 3, 4))) static enum clip_result fail(struct clip *clip, enum clip_result result,
                                                                    const char *format, ...) {
