@@ -135,16 +135,9 @@ static enum clip_result take_packet(struct clip *clip, struct mp4_fragment *frag
     av_packet_unref(mp4->packet);
     if (fragment->bytes > INT32_MAX / 2 || av_new_packet(mp4->packet, (int)fragment->bytes) < 0)
         return fail(clip, CLIP_ERROR, "frame %lld: no memory for %u bytes", number, fragment->bytes);
-    for (size_t got = 0; got < fragment->bytes;) {
-        ssize_t more = pread(mp4->fd, mp4->packet->data + got, fragment->bytes - got,
-                             (off_t)(mp4->file.at - fragment->bytes + got));
-
-        if (more < 0 && errno == EINTR)
-            continue;
-        if (more <= 0)
-            return fail(clip, CLIP_ERROR, "cannot be read: %s", more ? strerror(errno) : "it became shorter");
-        got += (size_t)more;
-    }
+    int error = mp4_read_bytes(&mp4->file, fragment, mp4->packet->data);
+    if (error)
+        return fail(clip, CLIP_ERROR, "cannot be read: %s", error == -ENODATA ? "it became shorter" : strerror(-error));
     return CLIP_OK;
 }
 
@@ -262,12 +255,11 @@ static enum clip_result read_mp4(struct clip *clip, unsigned char *const plane[3
 /* A descriptor of an MP4 file; -1: it is something else. A pipe must not be opened twice. */
 static int open_if_mp4(const char *path) {
     struct stat status;
-    uint8_t first[8];
 
     if (!strcmp(path, "-") || stat(path, &status) || !S_ISREG(status.st_mode))
         return -1;
     int fd = open(path, O_RDONLY | O_CLOEXEC);
-    if (fd < 0 || (pread(fd, first, sizeof first, 0) == sizeof first && mp4_is_any(first)))
+    if (fd < 0 || mp4_is_any(fd))
         return fd;
     close(fd);
     return -1;

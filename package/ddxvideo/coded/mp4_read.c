@@ -23,10 +23,6 @@
 #define SIZES_AT 88 /* duration, bytes, flags */
 #define KEY 0x02000000
 
-bool mp4_is_any(const uint8_t first[8]) {
-    return !memcmp(first + 4, "ftyp", 4);
-}
-
 /* A parameter set and its size; the next byte, or NULL. */
 static const uint8_t *take_set(const uint8_t *from, uint8_t *to, size_t *size) {
     *size = get16(from);
@@ -88,7 +84,7 @@ bool mp4_read_fragment(const uint8_t from[MP4_FRAGMENT], struct mp4_fragment *fr
     return !memcmp(from, same, sizeof same);
 }
 
-/* As many bytes as there are. */
+/* As many bytes as there are; for fewer than `size`, errno is set: ENODATA at the file's end. */
 static size_t read_at(int fd, uint8_t *to, size_t size, uint64_t at) {
     size_t got = 0;
 
@@ -97,11 +93,19 @@ static size_t read_at(int fd, uint8_t *to, size_t size, uint64_t at) {
 
         if (more < 0 && errno == EINTR)
             continue;
-        if (more <= 0)
+        if (more <= 0) {
+            errno = more ? errno : ENODATA;
             break;
+        }
         got += (size_t)more;
     }
     return got;
+}
+
+bool mp4_is_any(int fd) {
+    uint8_t first[8];
+
+    return read_at(fd, first, sizeof first, 0) == sizeof first && !memcmp(first + 4, "ftyp", 4);
 }
 
 int mp4_open(struct mp4_file *file, int fd) {
@@ -147,6 +151,10 @@ enum mp4_next mp4_next_frame(struct mp4_file *file, struct mp4_fragment *fragmen
     file->time = fragment->time;
     file->frames++;
     return MP4_FRAME;
+}
+
+int mp4_read_bytes(const struct mp4_file *file, const struct mp4_fragment *fragment, uint8_t *to) {
+    return read_at(file->fd, to, fragment->bytes, file->at - fragment->bytes) == fragment->bytes ? 0 : -errno;
 }
 
 void mp4_rewind(struct mp4_file *file) {

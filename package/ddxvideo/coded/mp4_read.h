@@ -5,8 +5,8 @@
 
 #include "mp4_write.h"
 
-/* Whether a file with these first 8 bytes is an MP4 file, of any program. */
-bool mp4_is_any(const uint8_t first[8]);
+/* Whether a regular file begins as an MP4 file does, of any program. Its position stays. */
+bool mp4_is_any(int fd);
 
 /* Parse block 0; *end: where the table begins, 0 if the file is not finished. False: not a file of ours. */
 bool mp4_read_head(const uint8_t block[MP4_BLOCK], struct mp4_format *format, uint64_t *end);
@@ -32,7 +32,7 @@ struct mp4_file {
 int mp4_open(struct mp4_file *file, int fd);
 
 enum mp4_next {
-    MP4_FRAME,  /* the frame's bytes begin at file->at - fragment->bytes */
+    MP4_FRAME,  /* mp4_read_bytes() has its bytes */
     MP4_END,    /* the last frame was the last one, whole */
     MP4_CUT,    /* an unfinished file ends within a frame, or in a table; a finished one before its table */
     MP4_DAMAGED /* another thing is where a frame should begin, or a frame has an impossible time */
@@ -40,6 +40,9 @@ enum mp4_next {
 
 /* The next whole frame. Anything else leaves `file->at` after the last whole one. */
 enum mp4_next mp4_next_frame(struct mp4_file *file, struct mp4_fragment *fragment);
+
+/* The bytes of the frame that mp4_next_frame() gave last. 0; -ENODATA: the file became shorter; or -errno. */
+int mp4_read_bytes(const struct mp4_file *file, const struct mp4_fragment *fragment, uint8_t *to);
 
 /* Back to the first frame. */
 void mp4_rewind(struct mp4_file *file);

@@ -75,12 +75,6 @@ static int64_t finish_mp4(const char *folder, const char *name, int fd, int64_t 
     return last == MP4_DAMAGED ? -1 : frames;
 }
 
-static bool is_mp4(int fd) {
-    uint8_t first[8];
-
-    return pread(fd, first, sizeof first, 0) == sizeof first && mp4_is_any(first);
-}
-
 /* Repairs a file that no recorder uses; `own`: it is certainly a recording. Returns its frames; -1: not a recording. */
 static int64_t mend(const char *folder, int at, const char *name, bool own) {
     struct stat status;
@@ -95,7 +89,7 @@ static int64_t mend(const char *folder, int at, const char *name, bool own) {
             close(fd);
         return -1;
     }
-    bool mp4 = is_mp4(fd);
+    bool mp4 = mp4_is_any(fd);
     frames = mp4 ? finish_mp4(folder, name, fd, status.st_size) : count_frames(file, status.st_size, &whole);
     if (own && !frames && !unlinkat(at, name, 0))
         say("%s/%s: was left without a whole frame; removed", folder, name);
@@ -131,10 +125,9 @@ static bool find_left(const struct output *output, DIR *list, const DDX_STATS *s
 
 /*
  * Cuts the file that a former recorder was writing after its last whole frame, finishes it if it is MP4, and reports
- * it; removes a file without a
- * frame. Repaired are the file that the counters name, if it is in this folder, and in a folder also the newest
- * recording of this item. A file that another program records into is left alone. Frames of the former file that were
- * written, but not counted, are counted as out.
+ * it; removes a file without a frame. Repaired are the file that the counters name, if it is in this folder, and in a
+ * folder also the newest recording of this item. A file that another program records into is left alone. Frames of the
+ * former file that were written, but not counted, are counted as out.
  */
 static void repair_plain_files(const struct output *output, DDX_STATS_BOOK *book) {
     DDX_STATS stats;
