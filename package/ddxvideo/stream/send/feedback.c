@@ -190,7 +190,8 @@ void feedback_losses(const struct feedback *feedback, int64_t now, double *loss,
     }
 }
 
-bool feedback_has_runs(const struct feedback *feedback, int64_t now) {
+/* Whether a receiver's losses come in runs. */
+static bool has_runs(const struct feedback *feedback, int64_t now) {
     for (unsigned i = 0; i < FEEDBACK_REPORTERS; i++) {
         const struct deficit *deficit = &feedback->reporter[i].deficit;
 
@@ -232,7 +233,7 @@ static void learn_loss(struct feedback *feedback, int64_t now) {
 
     feedback->mean_loss += (worst - feedback->mean_loss) * (part < 1 ? part : 1);
     feedback->loss = worst > feedback->mean_loss ? worst : feedback->mean_loss;
-    feedback->in_runs = feedback_has_runs(feedback, now);
+    feedback->in_runs = has_runs(feedback, now);
     feedback->heard = now;
 }
 

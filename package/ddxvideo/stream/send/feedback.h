@@ -76,9 +76,6 @@ unsigned feedback_wanted(struct feedback *feedback, int64_t now, uint32_t *first
 /* The loss of the worst receiver that reports, 0 to 1, and the longest mean of lost packets in sequence; 0: none. */
 void feedback_losses(const struct feedback *feedback, int64_t now, double *loss, double *run);
 
-/* Whether a receiver's losses come in runs. */
-bool feedback_has_runs(const struct feedback *feedback, int64_t now);
-
 /* The receiver that reports the shortest queue before the link; NULL if none reports. */
 const struct deficit *feedback_nearest(const struct feedback *feedback, int64_t now);
 
