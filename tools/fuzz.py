@@ -49,8 +49,15 @@ def compiled(source: pathlib.Path, words: list[str], folder: pathlib.Path) -> pa
     """The object in `folder`; ccache has it if another clone compiled the same."""
     folder.mkdir(exist_ok=True)
     target = folder / f"{source.parent.name}-{source.stem}.o"
-    run(["ccache", "clang", *words, "-c", source, "-o", target], env=native.CCACHE)
+    run(["ccache", "clang", *FLAGS, *words, "-c", source, "-o", target], env=native.CCACHE)
     return target
+
+
+def link(program: pathlib.Path, sources: list[pathlib.Path], words: list[str],
+         libraries: list[str | pathlib.Path]) -> None:
+    """Compile with these words, and link."""
+    objects = [compiled(source, words, program.with_suffix(".parts")) for source in sources]
+    run(["clang", *FLAGS, *objects, "-o", program, *libraries])
 
 
 def build(target: str, broken: bool) -> pathlib.Path:
@@ -67,9 +74,8 @@ def build(target: str, broken: bool) -> pathlib.Path:
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]
 
     def compile_it() -> None:
-        words = [*FLAGS, *switches, *(f"-I{folder}" for folder in folders)]
-        objects = [compiled(source, words, program.with_suffix(".parts")) for source in sources]
-        run(["clang", *FLAGS, *objects, "-o", program, f"-L{libraries}", f"-Wl,-rpath,{libraries}", *needed])
+        link(program, sources, [*switches, *(f"-I{folder}" for folder in folders)],
+             [f"-L{libraries}", f"-Wl,-rpath,{libraries}", *needed])
 
     key = fingerprint([*sources, *folders], *FLAGS, *switches)
     step(f"fuzz: {program.name}", program.with_suffix(".stamp"), key, compile_it)
@@ -80,12 +86,12 @@ def build_foreign() -> pathlib.Path:
     """One program: its library has the defect and a switch."""
     FUZZ.mkdir(parents=True, exist_ok=True)
     program, source, library = FUZZ / f"fuzz-{FOREIGN}", TOP / f"tests/fuzz/{FOREIGN}.c", cyclonedds_fuzzed.fuzzed()
+    folders = [CATALOG / "network", CATALOG / "wire"]
 
     def compile_it() -> None:
-        run(["clang", *FLAGS, f"-isystem{library / 'include'}", *(f"-I{folder}" for folder in folders), source,
-             *NETWORK, library / "libddsc.a", "-o", program])
+        link(program, [source, *NETWORK], [f"-isystem{library / 'include'}", *(f"-I{folder}" for folder in folders)],
+             [library / "libddsc.a"])
 
-    folders = [CATALOG / "network", CATALOG / "wire"]
     step(f"fuzz: {program.name}", program.with_suffix(".stamp"),
          fingerprint([source, *folders], library.name, *FLAGS), compile_it)
     return program
