@@ -134,11 +134,14 @@ def start_recorder(desk: Desk, *options: object, wrapper: tuple[str, ...] = ()) 
     return desk.start("ddxvideosave", "-keep", KEEP, *options, wrapper=wrapper)
 
 
-def wait_for_recorder(desk: Desk, instance: str = "ddxvideosave") -> None:
-    """Wait until it accounts for each frame written from now on, also of an item that does not exist yet."""
+def wait_for_recorder(desk: Desk, instance: str = "ddxvideosave", starts: int = 1) -> None:
+    """Wait until it accounts for each frame written from now on, also of an item that does not exist yet.
+
+    The counters of a recorder that was killed say that it runs and follows: after a kill, give the number of the start.
+    """
     def follows() -> bool:
         text = desk.run("ddxctl", "show", f"{instance}.stats", "--json").stdout
-        return '"running":1' in text and '"follows":1' in text
+        return '"running":1' in text and '"follows":1' in text and json.loads(text)["value"]["starts"] >= starts
 
     wait_until(follows)
 

@@ -45,8 +45,9 @@ def even(count: int, begin: int = 5 * SECOND) -> list[int]:
 
 def mended(desk: Desk) -> str:
     """Start the next recorder, which repairs what the last one left; its messages."""
+    before = int(desk.stats("ddxvideosave")["starts"])
     saver = start_recorder(desk, "-output", "out.mp4")
-    wait_for_recorder(desk)
+    wait_for_recorder(desk, starts=before + 1)
     assert stop(saver)[0] == 0
     return desk.errors(saver)
 

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from .programs import Desk, lost, pictures, preload, start_recorder, stop, wait_until
-from .test_pool import COUNT, clip, index_of, lose_frames, recordings, start
+from .test_pool import COUNT, FREE, HEADER, clip, index_of, lose_frames, recordings, start
 
 pytestmark = pytest.mark.strict
 
@@ -278,10 +278,12 @@ def test_an_export_writes_a_new_file(desk: Desk, recorded: list[pathlib.Path], t
 def test_list_opens_no_pipe_and_follows_no_link(desk: Desk, recorded: list[pathlib.Path]) -> None:
     ready, secret = "files ready: 1\n", desk.folder / "secret"
     assert ready in run(desk, "list").stdout
-    data = next(one for one in (desk.folder / "rec/pool").glob("*.y4m") if one.stat().st_nlink == 1)
-    data.with_suffix(".index").rename(secret)
+    # A file that was being prepared when the recorder stopped has an index, too, but is not ready.
+    index = next(one for one in (desk.folder / "rec/pool").glob("*.index")
+                 if one.stat().st_size == 1 << 20 and HEADER.unpack_from(one.read_bytes())[1] == FREE)
+    index.rename(secret)
     for what in ("pipe", "link"):
-        plant(data.with_suffix(".index"), what, secret)
+        plant(index, what, secret)
         listing = desk.start(LONG, "list", "-folder", "rec")
         assert listing.wait(20) == 0 and ready not in listing.communicate()[0], what
 

@@ -54,6 +54,7 @@ def test_only_a_receiver_with_the_key_shows_pictures(keyed: Stream, clip: pathli
     loader = keyed.desk.start("ddxvideoload", clip, "-loop", "-readers", 2)
     for name in others:
         wait_until(lambda name=name: keyed.packets(name).get("refused", 0) > EXPLAINED)  # type: ignore[misc]
+    wait_until(lambda: keyed.packets("right").get("received", 0) > EXPLAINED)
     assert stop(loader)[0] == 0
     (_, sent_packets, sent), _ = finish(sender, plain)
     relay.terminate()
