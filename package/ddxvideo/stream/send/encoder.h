@@ -3,9 +3,42 @@
 #ifndef DDXVIDEO_ENCODER_H
 #define DDXVIDEO_ENCODER_H
 
-#include "encode_h264.h"
-#include "encode_mpeg4.h"
+#include <ddxvideo.h>
+#include <libavcodec/avcodec.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <x264.h>
+
+#include "chunk.h"
 #include "rtp.h"
+
+/* An encoded frame: a byte stream. The memory is the encoder's. */
+struct encoded {
+    const uint8_t *data;
+    size_t size;
+};
+
+#define ENCODE_SETS_MAX 256 /* bytes of both parameter sets */
+
+struct encode_h264 {
+    x264_t *x264; /* NULL: not open */
+    x264_param_t param;
+    double rate;   /* frames per second */
+    double bytes;  /* of a frame, by the bitrate */
+    double level;  /* bytes that were wanted lately */
+    double buffer; /* frames that the rate control may average over now */
+    uint8_t sets[ENCODE_SETS_MAX];
+    size_t sets_size;
+    int64_t sets_due;   /* number of the next picture with the parameter sets */
+    struct chunk chunk; /* a frame with parameter sets */
+};
+
+struct encode_mpeg4 {
+    AVCodecContext *context; /* NULL: not open */
+    AVFrame *frame;
+    AVPacket *packet;
+};
 
 struct encoder_settings {
     enum rtp_type type;

@@ -4,7 +4,7 @@
 #define DDXVIDEO_PACKETS_H
 
 #include "dispatch.h"
-#include "encoded.h"
+#include "encoder.h"
 #include "h264.h"
 #include "mpeg4.h"
 
