@@ -4,10 +4,19 @@
 #define DDXVIDEO_DECODER_H
 
 #include <libavcodec/avcodec.h>
+#include <libavutil/frame.h>
 #include <stdbool.h>
 
-#include "frame_420.h"
 #include "rtp.h"
+
+struct picture_converter;
+
+struct frame_420 {
+    /* private: */
+    struct picture_converter *converter;
+    int format, width, height; /* of the pictures that it is for */
+    AVFrame *frame;            /* the newest one that was converted */
+};
 
 /* Larger pictures and other formats are refused before memory is taken, so the network cannot exhaust the memory. */
 struct decoder_limits {
