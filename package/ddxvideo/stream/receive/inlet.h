@@ -37,4 +37,19 @@ int inlet_join(struct inlet *inlet);
 ssize_t inlet_read(const struct inlet *inlet, enum inlet_port port, void *data, size_t size,
                    struct sockaddr_storage *from);
 
+/* ---- The sockets, for other ports as well ---- */
+
+/*
+ * Open a port of all addresses of this machine; several programs may open it. Only IPv4 if the kernel has no IPv6. The
+ * socket never blocks, and receives only multicast packets of groups that it has joined. Returns the socket, which the
+ * caller closes, or -errno.
+ */
+int listen_open(uint16_t port);
+
+/*
+ * Join a group at an interface (name or number; NULL: by the address or the routing table). 0 or -errno; -ENODEV
+ * while the interface is missing.
+ */
+int listen_join(int fd, struct network_address *group, const char *interface);
+
 #endif

@@ -9,7 +9,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "listen.h"
+#include "inlet.h"
 #include "program.h"
 #include "sap.h"
 #include "sdp_read.h"
