@@ -23,7 +23,7 @@ STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "coefficients", "
 REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "restore", "rtp", "symbol")]
 REPORT = [f"stream/{name}.c" for name in ("budget", "coefficients", "gf256", "repair", "report", "rtp", "symbol")] + [
     f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
-SAP = [f"stream/{name}.c" for name in ("network", "sap", "sdp_read")]
+SAP = [f"stream/{name}.c" for name in ("chunk", "h264", "mpeg4", "network", "sap", "sdp")]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
 MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
     f"common/{name}.c" for name in ("video_item", "video_layout")]
@@ -35,7 +35,7 @@ NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", 
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
     "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "repair": (VIDEO, REPAIR, []),
-    "report": (VIDEO, REPORT, ["-lm"]), "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, []),
+    "report": (VIDEO, REPORT, ["-lm"]), "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, ["-lavutil"]),
     "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]

@@ -5,7 +5,7 @@
 #include <assert.h>
 #include <string.h>
 
-#include "sdp_read.h"
+#include "sdp.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 

@@ -3,7 +3,7 @@
 #include "sap.h"
 
 #include "check.h"
-#include "sdp_read.h"
+#include "sdp.h"
 
 #define SDP                                                                                    \
     "v=0\r\no=- 7 1 IN IP4 10.0.0.1\r\ns=robot1 video\r\nc=IN IP4 239.255.20.5/1\r\nt=0 0\r\n" \

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-/* The .sdp file for players: a stream's address and content. */
+/* Descriptions of streams (SDP, RFC 4566): for players in a file, and announced (sap.h). */
 #ifndef DDXVIDEO_SDP_H
 #define DDXVIDEO_SDP_H
 
@@ -28,5 +28,15 @@ size_t sdp_write(const struct sdp *sdp, char *text);
 /* The same, into a file, which is replaced as a whole. With a key it has mode 600. 0 or -errno (-EBADMSG: no
  * parameters). */
 int sdp_save(const struct sdp *sdp, const char *path);
+
+/* What an announced description, which is not trusted, says of its first video stream. */
+struct sdp_stream {
+    char name[64];  /* of the session; printable ASCII, other characters became '?' */
+    char codec[16]; /* such as H264; printable ASCII */
+    struct network_address address;
+};
+
+/* False if the text has no video stream with address and port. */
+bool sdp_read(const uint8_t *text, size_t size, struct sdp_stream *stream);
 
 #endif

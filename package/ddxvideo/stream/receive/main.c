@@ -12,7 +12,7 @@
 #include "inlet.h"
 #include "program.h"
 #include "sap.h"
-#include "sdp_read.h"
+#include "sdp.h"
 #include "viewer.h"
 
 /* ---- The list of announced streams ---- */
