@@ -18,10 +18,10 @@ FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
 FORM = TOP / "package/ddx/form"
-STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "coefficients", "gf256", "h264", "intake", "mpeg4",
-                                          "reorder", "repair", "restore", "rtp", "symbol")]
-REPAIR = [f"stream/{name}.c" for name in ("coefficients", "gf256", "repair", "restore", "rtp", "symbol")]
-REPORT = [f"stream/{name}.c" for name in ("budget", "coefficients", "gf256", "repair", "report", "rtp", "symbol")] + [
+STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "gf256", "h264", "intake", "mpeg4", "reorder",
+                                          "repair", "restore", "rtp")]
+REPAIR = [f"stream/{name}.c" for name in ("gf256", "repair", "restore", "rtp")]
+REPORT = [f"stream/{name}.c" for name in ("budget", "gf256", "repair", "report", "rtp")] + [
     f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
 SAP = [f"stream/{name}.c" for name in ("chunk", "h264", "mpeg4", "network", "sap", "sdp")]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]

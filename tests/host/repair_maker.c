@@ -7,11 +7,9 @@
 #include <stdlib.h>
 
 #include "../../package/ddxvideo/common/bits.h"
-#include "../../package/ddxvideo/stream/coefficients.c"
 #include "../../package/ddxvideo/stream/gf256.c"
 #include "../../package/ddxvideo/stream/repair.c"
 #include "../../package/ddxvideo/stream/rtp.c"
-#include "../../package/ddxvideo/stream/symbol.c"
 
 int main(int argc, char **argv) {
     static struct repair_window window;

@@ -1,6 +1,5 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
 /* GF(256), the random numbers of RFC 8682 and the coefficients of RFC 8681. */
-#include "coefficients.h"
 #include "gf256.h"
 
 #include "check.h"

@@ -3,7 +3,6 @@
 #include "repair_stream.h"
 
 #include "bits.h"
-#include "coefficients.h"
 #include "gf256.h"
 
 static struct stream stream;

@@ -7,11 +7,11 @@
  * time stamp of the newest packet that it covers, and one CSRC: the SSRC of the media stream. Its payload, by RFC 8681,
  * "RLC over GF(2^8)", section 4.1.3, big endian:
  *
- *   16 bits  Repair_Key, from which the coefficients follow (coefficients.h)
+ *   16 bits  Repair_Key, from which the coefficients follow (gf256.h)
  *    4 bits  DT, density, always 15: no coefficient is 0
  *   12 bits  NSS, number of packets covered, 1 to REPAIR_PACKETS; 0: a probe, which has no symbol
  *   32 bits  FSS_ESI, the first of them; the others follow it without a gap
- *   bytes    repair symbol: the sum of coefficient times source symbol (symbol.h), as long as the longest of them
+ *   bytes    repair symbol: the sum of coefficient times source symbol, as long as the longest of them
  *
  * ESI, the number of a media packet: its RTP sequence number, extended by the number of wraps since the stream began.
  * Receivers need the low 16 bits only. So media packets carry no Explicit Source FEC Payload ID, and any RTP player can
@@ -24,7 +24,35 @@
 #ifndef DDXVIDEO_REPAIR_H
 #define DDXVIDEO_REPAIR_H
 
-#include "symbol.h"
+#include "rtp.h"
+
+/*
+ * Symbols: the numbers with which repair computes, over GF(256). The source symbol of a media packet (ADUI, RFC 8681,
+ * section 3.2) is the number of its flow, 0 (1 byte), the length of the packet (2 bytes, big endian), and the whole RTP
+ * packet. Symbols of different sizes are added as if zeros followed the shorter one.
+ */
+#define SYMBOL_PREFIX 3 /* bytes before the RTP packet */
+#define SYMBOL_MAX (SYMBOL_PREFIX + RTP_PACKET_MAX)
+
+struct symbol {
+    uint16_t size; /* bytes */
+    uint8_t data[SYMBOL_MAX];
+};
+
+/* The source symbol of a packet of at most RTP_PACKET_MAX bytes. */
+void symbol_set(struct symbol *symbol, const uint8_t *packet, size_t size);
+
+/* Whether this is the source symbol of this packet; zeros may follow. */
+bool symbol_is(const struct symbol *symbol, const uint8_t *packet, size_t size);
+
+/* to += factor * from */
+void symbol_add(struct symbol *to, const struct symbol *from, uint8_t factor);
+
+/*
+ * The packet of a source symbol, which zeros may follow; false if it is not one. Only the packet's size is checked: it
+ * fits in the symbol.
+ */
+bool symbol_get(const struct symbol *symbol, const uint8_t **packet, size_t *size);
 
 #define REPAIR_TYPE 98                          /* RTP payload type */
 #define REPAIR_FRAMES 25                        /* most frames that a repair packet covers */

@@ -14,7 +14,6 @@
 #include <errno.h>
 #include <string.h>
 
-#include "coefficients.h"
 #include "gf256.h"
 
 static unsigned slot_of(uint16_t sequence) {
