@@ -8,6 +8,7 @@
 #define DDXVIDEO_H264_H
 
 #include "chunk.h"
+#include "rtp.h"
 
 enum { H264_SPS = 7, H264_PPS = 8, H264_STAP_A = 24, H264_FU_A = 28 };
 
@@ -52,5 +53,10 @@ bool h264_unpack(struct h264_unpacker *unpacker, struct chunk *frame, const uint
 
 /* The frame has no more payloads: remove an incomplete NAL unit. */
 void h264_unpack_end(struct h264_unpacker *unpacker, struct chunk *frame);
+
+/* ---- Either codec ---- */
+
+/* Whether a frame has what a decoder needs to begin: parameter sets (H.264), or a VOL header (MPEG-4). */
+bool codec_can_begin(enum rtp_type type, const uint8_t *data, size_t size);
 
 #endif

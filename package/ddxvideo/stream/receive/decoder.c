@@ -4,7 +4,6 @@
 #include <libavutil/pixdesc.h>
 
 #include "chunk.h"
-#include "codec.h"
 #include "h264.h"
 #include "mpeg4.h"
 #include "picture_convert.h"

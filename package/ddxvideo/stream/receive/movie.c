@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "codec.h"
+#include "h264.h"
 #include "ddxvideo.h"
 
 #ifdef WITH_AVFORMAT
