@@ -1,8 +1,16 @@
 /* SPDX-License-Identifier: GPL-2.0-or-later */
-#include "show.h"
+#include "viewer.h"
 
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "paint.h"
+#include "window.h"
+
+/* ---- The item, and the newest picture ---- */
 
 #define SAID_STORE 31 /* a bit beside those of enum decoder_refusal */
 
@@ -135,4 +143,109 @@ const char *show_newest(struct viewer *viewer) {
     pass_over(viewer, LOST_DECODE);
     ddx_stats_write(viewer->book);
     return wrong;
+}
+
+/* ---- The window of decode, with the latest picture ---- */
+
+struct display {
+    struct surface *surface;
+    struct painter painter;
+    AVFrame *picture; /* the picture on display; a size of 0: none yet */
+};
+
+/* NULL, with the reason in *error. */
+static struct display *display_open(const char *title, const char **error) {
+    struct display *display = calloc(1, sizeof *display);
+
+    *error = "out of memory";
+    if (!display)
+        return NULL;
+    display->picture = av_frame_alloc();
+    if (display->picture)
+        display->surface = window_open(title, error);
+    if (display->surface)
+        return display;
+    av_frame_free(&display->picture);
+    free(display);
+    return NULL;
+}
+
+static const char *draw(struct display *display) {
+    const struct ddxvideo_picture picture = output_picture(display->picture, (AVRational){0, 0});
+    struct canvas canvas;
+    struct layout layout;
+    const char *wrong = surface_lock(display->surface, &canvas);
+
+    if (wrong)
+        return wrong;
+    layout_fields(&layout, &picture.geometry, LAYOUT_ALL, LAYOUT_SHAPE, canvas.width, canvas.height);
+    int error = paint_fields(&display->painter, &canvas, &picture, &layout, 0);
+    wrong = surface_show(display->surface);
+    return error ? strerror(-error) : wrong;
+}
+
+/* Show a picture. NULL, or the reason of a failure. */
+static const char *display_show(struct display *display, const AVFrame *picture) {
+    bool resized = display->picture->width != picture->width || display->picture->height != picture->height;
+
+    av_frame_unref(display->picture);
+    if (av_frame_ref(display->picture, picture))
+        return "out of memory";
+    if (resized)
+        surface_resize(display->surface, picture->width, picture->height);
+    return draw(display);
+}
+
+/* False if the window was closed, or Escape or q was pressed. Call it often. */
+static bool display_tick(struct display *display) {
+    struct surface_event event;
+    bool open = true, again = false;
+
+    while (surface_event(display->surface, &event, 0)) {
+        if (event.kind == SURFACE_CLOSE)
+            open = false;
+        if (event.kind == SURFACE_KEY)
+            open &= event.key != SURFACE_ESCAPE && event.key != 'q';
+        again |= event.kind == SURFACE_RESIZE;
+    }
+    if (open && again && display->picture->width)
+        draw(display);
+    return open;
+}
+
+static void display_close(struct display *display) {
+    if (!display)
+        return;
+    paint_close(&display->painter);
+    surface_close(display->surface);
+    av_frame_free(&display->picture);
+    free(display);
+}
+
+static const char *show_on_display(void *to, const AVFrame *picture, AVRational rate,
+                                   const struct ddxvideo_stamp *stamp) {
+    (void)rate;
+    (void)stamp;
+    return display_show(to, picture);
+}
+
+static bool tick_of_display(void *to) {
+    return display_tick(to);
+}
+
+void show_in_window(struct viewer *viewer) {
+    const char *wrong = "neither DISPLAY nor WAYLAND_DISPLAY is set";
+
+    /* Without a desktop SDL may write a line of its own, and then draw into memory without an error. */
+    if (getenv("DISPLAY") || getenv("WAYLAND_DISPLAY") || getenv("SDL_VIDEODRIVER"))
+        viewer->display = display_open(viewer->program.instance, &wrong);
+    if (viewer->display)
+        viewer->screen =
+            (struct viewer_screen){.show = show_on_display, .tick = tick_of_display, .to = viewer->display};
+    else
+        say("no window is shown: %s; going on as with -headless", wrong);
+}
+
+void show_close_window(struct viewer *viewer) {
+    display_close(viewer->display);
 }

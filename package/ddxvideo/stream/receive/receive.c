@@ -8,8 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "show.h"
-
 static const char *const reasons[] = VIEWER_REASONS;
 static const char *const names[] = {INTAKE_NAMES, GUARD_NAMES, ANSWER_NAMES, LINK_NAMES};
 
@@ -279,29 +277,6 @@ static bool attach(struct viewer *viewer) {
     return true;
 }
 
-static const char *show_in_window(void *to, const AVFrame *picture, AVRational rate,
-                                  const struct ddxvideo_stamp *stamp) {
-    (void)rate;
-    (void)stamp;
-    return display_show(to, picture);
-}
-
-static bool tick_of_window(void *to) {
-    return display_tick(to);
-}
-
-static void open_window(struct viewer *viewer) {
-    const char *wrong = "neither DISPLAY nor WAYLAND_DISPLAY is set";
-
-    /* Without a desktop SDL may write a line of its own, and then draw into memory without an error. */
-    if (getenv("DISPLAY") || getenv("WAYLAND_DISPLAY") || getenv("SDL_VIDEODRIVER"))
-        viewer->display = display_open(viewer->program.instance, &wrong);
-    if (viewer->display)
-        viewer->screen = (struct viewer_screen){.show = show_in_window, .tick = tick_of_window, .to = viewer->display};
-    else
-        say("no window is shown: %s; going on as with -headless", wrong);
-}
-
 static bool prepare(struct viewer *viewer) {
     int error = inlet_open(&viewer->inlet);
 
@@ -315,7 +290,7 @@ static bool prepare(struct viewer *viewer) {
         say("port %ld: %s; going on without repair packets", viewer->inlet.port + NETWORK_REPAIR, strerror(-error));
     intake_init(&viewer->intake, viewer->patience * MS, !viewer->conceal && !error);
     if (!viewer->headless && !viewer->screen.show)
-        open_window(viewer);
+        show_in_window(viewer);
     viewer->newest.picture = av_frame_alloc();
     if (!viewer->newest.picture)
         return false;
@@ -353,7 +328,7 @@ int viewer_run(struct viewer *viewer) {
     output_close(&viewer->output);
     ddx_store_close(viewer->id);
     av_frame_free(&viewer->newest.picture);
-    display_close(viewer->display);
+    show_close_window(viewer);
     decoder_close(&viewer->decoder);
     intake_free(&viewer->intake);
     inlet_close(&viewer->inlet);
