@@ -18,12 +18,8 @@ FUZZ = OUTPUT / "fuzz"
 VIDEO = TOP / "package/ddxvideo"
 LOG = TOP / "package/ddxlog"
 FORM = TOP / "package/ddx/form"
-STREAM = [f"stream/{name}.c" for name in ("assembly", "chunk", "gf256", "h264", "intake", "mpeg4", "reorder",
-                                          "repair", "restore", "rtp")]
-REPAIR = [f"stream/{name}.c" for name in ("gf256", "repair", "restore", "rtp")]
-REPORT = [f"stream/{name}.c" for name in ("budget", "gf256", "repair", "report", "rtp")] + [
-    f"stream/send/{name}.c" for name in ("deficit", "dispatch", "feedback")]
-SAP = [f"stream/{name}.c" for name in ("chunk", "h264", "mpeg4", "network", "sap", "sdp")]
+CORE = [f"stream/core/{path.name}" for path in sorted((VIDEO / "stream/core").glob("*.c"))]
+SAP = [*CORE, "stream/network.c", "stream/sap.c", "stream/sdp.c"]
 Y4M = [f"common/{name}.c" for name in ("picture_convert", "video_item", "video_layout", "y4m_parse", "y4m_read")]
 MP4 = [f"coded/{name}.c" for name in ("mp4_read", "mp4_write", "stamp")] + [
     f"common/{name}.c" for name in ("video_item", "video_layout")]
@@ -34,8 +30,8 @@ NETWORK = [CATALOG / f"network/{name}.c" for name in ("address", "participant", 
            ] + [CATALOG / f"wire/{name}.c" for name in ("bucket", "description", "name", "sha256", "typehash")]
 # Sources of each target, below a package, and libraries.
 TARGETS: dict[str, tuple[pathlib.Path, list[str], list[str]]] = {
-    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "repair": (VIDEO, REPAIR, []),
-    "report": (VIDEO, REPORT, ["-lm"]), "rtp": (VIDEO, STREAM, []), "sap": (VIDEO, SAP, ["-lavutil"]),
+    "mcap": (LOG, MCAP, ["-lddx", "-llz4"]), "mp4": (VIDEO, MP4, ["-lddx"]), "repair": (VIDEO, CORE, ["-lm"]),
+    "report": (VIDEO, CORE, ["-lm"]), "rtp": (VIDEO, CORE, ["-lm"]), "sap": (VIDEO, SAP, ["-lavutil", "-lm"]),
     "y4m": (VIDEO, Y4M, ["-lddx", "-lswscale", "-lavutil"])}
 FLAGS = ["-std=gnu11", "-g", "-O1", "-Wall", "-Wextra", "-Werror", "-fsanitize=fuzzer,address,undefined",
          "-fno-sanitize-recover=all", "-D_GNU_SOURCE", "-DDDXVIDEO_UNDECLARED"]
@@ -68,7 +64,7 @@ def build(target: str, broken: bool) -> pathlib.Path:
     if broken:
         tree, switches = defects.COPY, ["-include", str(defects.FOLDER / "broken.h")]
     package, names, needed = TARGETS[target]
-    folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/send", VIDEO / "coded", VIDEO / "common",
+    folders = [LOG / "mcap", FORM, VIDEO / "stream", VIDEO / "stream/core", VIDEO / "coded", VIDEO / "common",
                VIDEO / "include", TOP / "package/ddx/include"]
     libraries = OUTPUT / "desk/root" / native.LIBRARIES
     sources = [TOP / f"tests/fuzz/{target}.c", *(tree / (package / name).relative_to(TOP) for name in names)]

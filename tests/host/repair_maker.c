@@ -7,9 +7,9 @@
 #include <stdlib.h>
 
 #include "../../package/ddxvideo/common/bits.h"
-#include "../../package/ddxvideo/stream/gf256.c"
-#include "../../package/ddxvideo/stream/repair.c"
-#include "../../package/ddxvideo/stream/rtp.c"
+#include "../../package/ddxvideo/stream/core/gf256.c"
+#include "../../package/ddxvideo/stream/core/repair.c"
+#include "../../package/ddxvideo/stream/core/rtp.c"
 
 int main(int argc, char **argv) {
     static struct repair_window window;

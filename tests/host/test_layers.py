@@ -100,7 +100,7 @@ FOLDERS = """
     ddx/form ddx/lib ddx/program
     ddx/ddxctl ddx/store ddxcatalog/wire ddxlog/mcap ddxvideo/include
     ddxcatalog/ctl ddxcatalog/network ddxgrow ddxlog/log ddxlog/play ddxservice ddxvideo/common
-    ddxvideo/coded
+    ddxvideo/coded ddxvideo/stream/core
     ddxcatalog/catalog ddxlog ddxvideo/draw ddxvideo/grab ddxvideo/save/pool ddxvideo/stream
     ddxcatalog ddxvideo/grab/iidc ddxvideo/grab/v4l ddxvideo/health ddxvideo/load ddxvideo/play ddxvideo/recordings
     ddxvideo/save ddxvideo/stereo ddxvideo/stream/receive ddxvideo/stream/send ddxvideo/stream/snap
